@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from furrowmap.exporters.farm.edit import KnownSession as KnownSession
     from furrowmap.exporters.farm.mosaic import Mosaic as Mosaic
     from furrowmap.exporters.farm.mosaic import MosaicSettings as MosaicSettings
+    from furrowmap.exporters.farm.traffic import Wheels as Wheels
     from furrowmap.exporters.reports.evaluation_figures import evaluation_figures as evaluation_figures
     from furrowmap.points import POINT as POINT
     from furrowmap.points import Points as Points
@@ -74,6 +75,13 @@ if TYPE_CHECKING:
     from furrowmap.workflows.farm import add_to_farm_map as add_to_farm_map
     from furrowmap.workflows.farm import farm_map_sessions as farm_map_sessions
     from furrowmap.workflows.farm import remove_from_farm_map as remove_from_farm_map
+    from furrowmap.workflows.farm_memory import FarmMemory as FarmMemory
+    from furrowmap.workflows.farm_memory import FieldHistory as FieldHistory
+    from furrowmap.workflows.farm_memory import TrafficRaster as TrafficRaster
+    from furrowmap.workflows.farm_memory import TrafficSettings as TrafficSettings
+    from furrowmap.workflows.farm_memory import farm_memory as farm_memory
+    from furrowmap.workflows.farm_memory import farm_traffic as farm_traffic
+    from furrowmap.workflows.farm_memory import field_history as field_history
     from furrowmap.workflows.features import FeatureSettings as FeatureSettings
     from furrowmap.workflows.features import features as features
     from furrowmap.workflows.fields import Fields as Fields
@@ -121,20 +129,22 @@ _HOMES = {
     "Examined": "core.session.examination",
     "Exported": "workflows.export",
     "FarmMapChange": "workflows.farm",
-    "Fields": "workflows.fields",
+    "FarmMemory": "workflows.farm_memory",
     "FeatureSettings": "workflows.features",
+    "FieldHistory": "workflows.farm_memory",
+    "Fields": "workflows.fields",
+    "Frame": "core.session.frames",
+    "FrameTree": "core.session.frames",
     "FurrowmapError": "core.values.errors",
     "GrowthSettings": "workflows.growth",
     "InputError": "core.values.errors",
     "Inspection": "core.readers.reader",
     "KnownMachine": "workflows.machines",
     "KnownSession": "exporters.farm.edit",
-    "MountCalibration": "workflows.calibrate_mount",
     "Mosaic": "exporters.farm.mosaic",
     "MosaicSettings": "exporters.farm.mosaic",
+    "MountCalibration": "workflows.calibrate_mount",
     "Notice": "core.values.errors",
-    "Frame": "core.session.frames",
-    "FrameTree": "core.session.frames",
     "POINT": "points",
     "PairedPoints": "core.checking.paired_points",
     "ParcelSettings": "workflows.parcels",
@@ -151,8 +161,13 @@ _HOMES = {
     "Shared": "workflows.share",
     "Simulated": "core.simulator.simulate",
     "SiteCoordinates": "core.session.site_coordinates",
+    "SolveSettings": "workflows.solve_gnss",
+    "SolvedPositions": "workflows.solve_gnss",
     "SurfaceSettings": "core.pointclouds.surface_settings",
+    "TrafficRaster": "workflows.farm_memory",
+    "TrafficSettings": "workflows.farm_memory",
     "UsageError": "core.values.errors",
+    "Wheels": "exporters.farm.traffic",
     "add_to_farm_map": "workflows.farm",
     "allowing": "core.values.allowances",
     "calibrate": "workflows.calibrate",
@@ -167,7 +182,10 @@ _HOMES = {
     "evaluation_table": "workflows.evaluate_gnss",
     "export": "workflows.export",
     "farm_map_sessions": "workflows.farm",
+    "farm_memory": "workflows.farm_memory",
+    "farm_traffic": "workflows.farm_memory",
     "features": "workflows.features",
+    "field_history": "workflows.farm_memory",
     "fields": "workflows.fields",
     "frames": "workflows.frames",
     "growth": "workflows.growth",
@@ -185,17 +203,15 @@ _HOMES = {
     "remove_from_farm_map": "workflows.farm",
     "response": "workflows.response",
     "run": "workflows.run",
-    "write_report_page": "workflows.report",
     "save_machine": "workflows.machines",
     "share": "workflows.share",
     "simulate": "workflows.simulate",
     "site_coordinates": "core.session.site_coordinates",
-    "SolveSettings": "workflows.solve_gnss",
-    "SolvedPositions": "workflows.solve_gnss",
     "solve_gnss": "workflows.solve_gnss",
     "surface": "workflows.surface",
     "time_matches": "core.session.examination",
     "using_threads": "core.values.threads",
+    "write_report_page": "workflows.report",
 }
 """The module of each public name. They are imported on first use, so that `import furrowmap` takes no time."""
 

@@ -17,7 +17,7 @@ from furrowmap.core.values.errors import UsageError, printable
 if TYPE_CHECKING:
     from zoneinfo import ZoneInfo
 
-    from furrowmap import FarmMapChange, KnownSession
+    from furrowmap import FarmMapChange, FarmMemory, KnownSession
 
 _DB_SCHEMA: Final = "furrowmap"
 
@@ -53,13 +53,19 @@ _schema = click.option(
     metavar="ZONE",
     help="Time zone of dates and map tips, such as Asia/Tokyo [default: that of the run].",
 )
+@click.option(
+    "--season-start",
+    metavar="MM-DD",
+    help="First day of a season, such as 04-01; kept in MAP [default: 01-01].",
+)
 @_schema
 @common_options
 def add(console: Console, folders: tuple[Path, ...], target: str, **options: Any) -> None:
     """Add the results of `furrowmap run` in each DIR to MAP, a GeoPackage or a PostGIS database.
 
-    MAP is created if it does not exist. A session that it already holds is replaced. Either all DIRs are added or none;
-    an interruption leaves MAP unchanged.
+    A DIR may also be a GeoPackage that `furrowmap fields` wrote: each task in it becomes a session. MAP is created if
+    it does not exist. A session that it already holds is replaced. Either all DIRs are added or none; an interruption
+    leaves MAP unchanged.
     """
     options["zone"] = _zone(options["zone"])
     with console.work(passing=True) as progress:
@@ -136,6 +142,122 @@ def mosaic(console: Console, sources: tuple[str, ...], output: Path, **options: 
         console.warn(notice)
     size = f"{made.columns:,} × {made.rows:,} cells of {made.cell_m:g} m"
     console.answer(made, f"{printable(str(output))}: {made.surfaces} surfaces, {size}, {made.crs}.")
+
+
+@farm.command(
+    short_help="List the fields and machines of a farm map, with the work of each season.",
+    epilog="\b\nExample:\n  furrowmap farm fields farm.gpkg",
+)
+@click.argument("target", metavar="MAP")
+@_schema
+@common_options
+def fields(console: Console, target: str, *, schema: str) -> None:
+    """List the work of each field and season in MAP, and that of each machine.
+
+    A field is the boundary that sessions state, or the ground that they worked.
+    """
+    with console.work(passing=True) as progress:
+        memory = furrowmap.farm_memory(target, schema=schema, progress=progress)
+    console.answer(memory, _tables(memory) if memory.seasons or memory.machines else "No sessions.")
+
+
+@farm.command(
+    short_help="Write the history of a field as a page or a table.",
+    epilog="\b\nExample:\n  furrowmap farm history farm.gpkg 'North field' -o north.html\n"
+    "  furrowmap farm history farm.gpkg 7f580967 -o north.csv",
+)
+@click.argument("target", metavar="MAP")
+@click.argument("field", metavar="FIELD")
+@click.option("-o", "--output", "out", type=FILE, metavar="FILE", help="Output: .html for a page, .csv for a table.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing FILE.")
+@_schema
+@common_options
+def history(console: Console, target: str, field: str, **options: Any) -> None:
+    """Show all sessions of a FIELD in MAP, given by its name or identifier, the last one first."""
+    with console.work(passing=True) as progress:
+        found = furrowmap.field_history(target, field, **options, progress=progress)
+    rows = (
+        (row["date"], f"{_area(row['worked_area_m2'])}  {printable(row['machine'])}  {printable(row['name'])}")
+        for row in found.visits
+    )
+    console.answer(found, printable(str(found.path)) if found.path else table(rows))
+
+
+@farm.command(
+    short_help="Write how often each spot was worked and driven on.",
+    epilog="\b\nExample:\n  furrowmap farm traffic farm.gpkg -o traffic.tif --season 2026\n"
+    "  furrowmap farm traffic farm.gpkg -o traffic.tif --track-width 1.5 --tyre-width 0.42",
+)
+@click.argument("target", metavar="MAP")
+@click.option("-o", "--output", type=FILE, metavar="FILE", required=True, help="Output raster (.tif).")
+@click.option("--season", type=int, metavar="YEAR", help="Only the season that begins in this year.")
+@click.option("--since", type=click.DateTime(["%Y-%m-%d"]), metavar="DAY", help="Only sessions from this day on.")
+@click.option("--until", type=click.DateTime(["%Y-%m-%d"]), metavar="DAY", help="Only sessions up to this day.")
+@click.option(
+    "--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), default=0.1, show_default=True, metavar="METRES",
+    help="Cell size.",
+)  # fmt: skip
+@click.option(
+    "--track-width", type=click.FloatRange(min=0, min_open=True), metavar="METRES",
+    help="Distance between the middles of the rear tyres; needed to count wheels.",
+)  # fmt: skip
+@click.option(
+    "--tyre-width", type=click.FloatRange(min=0, min_open=True), metavar="METRES", help="Width of a rear tyre."
+)
+@click.option("--overwrite", is_flag=True, help="Replace an existing FILE.")
+@_schema
+@common_options
+def traffic(console: Console, target: str, output: Path, **options: Any) -> None:
+    """Write how often each spot of MAP was worked, when last, and how often rear wheels passed it.
+
+    The raster is a Cloud Optimized GeoTIFF of whole numbers. Wheels are counted where both --track-width and
+    --tyre-width are given.
+    """
+    widths = [options.pop("track_width"), options.pop("tyre_width")]
+    if (widths[0] is None) != (widths[1] is None):
+        raise UsageError(
+            "Only one of --track-width and --tyre-width is given.",
+            "Wheels cannot be counted.",
+            "Give both, or neither.",
+            code="usage",
+        )
+    since, until = (day and day.date() for day in (options.pop("since"), options.pop("until")))
+    settings = furrowmap.TrafficSettings(
+        options.pop("season"),
+        since,
+        until,
+        options.pop("cell_m"),
+        furrowmap.Wheels(*widths) if widths[0] is not None else None,
+    )
+    with console.work(passing=True) as progress:
+        made = furrowmap.farm_traffic(target, output, settings, **options, progress=progress)
+    size = f"{made.columns:,} × {made.rows:,} cells of {made.cell_m:g} m"
+    console.answer(made, f"{printable(str(output))}: {made.sessions} sessions, {made.passes} passes, {size}.")
+
+
+def _tables(memory: FarmMemory) -> str:
+    """The seasons and the machines as text."""
+    seasons = [
+        (
+            f"{row['season']}  {printable(row['name'])}",
+            f"{row['times_worked']} ×  {_area(row['worked_area_m2'])}  {_known(row['hours'], '{:.1f} h')}  "
+            f"{_known(row['work_rate_ha_h'], '{:.2f} ha/h')}",
+        )
+        for row in memory.seasons
+    ]
+    machines = [
+        (printable(row["machine"]), f"{row['sessions']} sessions  {_area(row['worked_area_m2'])}")
+        for row in memory.machines
+    ]
+    return "\n\n".join(table(rows) for rows in (seasons, machines) if rows)
+
+
+def _area(area_m2: float | None) -> str:
+    return _known(area_m2, "{:,.0f} m²").rjust(15)
+
+
+def _known(value: float | None, form: str) -> str:
+    return "unknown" if value is None else form.format(value)
 
 
 def _words(change: FarmMapChange) -> str:

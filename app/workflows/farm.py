@@ -5,29 +5,35 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Final
 from zoneinfo import ZoneInfo
 
+import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.edit import FarmEdit, KnownSession
 from furrowmap.exporters.farm.geopackage import geopackage_edit
+from furrowmap.exporters.farm.memory import GROUND_COLUMNS, PASS_COLUMNS, SESSION_COLUMNS, Sessions, memory_layers
 from furrowmap.exporters.farm.project import project_archive
-from furrowmap.exporters.farm.results import SessionResult, drawing_order, read_result
+from furrowmap.exporters.farm.results import SESSIONS, SessionResult, drawing_order, read_result
 from furrowmap.exporters.farm.styling import styles
+from furrowmap.exporters.farm.task_results import read_tasks
 from furrowmap.exporters.files.qgis_project import ProjectLayer
 from furrowmap.exporters.vectors.field_layers import concatenated
 
 DATABASES: Final = ("postgresql://", "postgres://", "postgresql:", "service=", "host=", "dbname=")
 """A farm map whose name starts with one of these is in PostGIS, any other one is a GeoPackage."""
 DB_SCHEMA: Final = "furrowmap"
+SEASON_START: Final = "season start"
+"""Setting of the farm map: month and day on which a season begins."""
+FIRST_DAY: Final = "01-01"
 
 
 @dataclass(frozen=True)
@@ -90,6 +96,7 @@ def add_to_farm_map(
     crs: CRS | str | None = None,
     same_crs: bool = False,
     zone: ZoneInfo | None = None,
+    season_start: str | None = None,
     schema: str = DB_SCHEMA,
     progress: Progress = silent,
 ) -> FarmMapChange:
@@ -100,20 +107,24 @@ def add_to_farm_map(
 
     Args:
         farm_map: path of a GeoPackage, or a PostgreSQL connection string; created where it is missing.
-        folders: that `furrowmap run` wrote.
+        folders: that `furrowmap run` wrote, and GeoPackages that `furrowmap fields` wrote.
         crs: of a new farm map; None for that of the first session.
         same_crs: refuse sessions of another CRS instead of transforming them.
         zone: time zone of the dates and times; None for that of each run.
+        season_start: month and day on which a season begins, such as "04-01"; kept in the farm map; None for what it
+            has, which is "01-01" at first.
         schema: of the tables in a database.
         progress: receives the stages.
 
     Raises:
+        UsageError: if `season_start` is not a day of the year.
         InputError: if a folder holds no result, or `farm_map` is not a farm map.
         RefusedError: if PROJ has no reliable transformation of a session, the farm map has another CRS than `crs`, or
             another process is writing to it or to a folder.
         OSError: if the farm map cannot be written.
     """
     wanted = optional_crs(crs)
+    _month_day(season_start or FIRST_DAY)
     results = _read_results([Path(folder) for folder in folders], zone, progress)
     with open_edit(farm_map, create=True, schema=schema, progress=progress) as edit:
         progress("writing the farm map", 0.0)
@@ -125,7 +136,8 @@ def add_to_farm_map(
         added, replaced = (tuple(r.session for r in placed if (r.session in known) == old) for old in (False, True))
         edit.remove(replaced)
         _append(edit, placed, target)
-        if placed:
+        if placed or season_start is not None:
+            update_memory(edit, season_start)
             notices += _update_project(edit)
         unchanged = tuple(session for session in results if session not in {*added, *replaced})
         return FarmMapChange(
@@ -158,6 +170,7 @@ def remove_from_farm_map(
         known = edit.sessions()
         removed = tuple(dict.fromkeys(_match(word, known, edit.name()).session for word in wanted))
         edit.remove(removed)
+        update_memory(edit)
         _update_project(edit)
         crs = edit.crs()
         left = len(known) - len(removed)
@@ -181,17 +194,53 @@ def _read_results(folders: Sequence[Path], zone: ZoneInfo | None, progress: Prog
     results: dict[str, SessionResult] = {}
     for i, folder in enumerate(folders):
         progress("reading results", i / len(folders))
-        result = read_result(folder, zone)
-        if result.session in results:
-            raise InputError(
-                f"{folder} and {results[result.session].folder} hold results of the same session "
-                f"('{result.name}' of {result.date}).",
-                "A farm map holds one result of each session.",
-                "Name only the folder that counts.",
-                code="session-twice",
-            )
-        results[result.session] = result
+        for result in read_tasks(folder, zone) if folder.suffix == ".gpkg" else [read_result(folder, zone)]:
+            if result.session in results:
+                raise InputError(
+                    f"{folder} and {results[result.session].folder} hold results of the same session "
+                    f"('{result.name}' of {result.date}).",
+                    "A farm map holds one result of each session.",
+                    "Name only the folder that counts.",
+                    code="session-twice",
+                )
+            results[result.session] = result
     return results
+
+
+def update_memory(edit: FarmEdit, season_start: str | None = None) -> None:
+    """Compute the tables of fields, visits, seasons and machines again from the sessions.
+
+    Args:
+        edit: of the farm map.
+        season_start: month and day on which seasons begin from now on; None for what the farm map has.
+    """
+    if season_start is not None:
+        edit.store_setting(SEASON_START, season_start)
+    crs = edit.crs()
+    assert crs is not None
+    sessions = edit.read(SESSIONS, SESSION_COLUMNS)
+    order = np.lexsort([sessions.columns["session"].astype(str), sessions.columns["start"]])
+    sessions = replace(
+        sessions, shapes=sessions.shapes[order], columns={k: v[order] for k, v in sessions.columns.items()}
+    )
+    ground = {name: edit.read(name, GROUND_COLUMNS) for name in ("coverage", "boundary", "overlaps", "misses")}
+    known = Sessions(sessions, passes=edit.read("passes", PASS_COLUMNS), **ground)
+    for layer in memory_layers(known, _month_day(edit.setting(SEASON_START) or FIRST_DAY)):
+        edit.rewrite(layer, crs)
+
+
+def _month_day(text: str) -> tuple[int, int]:
+    """Month and day of "MM-DD"."""
+    try:
+        day = dt.date.fromisoformat(f"2024-{text}")
+    except ValueError:
+        raise UsageError(
+            f"{text!r} is not a day of the year.",
+            "The seasons cannot be told apart.",
+            "Give month and day, such as 04-01.",
+            code="usage",
+        ) from None
+    return day.month, day.day
 
 
 def _target_crs(edit: FarmEdit, wanted: CRS | None) -> CRS | None:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.exporters.vectors.field_layers import Layer
 
-SCHEMA: Final = 2
+SCHEMA: Final = 3
 """Version of the tables; a farm map of another version is refused."""
 SETTINGS: Final = "furrowmap_base"
 """The table of names and values that makes a database a farm map."""
@@ -67,6 +69,11 @@ KNOWN_COLUMNS: Final = (
 """Those of :class:`KnownSession`, in its order, from `sessions` as s and `provenance` as p."""
 
 
+_TEXTS: Final = frozenset({"session", "field", "name", "implement", "machine", "field_name", "folder", "report"})
+_DATES: Final = frozenset({"date", "start", "end", "first_date", "last_date"})
+"""Columns of texts and of days."""
+
+
 class FarmEdit(Protocol):
     """A change of a farm map: all of it takes place, or nothing."""
 
@@ -87,6 +94,18 @@ class FarmEdit(Protocol):
 
     def layers(self) -> dict[str, str]:
         """Geometry type (as OGR calls it, empty for tables) of each layer of furrowmap, by name."""
+
+    def read(self, layer: str, columns: Sequence[str]) -> Layer:
+        """Features of a layer with some of its columns; those that it does not have are None or nan throughout."""
+
+    def rewrite(self, layer: Layer, crs: CRS) -> None:
+        """Replace all features of a layer; a missing layer or column is created."""
+
+    def setting(self, name: str) -> str | None:
+        """A setting of the farm map; None where it was never stored."""
+
+    def store_setting(self, name: str, value: str) -> None:
+        """Store a setting of the farm map."""
 
     def bounds(self) -> tuple[float, float, float, float]:
         """West, south, east and north bound of all sessions."""
@@ -124,3 +143,20 @@ def row_of(values: Sequence[Any]) -> KnownSession:
     row[4], row[5] = (v if isinstance(v, dt.datetime) else dt.datetime.fromisoformat(v) for v in row[4:6])
     row[7] = int(row[7] or 0)
     return KnownSession(*row)
+
+
+def chosen_columns(layer: Layer, columns: Sequence[str]) -> Layer:
+    """A layer with these columns in this order; texts it does not have are None, numbers nan, dates NaT."""
+    n = len(layer.shapes)
+
+    def column(name: str) -> NDArray[Any]:
+        values = layer.columns.get(name)
+        if values is None:
+            values = np.full(n, None, object) if name in _TEXTS else np.full(n, np.nan)
+        if name in _DATES:
+            return np.asarray(values).astype("datetime64[D]")
+        if name not in _TEXTS:
+            return np.ma.filled(np.ma.asarray(values).astype(np.float64), np.nan)
+        return np.asarray(values, object)
+
+    return replace(layer, columns={name: column(name) for name in columns})

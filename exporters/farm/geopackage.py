@@ -7,6 +7,7 @@ import shutil
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,18 +24,32 @@ from furrowmap.exporters.farm.database import (
     is_unchanged,
     locked,
     set_value,
+    setting,
     store_hash,
 )
-from furrowmap.exporters.farm.edit import KNOWN_COLUMNS, LAYER_SETTING, SCHEMA, SETTINGS, KnownSession, row_of
+from furrowmap.exporters.farm.edit import (
+    KNOWN_COLUMNS,
+    LAYER_SETTING,
+    SCHEMA,
+    SETTINGS,
+    KnownSession,
+    chosen_columns,
+    row_of,
+)
 from furrowmap.exporters.farm.lock import exclusive
+from furrowmap.exporters.farm.memory import DERIVED
 from furrowmap.exporters.farm.project import PROJECT, project_metadata
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.vectors.field_layers import Layer
-from furrowmap.exporters.vectors.geopackage import GEOMETRY, store_styles, write_layer
+from furrowmap.exporters.vectors.geopackage import GEOMETRY, read_layer, store_styles, write_layer
 
 _COLUMN_TYPES: Final = {"f": "REAL", "i": "INTEGER", "u": "INTEGER", "b": "BOOLEAN", "O": "TEXT"}
+_NUMPY_TYPES: Final = {
+    "REAL": "f8", "INTEGER": "i8", "MEDIUMINT": "i8", "BOOLEAN": "?", "DATE": "datetime64[D]",
+    "DATETIME": "datetime64[ms]",
+}  # fmt: skip
 _SYNCHRONOUS: Final = "OGR_SQLITE_SYNCHRONOUS"
 
 
@@ -116,7 +131,7 @@ class GeopackageEdit:
             return
         self._begin()
         with self._open() as database:
-            for layer in self.layers():
+            for layer in self.layers().keys() - DERIVED:
                 database.executemany(
                     f'DELETE FROM "{layer}" WHERE session = ?',  # noqa: S608 (layers have plain names)
                     [(session,) for session in sessions],
@@ -128,7 +143,7 @@ class GeopackageEdit:
         if layer.name in self.layers():
             self._add_columns(layer)
             if len(layer.shapes):
-                write_layer(path, layer, crs, indexed=True, append=True)
+                write_layer(path, self._in_order(layer), crs, indexed=True, append=True)
             return
         with self._open() as database:
             if has_table(database, layer.name):
@@ -151,6 +166,35 @@ class GeopackageEdit:
                 f"JOIN gpkg_contents ON name = '{LAYER_SETTING}' || table_name ORDER BY fid"
             ).fetchall()
         return dict(rows)
+
+    def read(self, layer: str, columns: Sequence[str]) -> Layer:
+        """Features of a layer with some of its columns; those that it does not have are None or nan throughout."""
+        kind = self.layers().get(layer)
+        if kind is None:
+            return chosen_columns(Layer(layer, "", "", np.empty(0, object), {}), columns)
+        return chosen_columns(read_layer(self._current(), layer), columns)
+
+    def rewrite(self, layer: Layer, crs: CRS) -> None:
+        """Replace all features of a layer; a missing layer or column is created."""
+        self._begin()
+        if layer.name in self.layers():
+            with self._open() as database:
+                database.execute(f'DELETE FROM "{layer.name}"')  # noqa: S608 (layers have plain names)
+        if len(layer.shapes):
+            self.append(layer, crs)
+
+    def setting(self, name: str) -> str | None:
+        """A setting of the farm map; None where it was never stored."""
+        if not self._current().exists():
+            return None
+        with self._open() as database:
+            return setting(database, name)
+
+    def store_setting(self, name: str, value: str) -> None:
+        """Store a setting of the farm map."""
+        self._begin()
+        with self._open() as database:
+            set_value(database, name, value)
 
     def bounds(self) -> tuple[float, float, float, float]:
         """West, south, east and north bound of all sessions."""
@@ -257,6 +301,25 @@ class GeopackageEdit:
                 if name.lower() not in existing:
                     quoted = name.replace('"', '""')
                     database.execute(f'ALTER TABLE "{layer.name}" ADD COLUMN "{quoted}" {_column_type(values)}')
+
+    def _in_order(self, layer: Layer) -> Layer:
+        """The layer with all columns of its table in their order, as GDAL appends them by their place."""
+        with self._open() as database:
+            rows = database.execute(f'PRAGMA table_info("{layer.name}")').fetchall()
+        names = {name.lower(): name for name in layer.columns}
+        n, columns = len(layer.shapes), {}
+        for _, name, kind, _, _, key in rows:
+            if name.lower() in names:
+                columns[names[name.lower()]] = layer.columns[names[name.lower()]]
+            elif not key and name != GEOMETRY:
+                columns[name] = _unknown(n, kind)
+        return replace(layer, columns=columns)
+
+
+def _unknown(n: int, kind: str) -> NDArray[Any]:
+    """A column (n,) of nothing but NULL."""
+    whole: NDArray[Any] = np.zeros(n, np.dtype(_NUMPY_TYPES.get(kind.partition("(")[0], "O")))
+    return np.ma.MaskedArray(whole, np.ones(n, bool)) if whole.dtype.kind != "O" else np.full(n, None, object)
 
 
 _BOUNDS: Final = 'SELECT min(minx), min(miny), max(maxx), max(maxy) FROM "rtree_{table}_{geometry}"'

@@ -6,6 +6,7 @@ import datetime as dt
 import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -26,11 +27,12 @@ from furrowmap.exporters.farm.edit import (
     STYLE_BY,
     KnownSession,
     check_schema,
+    chosen_columns,
     row_of,
 )
 from furrowmap.exporters.farm.project import PROJECT, project_metadata
 from furrowmap.exporters.farm.results import SESSIONS
-from furrowmap.exporters.vectors.field_layers import Layer
+from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
 from furrowmap.exporters.vectors.geopackage import GEOMETRY
 
 _PATIENCE: Final = "60s"
@@ -145,6 +147,40 @@ class PostgisEdit:
         ).format(len(LAYER_SETTING) + 1, self._table(SETTINGS), LAYER_SETTING)
         return dict(self._connection.execute(query, (self._schema,)).fetchall())
 
+    def read(self, layer: str, columns: Sequence[str]) -> Layer:
+        """Features of a layer with some of its columns; those that it does not have are None or nan throughout."""
+        kind = self.layers().get(layer)
+        empty = Layer(layer, kind or "", "", np.empty(0, object), {})
+        if kind is None:
+            return chosen_columns(empty, columns)
+        existing = self._columns(layer)
+        there = [name for name in columns if name in existing]
+        shape = (
+            SQL("{}.ST_AsBinary({})").format(Identifier(self._extension), Identifier(GEOMETRY)) if kind else SQL("NULL")
+        )
+        parts = [shape, *map(Identifier, there)]
+        query = SQL("SELECT {} FROM {} ORDER BY fid").format(SQL(", ").join(parts), self._table(layer))
+        rows = self._connection.execute(query).fetchall()
+        cells = list(zip(*rows, strict=True)) if rows else [()] * len(parts)
+        shapes = geometry_array(shapely.from_wkb([None if wkb is None else bytes(wkb) for wkb in cells[0]]))
+        values: Columns = {name: _array(column) for name, column in zip(there, cells[1:], strict=True)}
+        return chosen_columns(replace(empty, shapes=shapes, columns=values), columns)
+
+    def rewrite(self, layer: Layer, crs: CRS) -> None:
+        """Replace all features of a layer; a missing layer or column is created."""
+        if layer.name in self.layers():
+            self._do(SQL("DELETE FROM {}").format(self._table(layer.name)))
+        if len(layer.shapes):
+            self.append(layer, crs)
+
+    def setting(self, name: str) -> str | None:
+        """A setting of the farm map; None where it was never stored."""
+        return self._setting(name)
+
+    def store_setting(self, name: str, value: str) -> None:
+        """Store a setting of the farm map."""
+        self._set(name, value)
+
     def bounds(self) -> tuple[float, float, float, float]:
         """West, south, east and north bound of all sessions."""
         query = SQL(
@@ -234,7 +270,7 @@ class PostgisEdit:
         self._do(SQL("COMMENT ON TABLE {} IS {}").format(table, layer.description))
         if layer.kind:
             self._do(SQL("CREATE INDEX ON {} USING gist ({})").format(table, Identifier(GEOMETRY)))
-        if layer.name != SESSIONS:
+        if layer.name != SESSIONS and "session" in layer.columns:
             self._do(SQL("CREATE INDEX ON {} (session)").format(table))
         self._set(f"{LAYER_SETTING}{layer.name}", layer.kind)
 
@@ -247,10 +283,13 @@ class PostgisEdit:
         return SQL("{} NOT NULL REFERENCES {} (session) ON DELETE CASCADE").format(column, self._table(SESSIONS))
 
     def _add_columns(self, layer: Layer) -> None:
-        query = "SELECT column_name FROM information_schema.columns WHERE table_schema = %s AND table_name = %s"
-        existing = {row[0] for row in self._connection.execute(query, (self._schema, layer.name)).fetchall()}
-        for name in layer.columns.keys() - existing:
+        for name in layer.columns.keys() - self._columns(layer.name):
             self._do(SQL("ALTER TABLE {} ADD COLUMN {}").format(self._table(layer.name), self._column(layer, name)))
+
+    def _columns(self, layer: str) -> set[str]:
+        """Names of a table's columns."""
+        query = "SELECT column_name FROM information_schema.columns WHERE table_schema = %s AND table_name = %s"
+        return {row[0] for row in self._connection.execute(query, (self._schema, layer)).fetchall()}
 
     def _store_style(self, name: str, text: str) -> None:
         where = (self._connection.info.dbname, self._schema, name, name)
@@ -347,6 +386,13 @@ def _cells(values: NDArray[Any]) -> list[Any]:
     if data.dtype == "datetime64[ms]":
         cells = [cell and cell.replace(tzinfo=dt.UTC) for cell in cells]
     return [None if empty else cell for cell, empty in zip(cells, missing.tolist(), strict=True)]
+
+
+def _array(values: Sequence[Any]) -> NDArray[Any]:
+    """A column as an array: times as datetime64 in UTC, all else as objects."""
+    if any(isinstance(value, dt.datetime) for value in values):
+        return np.array([value and value.astimezone(dt.UTC).replace(tzinfo=None) for value in values], "datetime64[ms]")
+    return np.array(values, object)
 
 
 def _escaped(value: str) -> str:

@@ -12,6 +12,7 @@ from xml.etree import ElementTree as ET
 
 from pyproj import CRS
 
+from furrowmap.exporters.farm.memory import DERIVED, FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, TRACKS
 from furrowmap.exporters.files.qgis_project import (
     ProjectLayer,
@@ -26,6 +27,7 @@ PROJECT: Final = "furrowmap"
 """Its name in the farm map."""
 _TITLE: Final = "Farm map"
 _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
+    "Fields": (FIELDS, VISITS, SEASONS, MACHINES),
     "Sessions": (SESSIONS, TRACKS),
     "Work in detail": ("events", "tool_path", "misses", "unworked", "overlaps", "passes"),
     "Worked ground by day": ("coverage",),
@@ -35,7 +37,7 @@ _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 _OTHERS: Final = "Field"
 """The group of all other layers."""
-_HIDDEN_AT_FIRST: Final = frozenset({TRACKS, "zones"})
+_HIDDEN_AT_FIRST: Final = frozenset({TRACKS, VISITS, SEASONS, "zones"})
 
 
 def project_metadata(user: str) -> str:
@@ -97,7 +99,7 @@ def _put_relations(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
     relations = ET.SubElement(root, "relations")
     (sessions,) = (layer for layer in layers if layer.name == SESSIONS)
     for layer in layers:
-        if layer is sessions:
+        if layer is sessions or layer.name in DERIVED - {VISITS}:
             continue
         attributes = {
             "id": f"furrowmap_{layer.name}_of_session",

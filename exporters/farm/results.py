@@ -22,6 +22,7 @@ from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.local_time import local_time, zone_at
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.file_names import leads_out
+from furrowmap.exporters.farm.memory import DERIVED, FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.result_folder import (
     FIELD,
@@ -38,7 +39,7 @@ from furrowmap.exporters.vectors.geopackage import read_layer
 SESSIONS: Final = "sessions"
 PROVENANCE: Final = "provenance"
 TRACKS: Final = "tracks"
-OWN: Final = frozenset({SESSIONS, PROVENANCE, TRACKS})
+OWN: Final = frozenset({SESSIONS, PROVENANCE, TRACKS, *DERIVED})
 """Tables that only a farm map has; all others are a run's layers with two more columns."""
 _LAYER_NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,40}")
 """Layers with other names are not a run's."""
@@ -57,8 +58,12 @@ _DRAWING_ORDER: Final = (
         "lines",
         "planes",
         "zones",
+        FIELDS,
+        VISITS,
+        SEASONS,
     ),
     SESSIONS,
+    MACHINES,
 )
 _MAX_GAP_S: Final = 1.0
 """A track is interrupted where positions are missing for longer."""
@@ -66,7 +71,7 @@ _SIMPLIFY_M: Final = 0.02
 """Maximum distance of a simplified track from the positions."""
 _FIGURES: Final = (
     "worked_area_m2", "worked_area_ellipsoid_m2", "worked_area_sigma_m2", "overlap_area_m2", "missed_area_m2",
-    "worked_length_m", "working_speed_mps", "work_rate_ha_h", "distance_m", "duration_s",
+    "swept_area_m2", "worked_length_m", "working_speed_mps", "work_rate_ha_h", "distance_m", "duration_s",
 )  # fmt: skip
 
 
@@ -143,34 +148,34 @@ def _session_result(result: ResultFolder, zone: ZoneInfo | None) -> SessionResul
     name = str(result.report["session"]["name"])
     recordings = sorted([record["name"], record["sha256"]] for record in result.report["inputs"])
     identity = {
-        "session": _short_hash([name, recordings]),
-        "recordings": _short_hash(recordings),
+        "session": short_hash([name, recordings]),
+        "recordings": short_hash(recordings),
         "digest": _digest(folder),
     }
-    zone = zone or _zone(result.report, driven.shapes[0], crs)
-    date = local_time(float(start.astype("datetime64[ms]").astype(np.int64)) / 1000.0, zone).date()
+    zone = zone or zone_of(result.report, driven.shapes[0], crs)
+    date = local_date(start, zone)
     key = {"session": identity["session"], "date": np.datetime64(date)}
     span = {"start": start, "end": end}
     if "coverage" in layers:
-        layers["coverage"] = _with(layers["coverage"], {"name": name, **span})
+        layers["coverage"] = with_columns(layers["coverage"], {"name": name, **span})
     own = (
         Layer(
             SESSIONS,
             "Polygon",
             "Where each session took place: the hull of its trajectory and worked ground",
-            geometry_array([_footprint(driven, layers.get("coverage"))]),
-            _row({**key, "name": name, **span, "time_zone": zone.key, **_facts(result)}),
+            geometry_array([footprint(driven, layers.get("coverage"))]),
+            one_row({**key, "name": name, **span, "time_zone": zone.key, **_facts(result)}),
         ),
         _provenance(result, identity),
         Layer(
             TRACKS,
             "2.5D MultiLineString",
             "The path of the vehicle",
-            geometry_array([_track(driven)]),
-            _row({**key, **span}),
+            geometry_array([track_of(driven)]),
+            one_row({**key, **span}),
         ),
     )
-    taken = [_with(layers[name], key) for name in drawing_order(list(layers)) if name not in OWN]
+    taken = [with_columns(layers[name], key) for name in drawing_order(list(layers)) if name not in OWN]
     heights = str(result.report["session"]["crs"]["heights"])
     return SessionResult(
         **identity, name=name, date=date, crs=crs, heights=heights, folder=folder.resolve(), layers=(*own, *taken)
@@ -198,7 +203,7 @@ def _provenance(result: ResultFolder, identity: Mapping[str, str]) -> Layer:
         else None,
     }
     description = "The report of each session, and its session file with all defaults"
-    return Layer(PROVENANCE, "", description, geometry_array([None]), _row(row))
+    return Layer(PROVENANCE, "", description, geometry_array([None]), one_row(row))
 
 
 def drawing_order(names: Sequence[str]) -> list[str]:
@@ -207,14 +212,14 @@ def drawing_order(names: Sequence[str]) -> list[str]:
     return sorted(names, key=lambda name: (_DRAWING_ORDER.index(name) if name in _DRAWING_ORDER else last, name))
 
 
-def _with(layer: Layer, more: Mapping[str, Any]) -> Layer:
+def with_columns(layer: Layer, more: Mapping[str, Any]) -> Layer:
     """The layer with additional columns of one value each, before its own."""
     n = len(layer.shapes)
-    first: Columns = {name: np.repeat(column, n) for name, column in _row(more).items()}
+    first: Columns = {name: np.repeat(column, n) for name, column in one_row(more).items()}
     return replace(layer, columns=first | {name: v for name, v in layer.columns.items() if name not in first})
 
 
-def _row(values: Mapping[str, Any]) -> Columns:
+def one_row(values: Mapping[str, Any]) -> Columns:
     """Columns of one row; None becomes NULL."""
     return {name: np.array([value], None if isinstance(value, _PLAIN) else object) for name, value in values.items()}
 
@@ -229,6 +234,10 @@ def _facts(result: ResultFolder) -> dict[str, Any]:
     implement = session.get("implement") or {}
     return {
         **{name: _number(figures.get(name)) for name in _FIGURES},
+        "hours": _number((figures.get("hours") or {}).get("field_s")) / 3600.0,
+        "soil_moved_m3": _number((figures.get("soil_moved") or {}).get("volume_m3")),
+        "machine": session.get("machine") or None,
+        "field_name": None,
         "passes": np.int64(_number(figures.get("passes"), 0.0)),
         "warnings": np.int64(len(report.get("warnings") or ())),
         "implement": implement.get("kind"),
@@ -245,13 +254,14 @@ def _number(value: Any, otherwise: float = np.nan) -> float:
     return float(value) if isinstance(value, int | float) else otherwise
 
 
-def _footprint(driven: Layer, coverage: Layer | None) -> shapely.Geometry:
+def footprint(driven: Layer, coverage: Layer | None) -> shapely.Geometry:
+    """The hull of a trajectory and the ground worked."""
     shapes = [*driven.shapes, *(coverage.shapes if coverage is not None else ())]
     hull = shapely.convex_hull(shapely.force_2d(shapely.GeometryCollection(shapes)))
     return hull if hull.geom_type == "Polygon" else hull.buffer(1.0, quad_segs=2)
 
 
-def _track(driven: Layer) -> shapely.Geometry:
+def track_of(driven: Layer) -> shapely.Geometry:
     """The positions as lines with heights, interrupted where positions are missing."""
     xyz = shapely.get_coordinates(driven.shapes, include_z=True)
     parts = np.split(xyz, np.flatnonzero(np.diff(driven.columns["t_s"]) > _MAX_GAP_S) + 1)
@@ -259,7 +269,7 @@ def _track(driven: Layer) -> shapely.Geometry:
     return shapely.MultiLineString(list(shapely.simplify(lines, _SIMPLIFY_M)))
 
 
-def _zone(report: Mapping[str, Any], place: shapely.Point, crs: CRS) -> ZoneInfo:
+def zone_of(report: Mapping[str, Any], place: shapely.Point, crs: CRS) -> ZoneInfo:
     """The time zone of a run, as its report has it; that of the place where a report has none."""
     try:
         return ZoneInfo(report["figures"]["time_zone"])
@@ -270,5 +280,11 @@ def _zone(report: Mapping[str, Any], place: shapely.Point, crs: CRS) -> ZoneInfo
         return zone_at(*to_lon_lat.transform(place.x, place.y))
 
 
-def _short_hash(value: object) -> str:
+def local_date(start: np.datetime64, zone: ZoneInfo) -> dt.date:
+    """The day of a time (UTC) in a time zone."""
+    return local_time(float(start.astype("datetime64[ms]").astype(np.int64)) / 1000.0, zone).date()
+
+
+def short_hash(value: object) -> str:
+    """16 hexadecimal digits of a hash of a value that JSON can express."""
     return hashlib.sha256(json.dumps(value, ensure_ascii=False).encode("utf-8", "surrogatepass")).hexdigest()[:16]

@@ -44,6 +44,7 @@ _SCRATCH: Final = {
     "driver": "GTiff", "dtype": "float32", "nodata": float("nan"), "tiled": True, "blockxsize": 256, "blockysize": 256,
     "interleave": "band", "SPARSE_OK": "TRUE", "BIGTIFF": "IF_SAFER",
 }  # fmt: skip
+_COUNTS: Final = {"dtype": "uint16", "nodata": None}
 _CACHE_BYTES: Final = 64 << 20
 
 
@@ -79,7 +80,7 @@ def surface_arrays(surface: Surface) -> Bands:
 
 @contextmanager
 def cog_output(
-    path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], origin: Origin
+    path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], origin: Origin, *, counts: bool = False
 ) -> Iterator[Callable[[Grid, Bands], None]]:
     """Write a raster tile by tile, as a whole or not at all.
 
@@ -92,6 +93,7 @@ def cog_output(
         crs: of the map, with or without heights; GDAL reports :func:`reported_crs` of it.
         bands: of the raster.
         origin: its provenance.
+        counts: whether the values are whole numbers from 0 to 65,535, written as such; none of them means unknown.
 
     Yields:
         A function that takes the bands of a tile with the same cells; parts outside the raster are ignored.
@@ -99,13 +101,17 @@ def cog_output(
     Raises:
         OSError: if the file cannot be written.
     """
-    profile = _SCRATCH | {
-        "height": grid.rows,
-        "width": grid.columns,
-        "count": len(bands),
-        "crs": _raster_crs(crs),
-        "transform": rasterio.Affine(*grid.transform),
-    }
+    profile = (
+        _SCRATCH
+        | (_COUNTS if counts else {})
+        | {
+            "height": grid.rows,
+            "width": grid.columns,
+            "count": len(bands),
+            "crs": _raster_crs(crs),
+            "transform": rasterio.Affine(*grid.transform),
+        }
+    )
     with atomic_output(path) as unfinished, rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES):
         scratch = unfinished.with_name(f"{unfinished.name}.bands")
         with rasterio.open(scratch, "w", **profile) as raster:
@@ -113,14 +119,13 @@ def cog_output(
             raster.descriptions = tuple(band.description for band in bands)
             raster.units = tuple(band.unit for band in bands)
             raster.update_tags(**tags_of(origin))
-
             sums = [_Statistics() for _ in bands]
 
             def write(tile: Grid, arrays: Bands) -> None:
                 shared = common(tile, grid)
                 if shared is not None:
                     part, place = shared.window_in(tile), shared.window_in(grid)
-                    values = [_rounded(array[part], band) for array, band in zip(arrays, bands, strict=True)]
+                    values = [_rounded(a[part], band, counts=counts) for a, band in zip(arrays, bands, strict=True)]
                     raster.write(np.stack(values), window=Window.from_slices(*place))
                     for band_sums, band_values in zip(sums, values, strict=True):
                         band_sums.add(band_values)
@@ -133,7 +138,7 @@ def cog_output(
             unfinished,
             GEOTIFF_VERSION="AUTO" if reported_crs(crs) == crs else "1.0",
             NUM_THREADS=str(threads()),
-            **_OPTIONS,
+            **_OPTIONS | ({"PREDICTOR": "STANDARD"} if counts else {}),
         )
 
 
@@ -207,9 +212,9 @@ class _Statistics:
         self._count, self._sum, self._square = 0, 0.0, 0.0
         self._base = self._least = self._greatest = math.nan
 
-    def add(self, values: NDArray[np.float32]) -> None:
+    def add(self, values: NDArray[Any]) -> None:
         """Add the values of a tile."""
-        known = values[np.isfinite(values)]
+        known = values[np.isfinite(values)].astype(np.float32, copy=False)
         if not len(known):
             return
         if not self._count:
@@ -235,7 +240,9 @@ class _Statistics:
         }
 
 
-def _rounded(array: NDArray[Any], band: Band) -> NDArray[np.float32]:
+def _rounded(array: NDArray[Any], band: Band, *, counts: bool) -> NDArray[Any]:
+    if counts:
+        return array.astype(np.uint16)
     values = array.astype(np.float32)
     if band.steps_per_unit:
         values = np.rint(values * np.float32(band.steps_per_unit)) / np.float32(band.steps_per_unit)

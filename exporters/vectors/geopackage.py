@@ -138,10 +138,11 @@ def read_layer(path: Path, name: str) -> Layer:
         ValueError: if coordinates are not finite, or the columns are damaged.
     """
     meta, _, wkb, data = pyogrio.raw.read(path, layer=name)
-    shapes = geometry_array(shapely.from_wkb(wkb))
+    rows = len(data[0]) if len(data) else 0
+    shapes = geometry_array(shapely.from_wkb(wkb) if wkb is not None else [None] * rows)
     if not np.isfinite(shapely.get_coordinates(shapes)).all():
         raise ValueError(f"layer '{name}' has coordinates that are not finite")
-    kind = str(meta["geometry_type"])
+    kind = str(meta["geometry_type"] or "")
     kind = f"2.5D {kind.removesuffix(' Z')}" if kind.endswith(" Z") else kind
     description = (pyogrio.read_info(path, layer=name).get("layer_metadata") or {}).get("DESCRIPTION", "")
     fields = zip(meta["fields"], meta["dtypes"], data, strict=True)

@@ -28,6 +28,7 @@
   <message><source>Base station (RINEX)</source><translation>基準局（RINEX）</translation></message>
   <message><source>Between columns.</source><translation>列と列の間隔。</translation></message>
   <message><source>Between rows.</source><translation>行と行の間隔。</translation></message>
+  <message><source>Between the middles of the rear tyres, in metres.</source><translation>後輪タイヤの中心間の距離（m）。</translation></message>
   <message><source>Blocks</source><translation>ブロック</translation></message>
   <message><source>By default all layers.</source><translation>省略時はすべてのレイヤ。</translation></message>
   <message><source>By default beside the results. Formats with one layer per file need a folder.</source><translation>省略時は実行結果と同じ場所。1 ファイルに 1 レイヤの形式ではフォルダを指定します。</translation></message>
@@ -86,6 +87,7 @@
   <message><source>Continue a run into DIR that was killed or lost power: its scan matching is used again if session and recordings are unchanged.</source><translation>強制終了や停電で中断した処理を、同じフォルダで続けます。セッションと記録が変わっていなければ、スキャンマッチングの結果を再利用します。</translation></message>
   <message><source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source><translation>実行結果を変換します。GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトウェアと端末のための ISO 11783-10 作業データ、複数の実行をまとめた STAC カタログに対応します。GeoJSON と KML は常に WGS 84 です。</translation></message>
   <message><source>Coordinate transformations of a session</source><translation>セッションの座標変換</translation></message>
+  <message><source>Counts how often each spot was worked, when last, and how often rear wheels passed it, from the sessions of a farm map. Wheels are counted where both widths are given.</source><translation>農場マップのセッションから、各地点の作業回数、最後の作業日、後輪の通過回数を数えます。車輪は両方の幅を指定したときに数えます。</translation></message>
   <message><source>Create a session file</source><translation>セッションファイルの作成</translation></message>
   <message><source>Crop height</source><translation>作物の高さ</translation></message>
   <message><source>Crops and trials</source><translation>作物と試験</translation></message>
@@ -120,7 +122,10 @@
   <message><source>Farm map (PostGIS)</source><translation>農場マップ（PostGIS）</translation></message>
   <message><source>Features (GeoPackage)</source><translation>地物（GeoPackage）</translation></message>
   <message><source>Features of point clouds</source><translation>点群から地物を抽出</translation></message>
+  <message><source>Field</source><translation>圃場</translation></message>
   <message><source>Field, drive and sensors. By default a small field that is tilled for a minute.</source><translation>圃場、走行、センサの設定。省略時は小さな圃場を 1 分間耕うんする例です。</translation></message>
+  <message><source>Fields (JSON)</source><translation>圃場（JSON）</translation></message>
+  <message><source>Fields, seasons and machines of the farm map</source><translation>農場マップの圃場・シーズン・機械</translation></message>
   <message><source>Figures by field (JSON)</source><translation>圃場ごとの集計（JSON）</translation></message>
   <message><source>File or folder written</source><translation>書き出したファイルまたはフォルダ</translation></message>
   <message><source>File to open</source><translation>開くファイル</translation></message>
@@ -128,6 +133,9 @@
   <message><source>Fill gaps up to this distance from the nearest measured height, but not beyond the outline of the data.</source><translation>最も近い計測値からこの距離までの欠損を補間します。データの外側は補間しません。</translation></message>
   <message><source>Findings (JSON)</source><translation>調査結果（JSON）</translation></message>
   <message><source>First corner</source><translation>最初の角</translation></message>
+  <message><source>First day</source><translation>最初の日</translation></message>
+  <message><source>First day of a season (MM-DD)</source><translation>シーズンの最初の日（MM-DD）</translation></message>
+  <message><source>First day of a season, such as 04-01; kept in MAP [default: 01-01].</source><translation>シーズンの最初の日（例：04-01）。農場マップに保存されます。省略時は 01-01。</translation></message>
   <message><source>First number</source><translation>最初の番号</translation></message>
   <message><source>First number.</source><translation>最初の番号。</translation></message>
   <message><source>Fits the logistic response of crop heights to a dose, finds the dose beyond which nothing is gained, analyses the variance by treatment and block, and computes growth where there are tables of several days. Writes charts, a table and response.json.</source><translation>施用量に対する作物高の応答にロジスティック曲線を当てはめ、それ以上増やしても効果がない施用量を求めます。処理とブロックによる分散分析も行い、複数の日の表があれば生長速度も計算します。グラフ、表、response.json を書き出します。</translation></message>
@@ -148,6 +156,7 @@
   <message><source>Height of a layer of the profile.</source><translation>垂直分布の層の高さ。</translation></message>
   <message><source>Height statistic per cell: median, trimmed, mean, min, max, or a percentile such as p90.</source><translation>セルごとの高さの統計量：median、trimmed、mean、min、max、または p90 などのパーセンタイル。</translation></message>
   <message><source>Highest return from the ground</source><translation>地面とみなす反射の最大の高さ</translation></message>
+  <message><source>History of a field</source><translation>圃場の履歴</translation></message>
   <message><source>Images</source><translation>画像</translation></message>
   <message><source>Images with the board</source><translation>板が写っている画像の数</translation></message>
   <message><source>Inner corners of the chessboard</source><translation>チェスボードの内側の角の数</translation></message>
@@ -156,6 +165,7 @@
   <message><source>Instead of the end of the first row: its direction from north.</source><translation>最初の行の終点の代わりに、北からの方向。</translation></message>
   <message><source>Its [camera] has the intrinsics. Without it they are estimated from the images.</source><translation>[camera] に内部パラメータがあるもの。指定しなければ画像から推定します。</translation></message>
   <message><source>Its [camera] names the images; GNSS and IMU give their poses. The scans are not read.</source><translation>[camera] で画像を指定したもの。位置と姿勢は GNSS と IMU から求めます。スキャンは読みません。</translation></message>
+  <message><source>Its name or identifier.</source><translation>名前または識別子。</translation></message>
   <message><source>Keep every N-th point.</source><translation>N 点ごとに 1 点を使います。</translation></message>
   <message><source>Keep points in this box, in the CRS of the output.</source><translation>この領域内の点を使います。</translation></message>
   <message><source>Keep points of these classes [default: all but noise and, in furrowmap's own clouds, the machine].</source><translation>これらのクラスの点を使います。省略時はノイズと、furrowmap の点群の車両・作業機を除くすべて。</translation></message>
@@ -166,6 +176,7 @@
   <message><source>LAS, LAZ or COPC files; all go into one raster grid.</source><translation>LAS、LAZ、COPC ファイル。すべてを一つのラスタ格子にまとめます。</translation></message>
   <message><source>LAS, LAZ or COPC files; they are used together.</source><translation>LAS、LAZ、COPC ファイル。まとめて使います。</translation></message>
   <message><source>LAS, LAZ, COPC or GeoTIFF.</source><translation>LAS、LAZ、COPC、または GeoTIFF。</translation></message>
+  <message><source>Last day</source><translation>最後の日</translation></message>
   <message><source>Latitude, longitude and height above the ellipsoid of its antenna, separated by commas; by default approximate, from its file.</source><translation>アンテナの緯度、経度、楕円体高をコンマで区切って指定します。省略した場合はファイルにある概略位置を使います。</translation></message>
   <message><source>Lay out the plots of a trial</source><translation>試験区を配置</translation></message>
   <message><source>Layers</source><translation>レイヤ</translation></message>
@@ -181,6 +192,7 @@
   <message><source>List the sessions of the farm map</source><translation>農場マップのセッション一覧</translation></message>
   <message><source>Lists the machines whose places of sensors and tools are saved.</source><translation>センサーと作業機の位置を保存した機械を一覧にします。</translation></message>
   <message><source>Lists the sessions of a farm map: identifier, date, worked area, name.</source><translation>農場マップに含まれるセッションの識別子、日付、作業面積、名前を一覧にします。</translation></message>
+  <message><source>Lists the work of each field and season in a farm map, and that of each machine.</source><translation>農場マップの圃場・シーズンごとの作業と、機械ごとの作業を一覧にします。</translation></message>
   <message><source>Logs to evaluate</source><translation>評価するログ</translation></message>
   <message><source>Machine</source><translation>機械</translation></message>
   <message><source>Machine whose sensors' places are copied: the name of a saved one, or its profile.</source><translation>センサーの位置をコピーする機械。保存した機械の名前、またはプロファイル。</translation></message>
@@ -206,6 +218,7 @@
   <message><source>Number each block anew</source><translation>ブロックごとに番号を付け直す</translation></message>
   <message><source>Number of areas</source><translation>領域の数</translation></message>
   <message><source>Number of parcels</source><translation>区画の数</translation></message>
+  <message><source>Number of passes</source><translation>行程数</translation></message>
   <message><source>Number of points</source><translation>点の数</translation></message>
   <message><source>Number of sessions</source><translation>セッションの数</translation></message>
   <message><source>Number of sessions left</source><translation>残りのセッション数</translation></message>
@@ -218,6 +231,7 @@
   <message><source>Observations of the base station at the same time.</source><translation>同じ時刻の基準局の観測データ。</translation></message>
   <message><source>Observations of the rover.</source><translation>移動局の観測データ。</translation></message>
   <message><source>Of a block.</source><translation>1 ブロックの行数または列数。</translation></message>
+  <message><source>Of a rear tyre, in metres.</source><translation>後輪タイヤ 1 本の幅（m）。</translation></message>
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
   <message><source>Of the services in the tables: one per line, in the order of the logs.</source><translation>表に示すサービス名。ログの順に 1 行に一つ。</translation></message>
   <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
@@ -225,6 +239,8 @@
   <message><source>One per line, in the order of the tables: 2017-05-23.</source><translation>表の順に 1 行に 1 日（例：2017-05-23）。</translation></message>
   <message><source>One per line: the identifier, the beginning of it, or the name.</source><translation>1 行に一つ。識別子、その先頭部分、または名前。</translation></message>
   <message><source>Only the ground in them is mapped: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or task data.</source><translation>その中の地面だけを地図にします：GeoPackage、Shapefile、GeoJSON、FlatGeobuf、KML、作業データ。</translation></message>
+  <message><source>Only sessions from this day on.</source><translation>この日以降のセッションだけ。</translation></message>
+  <message><source>Only sessions up to this day.</source><translation>この日までのセッションだけ。</translation></message>
   <message><source>Open the products as styled layers</source><translation>成果物をスタイル付きのレイヤとして開く</translation></message>
   <message><source>Other end of the base line: the outer corner of the first row's last plot.</source><translation>基線のもう一方の端。最初の行の最後の試験区の外側の角です。</translation></message>
   <message><source>Otherwise the algorithm stops if the output exists.</source><translation>チェックしない場合、出力先が存在すると停止します。</translation></message>
@@ -237,8 +253,11 @@
   <message><source>Output folder</source><translation>出力フォルダ</translation></message>
   <message><source>Output folder [default: beside RESULT].</source><translation>出力フォルダ［既定：RESULT の隣］。</translation></message>
   <message><source>Output folder.</source><translation>出力フォルダ。</translation></message>
+  <message><source>Output raster (.tif).</source><translation>出力ラスタ（.tif）。</translation></message>
   <message><source>Output raster: .vrt or .tif.</source><translation>出力ラスタ：.vrt または .tif。</translation></message>
+  <message><source>Output: .html for a page, .csv for a table.</source><translation>出力：ページは .html、表は .csv。</translation></message>
   <message><source>Overwrite existing files</source><translation>既存のファイルを上書き</translation></message>
+  <message><source>Page or table</source><translation>ページまたは表</translation></message>
   <message><source>Pairs</source><translation>名前で対応させる</translation></message>
   <message><source>Parcels</source><translation>区画</translation></message>
   <message><source>Path</source><translation>通路（行の間）</translation></message>
@@ -290,6 +309,8 @@
   <message><source>Save the machine of a session</source><translation>セッションの機械を保存</translation></message>
   <message><source>Saves the places of antenna, scanner, IMU, camera and implement that a session states, for sessions of the same machine.</source><translation>セッションに記入したアンテナ、スキャナ、IMU、カメラ、作業機の位置を保存し、同じ機械のセッションで使えるようにします。</translation></message>
   <message><source>Scenario</source><translation>シナリオ</translation></message>
+  <message><source>Season</source><translation>シーズン</translation></message>
+  <message><source>Seasons of fields (JSON)</source><translation>圃場のシーズン（JSON）</translation></message>
   <message><source>Session file</source><translation>セッションファイル</translation></message>
   <message><source>Session file to write [default: session.toml beside RECORDING].</source><translation>書き出すセッションファイル。省略時は記録と同じフォルダの session.toml。</translation></message>
   <message><source>Session file written</source><translation>セッションファイルに書き込み済み</translation></message>
@@ -333,10 +354,16 @@
   <message><source>The rover stands still</source><translation>移動局は静止</translation></message>
   <message><source>The rover stands still.</source><translation>移動局は静止しています。</translation></message>
   <message><source>The session.toml beside the recording; 'Create a session file' writes one.</source><translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation></message>
+  <message><source>The year in which it begins; all seasons by default.</source><translation>シーズンが始まる年。省略時はすべてのシーズン。</translation></message>
   <message><source>Threads</source><translation>スレッド数</translation></message>
   <message><source>Time zone</source><translation>タイムゾーン</translation></message>
   <message><source>Time zone of dates and map tips, such as Asia/Tokyo [default: that of the run].</source><translation>日付と地図のヒントのタイムゾーン。例：Asia/Tokyo［既定：処理結果のもの］。</translation></message>
+  <message><source>Time zone of the dates, such as Asia/Tokyo [default: that of the place].</source><translation>日付のタイムゾーン（例：Asia/Tokyo）。省略時はその場所のもの。</translation></message>
+  <message><source>Track width</source><translation>輪距</translation></message>
+  <message><source>Traffic</source><translation>走行</translation></message>
+  <message><source>Traffic: how often each spot was worked and driven on</source><translation>走行：各地点の作業回数と通過回数</translation></message>
   <message><source>Treatments</source><translation>処理</translation></message>
+  <message><source>Tyre width</source><translation>タイヤ幅</translation></message>
   <message><source>UTC date of the first position, for logs without a date.</source><translation>最初の測位の UTC 日付。日付のないログに使います。</translation></message>
   <message><source>Unpack files however large their content is.</source><translation>内容がどれほど大きくてもファイルを展開します。</translation></message>
   <message><source>Use clouds without the parts that are damaged.</source><translation>破損した部分を除いて点群を使います。</translation></message>
@@ -363,6 +390,7 @@
   <message><source>Write the mounting into this machine's profile, with the day and the standard deviations.</source><translation>取付角を、日付と標準偏差とともにこの機械のプロファイルに書き込みます。</translation></message>
   <message><source>Writes a LAS, LAZ or COPC point cloud of any source in the colours of the images of a session. Each point takes the colour of the best image that sees it; points that no image sees are black.</source><translation>任意の LAS、LAZ、COPC 点群に、セッションの画像の色を付けて書き出します。各点は、その点が最もよく見える画像の色になります。どの画像にも写っていない点は黒です。</translation></message>
   <message><source>Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with the ground truth. Useful to learn furrowmap and to plan a sensor mount.</source><translation>トラクタの模擬記録を作成します。LiDAR のパケット、GNSS ログ、セッションファイル、圃場の境界と、その真値です。furrowmap の学習やセンサ取り付けの検討に役立ちます。</translation></message>
+  <message><source>Writes all sessions of a field in a farm map as a page with a map, or as a table (CSV).</source><translation>農場マップの圃場の全セッションを、地図付きのページまたは表（CSV）として書き出します。</translation></message>
   <message><source>Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.</source><translation>任意の LAS、LAZ、COPC 点群から一つの COPC ファイルを作成します。指定に応じて、外れ値をノイズとし、地面を分類し、点群を間引きます。メモリ使用量は面積によりません。</translation></message>
   <message><source>Writes the result of a run as a folder for people without a GIS: a web page with map, layers, figures, point cloud in three dimensions and measuring, which opens from disk and needs no network; or a project for QField.</source><translation>GIS を使わない人のために、実行結果をフォルダに書き出します：地図、レイヤ、数値、3D 点群、計測を備え、ネットワークなしでディスクから開けるウェブページ、または QField 用プロジェクト。</translation></message>
   <message><source>dsm: after the work; dsm_before: before it; change: the difference.</source><translation>dsm：作業後、dsm_before：作業前、change：その差。</translation></message>

@@ -684,6 +684,7 @@ ALGORITHMS = (
             "--crs": parameter("CRS", "CRS of a new farm map"),
             "--same-crs": parameter("SAME_CRS", "Refuse sessions in another CRS"),
             "--time-zone": parameter("TIME_ZONE", "Time zone"),
+            "--season-start": parameter("SEASON_START", "First day of a season (MM-DD)"),
         },
         outputs=(
             *(Output(name.upper(), "number", name, count(name)) for name in ("added", "replaced", "unchanged")),
@@ -747,6 +748,56 @@ ALGORITHMS = (
             **OVERWRITE,
         },
         outputs=(Output("SURFACES", "number", "Number of surfaces", item("surfaces")),),
+    ),
+    Algorithm(
+        "farm fields",
+        "Fields, seasons and machines of the farm map",
+        "farm",
+        "Lists the work of each field and season in a farm map, and that of each machine.",
+        basic={"target": FARM_MAP},
+        advanced=SCHEMA,
+        outputs=(
+            Output("FIELDS", "text", "Fields (JSON)", lambda answer: as_json(answer["fields"])),
+            Output("SEASONS", "text", "Seasons of fields (JSON)", lambda answer: as_json(answer["seasons"])),
+            Output("MACHINES", "text", "Machines (JSON)", lambda answer: as_json(answer["machines"])),
+        ),
+    ),
+    Algorithm(
+        "farm history",
+        "History of a field",
+        "farm",
+        "Writes all sessions of a field in a farm map as a page with a map, or as a table (CSV).",
+        basic={
+            "target": FARM_MAP,
+            "field": parameter("FIELD", "Field", "Its name or identifier."),
+            "--output": parameter("OUTPUT", "Page or table", filter="HTML (*.html);;CSV (*.csv)"),
+        },
+        advanced={**SCHEMA, **OVERWRITE},
+        outputs=(Output("SESSIONS", "number", "Number of sessions", count("visits")),),
+    ),
+    Algorithm(
+        "farm traffic",
+        "Traffic: how often each spot was worked and driven on",
+        "farm",
+        "Counts how often each spot was worked, when last, and how often rear wheels passed it, from the sessions of a "
+        "farm map. Wheels are counted where both widths are given.",
+        basic={
+            "target": FARM_MAP,
+            "--season": parameter("SEASON", "Season", "The year in which it begins; all seasons by default."),
+            "--track-width": parameter(
+                "TRACK_WIDTH", "Track width", "Between the middles of the rear tyres, in metres."
+            ),
+            "--tyre-width": parameter("TYRE_WIDTH", "Tyre width", "Of a rear tyre, in metres."),
+            "--output": parameter("OUTPUT", "Traffic", kind="new raster"),
+        },
+        advanced={
+            **SCHEMA,
+            "--since": parameter("SINCE", "First day"),
+            "--until": parameter("UNTIL", "Last day"),
+            "--cell": parameter("CELL", "Cell size"),
+            **OVERWRITE,
+        },
+        outputs=(Output("PASSES", "number", "Number of passes", item("passes")),),
     ),
     Algorithm(
         "crs",

@@ -16,6 +16,8 @@ FLAGS = {
     **{name: {"overwrite"} for name in ("calibrate_mount", "colour", "solve_gnss")},
     "check_pairs": {"overwrite"},
     "run": {"overwrite", "resume"},
+    "farm_traffic": {"overwrite"},
+    "field_history": {"overwrite"},
     "write_report_page": {"pdf"},
     "share": {"overwrite", "qfield"},
     **{

@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 CHECKOUT = Path(__file__).resolve().parents[3]
 UTM = CRS.from_epsg(6691)
 DETAILS = ("events", "tool_path", "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "zones")
-TIMELESS = ("misses", "unworked", "boundary", "zones")
+MEMORY = ("fields", "visits", "seasons", "machines")
+TIMELESS = ("misses", "unworked", "boundary", "zones", "fields", "seasons")
 KILLS = int(os.environ.get("KILLS", "15"))
 HOSTILE = '\'; DROP TABLE "sessions"; --圃場'
 
@@ -437,14 +438,14 @@ def test_qgis__opens_the_project_in_the_base(two: Path, base: Path, results: dic
     told = json.loads(qgis.run("python3", script, f"geopackage:{base}?projectName=furrowmap").splitlines()[-1])
     assert (told["opened"], told["error"], told["crs"]) == (True, "", "EPSG:6677")
     assert (told["begin"], told["end"]) == ("2026-06-11", "2027-07-17")
-    assert list(told["groups"]) == ["Sessions", "Work in detail", "Worked ground by day", "Field", "Tables"]
+    assert list(told["groups"]) == ["Fields", "Sessions", "Work in detail", "Worked ground by day", "Field", "Tables"]
     assert told["groups"]["Worked ground by day"] == ["coverage"]
-    assert told["layers"].keys() == {"sessions", "tracks", "provenance", *DETAILS}
+    assert told["layers"].keys() == {"sessions", "tracks", "provenance", *DETAILS, *MEMORY}
     assert set(told["relations"].values()) == {True}
     for name, layer in told["layers"].items():
         assert layer["valid"], (name, layer["error"])
         assert layer["features"] == len(content(base)[name])
-        if name != "provenance":
+        if name not in ("provenance", "machines"):
             assert (layer["crs"], layer["renderer"]) == ("EPSG:6677", layer["own_style"])
             assert layer["map_tip"]
             assert (layer["time"] is not None) == layer["own_time"] == (name not in TIMELESS)

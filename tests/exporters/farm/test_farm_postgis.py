@@ -36,7 +36,8 @@ CHECKOUT = Path(__file__).resolve().parents[3]
 HOSTILE = "'; DROP TABLE furrowmap.sessions; --\t\\N圃場"
 KILLS = int(os.environ.get("KILLS", "5"))
 DETAILS = ("events", "tool_path", "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "zones")
-TIMELESS = ("misses", "unworked", "boundary", "zones")
+MEMORY = ("fields", "visits", "seasons", "machines")
+TIMELESS = ("misses", "unworked", "boundary", "zones", "fields", "seasons")
 
 
 @pytest.fixture(scope="module")
@@ -271,10 +272,10 @@ def test_qgis__opens_the_project_in_the_database(two: str, server: Server, qgis:
     told = json.loads(qgis.run("env", f"PGPASSFILE={secret}", "python3", script, address).splitlines()[-1])
     assert (told["opened"], told["error"], told["crs"]) == (True, "", "EPSG:6677")
     assert set(told["relations"].values()) == {True}
-    assert told["layers"].keys() == {"sessions", "tracks", "provenance", *DETAILS}
+    assert told["layers"].keys() == {"sessions", "tracks", "provenance", *DETAILS, *MEMORY}
     for name, layer in told["layers"].items():
         assert layer["valid"], (name, layer["error"])
-        if name != "provenance":
+        if name not in ("provenance", "machines"):
             assert (layer["crs"], layer["renderer"]) == ("EPSG:6677", layer["own_style"])
             assert (layer["time"] is not None) == layer["own_time"] == (name not in TIMELESS)
     assert told["layers"]["coverage"]["features"] == 1

@@ -1,0 +1,154 @@
+"""How often each spot of a farm was worked and driven on, and when it was worked last, as a raster."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+from rasterio import Affine
+from rasterio.enums import MergeAlg
+from rasterio.features import rasterize
+
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.work.wheel_traffic import wheel_passages
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.rasters.cog import Band, cog_output
+from furrowmap.exporters.rasters.windows import share, windows
+
+ShapeArray = NDArray[np.object_]
+
+EPOCH: Final = np.datetime64("1970-01-01")
+WORKED: Final = Band("times worked", "1", 0)
+LAST_DAY: Final = Band("last day worked, days since 1970-01-01", "1", 0)
+DRIVEN: Final = Band("passages of wheels", "1", 0)
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """The wheels of an axle whose middle is the origin of the vehicle frame.
+
+    Attributes:
+        track_width_m: between the middles of the tyres.
+        tyre_width_m: of a tyre.
+    """
+
+    track_width_m: float
+    tyre_width_m: float
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """Where machines worked and drove.
+
+    Attributes:
+        passes: (n,) polygons; each counts its ground as worked once.
+        day: (n,) datetime64[D] of each.
+        tracks: (m,) lines of the middle of the rear axle, one a session.
+    """
+
+    passes: ShapeArray
+    day: NDArray[np.datetime64]
+    tracks: ShapeArray
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """West, south, east and north of all; nan where there is nothing."""
+        west, south, east, north = shapely.total_bounds(np.concatenate([self.passes, self.tracks])).tolist()
+        return west, south, east, north
+
+
+def write_traffic(
+    path: Path,
+    traffic: Traffic,
+    crs: CRS,
+    cell_m: float,
+    wheels: Wheels | None,
+    origin: Origin,
+    progress: Progress = silent,
+) -> Grid:
+    """Write the raster as a cloud-optimised GeoTIFF of 16-bit numbers; window by window, in bounded memory.
+
+    Bands: times worked, last day worked (days since 1970-01-01, 0 for never), and passages of wheels where `wheels` are
+    known. A cell counts where its centre was worked or driven on.
+
+    Args:
+        path: of the raster.
+        traffic: what to count; not empty.
+        crs: of the map.
+        cell_m: length of a cell's sides.
+        wheels: of the vehicles; None leaves their band out.
+        origin: provenance.
+        progress: receives the stage "counting traffic".
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    west, south, east, north = traffic.bounds_m
+    margin = 0.5 * (wheels.track_width_m + wheels.tyre_width_m) if wheels is not None else 0.0
+    grid = Grid.of_bounds(cell_m, (west - margin, south - margin, east + margin, north + margin))
+    bands = (WORKED, LAST_DAY, *([DRIVEN] if wheels is not None else []))
+    order = np.argsort(traffic.day, kind="stable")
+    passes, day = traffic.passes[order], (traffic.day[order] - EPOCH).astype(np.int64)
+    trees = shapely.STRtree(passes), shapely.STRtree(traffic.tracks)
+    with cog_output(path, grid, crs, bands, origin, counts=True) as put:
+        for tile, _ in windows(grid, 0):
+            box = shapely.box(*tile.bounds_m)
+            rows = np.sort(trees[0].query(box))
+            arrays = [*_worked(tile, passes[rows], day[rows])]
+            if wheels is not None:
+                near = shapely.buffer(box, margin)
+                driven = np.sort(trees[1].query(near))
+                arrays.append(_driven(tile, near, traffic.tracks[driven], wheels))
+            put(tile, arrays)
+            progress("counting traffic", share(tile, grid))
+    return grid
+
+
+def _worked(tile: Grid, passes: ShapeArray, day: NDArray[np.int64]) -> list[NDArray[np.uint16]]:
+    """Times worked and the last day of it; the passes are in order of time."""
+    times, last = np.zeros(tile.shape, np.uint16), np.zeros(tile.shape, np.uint16)
+    if not len(passes):
+        return [times, last]
+    west, south, east, north = tile.bounds_m
+    cut = shapely.clip_by_rect(passes, west - tile.cell_m, south - tile.cell_m, east + tile.cell_m, north + tile.cell_m)
+    known = ~shapely.is_empty(cut)
+    shapes, days = cut[known].tolist(), day[known].tolist()
+    if shapes:
+        place = {"transform": Affine(*tile.transform)}
+        rasterize(((shape, 1) for shape in shapes), out=times, merge_alg=MergeAlg.add, **place)
+        rasterize(zip(shapes, days, strict=True), out=last, **place)
+    return [times, last]
+
+
+def _driven(tile: Grid, near: shapely.Polygon, tracks: ShapeArray, wheels: Wheels) -> NDArray[np.uint16]:
+    """Passages of wheels; each track on its own."""
+    total = np.zeros(tile.shape, np.uint16)
+    for track in tracks:
+        paths = _paths_near(track, near)
+        if paths:
+            total += wheel_passages(tile, paths, wheels.track_width_m, wheels.tyre_width_m)
+    return total
+
+
+def _paths_near(track: shapely.MultiLineString, near: shapely.Polygon) -> list[NDArray[np.float64]]:
+    """The lines (n, 3) of a track with the distance driven, without the segments far from a tile."""
+    west, south, east, north = near.bounds
+    found, driven_m = [], 0.0
+    for line in shapely.get_parts(track):
+        xy = shapely.get_coordinates(line)
+        along = driven_m + np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+        driven_m = float(along[-1])
+        low, high = np.minimum(xy[1:], xy[:-1]), np.maximum(xy[1:], xy[:-1])
+        touches = ((high >= (west, south)) & (low <= (east, north))).all(axis=1)
+        # One more segment on either side, so that corners look the same from every tile.
+        kept = np.convolve(touches, [1, 1, 1])[1:-1] > 0
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], kept.astype(np.int8), [0]])))
+        path = np.column_stack([xy, along])
+        found += [path[a : b + 1] for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)]
+    return found
