@@ -133,13 +133,9 @@ def cog_output(
             yield write
             for number, band_sums in enumerate(sums, start=1):
                 raster.update_tags(number, **band_sums.tags(grid.rows * grid.columns))
-        copy(
-            scratch,
-            unfinished,
-            GEOTIFF_VERSION="AUTO" if reported_crs(crs) == crs else "1.0",
-            NUM_THREADS=str(threads()),
-            **_OPTIONS | ({"PREDICTOR": "STANDARD"} if counts else {}),
-        )
+        options = _OPTIONS | ({"PREDICTOR": "STANDARD"} if counts else {})
+        version = "AUTO" if reported_crs(crs) == crs else "1.0"
+        copy(scratch, unfinished, GEOTIFF_VERSION=version, NUM_THREADS=str(threads()), **options)
 
 
 def write_cog(path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], arrays: Bands, origin: Origin) -> None:
