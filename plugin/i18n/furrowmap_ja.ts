@@ -238,9 +238,9 @@
   <message><source>One per line, in the order of the clouds: 2017-05-23.</source><translation>点群の順に 1 行に 1 つ：2017-05-23。</translation></message>
   <message><source>One per line, in the order of the tables: 2017-05-23.</source><translation>表の順に 1 行に 1 日（例：2017-05-23）。</translation></message>
   <message><source>One per line: the identifier, the beginning of it, or the name.</source><translation>1 行に一つ。識別子、その先頭部分、または名前。</translation></message>
-  <message><source>Only the ground in them is mapped: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or task data.</source><translation>その中の地面だけを地図にします：GeoPackage、Shapefile、GeoJSON、FlatGeobuf、KML、作業データ。</translation></message>
   <message><source>Only sessions from this day on.</source><translation>この日以降のセッションだけ。</translation></message>
   <message><source>Only sessions up to this day.</source><translation>この日までのセッションだけ。</translation></message>
+  <message><source>Only the ground in them is mapped: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or task data.</source><translation>その中の地面だけを地図にします：GeoPackage、Shapefile、GeoJSON、FlatGeobuf、KML、作業データ。</translation></message>
   <message><source>Open the products as styled layers</source><translation>成果物をスタイル付きのレイヤとして開く</translation></message>
   <message><source>Other end of the base line: the outer corner of the first row's last plot.</source><translation>基線のもう一方の端。最初の行の最後の試験区の外側の角です。</translation></message>
   <message><source>Otherwise the algorithm stops if the output exists.</source><translation>チェックしない場合、出力先が存在すると停止します。</translation></message>
@@ -358,7 +358,6 @@
   <message><source>Threads</source><translation>スレッド数</translation></message>
   <message><source>Time zone</source><translation>タイムゾーン</translation></message>
   <message><source>Time zone of dates and map tips, such as Asia/Tokyo [default: that of the run].</source><translation>日付と地図のヒントのタイムゾーン。例：Asia/Tokyo［既定：処理結果のもの］。</translation></message>
-  <message><source>Time zone of the dates, such as Asia/Tokyo [default: that of the place].</source><translation>日付のタイムゾーン（例：Asia/Tokyo）。省略時はその場所のもの。</translation></message>
   <message><source>Track width</source><translation>輪距</translation></message>
   <message><source>Traffic</source><translation>走行</translation></message>
   <message><source>Traffic: how often each spot was worked and driven on</source><translation>走行：各地点の作業回数と通過回数</translation></message>
