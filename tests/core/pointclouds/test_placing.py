@@ -101,3 +101,11 @@ def test_the_local_origin_is_only_a_shift() -> None:
     near, _ = Placer(trajectory, mounting, (5e5, 5e5, 5e5)).place(scan)
     far, _ = Placer(trajectory, mounting, (0.0, 0.0, 0.0)).place(scan)
     np.testing.assert_allclose(near + 5e5, far, atol=1e-8)
+
+
+def test_a_trajectory_of_one_pose__places_nothing() -> None:
+    t = T0 + np.arange(3.0)
+    one = trajectory_from_attitude(t[:1], np.zeros((1, 3)), 0.0, 0.0, 90.0, max_gap_s=1.0)
+    found, known = Placer(one, Mounting(), (0.0, 0.0, 0.0)).place(scan_of(t, np.ones((3, 3))))
+    assert np.isnan(found).all()
+    assert (found.shape, known.tolist()) == ((3, 3), [False] * 3)
