@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,8 @@ import pytest
 from pyproj import CRS
 
 from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.images.frame_poses import FramePoses
+from furrowmap.core.images.frames import Frames
 from furrowmap.core.readers.nmea.sentences import Sentences
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.states_csv import StatesCsv
@@ -26,9 +31,11 @@ from furrowmap.core.surfaces.tiles import tiles
 from furrowmap.core.trajectory.positions import fixes_from_labels
 from furrowmap.core.values import npz
 from furrowmap.core.values.attitude import AttitudeTrack
+from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.datum import datum_shift_m
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.mount_motion import MountMotion
 from furrowmap.core.values.mounting import Mounting
@@ -58,6 +65,16 @@ def velodyne(payloads: Any, host_s: Any) -> object:
 def with_head(value: Any) -> bytes:
     head = msgspec.msgpack.encode(value)
     return len(head).to_bytes(8, "little") + head
+
+
+CAMERA = Camera(640, 480, 600.0, 600.0, 320.0, 240.0)
+
+
+def frames(images: int, poses: int, lost: int | None = None) -> Frames:
+    xyz = np.zeros((poses, 3))
+    xyz[lost if lost is not None else poses :] = np.nan
+    turned = np.repeat(np.eye(3)[None], poses, axis=0)
+    return Frames((Path("a"),) * images, CAMERA, FramePoses(np.arange(float(poses)), xyz, turned))
 
 
 def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
@@ -93,6 +110,21 @@ def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
         (lambda: velodyne([np.zeros(1205, np.uint8)], [0.0]), "must be"),
         (lambda: velodyne([np.zeros(1206, np.uint8)], [0.0, 1.0]), "must be"),
         (lambda: cloth_ground(np.array([[0.0, 0.0, np.nan]])), "not finite"),
+        (lambda: unpacked(with_head(1)[:-1], int), "the head is cut off"),
+        (lambda: replace(CAMERA, fx=0.0), "focal lengths above 0"),
+        (lambda: replace(CAMERA, fy=-1.0), "focal lengths above 0"),
+        (lambda: replace(CAMERA, width=0), "focal lengths above 0"),
+        (lambda: replace(CAMERA, height=-1), "focal lengths above 0"),
+        (lambda: replace(CAMERA, cx=np.nan), "finite numbers"),
+        (lambda: replace(CAMERA, k1=np.inf), "finite numbers"),
+        (lambda: replace(CAMERA, xyz_m=(0.0, np.nan, 0.0)), "finite numbers"),
+        (lambda: replace(CAMERA, rpy_deg=(np.inf, 0.0, 0.0)), "finite numbers"),
+        (lambda: replace(CAMERA, shutter_delay_s=np.nan), "finite numbers"),
+        (lambda: Images((Path("a"),), TWO, np.zeros((1, 3))), "Images has 1 paths"),
+        (lambda: Images((Path("a"), Path("b")), TWO, np.zeros((2, 2))), "Images has 2 paths"),
+        (lambda: Images((Path("a"), Path("b")), TWO[::-1], np.zeros((2, 3))), "decreases"),
+        (lambda: frames(2, 3), "a pose for each image"),
+        (lambda: frames(3, 3, lost=1), "a pose for each image"),
     ],
 )
 def test_values__that_contradict_themselves(make: Callable[[], object], words: str) -> None:
@@ -136,6 +168,21 @@ def test_packed__numbers_come_back_and_other_types_of_arrays_do_not() -> None:
         beyond = msgspec.msgpack.encode(("<f8", (1,), begin))
         with pytest.raises(ValueError, match=words):
             unpacked(with_head(msgspec.msgpack.Ext(1, beyond)) + bytes(8), np.ndarray)
+
+
+def test_npz__that_is_damaged(tmp_path: Path) -> None:
+    """Behind a directory that is whole: a header of another kind, and an array shorter than it says."""
+    path = tmp_path / "a.npz"
+    path.write_bytes(b"PK no archive")
+    with pytest.raises(ValueError, match="not a zip file"):
+        read_npz(path)
+    whole = io.BytesIO()
+    np.save(whole, THREE)
+    for content in (b"\x93NUMPX" + whole.getvalue()[6:], whole.getvalue()[:-8], b""):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("three.npy", content)
+        with pytest.raises(ValueError, match=r"^three\.npy: "):
+            read_npz(path)
 
 
 def test_npz__of_too_many_arrays(tmp_path: Path) -> None:

@@ -93,6 +93,9 @@ def test_pixels_of_control_points__are_read_or_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=why) as refused:
             read_pixels(table, ("C1",))
         assert refused.value.code == "control-pixels-unreadable"
+    with pytest.raises(InputError, match="No such file") as refused:
+        read_pixels(tmp_path / "lost.csv", ("C1",))
+    assert refused.value.code == "control-pixels-unreadable"
 
 
 def test_views_of_control_points__that_disagree_are_left_out() -> None:

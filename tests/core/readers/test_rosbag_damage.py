@@ -79,6 +79,11 @@ def test_what_rosbag2_compresses_itself(tmp_path: Path, plugin: str, mode: str) 
     assert sum(map(len, open_recording([folder], ReadOptions()).scans())) == 3 * 64
 
 
+def test_a_compression_that_is_none__is_damage_by_its_name() -> None:
+    with pytest.raises(Damage, match=r"unsupported compression 'brotli' of a chunk \(supported: lz4, bz2, zstd\)"):
+        inflate(bytes(10), "brotli", 100)
+
+
 def test_promise_06__a_folder_is_read_with_and_without_its_metadata(tmp_path: Path) -> None:
     folder = write_bag2(tmp_path / "bag", mixed())
     with_metadata = Recognised.of(folder).inspect()
