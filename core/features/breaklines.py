@@ -19,8 +19,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, dijkstra, minimum_spanning_tree
 from scipy.spatial import cKDTree
 
-from furrowmap.core.features.ground_surface import medians
+from furrowmap.core.features.ground_surface import cells_of, medians
 from furrowmap.core.surfaces.gaps import filled
+from furrowmap.core.values.extents import bounds
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -96,10 +97,9 @@ def break_points(xyz_m: FloatArray) -> BreakPoints:
     nothing = BreakPoints.joined([])
     if not len(xyz_m):
         return nothing
-    corner = np.floor(xyz_m[:, :2].min(axis=0) / CELL_M)
-    cell = (np.floor(xyz_m[:, :2] / CELL_M) - corner).astype(np.int64)
-    shape = cell.max(axis=0) + 1
-    height = medians(cell[:, 0] * shape[1] + cell[:, 1], xyz_m[:, 2], shape)
+    corner, last = (np.floor(end[:2] / CELL_M) for end in bounds(xyz_m))
+    shape = (last - corner).astype(np.int64) + 1
+    height = medians(cells_of(xyz_m, corner, CELL_M, int(shape[1])), xyz_m[:, 2], shape)
     known = np.isfinite(height)
     if np.count_nonzero(known) < FEWEST_CELLS or shape.min() < 3:
         return nothing

@@ -6,18 +6,19 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from furrowmap.core.features.classes import Feature
-from furrowmap.core.features.eigenfeatures import Eigenfeatures, of_columns
+from furrowmap.core.features.eigenfeatures import Eigenfeatures, neighbourhoods
 from furrowmap.core.features.ground_surface import heights_above_ground
 from furrowmap.core.features.lines import LINEARITY, Line, lines
-from furrowmap.core.features.neighbours import columns
 from furrowmap.core.features.planes import PURITY, Plane, planes
 from furrowmap.core.features.segment_votes import VOTED, colour_segments, voted
 from furrowmap.core.features.voxels import Voxels, voxels
+from furrowmap.core.values.extents import bounds
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -128,25 +129,17 @@ def classify(tile: Tile) -> Classified:
     )
 
 
-def shapes(xyz_m: FloatArray, radius_m: float, places_m: FloatArray | None = None) -> Eigenfeatures:
-    """Eigenfeatures of the voxels (n, 3) of one tile within a radius of each, or of places (k, 3) among them."""
-    if not len(xyz_m):
-        nothing = np.zeros((0, 3), np.float32)
-        return Eigenfeatures(nothing, nothing, nothing, np.zeros(0, np.int32))
-    shape, count = of_columns(columns(xyz_m, radius_m), places_m)
-    return Eigenfeatures(shape[:, :3], shape[:, 3:6], shape[:, 6:], count)
-
-
 def _planes(fine: Voxels, ground_m: FloatArray, cell_m: float) -> tuple[list[Plane], float]:
     """Candidates of planes, and the tolerance by the noise of what is flat."""
     coarse = voxels(fine.mean_m, 2.0 * cell_m)
-    wide = shapes(coarse.mean_m, 8.0 * cell_m)
+    (wide,) = neighbourhoods(coarse.mean_m, coarse.mean_m, (8.0 * cell_m,))
     noise = _thinnest(wide)
     # Where hedges outnumber walls the flattest there is may be their faces, but the ground is known.
     west = ground_m[:, 0].min(initial=np.inf)
     strip = ground_m[ground_m[:, 0] < west + STRIPS_M]
     if len(strip) >= FEWEST:
-        noise = min(noise, _thinnest(shapes(voxels(strip, 2.0 * cell_m).mean_m, 8.0 * cell_m)))
+        thin = voxels(strip, 2.0 * cell_m).mean_m
+        noise = min(noise, _thinnest(*neighbourhoods(thin, thin, (8.0 * cell_m,))))
     tolerance = float(np.clip(3.0 * noise, TOLERANCE_M[0], max(TOLERANCE_M[1], 0.5 * cell_m)))
     return planes(fine.mean_m, wide.at(coarse.of_point), cell_m, tolerance, 3.0 * cell_m), tolerance
 
@@ -161,8 +154,10 @@ def _ground_planes(tile: Tile, ground: BoolArray, fine: Voxels, found: list[Plan
     """Which voxels are on level planes that reach down to the ground: ground that the filter missed."""
     of_ground = np.zeros(len(fine), bool)
     pending = [plane for plane in found if plane.normal[2] >= LEVEL and plane.purity >= PURITY]
-    touched = voxels(tile.xyz_m[ground], 2.0 * tile.cell_m).mean_m
+    if not pending or not ground.any():
+        return of_ground
     side, reach = 2.0 * tile.cell_m, max(STEP_M, 4.0 * tile.cell_m)
+    touched = voxels(_beside(tile.xyz_m[ground], fine, pending, reach + side), side).mean_m
     while pending and len(touched):
         tree = cKDTree(touched)
         new: list[Plane] = []
@@ -178,6 +173,29 @@ def _ground_planes(tile: Tile, ground: BoolArray, fine: Voxels, found: list[Plan
         touched = fine.mean_m[np.concatenate([plane.members for plane in new])] if new else np.zeros((0, 3))
         pending = others
     return of_ground
+
+
+def _beside(ground_m: FloatArray, fine: Voxels, pending: list[Plane], margin_m: float) -> FloatArray:
+    """The ground points (k, 3) in the boxes of planes and a margin around them."""
+    ends = [bounds(fine.mean_m[plane.members]) for plane in pending]
+    boxes = np.array([[*(low - margin_m), *(high + margin_m)] for low, high in ends])
+    inside: FloatArray = ground_m[_in_boxes(ground_m, boxes)]
+    return inside
+
+
+@numba.njit(cache=True, nogil=True)
+def _in_boxes(xyz_m, boxes):  # type: ignore[no-untyped-def]
+    """Which points (n, 3) lie in any of the boxes (k, 6)."""
+    out = np.zeros(len(xyz_m), np.bool_)
+    for i in range(len(xyz_m)):
+        for box in boxes:
+            inside = True
+            for a in range(3):
+                inside &= box[a] <= xyz_m[i, a] <= box[a + 3]
+            if inside:
+                out[i] = True
+                break
+    return out
 
 
 def _plane_evidence(own: NDArray[np.uint8], found: list[Plane]) -> FloatArray:
@@ -196,9 +214,8 @@ def _plane_evidence(own: NDArray[np.uint8], found: list[Plane]) -> FloatArray:
 def _lines(xyz_m: FloatArray, cell_m: float, tolerance_m: float) -> tuple[list[Line], list[Plane], FloatArray]:
     """Lines, open vertical planes of them, and the linearity (n,) of the voxels (n, 3)."""
     coarse = voxels(xyz_m, 2.0 * cell_m)
-    near = shapes(xyz_m, 5.0 * cell_m, coarse.mean_m).at(coarse.of_point)
-    wide = shapes(xyz_m, 10.0 * cell_m, coarse.mean_m).at(coarse.of_point)
-    widest = shapes(xyz_m, 12.0 * cell_m, coarse.mean_m).at(coarse.of_point)
+    radii = (5.0 * cell_m, 10.0 * cell_m, 12.0 * cell_m)
+    near, wide, widest = (each.at(coarse.of_point) for each in neighbourhoods(xyz_m, coarse.mean_m, radii))
     longer = np.nan_to_num(wide.linearity) > np.nan_to_num(near.linearity)
     linearity = np.fmax(near.linearity, wide.linearity).astype(np.float64)
     direction = np.where(longer[:, None], wide.direction, near.direction).astype(np.float64)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
@@ -29,21 +28,20 @@ from furrowmap.core.features.objects import (
 from furrowmap.core.features.planes import Plane
 from furrowmap.core.features.plants import Plants, plants
 from furrowmap.core.pointclouds.cleaning import (
-    POINT,
     Cleaning,
     SquareSpool,
     blocks,
-    cleaned,
-    square_side_m,
+    classified_spool,
     squares_around,
 )
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.values.extents import bounds, cells_with_points
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.record_spool import RecordArray, Square, square_keys
-from furrowmap.core.values.threads import threads
+from furrowmap.core.values.threads import in_turn, threads
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -121,8 +119,7 @@ def density(clouds: Clouds, box: Box | None = None, progress: Progress = silent)
     covered = np.zeros(0, np.int64)
     count = ground = 0
     for batch in clouds.batches(box, read=lambda done: progress("measuring density", done / total)):
-        column, row = np.floor(batch.xyz_m[:, :2].T / PATCH_M).astype(np.int64)
-        covered = np.union1d(covered, (column << 32) + row)
+        covered = np.union1d(covered, cells_with_points(batch.xyz_m, PATCH_M))
         count += len(batch.xyz_m)
         ground += int(np.count_nonzero(batch.ground))
     spacing = math.sqrt(len(covered) * PATCH_M**2 / max(count, 1))
@@ -151,7 +148,7 @@ def with_features(
         folder: for temporary files.
         found: receives the features.
         seen: as in :func:`cleaned`.
-        progress: receives the stages of :func:`cleaned` and "finding features".
+        progress: receives the stages of :func:`classified_spool` and "finding features".
 
     Yields:
         (n,) records of :data:`POINT`.
@@ -161,48 +158,57 @@ def with_features(
         RefusedError: likewise.
         OSError: likewise.
     """
-    with ExitStack() as stack:
-        side_m = square_side_m(clouds)
-        spool = stack.enter_context(SquareSpool(POINT, folder, side_m))
-        for records in cleaned(clouds, cleaning, folder, seen, progress):
-            spool.add_at(records["xyz_m"][:, :2], records)
+    with classified_spool(clouds, cleaning, folder, seen, progress) as spool, ThreadPoolExecutor(threads()) as pool:
         parts = blocks(spool, TILE_POINTS)
-        count = threads()
-        pool = stack.enter_context(ThreadPoolExecutor(count))
         coloured = any("red" in file.dimensions for file in clouds.files)
-        for first in range(0, len(parts), count):
-            work = [pool.submit(_tile, spool, part, cell_m, coloured) for part in parts[first : first + count]]
-            for number, done in enumerate(work, first + 1):
-                records, here = done.result()
-                found.add(here)
-                progress("finding features", number / len(parts))
-                yield records
+        work = in_turn(pool, lambda part: _tile(spool, part, cell_m, coloured), parts, threads())
+        for number, (records, here) in enumerate(work, 1):
+            found.add(here)
+            progress("finding features", number / len(parts))
+            yield records
+
+
+@dataclass(frozen=True)
+class _Points:
+    """What is read of points to find features.
+
+    Attributes:
+        xyz_m: (n, 3).
+        ground: (n,) by the ground filter.
+        rgb: (n, 3).
+    """
+
+    xyz_m: FloatArray
+    ground: BoolArray
+    rgb: NDArray[np.uint16]
+
+    @classmethod
+    def of(cls, records: RecordArray, kept: BoolArray) -> _Points:
+        """Of some records."""
+        ground = records["classification"][kept] == PointClass.GROUND
+        return cls(records["xyz_m"][kept], ground, records["rgb"][kept])
 
 
 def _tile(spool: SquareSpool, block: list[Square], cell_m: float, coloured: bool) -> tuple[RecordArray, Found]:
     """The points of a block with their classes, and its features."""
     own = spool.read_squares(block)
     margin = max(MARGIN_M, MARGIN_VOXELS * cell_m)
-    low, high = own["xyz_m"][:, :2].min(axis=0) - margin, own["xyz_m"][:, :2].max(axis=0) + margin
-    parts = [own[~(own["noise"] | own["machine"])]]
+    low, high = bounds(own["xyz_m"])
+    parts = [_Points.of(own, ~(own["noise"] | own["machine"]))]
     for square in squares_around(block, margin, spool.side_m):
         others = spool.read_squares([square])
         flat = others["xyz_m"][:, :2]
-        near = np.all((flat >= low) & (flat <= high), axis=1)
-        parts.append(others[near & ~(others["noise"] | others["machine"])])
-    points = np.concatenate(parts)
-    if not len(parts[0]):
+        near = np.all((flat >= low[:2] - margin) & (flat <= high[:2] + margin), axis=1)
+        parts.append(_Points.of(others, near & ~(others["noise"] | others["machine"])))
+    if not len(parts[0].xyz_m):
         return own, Found()
-    corner = np.floor(points["xyz_m"].min(axis=0))
-    scale = 255.0 if coloured and points["rgb"].max() <= 255 else 65535.0
-    tile = Tile(
-        points["xyz_m"] - corner,
-        points["classification"] == PointClass.GROUND,
-        cell_m,
-        points["rgb"] / scale if coloured and points["rgb"].any() else None,
-    )
+    xyz, ground, rgb = (np.concatenate([getattr(part, name) for part in parts]) for name in ("xyz_m", "ground", "rgb"))
+    corner = np.floor(bounds(xyz)[0])
+    scale = 255.0 if coloured and rgb.max() <= 255 else 65535.0
+    xyz -= corner
+    tile = Tile(xyz, ground, cell_m, rgb / scale if coloured and rgb.any() else None)
     result = classify(tile)
-    mine = np.arange(len(points)) < len(parts[0])
+    mine = np.arange(len(xyz)) < len(parts[0].xyz_m)
     codes = feature_codes(result.feature[mine], result.above_m[mine])
     own["classification"][~(own["noise"] | own["machine"])] = codes
     return own, _found(tile, result, mine, corner)
@@ -250,5 +256,4 @@ def _found(tile: Tile, result: Classified, mine: BoolArray, corner: FloatArray) 
 
 def _inside(place: FloatArray, own: FloatArray, cell_m: float) -> BoolArray:
     """Which places lie in a cell with points of the tile's own."""
-    cells = np.unique(square_keys(*np.floor(own[:, :2].T / cell_m)))
-    return np.isin(square_keys(*np.floor(place[:, :2].T / cell_m)), cells)
+    return np.isin(square_keys(*np.floor(place[:, :2].T / cell_m)), cells_with_points(own, cell_m))

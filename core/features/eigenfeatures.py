@@ -7,6 +7,7 @@ unstructured 3D point clouds, CVPR, 1610-1618.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,13 +15,15 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from furrowmap.core.features.neighbours import Columns, columns, first_above
+from furrowmap.core.features.neighbours import columns, first_above
 from furrowmap.core.surfaces.tiles import tiles
 
 FloatArray = NDArray[np.float64]
 
 TILE_RADII: Final = 256.0
 """Side of the tiles of a search, in radii."""
+COLUMNS_A_RADIUS: Final = 3.0
+"""Columns of a third of the radius leave out most of what is outside of the sphere."""
 
 
 @dataclass(frozen=True)
@@ -83,65 +86,92 @@ def eigenfeatures(xyz_m: ArrayLike, radius_m: float) -> Eigenfeatures:
     out = np.full((len(xyz), 9), np.nan, np.float32)
     count = np.zeros(len(xyz), np.int32)
     for tile in tiles(finite, TILE_RADII * radius_m, radius_m):
-        shape, number = of_columns(columns(finite[tile.members], radius_m))
-        out[known[tile.own]], count[known[tile.own]] = shape[: len(tile.own)], number[: len(tile.own)]
+        (found,) = neighbourhoods(finite[tile.members], finite[tile.own], (radius_m,))
+        own = known[tile.own]
+        out[own] = np.column_stack([found.eigenvalue_m2, found.normal, found.direction])
+        count[own] = found.count
     return Eigenfeatures(out[:, :3], out[:, 3:6], out[:, 6:], count)
 
 
-def of_columns(
-    sorted_points: Columns, places_m: FloatArray | None = None
-) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
-    """Eigenvalues, normal and direction (n, 9), and number (n,) of the points within the side of a column.
+def neighbourhoods(xyz_m: FloatArray, places_m: FloatArray, radii_m: Sequence[float]) -> list[Eigenfeatures]:
+    """Eigenfeatures of the points (n, 3) of one tile within each of some radii of places (k, 3).
+
+    The neighbours within the largest radius are visited once.
 
     Args:
-        sorted_points: the points.
-        places_m: (n, 3) around which they are searched, within the columns; None for around each point.
+        xyz_m: (n, 3), finite.
+        places_m: (k, 3), finite.
+        radii_m: increasing.
     """
-    order, places = sorted_points.order, sorted_points.xyz_m
-    if places_m is not None:
-        order, places = np.arange(len(places_m)), places_m - sorted_points.corner_m
-    shape: tuple[NDArray[np.float32], NDArray[np.int32]] = _shapes(
-        places, order, sorted_points.xyz_m, sorted_points.starts, sorted_points.side_m, *sorted_points.across
-    )
-    return shape
+    count = np.zeros((len(radii_m), len(places_m)), np.int32)
+    shape = np.full((len(radii_m), len(places_m), 9), np.nan, np.float32)
+    if len(xyz_m) and len(places_m):
+        near = columns(xyz_m, radii_m[-1] / COLUMNS_A_RADIUS)
+        places = columns(places_m, radii_m[-1])
+        _shapes(
+            places_m - near.corner_m, places.order, near.xyz_m, near.starts, near.side_m, *near.across,
+            np.asarray(radii_m, np.float64), shape, count,
+        )  # fmt: skip
+    return [Eigenfeatures(s[:, :3], s[:, 3:6], s[:, 6:], k) for s, k in zip(shape, count, strict=True)]
 
 
 @numba.njit(cache=True, nogil=True)
-def _shapes(places, order, xyz, starts, radius, across, rows):  # type: ignore[no-untyped-def]
-    n = len(places)
-    out = np.full((n, 9), np.nan, np.float32)
-    count = np.zeros(n, np.int32)
-    moments = np.empty(9)
-    square = radius * radius
-    for i in range(n):
+def _shapes(places, order, xyz, starts, side, across, rows, radii, out, count):  # type: ignore[no-untyped-def]
+    shells = len(radii)
+    square = radii * radii
+    largest = square[shells - 1]
+    radius = radii[shells - 1]
+    sums, moments = np.empty((shells, 10)), np.empty(9)
+    for i in order:
         x, y, z = places[i, 0], places[i, 1], places[i, 2]
-        column, row = int(x // radius), int(y // radius)
-        k, sx, sy, sz, xx, yy, zz, xy, xz, yz = 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for beside in range(max(column - 1, 0), min(column + 2, across)):
-            for near in range(max(row - 1, 0), min(row + 2, rows)):
-                begin, end = starts[beside * rows + near], starts[beside * rows + near + 1]
-                for j in range(first_above(xyz, begin, end, z - radius), end):
+        sums[:] = 0.0
+        first, last = max(int((x - radius) // side), 0), min(int((x + radius) // side), across - 1)
+        least, most = max(int((y - radius) // side), 0), min(int((y + radius) // side), rows - 1)
+        for column in range(first, last + 1):
+            aside = max(column * side - x, x - (column + 1) * side, 0.0)
+            for row in range(least, most + 1):
+                begin, end = starts[column * rows + row], starts[column * rows + row + 1]
+                if begin == end:
+                    continue
+                beside = max(row * side - y, y - (row + 1) * side, 0.0)
+                # Somewhat more, so that rounding loses no neighbour: what is too far away is told below.
+                room = 1.000001 * largest - aside * aside - beside * beside
+                if room < 0.0:
+                    continue
+                reach = np.sqrt(room)
+                for j in range(first_above(xyz, begin, end, z - reach), end):
                     c = xyz[j, 2] - z
-                    if c > radius:
+                    if c > reach:
                         break
                     a, b = xyz[j, 0] - x, xyz[j, 1] - y
-                    if a * a + b * b + c * c <= square:
-                        k += 1
-                        sx += a
-                        sy += b
-                        sz += c
-                        xx += a * a
-                        yy += b * b
-                        zz += c * c
-                        xy += a * b
-                        xz += a * c
-                        yz += b * c
-        count[order[i]] = k
-        if k >= 3:
-            moments[0], moments[1], moments[2] = xx - sx * sx / k, yy - sy * sy / k, zz - sz * sz / k
-            moments[3], moments[4], moments[5] = xy - sx * sy / k, xz - sx * sz / k, yz - sy * sz / k
-            eigen(moments, k, out[order[i]])
-    return out, count
+                    away = a * a + b * b + c * c
+                    if away > largest:
+                        continue
+                    shell = 0
+                    while away > square[shell]:
+                        shell += 1
+                    own = sums[shell]
+                    own[0] += 1.0
+                    own[1] += a
+                    own[2] += b
+                    own[3] += c
+                    own[4] += a * a
+                    own[5] += b * b
+                    own[6] += c * c
+                    own[7] += a * b
+                    own[8] += a * c
+                    own[9] += b * c
+        for shell in range(shells):
+            own = sums[shell]
+            if shell > 0:
+                for m in range(10):
+                    own[m] += sums[shell - 1, m]
+            k, sx, sy, sz = own[0], own[1], own[2], own[3]
+            count[shell, i] = k
+            if k >= 3.0:
+                moments[0], moments[1], moments[2] = own[4] - sx * sx / k, own[5] - sy * sy / k, own[6] - sz * sz / k
+                moments[3], moments[4], moments[5] = own[7] - sx * sy / k, own[8] - sx * sz / k, own[9] - sy * sz / k
+                eigen(moments, k, out[shell, i])
 
 
 @numba.njit(cache=True, nogil=True)

@@ -7,10 +7,11 @@ from typing import Final
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates, uniform_filter
+from scipy.ndimage import uniform_filter
 
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.smrf import from_nearest
+from furrowmap.core.values.extents import bounds
 
 FloatArray = NDArray[np.float64]
 
@@ -36,20 +37,55 @@ def heights_above_ground(xyz_m: FloatArray, ground: NDArray[np.bool_]) -> tuple[
     """
     if not ground.any():
         return np.full(len(xyz_m), np.nan), np.zeros(len(xyz_m), bool)
-    corner = np.floor(xyz_m[:, :2].min(axis=0) / CELL_M) - 1.0
-    shape = (np.floor(xyz_m[:, :2].max(axis=0) / CELL_M) - corner + 2.0).astype(np.int64)
-    place = xyz_m[:, :2] / CELL_M - corner
-    cell = np.floor(place).astype(np.int64)
-    flat = cell[:, 0] * shape[1] + cell[:, 1]
-    known = medians(flat[ground], xyz_m[ground, 2], shape)
+    low, high = (np.floor(end[:2] / CELL_M) for end in bounds(xyz_m))
+    corner = low - 1.0
+    shape = (high - corner + 2.0).astype(np.int64)
+    cell = cells_of(xyz_m, corner, CELL_M, int(shape[1]))
+    known = medians(cell[ground], xyz_m[ground, 2], shape)
     surface = filled(known) if np.count_nonzero(np.isfinite(known)) >= FEWEST_CELLS else from_nearest(known)
-    above = xyz_m[:, 2] - map_coordinates(surface, place.T - 0.5, order=1, mode="nearest")
-    spread = medians(flat[ground], np.abs(above[ground]), shape)
+    above = _above(xyz_m, corner, surface)
+    spread = medians(cell[ground], np.abs(above[ground]), shape)
     known = np.isfinite(spread)
     around = uniform_filter(np.where(known, spread, 0.0), 3) / np.maximum(uniform_filter(known.astype(float), 3), 1e-9)
     slope = np.hypot(*np.gradient(surface, CELL_M))
-    limit = (np.clip(DEVIATIONS * 1.4826 * around, *NEAR_M) + SLOPE_M * np.minimum(slope, 1.0)).ravel()[flat]
-    return above, (above < limit) & (ground | (above > -limit))
+    limit = np.clip(DEVIATIONS * 1.4826 * around, *NEAR_M) + SLOPE_M * np.minimum(slope, 1.0)
+    return above, _within(above, ground, cell, limit.ravel())
+
+
+@numba.njit(cache=True, nogil=True)
+def cells_of(xyz_m, corner, cell_m, rows):  # type: ignore[no-untyped-def]
+    """Number (n,) of the cell of each point (n, 3), row by row of each column; `corner` (2,) is counted in cells."""
+    out = np.empty(len(xyz_m), np.int64)
+    for i in range(len(xyz_m)):
+        column, row = np.floor(xyz_m[i, 0] / cell_m) - corner[0], np.floor(xyz_m[i, 1] / cell_m) - corner[1]
+        out[i] = int(column) * rows + int(row)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _above(xyz_m, corner, surface):  # type: ignore[no-untyped-def]
+    """Height of points above a surface, between the middles of whose cells it is interpolated."""
+    out = np.empty(len(xyz_m))
+    columns, rows = surface.shape
+    for i in range(len(xyz_m)):
+        u = min(max(xyz_m[i, 0] / CELL_M - corner[0] - 0.5, 0.0), columns - 1.0)
+        v = min(max(xyz_m[i, 1] / CELL_M - corner[1] - 0.5, 0.0), rows - 1.0)
+        j, k = min(int(u), columns - 2), min(int(v), rows - 2)
+        s, t = u - j, v - k
+        near = (1.0 - t) * surface[j, k] + t * surface[j, k + 1]
+        far = (1.0 - t) * surface[j + 1, k] + t * surface[j + 1, k + 1]
+        out[i] = xyz_m[i, 2] - ((1.0 - s) * near + s * far)
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _within(above, ground, cell, limit):  # type: ignore[no-untyped-def]
+    """What is no higher than the limit of its cell, and either ground already or no lower."""
+    out = np.empty(len(above), np.bool_)
+    for i in range(len(above)):
+        most = limit[cell[i]]
+        out[i] = above[i] < most and (ground[i] or above[i] > -most)
+    return out
 
 
 def medians(cell: NDArray[np.int64], values: FloatArray, shape: NDArray[np.int64]) -> FloatArray:

@@ -9,10 +9,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.values.extents import bounds
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MOST_COLUMNS: Final = 1 << 24
+INSERTED: Final = 24
+"""Points of a column up to which they are sorted by insertion."""
 
 
 @dataclass(frozen=True)
@@ -45,22 +49,44 @@ def columns(xyz_m: FloatArray, side_m: float) -> Columns:
         ValueError: if they are spread over more than :data:`MOST_COLUMNS`: split them into tiles.
     """
     points = np.ascontiguousarray(xyz_m, np.float64)
-    corner = points.min(axis=0)
-    column, row = (int(number) + 1 for number in (points.max(axis=0)[:2] - corner[:2]) // side_m)
+    corner, high = bounds(points)
+    column, row = (int(number) + 1 for number in (high[:2] - corner[:2]) // side_m)
     if column * row > MOST_COLUMNS:
         raise ValueError(f"{column} x {row} columns of {side_m} m")
-    number = _numbers(points, corner, side_m, row)
-    order = np.lexsort([points[:, 2], number])
-    starts = np.searchsorted(number[order], np.arange(column * row + 1))
+    order, starts = _sorted(points, corner, side_m, column, row)
     return Columns(points[order] - corner, order, starts, corner, side_m, (column, row))
 
 
 @numba.njit(cache=True, nogil=True)
-def _numbers(xyz_m, corner, side_m, rows):  # type: ignore[no-untyped-def]
-    out = np.empty(len(xyz_m), np.int64)
-    for i in range(len(xyz_m)):
-        out[i] = int((xyz_m[i, 0] - corner[0]) // side_m) * rows + int((xyz_m[i, 1] - corner[1]) // side_m)
-    return out
+def _sorted(xyz_m, corner, side_m, across, rows):  # type: ignore[no-untyped-def]
+    """Order by column, then height; first point of each column. Points of one height keep their order."""
+    n = len(xyz_m)
+    number, order = np.empty(n, np.int64), np.empty(n, np.int64)
+    starts = np.zeros(across * rows + 1, np.int64)
+    for i in range(n):
+        number[i] = int((xyz_m[i, 0] - corner[0]) // side_m) * rows + int((xyz_m[i, 1] - corner[1]) // side_m)
+        starts[number[i] + 1] += 1
+    for k in range(across * rows):
+        starts[k + 1] += starts[k]
+    place = starts[:-1].copy()
+    for i in range(n):
+        order[place[number[i]]] = i
+        place[number[i]] += 1
+    height = np.empty(n)
+    for k in range(n):
+        height[k] = xyz_m[order[k], 2]
+    for k in range(across * rows):
+        begin, end = starts[k], starts[k + 1]
+        if end - begin <= INSERTED:
+            for i in range(begin + 1, end):
+                z, one, j = height[i], order[i], i
+                while j > begin and height[j - 1] > z:
+                    height[j], order[j] = height[j - 1], order[j - 1]
+                    j -= 1
+                height[j], order[j] = z, one
+        else:
+            order[begin:end] = order[begin:end][np.argsort(height[begin:end], kind="mergesort")]
+    return order, starts
 
 
 @numba.njit(cache=True, nogil=True, inline="always")

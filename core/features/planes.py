@@ -14,11 +14,10 @@ from typing import Final
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation, uniform_filter
-from scipy.spatial import cKDTree
 
 from furrowmap.core.features.eigenfeatures import Eigenfeatures, eigen
 from furrowmap.core.features.neighbours import Columns, columns, first_above
+from furrowmap.core.values.extents import bounds
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -119,7 +118,7 @@ def planes(
     )
     found = []
     for members, fit in _fits(near.xyz_m + near.corner_m, region):
-        plane = _plane(xyz_m, near, members, fit, (cell_m, tolerance_m), fill)
+        plane = _plane(near, members, fit, (cell_m, tolerance_m), fill)
         if plane is not None:
             found.append(plane)
     found.sort(key=lambda plane: -plane.area_m2)
@@ -155,7 +154,6 @@ def _fits(sorted_m: FloatArray, region: IntArray) -> Iterator[tuple[IntArray, _F
 
 
 def _plane(
-    xyz_m: FloatArray,
     sorted_m: Columns,
     region: IntArray,
     fit: _Fit,
@@ -167,70 +165,126 @@ def _plane(
     `scale_m` are the size of the voxels and the tolerance.
     """
     cell_m, tolerance_m = scale_m
-    own = xyz_m[sorted_m.order[region]]
-    centre, normal = fit.centre_m, fit.normal
-    flat, _ = flat_in(centre, normal, own)
-    side = _side(flat, cell_m)
-    corner = flat.min(axis=0)
-    cell = np.floor((flat - corner) / side).astype(np.int64)
-    across = cell.max(axis=0) + 1
-    filled = np.zeros(across, bool)
-    filled[cell[:, 0], cell[:, 1]] = True
-    number = np.count_nonzero(filled)
-    area = float(number) * side * side
-    share = (uniform_filter(filled.astype(np.float64), 3, mode="constant")[filled].sum() * 9.0 / number - 1.0) / 8.0
+    corner_m, normal = sorted_m.corner_m, fit.normal
+    axes, centre = np.stack([*axes_of(normal), normal]), fit.centre_m - sorted_m.corner_m
+    own = sorted_m.xyz_m[region]
+    side, corner, filled, share = _raster((own - centre) @ axes[:2].T, cell_m)
+    area = float(np.count_nonzero(filled)) * side * side
     if area < LEAST_AREA_M2 or not fill[0] <= share < fill[1]:
         return None
-    low, high = own.min(axis=0) - SLAB_M, own.max(axis=0) + SLAB_M
-    corner_m = sorted_m.corner_m
-    in_slab = _in_slab(
+    low, high = bounds(own)
+    around, number, on = _in_slab(
         sorted_m.xyz_m, sorted_m.starts, sorted_m.side_m, *sorted_m.across,
-        low - corner_m, high - corner_m, centre - corner_m, normal, SLAB_M,
+        low - SLAB_M, high + SLAB_M, centre, axes, (side, tolerance_m), corner, np.pad(filled, RIM),
     )  # fmt: skip
-    around = np.sort(sorted_m.order[in_slab])
-    flat, away = flat_in(centre, normal, xyz_m[around])
-    on = np.abs(away) <= tolerance_m
-    cell = np.clip(np.floor((flat - corner) / side).astype(np.int64) + RIM, 0, across + 2 * RIM - 1)
-    filled = np.pad(filled, RIM)
-    over = filled[cell[:, 0], cell[:, 1]]
-    purity = int(np.count_nonzero(on & over)) / max(int(np.count_nonzero(over)), 1)
-    near = binary_dilation(filled, iterations=RIM)[cell[:, 0], cell[:, 1]]
-    return Plane(around[on & near], centre, normal, fit.rms_m, purity, area)
-
-
-def _side(flat: FloatArray, cell_m: float) -> float:
-    """Side of cells of which those of a plane are nearly all filled: two voxels, three where it is seen sparsely."""
-    some = flat if len(flat) <= MOST_MEASURED else flat[:: len(flat) // MOST_MEASURED]
-    fourth = np.asarray(cKDTree(flat).query(some, [min(5, len(flat))])[0], np.float64)
-    return min(max(1.5 * float(np.median(fourth)), 2.0 * cell_m), 3.0 * cell_m)
+    return Plane(np.sort(sorted_m.order[around]), centre + corner_m, normal, fit.rms_m, on / max(number, 1), area)
 
 
 @numba.njit(cache=True, nogil=True)
-def _in_slab(xyz, starts, side, across, rows, low, high, centre, normal, slab_m):  # type: ignore[no-untyped-def]
-    """The sorted points in a box and within a distance of a plane."""
-    out = np.empty(1024, np.int64)
-    held = 0
-    first, last = max(int(low[0] // side), 0), min(int(high[0] // side), across - 1)
-    least, most = max(int(low[1] // side), 0), min(int(high[1] // side), rows - 1)
-    for column in range(first, last + 1):
-        for row in range(least, most + 1):
-            begin, end = starts[column * rows + row], starts[column * rows + row + 1]
+def _raster(flat, cell_m):  # type: ignore[no-untyped-def]
+    """Side of the cells of a plane, the first corner, which of them are filled, and the share of filled ones around.
+
+    The side, with which those of a plane are nearly all filled, is one and a half of the distance to the fourth
+    neighbour, but two voxels at least and three at most.
+    """
+    n = len(flat)
+    corner = np.array([flat[:, 0].min(), flat[:, 1].min()])
+    reach = 2.0 * cell_m
+    columns, rows = int((flat[:, 0].max() - corner[0]) / reach) + 1, int((flat[:, 1].max() - corner[1]) / reach) + 1
+    number, order = np.empty(n, np.int64), np.empty(n, np.int64)
+    starts = np.zeros(columns * rows + 1, np.int64)
+    for i in range(n):
+        number[i] = int((flat[i, 0] - corner[0]) / reach) * rows + int((flat[i, 1] - corner[1]) / reach)
+        starts[number[i] + 1] += 1
+    for k in range(columns * rows):
+        starts[k + 1] += starts[k]
+    place = starts[:-1].copy()
+    for i in range(n):
+        order[place[number[i]]] = i
+        place[number[i]] += 1
+    every = 1 if n <= MOST_MEASURED else n // MOST_MEASURED
+    fourth = np.empty((n + every - 1) // every)
+    best = np.empty(5)
+    for m in range(len(fourth)):
+        i = m * every
+        best[:] = reach * reach
+        column, row = number[i] // rows, number[i] % rows
+        for beside in range(max(column - 1, 0), min(column + 2, columns)):
+            # The rows of a column lie one after another.
+            for k in range(starts[beside * rows + max(row - 1, 0)], starts[beside * rows + min(row + 2, rows)]):
+                a, b = flat[order[k], 0] - flat[i, 0], flat[order[k], 1] - flat[i, 1]
+                away = a * a + b * b
+                if away < best[4]:
+                    at = 4
+                    while at > 0 and best[at - 1] > away:
+                        best[at] = best[at - 1]
+                        at -= 1
+                    best[at] = away
+        fourth[m] = np.sqrt(best[4])
+    side = min(max(1.5 * np.median(fourth), 2.0 * cell_m), 3.0 * cell_m)
+    columns, rows = int((flat[:, 0].max() - corner[0]) / side) + 1, int((flat[:, 1].max() - corner[1]) / side) + 1
+    filled = np.zeros((columns, rows), np.bool_)
+    for i in range(n):
+        filled[int((flat[i, 0] - corner[0]) / side), int((flat[i, 1] - corner[1]) / side)] = True
+    own, around = 0, 0
+    for column in range(columns):
+        for row in range(rows):
+            if filled[column, row]:
+                own += 1
+                for c in range(max(column - 1, 0), min(column + 2, columns)):
+                    for r in range(max(row - 1, 0), min(row + 2, rows)):
+                        around += filled[c, r]
+    return side, corner, filled, (around / own - 1.0) / 8.0
+
+
+@numba.njit(cache=True, nogil=True)
+def _in_slab(xyz, starts, reach, across, rows, low, high, centre, axes, scale, corner, filled):  # type: ignore[no-untyped-def]
+    """The sorted points in a box that are on a plane, over its cells or their rim, and two numbers.
+
+    These are of the points over its cells within :data:`SLAB_M`, and of those among them that are on it. `axes` (3, 3)
+    are two in the plane and its normal; `scale` are the side of the cells, which are `filled`, with the rim around
+    them, and the distance within which points are on the plane.
+    """
+    side, tolerance = scale
+    near = np.zeros_like(filled)
+    columns, lines = filled.shape
+    for column in range(columns):
+        for row in range(lines):
+            if filled[column, row]:
+                for c in range(max(column - RIM, 0), min(column + RIM + 1, columns)):
+                    wide = RIM - abs(c - column)
+                    for r in range(max(row - wide, 0), min(row + wide + 1, lines)):
+                        near[c, r] = True
+    out, held, number, on = np.empty(1024, np.int64), 0, 0, 0
+    first, last = max(int(low[0] // reach), 0), min(int(high[0] // reach), across - 1)
+    least, most = max(int(low[1] // reach), 0), min(int(high[1] // reach), rows - 1)
+    for beside in range(first, last + 1):
+        for along in range(least, most + 1):
+            begin, end = starts[beside * rows + along], starts[beside * rows + along + 1]
             for j in range(first_above(xyz, begin, end, low[2]), end):
-                x, y, z = xyz[j, 0], xyz[j, 1], xyz[j, 2]
-                if z > high[2]:
+                if xyz[j, 2] > high[2]:
                     break
-                if x < low[0] or x > high[0] or y < low[1] or y > high[1]:
+                if xyz[j, 0] < low[0] or xyz[j, 0] > high[0] or xyz[j, 1] < low[1] or xyz[j, 1] > high[1]:
                     continue
-                away = (x - centre[0]) * normal[0] + (y - centre[1]) * normal[1] + (z - centre[2]) * normal[2]
-                if abs(away) > slab_m:
+                x, y, z = xyz[j, 0] - centre[0], xyz[j, 1] - centre[1], xyz[j, 2] - centre[2]
+                away = abs(x * axes[2, 0] + y * axes[2, 1] + z * axes[2, 2])
+                if away > SLAB_M:
                     continue
-                if held == len(out):
-                    more = np.empty(2 * held, np.int64)
-                    more[:held] = out
-                    out = more
-                out[held] = j
-                held += 1
-    return out[:held].copy()
+                u = (x * axes[0, 0] + y * axes[0, 1] + z * axes[0, 2] - corner[0]) / side
+                v = (x * axes[1, 0] + y * axes[1, 1] + z * axes[1, 2] - corner[1]) / side
+                column = min(max(int(np.floor(u)) + RIM, 0), columns - 1)
+                row = min(max(int(np.floor(v)) + RIM, 0), lines - 1)
+                if filled[column, row]:
+                    number += 1
+                    on += away <= tolerance
+                if away <= tolerance and near[column, row]:
+                    if held == len(out):
+                        more = np.empty(2 * held, np.int64)
+                        more[:held] = out
+                        out = more
+                    out[held] = j
+                    held += 1
+    return out[:held].copy(), number, on
 
 
 @numba.njit(cache=True, nogil=True)

@@ -9,6 +9,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.values.extents import bounds
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -43,8 +45,8 @@ def voxels(xyz_m: FloatArray, cell_m: float) -> Voxels:
     if not len(xyz_m):
         return Voxels(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0, np.int64))
     points = np.ascontiguousarray(xyz_m, np.float64)
-    low = np.floor(points.min(axis=0) / cell_m)
-    across = np.floor(points.max(axis=0) / cell_m) - low + 1.0
+    low, high = (np.floor(end / cell_m) for end in bounds(points))
+    across = high - low + 1.0
     if np.prod(across) >= 2.0**62:
         raise ValueError(f"points span {across * cell_m} m, too many voxels of {cell_m} m")
     of_point, sums, count = _group(points, cell_m, low, across.astype(np.int64))

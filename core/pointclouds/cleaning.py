@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import ExitStack
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any, Final, Literal
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,9 +29,11 @@ from furrowmap.core.surfaces.outliers import (
     thin_points,
 )
 from furrowmap.core.surfaces.smrf import Smrf
+from furrowmap.core.values.extents import bounds
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.record_spool import RecordArray, RecordSpool, Square, square_keys, square_of
+from furrowmap.core.values.threads import in_turn, threads
 
 FloatArray = NDArray[np.float64]
 
@@ -181,6 +185,49 @@ def cleaned(
             yield records[kept]
 
 
+@contextmanager
+def classified_spool(
+    clouds: Clouds,
+    cleaning: Cleaning,
+    folder: Path,
+    seen: Callable[[Survey], None] | None = None,
+    progress: Progress = silent,
+) -> Iterator[SquareSpool]:
+    """The points of clouds by square, their ground classified: a context manager that removes them at its end.
+
+    Args:
+        clouds: the clouds.
+        cleaning: of its steps, those that need no neighbours, and the ground.
+        folder: for temporary files.
+        seen: as in :func:`cleaned`.
+        progress: receives the stages "reading clouds" and "cleaning clouds".
+
+    Raises:
+        InputError: as :func:`cleaned`.
+        RefusedError: likewise.
+        OSError: likewise.
+    """
+    side_m = square_side_m(clouds)
+    with SquareSpool(POINT, folder, side_m) as spool, SquareSpool(PLACE, folder, side_m) as lows:
+        for records in _wanted(clouds, cleaning, seen, progress):
+            spool.add_at(records["xyz_m"][:, :2], records)
+        method = cleaning.ground
+        if method != "none":
+            parts = blocks(spool)
+            for square in (square for block in parts for square in block):
+                _add_lows(spool.read_squares([square]), square, lows)
+
+            def classify(block: list[Square]) -> None:
+                records = spool.read_squares(block)
+                _classify_ground(records, block, lows, method)
+                spool.overwrite(spool.keys(block), records)
+
+            with ThreadPoolExecutor(threads()) as pool:
+                for number, _ in enumerate(in_turn(pool, classify, parts, threads()), 1):
+                    progress("cleaning clouds", number / len(parts))
+        yield spool
+
+
 def _wanted(
     clouds: Clouds, cleaning: Cleaning, seen: Callable[[Survey], None] | None, progress: Progress
 ) -> Iterator[RecordArray]:
@@ -307,12 +354,24 @@ def _with_outliers(records: RecordArray, usual: NeighbourStatistics) -> RecordAr
 def _add_lows(records: RecordArray, square: Square, lows: SquareSpool) -> None:
     """Store the lowest points of the cells of a square, as surroundings of blocks for the ground filter."""
     xyz = _ground_like(records)
-    column, row = np.floor(xyz[:, :2].T / SMRF.cell_m).astype(np.int64)
-    order = np.lexsort([xyz[:, 2], row, column])
-    first = np.ones(len(order), bool)
-    first[1:] = (np.diff(column[order]) != 0) | (np.diff(row[order]) != 0)
-    lowest = xyz[order[first]]
+    if not len(xyz):
+        return
+    lowest = xyz[_lowest(xyz, SMRF.cell_m, *bounds(xyz))]
     lows.add(lowest, np.repeat(lows.keys([square]), len(lowest)))
+
+
+@numba.njit(cache=True, nogil=True)
+def _lowest(xyz_m, cell_m, low, high):  # type: ignore[no-untyped-def]
+    """Index of the lowest point of each cell with any, column by column; `low` and `high` are the bounds of all."""
+    corner = np.floor(low / cell_m)
+    columns, rows = int(np.floor(high[0] / cell_m) - corner[0]) + 1, int(np.floor(high[1] / cell_m) - corner[1]) + 1
+    out = np.full(columns * rows, -1, np.int64)
+    for i in range(len(xyz_m)):
+        column, row = np.floor(xyz_m[i, 0] / cell_m) - corner[0], np.floor(xyz_m[i, 1] / cell_m) - corner[1]
+        cell = int(column) * rows + int(row)
+        if out[cell] < 0 or xyz_m[i, 2] < xyz_m[out[cell], 2]:
+            out[cell] = i
+    return out[out >= 0]
 
 
 def _ground_like(records: RecordArray) -> FloatArray:

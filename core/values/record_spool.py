@@ -50,7 +50,7 @@ class _Block:
 class RecordSpool:
     """A temporary file of blocks, removed when it is closed or the process ends; a context manager.
 
-    One thread may append; any number of threads may read after the last append.
+    One thread may append; after the last append any number of threads may read, and overwrite what no other reads.
 
     Args:
         layout: dtype of a record.
@@ -128,8 +128,9 @@ class RecordSpool:
         """Replace the records that :meth:`read` returned for the same keys."""
         done = 0
         for start, count in self._segments_of(keys):
-            self._file.seek(start * self.layout.itemsize)
-            self._file.write(records[done : done + count].data)
+            with self._lock:
+                self._file.seek(start * self.layout.itemsize)
+                self._file.write(records[done : done + count].data)
             done += count
 
     def parts(self, first: int, end: int, room: Callable[[], RecordArray]) -> Iterator[RecordArray]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import Final, TypeVar
@@ -85,3 +86,22 @@ def in_threads(work: Callable[[Sequence[Item]], Found], items: Sequence[Item]) -
         return [work(share) for share in shares]
     with ThreadPoolExecutor(len(shares)) as pool:
         return list(pool.map(work, shares))
+
+
+def in_turn(
+    pool: ThreadPoolExecutor, work: Callable[[Item], Found], items: Iterable[Item], ahead: int
+) -> Iterator[Found]:
+    """`work` on each item in the threads of a pool; the results in the order of the items.
+
+    At most `ahead` items are in work or wait for the caller, beside the one that it has.
+    """
+    begun = deque[Future[Found]]()
+    for item in items:
+        if len(begun) == ahead:
+            done = begun.popleft().result()
+            begun.append(pool.submit(work, item))
+            yield done
+        else:
+            begun.append(pool.submit(work, item))
+    while begun:
+        yield begun.popleft().result()

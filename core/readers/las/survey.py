@@ -12,6 +12,7 @@ from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.errors import Notice
+from furrowmap.core.values.extents import bounds
 
 FloatArray = NDArray[np.float64]
 
@@ -47,8 +48,9 @@ class Survey:
     def add(self, batch: CloudBatch) -> None:
         """Add the points of a batch."""
         self.points += len(batch)
-        self.low = np.minimum(self.low, batch.xyz_m.min(axis=0, initial=np.inf))
-        self.high = np.maximum(self.high, batch.xyz_m.max(axis=0, initial=-np.inf))
+        if len(batch):
+            low, high = bounds(batch.xyz_m)
+            self.low, self.high = np.minimum(self.low, low), np.maximum(self.high, high)
         self.by_return += np.bincount(batch.return_number, minlength=16)
         self.by_class += np.bincount(batch.classification, minlength=256)
         self.withheld += int(np.count_nonzero(batch.withheld))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.values.errors import UsageError
-from furrowmap.core.values.threads import VARIABLE, available_processors, in_threads, threads, using_threads
+from furrowmap.core.values.threads import VARIABLE, available_processors, in_threads, in_turn, threads, using_threads
 
 
 def test_threads__innermost_count_wins_then_the_environment_then_the_processors(
@@ -69,3 +70,18 @@ def test_in_threads__uses_as_many_threads_as_asked_for() -> None:
 
     with using_threads(3):
         assert len(set(in_threads(work, range(3)))) == 3
+
+
+def test_in_turn__gives_results_in_order_and_begins_few_ahead() -> None:
+    begun = []
+
+    def work(item: int) -> int:
+        begun.append(item)
+        return item * item
+
+    with ThreadPoolExecutor(2) as pool:
+        results = in_turn(pool, work, iter(range(7)), 2)
+        assert next(results) == 0
+        assert max(begun, default=0) <= 2
+        assert list(results) == [k * k for k in range(1, 7)]
+    assert sorted(begun) == list(range(7))
