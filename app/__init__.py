@@ -54,6 +54,9 @@ if TYPE_CHECKING:
     from furrowmap.results import Raster as Raster
     from furrowmap.results import Result as Result
     from furrowmap.results import open_result as open_result
+    from furrowmap.workflows.batch import Batch as Batch
+    from furrowmap.workflows.batch import BatchSettings as BatchSettings
+    from furrowmap.workflows.batch import batch as batch
     from furrowmap.workflows.calibrate import Calibration as Calibration
     from furrowmap.workflows.calibrate import calibrate as calibrate
     from furrowmap.workflows.calibrate_mount import MountCalibration as MountCalibration
@@ -117,6 +120,8 @@ if TYPE_CHECKING:
     __version__ = version("furrowmap")
 
 _HOMES = {
+    "Batch": "workflows.batch",
+    "BatchSettings": "workflows.batch",
     "Board": "core.images.board",
     "Calibration": "workflows.calibrate",
     "CanopySettings": "workflows.canopy",
@@ -170,6 +175,7 @@ _HOMES = {
     "Wheels": "exporters.farm.traffic",
     "add_to_farm_map": "workflows.farm",
     "allowing": "core.values.allowances",
+    "batch": "workflows.batch",
     "calibrate": "workflows.calibrate",
     "calibrate_mount": "workflows.calibrate_mount",
     "canopy": "workflows.canopy",

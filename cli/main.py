@@ -21,11 +21,13 @@ from furrowmap.cli.interruption import INTERRUPTION, Interruption
 from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
 from furrowmap.core.values.languages.catalogue import LANGUAGES
 from furrowmap.core.values.languages.choice import using_language
+from furrowmap.workflows.failures import in_three_lines
 
 COMMANDS: Final = (
     "init",
     "inspect",
     "run",
+    "batch",
     "surface",
     "cloud",
     "colour",
@@ -209,32 +211,11 @@ def attempt(
 
 def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> FurrowmapError:
     """Any exception as an error with a remedy."""
-    if isinstance(raised, FurrowmapError):
-        return raised
-    if isinstance(raised, KeyboardInterrupt | click.Abort):
+    if isinstance(raised, click.Abort):
         return Cancelled()
     if isinstance(raised, click.UsageError):
         return _usage(raised, arguments)
-    if isinstance(raised, MemoryError):
-        return FurrowmapError(
-            "Out of memory.",
-            "The command stopped; no partial files were left.",
-            "Close other programs, or process a part of the recording.",
-            code="out-of-memory",
-        )
-    if isinstance(raised, OSError) and raised.strerror:
-        return FurrowmapError(
-            f"{raised.filename}: {raised.strerror}." if raised.filename else f"{raised.strerror}.",
-            "A file could not be read or written; no partial files were left.",
-            "Check that the folder exists, that you have permission to write there, and that the disk is not full.",
-            code="system",
-        )
-    return FurrowmapError(
-        f"{type(raised).__name__}: {raised}.",
-        "This is a bug in furrowmap; no partial files were left.",
-        "Run the command again with --debug, and report the output together with that of `furrowmap --version`.",
-        code="fault",
-    )
+    return in_three_lines(raised)
 
 
 def _usage(raised: click.UsageError, arguments: Sequence[str]) -> UsageError:

@@ -25,4 +25,4 @@ fi
 "$venv/bin/python" -c '' 2>/dev/null && "$venv/bin/pip" --version >/dev/null 2>&1 || "$python" -m venv --clear "$venv"
 "$venv/bin/python" -m pip install -qq --constraint constraints.txt --upgrade pip
 "$venv/bin/python" -m pip install -qq --constraint "$constraints" --build-constraint constraints.txt \
-  --editable ".[csf,notebooks,parquet,photo,postgis,trials,xarray]" --group "$group"
+  --editable ".[cluster,csf,notebooks,parquet,photo,postgis,remote,trials,xarray]" --group "$group"

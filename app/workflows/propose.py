@@ -9,7 +9,7 @@ from typing import Final
 
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.machine import load_machine
-from furrowmap.core.session.proposal import common_folder
+from furrowmap.core.session.proposal import Proposal, common_folder
 from furrowmap.core.session.proposal import propose_session as proposal_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, printable
 from furrowmap.core.values.progress import Progress, silent
@@ -72,15 +72,26 @@ def propose_session(
             "Give another name with -o, or replace it with --overwrite.",
             code="exists",
         )
+    proposal, skipped = proposed(paths, target.parent, machine, progress)
+    with atomic_output(target) as unfinished:
+        unfinished.write_text(proposal.text, encoding="utf-8")
+    return ProposedSession(target, proposal.found, (*proposal.missing, *skipped))
+
+
+def proposed(
+    paths: Sequence[Path], folder: Path, machine: str | Path | None, progress: Progress = silent
+) -> tuple[Proposal, list[Notice]]:
+    """The proposal of a session file in `folder`, which is not written, and what is not used in it.
+
+    Raises:
+        InputError: as :func:`propose_session`.
+    """
     profile = load_machine(machine_file(machine)) if machine is not None else None
     examined, skipped = [], list[Notice]()
     for path in paths:
         progress(f"Reading {printable(path.name)}", 0.0)
         examined += _examined(path, skipped)
-    proposal = proposal_of(examined, target.parent, profile)
-    with atomic_output(target) as unfinished:
-        unfinished.write_text(proposal.text, encoding="utf-8")
-    return ProposedSession(target, proposal.found, (*proposal.missing, *skipped))
+    return proposal_of(examined, folder, profile), skipped
 
 
 def _home(path: Path) -> Path:

@@ -69,15 +69,22 @@ def run(
     Raises:
         FurrowmapError: if the session does not make a cloud, or the folder cannot be written to.
     """
-    start = perf_counter()
     file = Path(session)
     folder = Path(out) if out is not None else file.resolve().parent / f"{file.stem}_result"
     opened = open_session(file)
     if within is not None:
         opened = opened.within(Path(within))
+    return run_opened(opened, folder, overwrite=overwrite, resume=resume, progress=progress)
+
+
+def run_opened(
+    opened: OpenSession, folder: Path, *, overwrite: bool, resume: bool, progress: Progress = silent
+) -> Result:
+    """Run an open session; arguments and errors as :func:`run`."""
+    start = perf_counter()
     if opened.inputs.within is not None:
         ground_to_map(opened.inputs.within, opened.frame)  # what is wrong with the polygons is told before the work
-    _refuse_original(folder, file)
+    _refuse_original(folder, opened.file)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
     _expect_space(folder, opened)
     with (

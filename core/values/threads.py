@@ -47,6 +47,11 @@ def threads() -> int:
     return int(stated)
 
 
+def asked_threads() -> int | None:
+    """The count of the innermost `using_threads`; None outside of all."""
+    return _asked[-1] if _asked else None
+
+
 @contextmanager
 def using_threads(count: int | None, *, by_default: bool = False) -> Iterator[None]:
     """Within it, furrowmap uses at most `count` threads at once.

@@ -32,7 +32,7 @@ def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent)
     """Hash files in blocks.
 
     Args:
-        paths: of the files, below `root`; a folder (of a ROS 2 bag) stands for the files in it.
+        paths: of the files; a folder (of a ROS 2 bag) stands for the files in it.
         root: to which their names are relative.
         progress: receives the stage "hashing inputs".
 

@@ -15,6 +15,7 @@ FLAGS = {
     "add_to_farm_map": {"same_crs"},
     **{name: {"overwrite"} for name in ("calibrate_mount", "colour", "solve_gnss")},
     "check_pairs": {"overwrite"},
+    "batch": {"dry_run", "overwrite"},
     "run": {"overwrite", "resume"},
     "farm_traffic": {"overwrite"},
     "field_history": {"overwrite"},

@@ -1,0 +1,197 @@
+"""Dask's workers for a batch: processes of this machine, or those of a running cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from secrets import token_hex
+from time import monotonic
+from typing import Any, Final, TypeVar
+
+from distributed import Client, LocalCluster, WorkerPlugin, wait
+from distributed.scheduler import KilledWorker
+
+from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.process import prepare_process
+from furrowmap.workflows.batch_engine import Lost
+
+Item = TypeVar("Item")
+Found = TypeVar("Found")
+
+IN_HAND: Final = 4
+"""Items for each worker that the scheduler has at a time: more would only take its memory."""
+RECONNECT_S: Final = 60.0
+"""A scheduler that is gone is waited for so long."""
+_CONNECT_S: Final = 5.0
+_TICK_S: Final = 0.2
+
+
+class Prepared(WorkerPlugin):
+    """Sets up each worker before it imports what a run needs."""
+
+    name = "furrowmap"
+
+    def setup(self, worker: object) -> None:  # noqa: ARG002 (distributed's signature)
+        """Called once in each worker, also in those that come later."""
+        prepare_process()
+
+
+class DaskWorkers:
+    """An engine of Dask's workers.
+
+    A worker that is lost costs no item: the scheduler gives it to another one, three times. Where the scheduler is
+    lost, the items without an answer are handed to the next one at the same address.
+
+    Args:
+        connect: makes a client of the scheduler.
+    """
+
+    def __init__(self, connect: Callable[[], Client]) -> None:
+        self._connect = connect
+        self._client = self._connected()
+
+    @property
+    def dashboard(self) -> str:
+        """Address of the page on which one can watch the workers."""
+        return str(self._client.dashboard_link)
+
+    def close(self) -> None:
+        """Disconnect; what still runs on workers is given up."""
+        with suppress(Exception):
+            self._client.close(timeout=_CONNECT_S)
+
+    def each(
+        self, work: Callable[[Item], Found], items: Sequence[tuple[str, Item]], tick: Callable[[], None]
+    ) -> Iterator[tuple[str, Found | Lost]]:
+        """As :meth:`~.batch_engine.Engine.each`, in the order in which they are done."""
+        waiting = list(reversed(items))
+        in_hand: dict[Any, tuple[str, Item]] = {}
+        try:
+            while waiting or in_hand:
+                tick()
+                try:
+                    self._hand_out(work, waiting, in_hand)
+                    done = self._some_done(in_hand)
+                except (OSError, TimeoutError, RuntimeError, ValueError) as error:
+                    if self._is_connected():
+                        raise _unusable(error) from error
+                    done = []
+                if not self._is_connected():
+                    waiting += reversed(list(in_hand.values()))
+                    in_hand.clear()
+                    self._reconnect(tick)
+                    continue
+                for future in done:
+                    name, item = in_hand.pop(future)
+                    if future.status in ("cancelled", "lost"):
+                        waiting.append((name, item))
+                    else:
+                        yield name, _found(future)
+        finally:
+            with suppress(Exception):
+                self._client.cancel(list(in_hand), force=True)
+
+    def _hand_out(
+        self, work: Callable[[Item], Found], waiting: list[tuple[str, Item]], in_hand: dict[Any, tuple[str, Item]]
+    ) -> None:
+        room = IN_HAND * max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+        while waiting and len(in_hand) < room:
+            name, item = waiting[-1]
+            future = self._client.submit(work, item, key=f"{name}-{token_hex(4)}", pure=False)
+            in_hand[future] = waiting.pop()
+
+    def _some_done(self, in_hand: dict[Any, tuple[str, Item]]) -> list[Any]:
+        with suppress(TimeoutError):
+            wait(list(in_hand), timeout=_TICK_S, return_when="FIRST_COMPLETED")
+        return [future for future in in_hand if future.status != "pending"]
+
+    def _is_connected(self) -> bool:
+        return self._client.status == "running"
+
+    def _connected(self) -> Client:
+        client = self._connect()
+        client.register_plugin(Prepared())
+        return client
+
+    def _reconnect(self, tick: Callable[[], None]) -> None:
+        self.close()
+        until = monotonic() + RECONNECT_S
+        while True:
+            tick()
+            try:
+                self._client = self._connected()
+            except (OSError, TimeoutError, RuntimeError):
+                if monotonic() > until:
+                    raise _lost_scheduler() from None
+            else:
+                return
+
+
+@contextmanager
+def local_cluster(workers: int, say: Callable[[str], None]) -> Iterator[DaskWorkers]:
+    """Workers that are processes of this machine, and end with it; its memory is divided among them."""
+    with ExitStack() as stack:
+        cluster = stack.enter_context(
+            LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, memory_limit="auto", dashboard_address=":0"
+            )
+        )
+        say(f"{workers} workers; dashboard: {cluster.dashboard_link}")
+        engine = DaskWorkers(lambda: Client(cluster, timeout=_CONNECT_S))
+        stack.callback(engine.close)
+        yield engine
+
+
+@contextmanager
+def cluster_of_scheduler(address: str, say: Callable[[str], None]) -> Iterator[DaskWorkers]:
+    """The workers of a running scheduler.
+
+    Raises:
+        FurrowmapError: if it cannot be reached.
+    """
+    try:
+        engine = DaskWorkers(lambda: Client(address, timeout=_CONNECT_S))
+    except (OSError, TimeoutError, ValueError) as error:
+        raise FurrowmapError(
+            f"{address}: no Dask scheduler answers ({error}).",
+            "No session was run.",
+            "Start one with `dask scheduler`, and workers with `dask worker`; or leave --scheduler out.",
+            code="no-scheduler",
+        ) from None
+    try:
+        say(f"Dashboard: {engine.dashboard}")
+        yield engine
+    finally:
+        engine.close()
+
+
+def _found(future: Any) -> Any:
+    """What came of an item.
+
+    Raises:
+        FurrowmapError: if the worker could not begin with it.
+    """
+    if future.status == "finished":
+        return future.result()
+    error = future.exception()
+    if isinstance(error, KilledWorker):
+        return Lost()
+    raise _unusable(error)
+
+
+def _unusable(error: BaseException) -> FurrowmapError:
+    return FurrowmapError(
+        f"The cluster could not run a session ({type(error).__name__}: {error}).",
+        "The batch has stopped; results that are finished are kept.",
+        "Install the same versions of furrowmap, dask and distributed on all machines, and run the command again.",
+        code="batch-cluster",
+    )
+
+
+def _lost_scheduler() -> FurrowmapError:
+    return FurrowmapError(
+        f"The Dask scheduler has not answered for {RECONNECT_S:.0f} s.",
+        "The batch has stopped; results that are finished are kept.",
+        "Start the scheduler and its workers, and run the command again: it goes on where it stopped.",
+        code="batch-scheduler-lost",
+    )

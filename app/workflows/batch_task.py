@@ -1,0 +1,141 @@
+"""One run of a batch, as a worker does it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from time import monotonic, perf_counter, process_time, sleep
+from typing import Any, Final
+
+import msgspec
+
+from furrowmap.core.session.opened import OpenSession
+from furrowmap.core.values.allowances import ALL, allowing
+from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.json_text import plain
+from furrowmap.core.values.languages.choice import using_language
+from furrowmap.core.values.threads import using_threads
+from furrowmap.exporters.files.batch_state import Failure, Outcome, Stamp
+from furrowmap.exporters.files.file_records import file_records, files_in
+from furrowmap.exporters.files.result_folder import REPORT
+from furrowmap.exporters.vectors.batch_table import FIGURES, outlines
+from furrowmap.results import Result, open_result
+from furrowmap.workflows.batch_jobs import Job, key_of, open_job
+from furrowmap.workflows.batch_sources import stamp
+from furrowmap.workflows.failures import in_three_lines
+from furrowmap.workflows.run import run_opened
+
+PATIENCE_S: Final = 3600.0
+"""A run of another worker into the same folder, such as one whose scheduler is gone, is waited for so long."""
+_LOOK_S: Final = 1.0
+
+
+@dataclass
+class _Spent:
+    """What a job has taken so far."""
+
+    wall_s: float
+    processor_s: float
+
+    @classmethod
+    def begin(cls) -> Callable[[], _Spent]:
+        """Start to count."""
+        wall_s, processor_s = perf_counter(), process_time()
+        return lambda: cls(perf_counter() - wall_s, process_time() - processor_s)
+
+
+def run_job(job: Job) -> Outcome:
+    """Run a session into its folder, unless the result of the same inputs, settings and version is there.
+
+    Errors are part of the outcome, because one session must not stop the others.
+    """
+    spent = _Spent.begin()
+    key, stamps = "", tuple[Stamp, ...]()
+    try:
+        key = key_of(job)
+        with _settings(job):
+            opened = open_job(job)
+            stamps = input_stamps(opened)
+            result, repeated = _result(job, opened)
+            outcome = _finished(key, stamps, result, opened)
+    except Exception as error:  # noqa: BLE001 whatever ends one session is told in the table
+        outcome, repeated = Outcome(key, stamps, Failure.of(in_three_lines(error))), False
+    took = spent()
+    return replace(
+        outcome,
+        repeated=repeated,
+        seconds=round(took.wall_s, 3),
+        processor_s=round(took.processor_s, 3),
+        peak_mb=round(peak_memory_mb(), 1),
+    )
+
+
+def input_stamps(opened: OpenSession) -> tuple[Stamp, ...]:
+    """The files of a session as they are now, without their content."""
+    files = [file for path in opened.inputs.all for file in (files_in(path) if path.is_dir() else [path])]
+    return tuple(stamp(file) for file in files)
+
+
+def peak_memory_mb() -> float:
+    """Peak memory of this process; nan where the system does not report it."""
+    if sys.platform == "win32":
+        return float("nan")
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 1e6 if sys.platform == "darwin" else peak / 1e3
+
+
+def _settings(job: Job) -> ExitStack:
+    stack = ExitStack()
+    stack.enter_context(using_threads(job.threads))
+    stack.enter_context(allowing(*(what for what in ALL if what in job.allowed)))
+    if job.language:
+        stack.enter_context(using_language(job.language))
+    return stack
+
+
+def _result(job: Job, opened: OpenSession) -> tuple[Result, bool]:
+    """The result, and whether it was there."""
+    until = monotonic() + PATIENCE_S
+    while True:
+        try:
+            earlier = _earlier(job.folder, opened)
+            if earlier is not None:
+                return earlier, True
+            return run_opened(opened, job.folder, overwrite=job.overwrite, resume=True), False
+        except RefusedError as error:
+            if error.code != "output-busy" or monotonic() > until:
+                raise
+            sleep(_LOOK_S)
+
+
+def _earlier(folder: Path, opened: OpenSession) -> Result | None:
+    """The result in a folder, if it is of the same inputs, settings and version."""
+    if not (folder / REPORT).is_file():
+        return None
+    result = open_result(folder)
+    report = result.report
+    if report["furrowmap"] != version("furrowmap") or report["session"] != plain(msgspec.to_builtins(opened.session)):
+        return None
+    records = plain(file_records(opened.inputs.all, opened.file.resolve().parent))
+    return result if _contents(report["inputs"]) == _contents(records) else None
+
+
+def _contents(records: Any) -> list[tuple[str, str]]:
+    return sorted((record["name"], record["sha256"]) for record in records)
+
+
+def _finished(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenSession) -> Outcome:
+    report = result.report
+    root = opened.file.resolve().parent
+    digests = {(root / record["name"]).resolve(): record["sha256"] for record in report["inputs"]}
+    inputs = tuple(replace(one, sha256=digests.get(Path(one.path).resolve(), "")) for one in stamps)
+    figures = {name: report["figures"][name] for name in FIGURES if name in report["figures"]}
+    figures |= {"session": report["session"]["name"], "warnings": len(report["warnings"])}
+    footprint, track = outlines(result, opened.frame)
+    return Outcome(key, inputs, figures=figures, footprint=footprint, track=track)

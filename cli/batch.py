@@ -1,0 +1,111 @@
+"""`furrowmap batch`: all sessions below some folders, each run once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+import furrowmap
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.tables import table
+from furrowmap.core.values.errors import printable
+
+if TYPE_CHECKING:
+    from furrowmap import Batch
+
+_MOST_SHOWN = 20
+
+
+@click.command(
+    short_help="Run all sessions below some folders, each once.",
+    epilog="\b\nExample:\n  furrowmap batch season2026 -o results\n"
+    "  furrowmap batch card1 card2 -o results --machine 'Tractor 1, tiller' --boundaries fields.gpkg",
+)
+@click.argument("folders", metavar="FOLDER...", nargs=-1, required=True, type=FILE)
+@click.option("-o", "--output", type=FILE, metavar="RESULTS", required=True, help="Folder of the results.")
+@click.option(
+    "--machine",
+    metavar="NAME|FILE",
+    help="Machine that made recordings without a session: the name of a saved one, or its profile.",
+)
+@click.option(
+    "--boundaries",
+    type=FILE,
+    metavar="FILE",
+    help="Fields: each recording is run once for each field that it enters, from entering to leaving.",
+)
+@click.option(
+    "--workers", type=click.IntRange(1), metavar="N", help="Number of worker processes [default: by cores and memory]."
+)
+@click.option("--scheduler", metavar="ADDRESS", help="Running Dask scheduler whose workers are used: tcp://HOST:PORT.")
+@click.option("--overwrite", is_flag=True, help="Replace products of other recordings in result folders.")
+@click.option("--dry-run", is_flag=True, help="Show what would run and how long it would take; write nothing.")
+@common_options
+def batch(
+    console: Console,
+    folders: tuple[Path, ...],
+    output: Path,
+    machine: str | None,
+    boundaries: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+    *,
+    overwrite: bool,
+    dry_run: bool,
+) -> None:
+    """Run every session below each FOLDER into a folder of RESULTS of its own, and write tables of them.
+
+    Sessions are files named session.toml. A session runs again only if its recordings, its settings or the version of
+    furrowmap have changed; one that fails does not stop the others. An interrupted batch continues when it is called
+    again. RESULTS/batch.csv, batch.gpkg and batch.html list all sessions.
+    """
+    settings = furrowmap.BatchSettings(machine, boundaries, workers, scheduler)
+    with console.work() as progress:
+        found = furrowmap.batch(
+            folders, output, settings, dry_run=dry_run, overwrite=overwrite, say=console.say, progress=progress
+        )
+    for notice in found.notices:
+        console.warn(notice)
+    failures = [(row.name, row.outcome.failure) for row in found.sessions if row.outcome.failure is not None]
+    answer = {
+        "results": found.results,
+        "run": found.run,
+        "unchanged": found.unchanged,
+        "failed": [{"name": name, "code": failure.code, "lines": failure.lines} for name, failure in failures],
+        "estimate_s": found.estimate_s,
+    }
+    console.answer(answer, _planned(found) if dry_run else _done(found))
+    if failures and not dry_run:
+        click.get_current_context().exit(1)
+
+
+def _planned(found: Batch) -> str:
+    rows = [
+        ("sessions to run", str(len(found.run))),
+        ("unchanged", str(len(found.unchanged))),
+        ("expected duration", _duration(found.estimate_s or 0.0)),
+    ]
+    return "\n".join([table(rows), *_names(found.run)])
+
+
+def _done(found: Batch) -> str:
+    failed = [row for row in found.sessions if row.outcome.failure is not None]
+    rows = [("run", str(len(found.run))), ("unchanged", str(len(found.unchanged))), ("failed", str(len(failed)))]
+    lines = [f"{printable(str(found.results))}:", table(rows)]
+    for row in failed:
+        assert row.outcome.failure is not None
+        lines += [f"{printable(row.name)}:", *(f"  {line}" for line in row.outcome.failure.lines)]
+    return "\n".join(lines)
+
+
+def _names(names: tuple[str, ...]) -> list[str]:
+    shown = [f"  {printable(name)}" for name in names[:_MOST_SHOWN]]
+    return [*shown, f"  … {len(names) - _MOST_SHOWN} more"] if len(names) > _MOST_SHOWN else shown
+
+
+def _duration(length_s: float) -> str:
+    minutes = round(length_s / 60)
+    return f"{length_s:.0f} s" if length_s < 120 else f"{minutes // 60} h {minutes % 60:02d} min"

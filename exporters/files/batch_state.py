@@ -1,0 +1,171 @@
+"""The state of a batch: what became of each session, in one SQLite file.
+
+A row is written when a session has ended, in a transaction of its own, so that a killed batch has the rows of all that
+had ended. The results themselves are the truth: a session without a row, whose result is there, is recognised by the
+content of its inputs.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Self
+
+import msgspec
+
+from furrowmap.core.values.errors import FurrowmapError, InputError
+
+STATE: Final = ".batch.sqlite"
+_SCHEMA: Final = 1
+
+
+@dataclass(frozen=True)
+class Stamp:
+    """A file as it was when it was read.
+
+    Attributes:
+        path: of the file.
+        bytes: its size.
+        mark: what changes with its content: time of the last change in nanoseconds, or the ETag of an object store.
+        sha256: of its content; empty where it was not read.
+    """
+
+    path: str
+    bytes: int
+    mark: str
+    sha256: str = ""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """The error that ended a session.
+
+    Attributes:
+        code: of the error.
+        lines: its three parts.
+        exit_status: what `furrowmap run` would have ended with.
+    """
+
+    code: str
+    lines: tuple[str, str, str]
+    exit_status: int
+
+    @classmethod
+    def of(cls, error: FurrowmapError) -> Self:
+        """From an error."""
+        return cls(error.code, error.lines, error.exit_status)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a session.
+
+    Attributes:
+        key: of settings and version with which it ran.
+        inputs: the files that it read.
+        failure: the error that ended it; None for a session with a result.
+        seconds: wall time of the run.
+        processor_s: processor time of the run.
+        peak_mb: peak memory of the process that ran it, up to the end of the run.
+        repeated: whether the result was there already and only looked at.
+        figures: of the report, texts and numbers.
+        footprint: hull of trajectory and worked ground in longitude and latitude, as hexadecimal WKB.
+        track: the vehicle's path in longitude and latitude, as hexadecimal WKB.
+    """
+
+    key: str
+    inputs: tuple[Stamp, ...] = ()
+    failure: Failure | None = None
+    seconds: float = 0.0
+    processor_s: float = 0.0
+    peak_mb: float = 0.0
+    repeated: bool = False
+    figures: dict[str, Any] = field(default_factory=dict)
+    footprint: str = ""
+    track: str = ""
+
+
+class BatchState:
+    """The rows of a state file.
+
+    Args:
+        database: open, with its tables.
+    """
+
+    def __init__(self, database: sqlite3.Connection) -> None:
+        self._database = database
+
+    def outcomes(self) -> dict[str, Outcome]:
+        """What became of each session, by its name."""
+        rows = self._database.execute("SELECT name, outcome FROM sessions")
+        return {name: msgspec.json.decode(text, type=Outcome) for name, text in rows}
+
+    def sources(self) -> dict[str, str]:
+        """The name of each session, by what it was made from."""
+        return dict(self._database.execute("SELECT source, name FROM names").fetchall())
+
+    def keep(self, name: str, outcome: Outcome) -> None:
+        """Keep what became of a session."""
+        with self._database:
+            row = (name, msgspec.json.encode(outcome))
+            self._database.execute("INSERT OR REPLACE INTO sessions VALUES (?, ?)", row)
+
+    def keep_names(self, names: Mapping[str, str]) -> None:
+        """Keep the names of sessions, by what they were made from."""
+        with self._database:
+            self._database.executemany("INSERT OR REPLACE INTO names VALUES (?, ?)", names.items())
+
+    def prepared(self, source: str, key: str) -> bytes | None:
+        """What was found in a source with that key of its content; None if nothing was kept."""
+        found = self._database.execute("SELECT found FROM prepared WHERE source = ? AND key = ?", (source, key))
+        row = found.fetchone()
+        return bytes(row[0]) if row is not None else None
+
+    def keep_prepared(self, source: str, key: str, found: bytes) -> None:
+        """Keep what was found in a source."""
+        with self._database:
+            self._database.execute("INSERT OR REPLACE INTO prepared VALUES (?, ?, ?)", (source, key, found))
+
+    def save_as(self, path: Path) -> None:
+        """Write a copy that is whole while this file changes."""
+        path.unlink(missing_ok=True)
+        with closing(sqlite3.connect(path)) as copy:
+            self._database.backup(copy)
+
+
+@contextmanager
+def batch_state(path: Path | None) -> Iterator[BatchState]:
+    """The state in a file, which is created where missing; None for one that is not kept.
+
+    Raises:
+        InputError: if the file is damaged or of another version.
+    """
+    try:
+        with closing(sqlite3.connect(path if path is not None else ":memory:")) as database:
+            _prepare(database)
+            yield BatchState(database)
+    except (sqlite3.DatabaseError, msgspec.DecodeError, msgspec.ValidationError) as error:
+        raise InputError(
+            f"{path}: the state of the batch cannot be read or written ({error}).",
+            "It is not known which sessions are done.",
+            "Check the space on the disk. If the file is damaged, remove it: results that are up to date are kept.",
+            code="batch-state",
+        ) from None
+
+
+def _prepare(database: sqlite3.Connection) -> None:
+    (version,) = database.execute("PRAGMA user_version").fetchone()
+    if version == _SCHEMA:
+        return
+    if version:
+        raise sqlite3.DatabaseError(f"it has version {version}, not {_SCHEMA}")
+    with database:
+        database.execute("CREATE TABLE IF NOT EXISTS sessions (name TEXT PRIMARY KEY, outcome BLOB NOT NULL)")
+        database.execute("CREATE TABLE IF NOT EXISTS names (source TEXT PRIMARY KEY, name TEXT NOT NULL)")
+        database.execute(
+            "CREATE TABLE IF NOT EXISTS prepared (source TEXT PRIMARY KEY, key TEXT NOT NULL, found BLOB NOT NULL)"
+        )
+        database.execute(f"PRAGMA user_version = {_SCHEMA}")

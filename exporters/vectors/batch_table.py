@@ -1,0 +1,143 @@
+"""The table of a batch: a row for each session, as CSV and as layers of a GeoPackage."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.batch_state import Outcome
+from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.vectors.field_layers import Layer, geometry_array
+from furrowmap.exporters.vectors.geopackage import write_layer
+
+TABLE: Final = "batch.csv"
+LAYERS: Final = "batch.gpkg"
+NUMBERS: Final = (
+    "duration_s", "distance_m", "points", "passes", "worked_area_m2", "overlap_area_m2", "missed_area_m2",
+    "working_speed_mps", "work_rate_ha_h",
+)  # fmt: skip
+TEXTS: Final = ("start", "end")
+FIGURES: Final = (*TEXTS, *NUMBERS)
+"""Figures of a report that the table has; those that a run does not give are empty."""
+_SIMPLIFY_M: Final = 0.5
+"""Maximum distance of a simplified track from the positions."""
+_MAX_GAP_S: Final = 1.0
+"""A track is interrupted where positions are missing for longer."""
+_DIGITS: Final = 7
+"""Of a degree: a centimetre."""
+
+
+class HasLayers(Protocol):
+    """A result whose layers are GeoDataFrames by name."""
+
+    @property
+    def layers(self) -> Mapping[str, Any]:
+        """The layers."""
+        ...
+
+
+@dataclass(frozen=True)
+class Row:
+    """A session in the table.
+
+    Attributes:
+        name: of the result folder.
+        file: of the session.
+        field: the field that this run is of; empty for all of the recording.
+        outcome: what became of it.
+    """
+
+    name: str
+    file: str
+    field: str
+    outcome: Outcome
+
+    @property
+    def status(self) -> str:
+        """`done` or `failed`."""
+        return "failed" if self.outcome.failure is not None else "done"
+
+
+def outlines(result: HasLayers, frame: MapFrame) -> tuple[str, str]:
+    """Footprint and track of a result in longitude and latitude, as hexadecimal WKB.
+
+    The footprint is the hull of the trajectory and of the worked ground.
+    """
+    driven = result.layers["trajectory"]
+    xy_m = shapely.get_coordinates(driven.geometry.to_numpy())
+    cuts = np.flatnonzero(np.diff(driven["t_s"].to_numpy()) > _MAX_GAP_S) + 1
+    lines = [shapely.LineString(part) for part in np.split(xy_m, cuts) if len(part) > 1]
+    track = shapely.MultiLineString(list(shapely.simplify(lines, _SIMPLIFY_M)))
+    ground = list(result.layers["coverage"].geometry) if "coverage" in result.layers else []
+    hull = shapely.convex_hull(shapely.force_2d(shapely.GeometryCollection([track, *ground])))
+    hull = hull if hull.geom_type == "Polygon" else hull.buffer(1.0, quad_segs=2)
+
+    def lon_lat(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.column_stack(frame.to_lon_lat(xy[:, 0], xy[:, 1])).round(_DIGITS)
+
+    footprint, path = shapely.transform(hull, lon_lat), shapely.transform(track, lon_lat)
+    return shapely.to_wkb(footprint, hex=True), shapely.to_wkb(path, hex=True)
+
+
+def write_table(folder: Path, rows: Sequence[Row]) -> None:
+    """Write :data:`TABLE`.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    head = ("name", "status", "session", "field", *FIGURES, "warnings", "run_s", "processor_s", "peak_mb", "code")
+    with atomic_output(folder / TABLE) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow([*head, "error", "file"])
+        for row in rows:
+            failure = row.outcome.failure
+            figures = row.outcome.figures
+            values = [row.name, row.status, figures.get("session", ""), row.field]
+            values += [figures.get(name, "") for name in (*FIGURES, "warnings")]
+            values += [row.outcome.seconds, row.outcome.processor_s, row.outcome.peak_mb]
+            values += [failure.code, " ".join(failure.lines)] if failure is not None else ["", ""]
+            writer.writerow([cell(value) for value in (*values, row.file)])
+
+
+def write_layers(folder: Path, rows: Sequence[Row]) -> None:
+    """Write :data:`LAYERS`: `sessions`, the footprints of all that have a result, and `tracks`, with the same fields.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    done = [row for row in rows if row.outcome.failure is None]
+    columns: dict[str, NDArray[Any]] = {
+        "name": _texts([row.name for row in done]),
+        "session": _texts([row.outcome.figures.get("session", "") for row in done]),
+        "field": _texts([row.field for row in done]),
+        **{name: _texts([row.outcome.figures.get(name) for row in done]) for name in TEXTS},
+        **{name: _floats([row.outcome.figures.get(name) for row in done]) for name in NUMBERS},
+        "warnings": _floats([row.outcome.figures.get("warnings") for row in done]),
+        "run_s": _floats([row.outcome.seconds for row in done]),
+    }
+    footprints = [shapely.from_wkb(row.outcome.footprint) for row in done]
+    tracks = [shapely.from_wkb(row.outcome.track) for row in done]
+    sessions = "Where each session took place: the hull of its trajectory and worked ground"
+    with atomic_output(folder / LAYERS) as unfinished:
+        for layer in (
+            Layer("sessions", "Polygon", sessions, geometry_array(footprints), columns),
+            Layer("tracks", "MultiLineString", "The path of the vehicle", geometry_array(tracks), columns),
+        ):
+            write_layer(unfinished, layer, "EPSG:4326", indexed=True)
+
+
+def _texts(values: Sequence[str | None]) -> NDArray[Any]:
+    return np.array(values, object)
+
+
+def _floats(values: Sequence[Any]) -> NDArray[np.float64]:
+    return np.array([value if isinstance(value, int | float) else np.nan for value in values], np.float64)
