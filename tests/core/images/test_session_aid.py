@@ -30,7 +30,7 @@ from furrowmap.core.images.control_points import ControlPoints, control_views
 from furrowmap.core.images.frame_poses import frame_poses
 from furrowmap.core.images.neighbours import overlapping
 from furrowmap.core.images.session_aid import read_pixels
-from furrowmap.core.session.opened import open_session
+from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.camera import Camera
@@ -192,3 +192,59 @@ def test_session__without_the_extra_goes_on_without_images(monkeypatch: pytest.M
     assert session_aid.aided_session(opened, place, SCALE, notices, silent) == (place, None)
     (notice,) = notices
     assert 'pip install "furrowmap[photo]"' in notice.text
+
+
+SESSION = """furrowmap = 1
+[recording]
+lidar = ["none.pcap"]
+[crs]
+map = "EPSG:25832"
+[trajectory]
+files = ["drive.csv"]
+[camera]
+table = "images.csv"
+width = 800
+height = 600
+fx = 660.0
+fy = 661.0
+cx = 402.0
+cy = 297.0
+"""
+
+
+def session_of(folder: Path, more: str) -> OpenSession:
+    rows = "".join(f"{1_779_529_272 + k},500000,5900000,60,0,0,90\n" for k in range(3))
+    (folder / "drive.csv").write_text(f"time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg\n{rows}")
+    (folder / "none.pcap").write_bytes(b"")
+    (folder / "images.csv").write_text("file,time_unix_s\n0.png,1779529273\n")
+    PIL.new("RGB", (800, 600)).save(folder / "0.png")
+    (folder / "points.csv").write_text("name,easting,northing,height\nC1,500000,5900000,60\n")
+    (folder / "pixels.csv").write_text("file,name,u,v\n0.png,C9,1,2\n")
+    (folder / "session.toml").write_text(f"{SESSION}{more}", encoding="utf-8")
+    return open_session(folder / "session.toml")
+
+
+def test_control_points__of_a_session_are_read_before_images_are_looked_at(tmp_path: Path) -> None:
+    place, notices = located(), list[Notice]()
+    opened = session_of(tmp_path, 'control_points = "points.csv"\n')
+    assert session_aid.aided_session(opened, place, SCALE, notices, silent) == (place, None)
+    assert "there are 0 that can be read" in notices[-1].text
+    opened = session_of(tmp_path, 'control_points = "points.csv"\ncontrol_pixels = "pixels.csv"\n')
+    with pytest.raises(InputError, match="'C9', which is none of the control points"):
+        session_aid.aided_session(opened, place, SCALE, [], silent)
+    (tmp_path / "pixels.csv").write_text("file,name,u,v\n0.png,C1,1,2\n")
+    assert session_aid.aided_session(opened, place, SCALE, [], silent) == (place, None)
+    (tmp_path / "points.csv").write_text("nothing\n")
+    with pytest.raises(InputError, match=r"points\.csv"):
+        session_aid.aided_session(opened, place, SCALE, [], silent)
+
+
+@pytest.mark.parametrize("more", ["aid = false\n", None])
+def test_images__that_are_not_to_aid_or_not_there_leave_no_word(more: str | None, tmp_path: Path) -> None:
+    opened = session_of(tmp_path, more or "")
+    if more is None:
+        (tmp_path / "session.toml").write_text(SESSION.split("[camera]")[0], encoding="utf-8")
+        opened = open_session(tmp_path / "session.toml")
+    place, notices = located(), list[Notice]()
+    assert session_aid.aided_session(opened, place, SCALE, notices, silent) == (place, None)
+    assert notices == []
