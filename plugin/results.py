@@ -19,7 +19,7 @@ from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 from .legends import label_band, name_node, translate_categories
 from .previews import remove_previews
 from .products import product, read_object
-from .styles import set_terrain, show_as_change, show_as_surface, show_by_class
+from .styles import hatch, set_terrain, show_as_change, show_as_surface, show_by_class
 
 tr = partial(QCoreApplication.translate, "Results")
 
@@ -81,6 +81,10 @@ def opening(folder, project=None):
         if layer.isValid():
             layers.append(layer)
         yield
+    if any(layer.name() == "change" for layer in layers):
+        for layer in layers:
+            if layer.name() == "passes":
+                hatch(layer)
     if not layers:
         raise NoResultsError(
             tr("{folder} has no {products} that QGIS can open. Choose the folder of a run.").format(

@@ -2,6 +2,7 @@
 """Styles of surfaces and point clouds; the GeoPackage has the styles of its vector layers."""
 
 from qgis.core import (
+    QgsCategorizedSymbolRenderer,
     QgsColorRampShader,
     QgsHillshadeRenderer,
     QgsPointCloudCategory,
@@ -10,7 +11,7 @@ from qgis.core import (
     QgsRasterShader,
     QgsSingleBandPseudoColorRenderer,
 )
-from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
+from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication, Qt
 from qgis.PyQt.QtGui import QColor, QPainter
 
 LIGHT_FROM_DEG, LIGHT_ABOVE_DEG = 315.0, 40.0
@@ -66,6 +67,18 @@ def show_as_change(layer, *, styled=False):
     renderer = set_colours(layer, ramp)
     renderer.setClassificationMin(-CHANGE_M)
     renderer.setClassificationMax(CHANGE_M)
+
+
+def hatch(layer):
+    """Fill the areas of a layer with lines of their colours, between which the surface below is seen."""
+    renderer = layer.renderer()
+    if not isinstance(renderer, QgsCategorizedSymbolRenderer):
+        return
+    for number, category in enumerate(renderer.categories()):
+        symbol = category.symbol().clone()
+        symbol.symbolLayer(0).setBrushStyle(Qt.BrushStyle.BDiagPattern)
+        renderer.updateCategorySymbol(number, symbol)
+    layer.setOpacity(1.0)
 
 
 def set_colours(layer, ramp):

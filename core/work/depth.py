@@ -19,7 +19,8 @@ SETTLING_S: Final = 1.0
 FEWEST: Final = 5
 SOIL_SIGMA_M: Final = 0.02
 """Standard deviation of the soil's height beside the tool over that which the tool works: loosened by the pass before,
-rows, clods, straw. On the samples, whose passes are all 12 cm deep, depths are off by this."""
+rows, clods, straw. In the two samples, whose six passes are all 12 cm deep, depths are off by 2.3 cm (RMS) and at most
+by 4.1 cm."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from furrowmap.core.values.languages.translation import translated
 from furrowmap.exporters.exchange.kml_styles import PASSES, LayerLooks, Look, layer_looks, style_name
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import TRAJECTORY
-from furrowmap.exporters.vectors.layer_words import ALIASES, VALUES
+from furrowmap.exporters.vectors.layer_words import ALIASES, NAMES, VALUES
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -51,7 +51,7 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
     notices = []
     for name, layer in reversed(list(layers.items())):  # KML draws later folders on top
         folder = ET.SubElement(document, "Folder")
-        _text(folder, "name", name.replace("_", " "))
+        _text(folder, "name", translated(NAMES.get(name, name.replace("_", " ")), language_of_user()))
         if name == TRAJECTORY:
             _add_lines(folder, layer, looks[name])
             text = "The trajectory is a line for each quality of its positions in KML, without the scans' fields."

@@ -42,6 +42,9 @@ from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
 PROJECT: Final = "field.qgs"
 FIELD_PRODUCTS: Final = (PROJECT, FIELD)
 """Names by which a folder is known to hold a project; its rasters come on top."""
+PASSES: Final = "passes"
+HATCHED: Final = 'name="style" type="QString" value="b_diagonal"'
+"""Fill of areas above the change of the surface, which is seen between the lines."""
 SURFACES: Final = frozenset({*RELIEFS, HEIGHT_ABOVE_GROUND, CHANGE})
 
 
@@ -73,7 +76,10 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         kind = str(pyogrio.read_info(result.folder / FIELD, layer=name)["geometry_type"])
         source = f"./{FIELD}|layername={name}"
         title = _in(language, LAYER_TITLES.get(name, name.replace("_", " ")))
-        layer = ProjectLayer(name, kind, source, "ogr", _style(f"{name}.qml", language), title, read_only=True)
+        style = _style(f"{name}.qml", language)
+        if name == PASSES and style is not None and (result.folder / CHANGE).is_file():
+            style = style.replace('name="style" type="QString" value="solid"', HATCHED)
+        layer = ProjectLayer(name, kind, source, "ogr", style, title, read_only=True)
         put_vector_layer(within, layer, crs)
         _put_leaf(tree, layer, shown=len(result.layer_names) == 1 or name not in HIDDEN_AT_FIRST)
     for name in rasters_of(result):

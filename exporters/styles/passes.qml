@@ -7,12 +7,67 @@
    <end></end>
   </fixedRange>
  </temporal>
- <renderer-v2 type="singleSymbol" enableorderby="0" forceraster="0" symbollevels="0" referencescale="-1">
+ <renderer-v2 type="categorizedSymbol" attr="if(maximum(&quot;pass&quot;) = minimum(&quot;pass&quot;), 'between', if(&quot;pass&quot; = minimum(&quot;pass&quot;), 'first', if(&quot;pass&quot; = maximum(&quot;pass&quot;), 'last', 'between')))" enableorderby="0" forceraster="0" symbollevels="0" referencescale="-1">
+  <categories>
+   <category value="first" type="string" symbol="0" label="first pass" render="true"/>
+   <category value="between" type="string" symbol="1" label="passes between" render="true"/>
+   <category value="last" type="string" symbol="2" label="last pass" render="true"/>
+  </categories>
   <symbols>
    <symbol type="fill" name="0" alpha="1" clip_to_extent="1" force_rhr="0">
     <layer class="SimpleFill" enabled="1" locked="0" pass="0">
      <Option type="Map">
+      <Option name="color" type="QString" value="253,212,158,255"/>
+      <Option name="style" type="QString" value="solid"/>
+      <Option name="outline_color" type="QString" value="70,70,70,255"/>
+      <Option name="outline_style" type="QString" value="solid"/>
+      <Option name="outline_width" type="QString" value="0.2"/>
+      <Option name="outline_width_unit" type="QString" value="MM"/>
+     </Option>
+     <data_defined_properties>
+      <Option type="Map">
+       <Option name="name" type="QString" value=""/>
+       <Option name="properties" type="Map">
+        <Option name="fillColor" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="ramp_color(create_ramp(map(0, '#fdd49e', 0.5, '#78c679', 1, '#225ea8')), if(maximum(&quot;pass&quot;) &gt; 1, (&quot;pass&quot; - 1) / (maximum(&quot;pass&quot;) - 1), 0.5))"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
+       </Option>
+       <Option name="type" type="QString" value="collection"/>
+      </Option>
+     </data_defined_properties>
+    </layer>
+   </symbol>
+   <symbol type="fill" name="1" alpha="1" clip_to_extent="1" force_rhr="0">
+    <layer class="SimpleFill" enabled="1" locked="0" pass="0">
+     <Option type="Map">
       <Option name="color" type="QString" value="120,198,121,255"/>
+      <Option name="style" type="QString" value="solid"/>
+      <Option name="outline_color" type="QString" value="70,70,70,255"/>
+      <Option name="outline_style" type="QString" value="solid"/>
+      <Option name="outline_width" type="QString" value="0.2"/>
+      <Option name="outline_width_unit" type="QString" value="MM"/>
+     </Option>
+     <data_defined_properties>
+      <Option type="Map">
+       <Option name="name" type="QString" value=""/>
+       <Option name="properties" type="Map">
+        <Option name="fillColor" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="ramp_color(create_ramp(map(0, '#fdd49e', 0.5, '#78c679', 1, '#225ea8')), if(maximum(&quot;pass&quot;) &gt; 1, (&quot;pass&quot; - 1) / (maximum(&quot;pass&quot;) - 1), 0.5))"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
+       </Option>
+       <Option name="type" type="QString" value="collection"/>
+      </Option>
+     </data_defined_properties>
+    </layer>
+   </symbol>
+   <symbol type="fill" name="2" alpha="1" clip_to_extent="1" force_rhr="0">
+    <layer class="SimpleFill" enabled="1" locked="0" pass="0">
+     <Option type="Map">
+      <Option name="color" type="QString" value="34,94,168,255"/>
       <Option name="style" type="QString" value="solid"/>
       <Option name="outline_color" type="QString" value="70,70,70,255"/>
       <Option name="outline_style" type="QString" value="solid"/>

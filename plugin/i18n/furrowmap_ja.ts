@@ -559,13 +559,16 @@
   <message><source>drives forward</source><translation>前進</translation></message>
   <message><source>edge of a bank</source><translation>法肩・法尻</translation></message>
   <message><source>fence</source><translation>柵</translation></message>
+  <message><source>first pass</source><translation>最初の行程</translation></message>
   <message><source>headland</source><translation>枕地</translation></message>
   <message><source>horizontal plane</source><translation>水平面</translation></message>
+  <message><source>last pass</source><translation>最後の行程</translation></message>
   <message><source>missed along the boundary</source><translation>境界沿いの作業残し</translation></message>
   <message><source>missed between passes</source><translation>行程間の作業残し</translation></message>
   <message><source>no position</source><translation>測位なし</translation></message>
   <message><source>other</source><translation>その他</translation></message>
   <message><source>other, or from a file</source><translation>その他、またはファイルから</translation></message>
+  <message><source>passes between</source><translation>間の行程</translation></message>
   <message><source>pole, post or trunk</source><translation>柱、杭、幹</translation></message>
   <message><source>positions end</source><translation>測位の途切れ</translation></message>
   <message><source>ridge</source><translation>畦・土手</translation></message>

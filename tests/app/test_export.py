@@ -163,7 +163,12 @@ def test_shapefile__says_what_its_names_became(result: Path, tmp_path: Path) -> 
 def test_kml__is_read_by_gdal_with_names_times_and_shapes(result: Path, tmp_path: Path) -> None:
     path = tmp_path / "field.kml"
     export([result], "kml", path)
-    assert {name for name, _ in pyogrio.list_layers(path)} >= {"passes", "overlaps", "misses", "tool path"}
+    assert {name for name, _ in pyogrio.list_layers(path)} >= {
+        "passes",
+        "ground worked twice",
+        "missed ground",
+        "cultivated path",
+    }
     copy, truth = gpd.read_file(path, layer="passes"), original(result, "passes")
     assert copy["Name"].tolist() == [f"pass {number}" for number in truth["pass"]]
     moved = shapely.transform(
@@ -213,8 +218,8 @@ def test_kml__has_the_colours_of_the_map(result: Path, tmp_path: Path) -> None:
             fill = str(style.findtext("{*}PolyStyle/{*}color"))[2:]
             shown.setdefault(str(folder.findtext("{*}name")), set()).add(fill)
 
-    assert shown["misses"] <= {"00edff", "00beff"}  # blue, green, red: yellow and amber, as in misses.qml
-    assert shown["overlaps"] == {"1c1ae3"}
+    assert shown["missed ground"] <= {"00edff", "00beff"}  # blue, green, red: yellow and amber, as in misses.qml
+    assert shown["ground worked twice"] == {"1c1ae3"}
     assert shown["passes"] == {"".join(pass_colour(n, 3)[k : k + 2] for k in (5, 3, 1)) for n in (1, 2, 3)}
 
 

@@ -11,6 +11,9 @@ import sys
 from pathlib import Path
 
 from qgis.core import QgsApplication, QgsProject, QgsVectorLayer
+from qgis.PyQt.QtCore import Qt
+
+HATCHED = Qt.BrushStyle.BDiagPattern
 
 plugin, result, out = (Path(word) for word in sys.argv[1:])
 application = QgsApplication([], True)
@@ -27,5 +30,14 @@ for name in ("trajectory", "passes", "coverage"):
 layout = printing.session_layout(project, group, json.loads((result / "report.json").read_text(encoding="utf-8")))
 printing.export_pdf(layout, out / "page.pdf")
 printing.export_atlas(layout, out / "atlas.pdf")
+passes = project.mapLayersByName("passes")[0]
+passes.loadDefaultStyle()
+importlib.import_module("furrowmap.styles").hatch(passes)
+shown = [
+    [category.label(), category.symbol().color().name(), category.symbol().symbolLayer(0).brushStyle() == HATCHED]
+    for category in passes.renderer().categories()
+]
+sys.stdout.write("\n" + json.dumps(shown))
+del passes
 project.clear()
 application.exitQgis()

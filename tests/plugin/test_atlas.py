@@ -1,14 +1,16 @@
-"""Each page of the atlas names its pass and shows the figures of that pass alone."""
+"""Pages of the atlas show the figures of their pass alone; legends have the colours of the map."""
 
 from __future__ import annotations
 
 import json
+import unicodedata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import geopandas as gpd
 import numpy as np
 
+from furrowmap.exporters.reports.drawings import pass_colour
 from tests.exporters.farm.result_folders import write_result
 
 if TYPE_CHECKING:
@@ -24,18 +26,22 @@ def test_pages__of_the_passes_have_their_own_figures(qgis: QgisRoot, tmp_path: P
     report["figures"] |= {"time_zone": "Asia/Tokyo", "start_local": "2026-06-12T00:00:00.000+09:00"}
     (result / "report.json").write_text(json.dumps(report), encoding="utf-8")
     (tmp_path / "furrowmap").symlink_to(CHECKOUT / "plugin")
-    qgis.run("python3", Path(__file__).with_name("atlas_in_qgis.py"), tmp_path / "furrowmap", result, tmp_path)
+    told = qgis.run("python3", Path(__file__).with_name("atlas_in_qgis.py"), tmp_path / "furrowmap", result, tmp_path)
     whole = qgis.run("pdftotext", "-layout", tmp_path / "page.pdf", "-")
-    pages = qgis.run("pdftotext", "-layout", tmp_path / "atlas.pdf", "-").split("\f")[:-1]
+    printed = qgis.run("pdftotext", "-layout", tmp_path / "atlas.pdf", "-")
+    pages = unicodedata.normalize("NFKC", printed).split("\f")[:-1]  # without ligatures
     passes = gpd.read_file(result / "field.gpkg", layer="passes")
     assert f"{report['figures']['worked_area_m2']:.1f} m²" in whole
     assert len(pages) == len(passes) == 3
     for page, one in zip(pages, passes.itertuples(), strict=True):
         assert f"North field, pass {passes['pass'][one.Index]}" in page
-        assert f"{one.area_m2:.1f} ± {2 * one.area_sigma_m2:.1f} m²" in page
+        assert f"{one.area_m2:.1f} ± {2 * one.area_sigma_m2:.1f} m²" in page.replace("m2", "m²")
         assert f"{one.length_m:.1f} m" in page
         assert f"{100 * one.depth_m:.0f} ± {200 * one.depth_sigma_m:.0f} cm" in page
         local = one.start.tz_convert("Asia/Tokyo")
         assert f"{local:%H:%M:%S}" in page
         assert "(Asia/Tokyo)" in page
+    legend = {label: colour for label, colour, hatched in json.loads(told.splitlines()[-1]) if hatched}
+    colours = {"first pass": pass_colour(1, 3), "passes between": pass_colour(2, 3), "last pass": pass_colour(3, 3)}
+    assert legend == colours  # those of the map, of the report and of KML
     assert len(set(np.round(passes["area_m2"], 1))) > 1

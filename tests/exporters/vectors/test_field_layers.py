@@ -133,8 +133,8 @@ def test_qgis__opens_every_layer_in_its_style_and_plays_the_day(field: Path, qgi
     assert all(layers[name]["valid"] and layers[name]["crs"] == "EPSG:6677" for name in FIELDS)
     renderers = {name: layers[name]["renderer"] for name in FIELDS}
     assert renderers == {
-        **dict.fromkeys(("events", "tool_path", "misses", "zones"), "categorizedSymbol"),
-        **dict.fromkeys(("unworked", "boundary", "overlaps", "coverage", "passes"), "singleSymbol"),
+        **dict.fromkeys(("events", "tool_path", "misses", "passes", "zones"), "categorizedSymbol"),
+        **dict.fromkeys(("unworked", "boundary", "overlaps", "coverage"), "singleSymbol"),
     }
     told = qgis.run("python3", Path(__file__).with_name("temporal_in_qgis.py"), field, *FIELDS)
     times = dict(zip(FIELDS, (line.split()[:2] for line in told.splitlines()[-len(FIELDS) :]), strict=True))
