@@ -36,4 +36,4 @@ kept=()
 while IFS= read -r name; do kept+=("$name=${!name}"); done < <(compgen -e | grep -xE 'CI|TERM|TZ|DISPLAY|QGIS_.*|PIP_.*|FURROWMAP_.*|.*_proxy|.*_PROXY' || true)
 exec chroot "$root" /usr/bin/env -i -C "$(pwd -P)" PATH=/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root \
   LANG=C.UTF-8 QT_QPA_PLATFORM=offscreen XDG_RUNTIME_DIR=/run/user TMPDIR=/run/tmp \
-  PYTHONDONTWRITEBYTECODE=1 NUMBA_CACHE_DIR=/opt/furrowmap-kernels "${kept[@]}" "$@"
+  NUMBA_CACHE_DIR=/opt/furrowmap-kernels "${kept[@]}" "$@"

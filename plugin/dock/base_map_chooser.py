@@ -1,10 +1,41 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The choice of a base map: a row of the dock."""
 
-from qgis.core import QgsProject
-from qgis.PyQt.QtWidgets import QComboBox, QFormLayout, QLabel, QLineEdit, QWidget
+from qgis.core import QgsNetworkContentFetcher, QgsProject
+from qgis.PyQt.QtCore import QUrl
+from qgis.PyQt.QtNetwork import QNetworkReply, QNetworkRequest
+from qgis.PyQt.QtWidgets import (
+    QComboBox,
+    QFileDialog,
+    QFormLayout,
+    QHBoxLayout,
+    QInputDialog,
+    QLabel,
+    QLineEdit,
+    QToolButton,
+    QWidget,
+)
 
-from ..basemap import NONE, OWN, base_map_layers, base_maps, remember, remembered, show_base_map
+from ..basemap import (
+    NONE,
+    OWN,
+    PROBE_PROPERTY,
+    attribution_of,
+    base_map_layers,
+    base_maps,
+    is_service,
+    known_layer,
+    own_layer,
+    remember,
+    remembered,
+    service_layer,
+    show_base_map,
+)
+from ..map_service import capabilities_url, service_layers
+
+REFUSED = (401, 403)
+"""HTTP status of a host that answers, but gives no map."""
+SERVER_FAILS = 500
 
 
 class BaseMapChooser(QWidget):
@@ -17,45 +48,151 @@ class BaseMapChooser(QWidget):
     def __init__(self, report, parent=None):
         super().__init__(parent)
         self._report = report
+        self._fetcher = None
         form = QFormLayout(self)
         form.setContentsMargins(6, 0, 6, 0)
         self.box = QComboBox(objectName="furrowmapBaseMap")
         self.box.addItem(self.tr("none (offline)"), NONE)
         for base in base_maps():
             self.box.addItem(base.name, base.key)
-        self.box.addItem(self.tr("other tiles or file…"), OWN)
-        self.own = QLineEdit(objectName="furrowmapOwnBaseMap")
-        self.own.setPlaceholderText("https://…/{z}/{x}/{y}.png")
-        self.own.setToolTip(
-            self.tr("URL of XYZ tiles or of a RESTful WMTS in Web Mercator, or the path of an MBTiles file")
-        )
-        self.own.setText(remembered()[1])
-        self.own.setVisible(False)
+        self.box.addItem(self.tr("other map…"), OWN)
         form.addRow(QLabel(self.tr("Base map")), self.box)
-        form.addRow(self.own)
+        self.inputs = self._own_inputs()
+        form.addRow(self.inputs)
         self.box.activated.connect(self._chosen)
-        self.own.returnPressed.connect(self._apply)
         QgsProject.instance().readProject.connect(self.follow_project)
         self.follow_project()
 
+    def _own_inputs(self):
+        """Address or file of the user's own map, and its attribution."""
+        inputs = QWidget()
+        form = QFormLayout(inputs)
+        form.setContentsMargins(0, 0, 0, 0)
+        self.own = QLineEdit(remembered()[1], objectName="furrowmapOwnBaseMap")
+        self.own.setPlaceholderText(self.tr("Address or file"))
+        self.own.setToolTip(
+            self.tr(
+                "Address of a WMS or WMTS; URL of tiles with {z}, {x} and {y}; or path of an MBTiles file, a "
+                "GeoTIFF or another raster"
+            )
+        )
+        browse = QToolButton(text="…")
+        browse.clicked.connect(self._browse)
+        row = QHBoxLayout()
+        row.addWidget(self.own, 1)
+        row.addWidget(browse)
+        self.attribution = QLineEdit(remembered()[2], objectName="furrowmapOwnAttribution")
+        self.attribution.setPlaceholderText(self.tr("Attribution, if the map states none itself"))
+        form.addRow(row)
+        form.addRow(self.attribution)
+        for field in (self.own, self.attribution):
+            field.returnPressed.connect(self._apply)
+        return inputs
+
     def follow_project(self, *_):
-        """Show the project's base map."""
+        """Show the project's base map, and say if it cannot be reached."""
         layers = base_map_layers(QgsProject.instance())
         key = layers[0].customProperty("furrowmap/basemap") if layers else NONE
         self.box.setCurrentIndex(max(self.box.findData(key), 0))
-        self.own.setVisible(key == OWN)
+        self.inputs.setVisible(key == OWN)
+        for layer in layers:
+            if layer.isValid():
+                self._try(layer)
+            else:
+                self._report(self.tr("The base map {name} cannot be opened.").format(name=layer.name()))
+
+    def end(self):
+        """Cancel a request, before the plugin is unloaded."""
+        fetcher, self._fetcher = self._fetcher, None
+        if fetcher is not None:
+            fetcher.cancel()
 
     def _chosen(self, *_):
         own = self.box.currentData() == OWN
-        self.own.setVisible(own)
+        self.inputs.setVisible(own)
         if not own or self.own.text().strip():
             self._apply()
 
+    def _browse(self):
+        title, filters = (
+            self.tr("Base map"),
+            self.tr("Rasters and MBTiles (*.mbtiles *.tif *.tiff *.vrt *.jp2 *.png *.jpg)"),
+        )
+        path, _ = QFileDialog.getOpenFileName(self, title, "", f"{filters};;{self.tr('All files')} (*)")
+        if path:
+            self.own.setText(path)
+            self._apply()
+
     def _apply(self):
-        key, own = self.box.currentData(), self.own.text()
+        key, own, attribution = self.box.currentData(), self.own.text().strip(), self.attribution.text().strip()
+        if key == OWN and is_service(own):
+            self._fetch(capabilities_url(own), lambda text: self._offer(text, own, attribution))
+            return
         try:
-            show_base_map(key, own)
+            layer = own_layer(own, attribution) if key == OWN else known_layer(key)
         except ValueError as error:
             self._report(str(error))
             return
-        remember(key, own)
+        self._show(layer, key, own, attribution)
+
+    def _offer(self, text, own, attribution):
+        """Show the layer of a service; the user chooses among several."""
+        try:
+            layers = service_layers(text, own, QgsProject.instance().crs().authid())
+        except ValueError:
+            layers = []
+        if not layers:
+            self._report(self.tr("{own} has no map layers of a WMS or WMTS.").format(own=own))
+            return
+        chosen = layers[0]
+        if len(layers) > 1:
+            titles = [layer.title if layer.title == layer.name else f"{layer.title} ({layer.name})" for layer in layers]
+            title, agreed = QInputDialog.getItem(self, self.tr("Base map"), self.tr("Layer"), titles, editable=False)
+            if not agreed:
+                return
+            chosen = layers[titles.index(title)]
+        layer = service_layer(chosen, attribution)  # asks the service, while the window goes on
+        if (self.box.currentData(), self.own.text().strip()) != (OWN, own):
+            return  # another map was chosen meanwhile
+        if layer.isValid():
+            self._show(layer, OWN, own, attribution)
+        else:
+            self._report(self.tr("The base map {name} cannot be opened.").format(name=chosen.title))
+
+    def _show(self, layer, key, own, attribution):
+        show_base_map(layer, key)
+        remember(key, own, attribution)
+        if layer is not None:
+            self.attribution.setToolTip(attribution_of([layer]))
+            self._try(layer)
+
+    def _try(self, layer):
+        """Ask for one tile: QGIS itself shows nothing where a map cannot be reached."""
+        probe = layer.customProperty(PROBE_PROPERTY)
+        if probe:
+            self._fetch(probe, lambda _text: None)
+
+    def _fetch(self, url, on_text):
+        """Get a file in the background; a failure is reported."""
+        self.end()
+        fetcher = self._fetcher = QgsNetworkContentFetcher()
+        fetcher.finished.connect(lambda: self._fetched(fetcher, url, on_text))
+        fetcher.fetchContent(QUrl(url))
+
+    def _fetched(self, fetcher, url, on_text):
+        if fetcher is not self._fetcher:
+            return  # another map was chosen meanwhile
+        self._fetcher = None
+        reply = fetcher.reply()
+        status = reply.attribute(QNetworkRequest.Attribute.HttpStatusCodeAttribute)
+        failed = reply.error() != QNetworkReply.NetworkError.NoError
+        if failed and (status is None or status in REFUSED or status >= SERVER_FAILS):
+            self._report(
+                self.tr(
+                    "The map of {host} cannot be reached: {reason}.\nThe other layers do not need it. Check the "
+                    "address and the network, or choose a map from a file."
+                ).format(host=QUrl(url).host(), reason=reply.errorString().rstrip("."))
+            )
+        else:
+            on_text(fetcher.contentAsString())
+        fetcher.deleteLater()

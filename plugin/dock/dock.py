@@ -3,14 +3,16 @@
 
 import html
 import os.path
+from functools import partial
 from pathlib import Path
 
-from qgis.core import Qgis, QgsApplication, QgsMessageLog, QgsProject
+from qgis.core import Qgis, QgsApplication, QgsMessageLog, QgsProject, QgsSettings
 from qgis.gui import QgsDockWidget
 from qgis.PyQt.QtCore import QSize, QTimer, QUrl
 from qgis.PyQt.QtGui import QDesktopServices
-from qgis.PyQt.QtWidgets import QPushButton, QStackedWidget, QVBoxLayout, QWidget
+from qgis.PyQt.QtWidgets import QFileDialog, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
+from ..farm_layers import open_farm_map
 from ..interpreter import find_interpreter, is_usable
 from ..layout.session_layout import session_layout
 from ..options_page import PAGE
@@ -18,7 +20,9 @@ from ..previews import open_preview
 from ..products import product
 from ..results import NoResultsError, groups_of, opening, read_report
 from .base_map_chooser import BaseMapChooser
-from .dropped import MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
+from .batch import DONE, Batch, Drive
+from .batch_page import BatchPage
+from .dropped import DRIVES, MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
 from .machines import NotSimpleError, add_machine, read_places
 from .previewer import Previewer
 from .replay import replay
@@ -33,8 +37,10 @@ MARGIN = 1.3
 """Around the extent to which the map zooms."""
 DESIGNER = QSize(1100, 760)
 """Pixels: QGIS opens its first layout window too small to read a page."""
-OTHER_PRODUCTS = "output-exists"
-"""Code of the error that a folder holds the products of another recording."""
+OUTPUT_EXISTS = "output-exists"
+"""Code of the error that a folder holds the products of another recording, or that a machine of this name is saved."""
+FARM_KEY = "furrowmap/farmMap"
+"""Setting: the farm map of late."""
 STEP_MS = 1
 """Between two steps of opening a result, for the window's other events."""
 
@@ -55,8 +61,9 @@ class FurrowmapDock(QgsDockWidget):
         self._folder = self._session = None
         self._error = ""
         self.start, self.session, self.run, self.result = StartPage(), SessionPage(), RunPage(), ResultPage()
+        self.drives = BatchPage()
         self.pages = QStackedWidget()
-        for page in (self.start, self.session, self.run, self.result):
+        for page in (self.start, self.session, self.run, self.result, self.drives):
             self.pages.addWidget(page)
         self.base_map = BaseMapChooser(self.report)
         inside = QWidget()
@@ -74,12 +81,20 @@ class FurrowmapDock(QgsDockWidget):
         self.session.replace_wanted.connect(lambda session: self.run_session(session, overwrite=True))
         self.session.keep_wanted.connect(lambda session: self.run_session(session, free_folder_for(session)))
         self.session.machine_wanted.connect(self.save_machine)
+        self.session.machine_replaced.connect(lambda *words: self.save_machine(*words, overwrite=True))
         self.session.calibration_wanted.connect(self.calibrate)
         self.previewer = Previewer(self)
         self.previewer.status_changed.connect(self.session.show_preview_status)
         self.previewer.opened.connect(self._zoom_to_first)
         self.run.cancelled.connect(self.cancel)
         self.result.wanted.connect(self._do)
+        self.result.export_wanted.connect(self._choose_export)
+        self.batch = Batch(self)
+        self.batch.changed.connect(self.drives.refresh)
+        self.drives.cancelled.connect(self.batch.cancel)
+        self.drives.opened.connect(self._open_drive)
+        self.drives.farm_wanted.connect(self._choose_farm)
+        self.drives.left.connect(self.show_start)
         self.show_start()
 
     # dropped files
@@ -99,7 +114,7 @@ class FurrowmapDock(QgsDockWidget):
         dropped = recognise(paths)
         if dropped is None:
             return
-        if self._task is not None:
+        if self._task is not None or self.batch.busy:
             self.report(self.tr("A task is running. Wait for its end, or cancel it."))
         elif dropped.kind == RESULTS:
             self.open_folder(dropped.paths[0])
@@ -110,6 +125,8 @@ class FurrowmapDock(QgsDockWidget):
         elif dropped.kind == SESSION:
             self.open_session(dropped.paths[0])
             self._use_machine(dropped.machine)
+        elif dropped.kind == DRIVES:
+            self.begin_batch(dropped.paths, dropped.machine)
         elif dropped.kind == MACHINE:
             self.add_machine(dropped.paths[0])
         else:
@@ -162,6 +179,32 @@ class FurrowmapDock(QgsDockWidget):
         task.taskTerminated.connect(self._stopped)
         self._begin(task)
 
+    # many drives
+
+    def begin_batch(self, paths, machine=None):
+        """Run sessions and folders of recordings one after another.
+
+        Args:
+            paths: of session files and folders.
+            machine: profile that was dropped with them, for new sessions.
+        """
+        program = self._program()
+        if program is None:
+            return
+        self.previewer.cancel()
+        drives = list(map(drive_of, paths))
+        self.drives.show_drives(drives)
+        self.pages.setCurrentWidget(self.drives)
+        self.batch.begin(program, drives, machine)
+
+    def _open_drive(self, drive):
+        if drive.state == DONE:
+            self.open_folder(drive.folder)
+        elif drive.session.is_file():
+            self.open_session(drive.session)
+        if drive.state != DONE and drive.text:
+            self.report(drive.text, Qgis.MessageLevel.Critical)
+
     # machines
 
     def add_machine(self, path):
@@ -188,8 +231,8 @@ class FurrowmapDock(QgsDockWidget):
         except (OSError, UnicodeDecodeError, NotSimpleError):
             self.report(self.tr("The machine {name} cannot be read.").format(name=Path(path).name))
 
-    def save_machine(self, session, name):
-        """Have the worker save the machine of a session."""
+    def save_machine(self, session, name, *, overwrite=False):
+        """Have the worker save the machine of a session; `overwrite` replaces a saved one of this name."""
         program = self._program() if self._task is None else None
         if program is None:
             return
@@ -200,8 +243,9 @@ class FurrowmapDock(QgsDockWidget):
             self.session.show_machines(name)
             self.report(self.tr("Saved the machine {name}.").format(name=name), Qgis.MessageLevel.Success)
 
-        words = ["machine", "save", str(session), name]
-        self._command(program, self.tr("Saving the machine"), words, saved, self._back_with_error)
+        words = ["machine", "save", str(session), name, *(["--overwrite"] if overwrite else [])]
+        failed = partial(self._back_with_error, machine=name)
+        self._command(program, self.tr("Saving the machine"), words, saved, failed)
 
     def calibrate(self, session, machine):
         """Have the worker find the scanner's angles, and write them into the session and its machine."""
@@ -214,22 +258,28 @@ class FurrowmapDock(QgsDockWidget):
         def found(answer):
             self._ended()
             self.session.show_machines(machine)
-            changed = answer.get("written")
+            changed, kept = answer.get("written"), answer.get("machine")
             text = self.tr("Calibrated: the session has the angles that the recording shows.")
             unchanged = self.tr("Calibrated: the recording shows no other angles than the session states.")
-            self.report(text if changed else unchanged, Qgis.MessageLevel.Success)
+            learned = self.tr("The machine {name} has them for its next sessions.").format(name=machine)
+            lines = [text if changed else unchanged, *([learned] if kept else [])]
+            self.report(" ".join(lines), Qgis.MessageLevel.Success)
 
         words = ["calibrate", str(session), "--write", *(["--machine", machine] if machine else [])]
-        self._command(program, self.tr("Calibrating"), words, found, self._back_with_error)
+        failed = partial(self._back_with_error, machine=machine)
+        self._command(program, self.tr("Calibrating"), words, found, failed)
 
     def _ended(self):
         self._task = None
         self.run.end()
         self._back_to_session()
 
-    def _back_with_error(self, text):
+    def _back_with_error(self, text, code="", machine=""):
         self._ended()
-        if self.pages.currentWidget() is self.session:
+        self.session.show_machines(machine)
+        if self.pages.currentWidget() is self.session and code == OUTPUT_EXISTS:
+            self.session.show_known_machine(text)
+        elif self.pages.currentWidget() is self.session:
             self.session.show_error(text, may_replace=False)
         else:
             self.report(text, Qgis.MessageLevel.Critical)
@@ -336,7 +386,11 @@ class FurrowmapDock(QgsDockWidget):
     def end(self):
         """Cancel tasks and timers, before the plugin is unloaded."""
         self._steps = None
+        self.base_map.end()
         self.previewer.end()
+        last = self.batch.cancel()
+        if last is not None:
+            last.waitForFinished(8000)
         self.run.end()
         task, self._task = self._task, None
         if task is not None:
@@ -365,7 +419,7 @@ class FurrowmapDock(QgsDockWidget):
         if not self.session.fault_of_preview():
             self.previewer.begin(answer["session"])
 
-    def _failed(self, text):
+    def _failed(self, text, _code=""):
         self._task = None
         self.run.end()
         self.show_start()
@@ -392,7 +446,7 @@ class FurrowmapDock(QgsDockWidget):
             text = self._error or self.tr("The run failed; see the log.")
             self._back_to_session()
             if self.pages.currentWidget() is self.session:
-                self.session.show_error(text, may_replace=code == OTHER_PRODUCTS)
+                self.session.show_error(text, may_replace=code == OUTPUT_EXISTS)
             else:
                 self.report(text, Qgis.MessageLevel.Critical)
             return
@@ -446,12 +500,88 @@ class FurrowmapDock(QgsDockWidget):
     def _do(self, what):
         {
             "map": lambda: self.open_folder(self._folder),
-            "replay": lambda: replay(self._iface, read_report(self._folder)),
+            "replay": self._replay,
             "report": lambda: self._open_file(product(self._folder, "report.html")),
             "folder": lambda: self._open_file(self._folder),
             "print": self._print,
+            "farm": lambda: self._choose_farm([self._folder]),
             "back": self.show_start,
         }[what]()
+
+    def _replay(self):
+        groups = groups_of(QgsProject.instance(), self._folder)
+        replay(self._iface, read_report(self._folder), groups[0] if groups else None)
+
+    def _choose_export(self, name):
+        """Ask for the name of an export in a format."""
+        beside = self._folder.with_name(f"{self._folder.name}_{name}")
+        target, _ = QFileDialog.getSaveFileName(self, self.tr("File or folder of the export"), str(beside))
+        if target:
+            self.export(name, target)
+
+    def export(self, name, target):
+        """Have the worker convert the result that is shown.
+
+        Args:
+            name: of the format, as `furrowmap export --to` has it.
+            target: file or folder; one that exists is replaced.
+        """
+        program = self._program() if self._task is None else None
+        if program is None:
+            return
+
+        def written(answer):
+            self._ended_on(self.result)
+            text = self.tr("Exported to {path}").format(path=answer["target"])
+            self.report(text, Qgis.MessageLevel.Success)
+
+        words = ["export", str(self._folder), "--to", name, "-o", str(target), "--overwrite"]
+        self._command(program, self.tr("Exporting"), words, written, partial(self._failed_on, self.result))
+
+    def _choose_farm(self, folders):
+        """Ask for the farm map to which results are added: that of late, another one, or a new one."""
+        path, _ = QFileDialog.getSaveFileName(
+            self,
+            self.tr("Farm map"),
+            QgsSettings().value(FARM_KEY, str(folders[0].parent / "farm.gpkg"), str),
+            "GeoPackage (*.gpkg)",
+            options=QFileDialog.Option.DontConfirmOverwrite,
+        )
+        if path:
+            self.add_to_farm(folders, path if path.lower().endswith(".gpkg") else f"{path}.gpkg")
+
+    def add_to_farm(self, folders, path):
+        """Have the worker add results to a farm map, and open that.
+
+        Args:
+            folders: of the results.
+            path: of the GeoPackage, which is created if it does not exist.
+        """
+        program = self._program() if self._task is None else None
+        if program is None:
+            return
+        page = self.pages.currentWidget()
+
+        def added(answer):
+            self._ended_on(page)
+            QgsSettings().setValue(FARM_KEY, str(path))
+            layers = open_farm_map(path)
+            text = self.tr("{count} sessions in the farm map.").format(count=answer["sessions"])
+            self.report(text, Qgis.MessageLevel.Success)
+            if layers:
+                self._zoom_to_first(layers)
+
+        words = ["farm", "add", *map(str, folders), str(path)]
+        self._command(program, self.tr("Adding to the farm map"), words, added, partial(self._failed_on, page))
+
+    def _ended_on(self, page):
+        self._task = None
+        self.run.end()
+        self.pages.setCurrentWidget(page)
+
+    def _failed_on(self, page, text, _code):
+        self._ended_on(page)
+        self.report(text, Qgis.MessageLevel.Critical)
 
     def _open_file(self, path):
         if not path.exists():
@@ -475,6 +605,13 @@ def folder_for(session):
     """The folder for the products of a session, the same as on the command line."""
     session = Path(session).resolve()
     return session.parent / f"{session.stem}_result"
+
+
+def drive_of(path):
+    """The drive of a session file, of a folder with a session, or of a folder of recordings."""
+    path = Path(path)
+    session = path if path.is_file() else path / "session.toml"
+    return Drive(session, None if session.is_file() else path, folder_for(session))
 
 
 def free_folder_for(session):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What was dropped: the folder of a run or of a preview, a session file, a machine's profile, or recordings."""
+"""What was dropped: the folder of a run or of a preview, sessions, a machine's profile, recordings, or many drives."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +10,7 @@ from ..results import CLOUD, FIELD_LAYERS, REPORT
 from .machines import is_machine
 
 RESULTS, PREVIEW, SESSION, MACHINE, RECORDINGS = "results", "preview", "session", "machine", "recordings"
+DRIVES = "drives"
 _PRODUCTS = (REPORT, FIELD_LAYERS, CLOUD)
 
 
@@ -18,8 +19,9 @@ class Dropped:
     """What was dropped.
 
     Attributes:
-        kind: "results", "preview", "session", "machine" or "recordings".
-        paths: one folder of results or of a preview, one session file, one profile, or the recordings.
+        kind: "results", "preview", "session", "machine", "recordings" or "drives".
+        paths: one folder of results or of a preview, one session file, one profile, the recordings of one drive, or
+            session files and folders of many drives.
         machine: profile that was dropped with recordings; None for none.
     """
 
@@ -42,6 +44,8 @@ def recognise(paths):
         return Dropped(PREVIEW, (preview,))
     machine = next(filter(is_machine, paths), None)
     paths = tuple(path for path in paths if path != machine)
+    if len(paths) > 1 and all(map(_is_drive, paths)):
+        return Dropped(DRIVES, paths, machine)
     sessions = [path / "session.toml" if path.is_dir() else path for path in paths]
     session = next((path for path in sessions if path.suffix.lower() == ".toml" and path.is_file()), None)
     if session is not None:
@@ -59,6 +63,11 @@ def _is_recording(folder):
     """Whether a folder is one recording: a ROS 2 bag or task data."""
     names = [path.name.lower() for path in folder.iterdir()]
     return any(name in ("metadata.yaml", "taskdata.xml") or name.endswith((".db3", ".mcap")) for name in names)
+
+
+def _is_drive(path):
+    """Whether it is a session file, or a folder of recordings."""
+    return path.suffix.lower() == ".toml" if path.is_file() else path.is_dir() and not _is_recording(path)
 
 
 def results_folder(path):

@@ -4,6 +4,9 @@
 from qgis.PyQt.QtCore import QSignalBlocker, Qt
 from qgis.PyQt.QtWidgets import QFormLayout, QGroupBox, QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
+LEAST = 1.001e-3
+"""Smallest step of the form's numbers, metres or degrees."""
+
 
 def group_box(title, on_toggle=None):
     """A titled group with a form; it can be unchecked if there is an `on_toggle` to call."""
@@ -54,6 +57,15 @@ def fill(boxes, values):
 def values_of(boxes):
     """The values of boxes."""
     return [round(box.value(), box.decimals()) for box in boxes]
+
+
+def same_value(one, other):
+    """Whether two values of a machine, or lists of them, are the same as the form shows them."""
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(same_value, one, other))
+    if isinstance(one, str) or isinstance(other, str) or one is None or other is None:
+        return one == other
+    return abs(one - other) <= LEAST
 
 
 def texts_of(value):

@@ -2,12 +2,14 @@
 """The page of a result: the main figures, warnings, and what can be done with it."""
 
 import html
+from functools import partial
 
 from qgis.core import QgsApplication
 from qgis.PyQt.QtCore import Qt, pyqtSignal
-from qgis.PyQt.QtWidgets import QGridLayout, QPushButton, QTextBrowser, QVBoxLayout, QWidget
+from qgis.PyQt.QtWidgets import QGridLayout, QMenu, QPushButton, QTextBrowser, QVBoxLayout, QWidget
 
 from ..figures import figures_html
+from ..processing.description import COMMANDS
 from ..results import read_report, session_name
 
 
@@ -15,10 +17,12 @@ class ResultPage(QWidget):
     """Shows the report in a folder.
 
     Signals:
-        wanted: with the name of the action: "map", "replay", "report", "folder", "print" or "back".
+        wanted: with the name of the action: "map", "replay", "report", "folder", "farm", "print" or "back".
+        export_wanted: with the name of a format.
     """
 
     wanted = pyqtSignal(str)
+    export_wanted = pyqtSignal(str)
 
     def __init__(self, parent=None):
         super().__init__(parent)
@@ -30,9 +34,14 @@ class ResultPage(QWidget):
         for k, (name, text, tip) in enumerate(
             (
                 ("map", self.tr("Add to map"), self.tr("Open the products as styled layers in a group")),
-                ("replay", self.tr("Replay"), self.tr("Play the drive in the temporal controller")),
+                (
+                    "replay",
+                    self.tr("Replay"),
+                    self.tr("Play the drive in the temporal controller; a visible cloud grows with it"),
+                ),
                 ("report", self.tr("Open report"), self.tr("Open the HTML report in the browser")),
                 ("folder", self.tr("Open folder"), self.tr("Open the folder of the products")),
+                ("farm", self.tr("Add to farm map…"), self.tr("One file of all sessions, a layer for each kind")),
                 ("print", self.tr("Print…"), self.tr("A layout with map, legend and figures, and a page per pass")),
                 ("back", self.tr("Other session"), self.tr("Back to the start page")),
             )
@@ -41,7 +50,17 @@ class ResultPage(QWidget):
             button.setToolTip(tip)
             button.clicked.connect(lambda _=False, name=name: self.wanted.emit(name))
             grid.addWidget(button, *divmod(k, 2))
+        grid.addWidget(self._export(), 3, 1)
         layout.addLayout(grid)
+
+    def _export(self):
+        """The button of the export, with a menu of the formats."""
+        button, menu = QPushButton(self.tr("Export"), objectName="furrowmapExport"), QMenu(self)
+        for name in COMMANDS["export"]["--to"]["choices"]:
+            menu.addAction(name, partial(self.export_wanted.emit, name))
+        button.setMenu(menu)
+        button.setToolTip(self.tr("GeoJSON, Shapefile, KML, CSV, ISO 11783 task data and others"))
+        return button
 
     def show_folder(self, folder):
         """Show the figures of the run in a folder."""

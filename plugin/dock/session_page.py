@@ -20,7 +20,7 @@ from qgis.PyQt.QtWidgets import (
 )
 
 from .findings import findings_html
-from .form_parts import escaped, fill, group_box, row_of, small_text, texts_of, values_of
+from .form_parts import escaped, fill, group_box, row_of, same_value, small_text, texts_of, values_of
 from .machines import PLACES, machine_names, machine_path, read_places
 from .session_lines import NotSimpleError, SessionLines
 from .vehicle_view import Placement, VehicleView
@@ -42,6 +42,7 @@ class SessionPage(QWidget):
         replace_wanted: with the session file, to run it in place of the products of another recording.
         keep_wanted: with the session file, to run it into a folder of its own.
         machine_wanted: with the saved session file and a name, to save its machine.
+        machine_replaced: likewise, in place of a saved machine of this name.
         calibration_wanted: with the saved session file and the name of its machine, or "".
     """
 
@@ -52,6 +53,7 @@ class SessionPage(QWidget):
     replace_wanted = pyqtSignal(object)
     keep_wanted = pyqtSignal(object)
     machine_wanted = pyqtSignal(object, str)
+    machine_replaced = pyqtSignal(object, str)
     calibration_wanted = pyqtSignal(object, str)
 
     def __init__(self, parent=None):
@@ -153,9 +155,20 @@ class SessionPage(QWidget):
 
     def show_machines(self, chosen=""):
         """List the saved machines; the one with the form's places is selected unless another one is chosen."""
+        names = machine_names()
         self.machine.clear()
-        self.machine.addItems(machine_names())
-        self.machine.setEditText(chosen)
+        self.machine.addItems(names)
+        self.machine.setEditText(chosen or next(filter(self._is_of_form, names), ""))
+
+    def _is_of_form(self, name):
+        """Whether a saved machine has the places in the form."""
+        try:
+            saved = read_places(machine_path(name))
+        except (OSError, UnicodeDecodeError, NotSimpleError):
+            return False
+        shown = self.places()
+        known = {place: value for place, value in saved.items() if value not in (None, "")}
+        return bool(known) and all(same_value(shown[place], value) for place, value in known.items())
 
     @property
     def path(self):
@@ -204,9 +217,16 @@ class SessionPage(QWidget):
         what, *rest = text.splitlines()[: 2 if may_replace else None]
         self.error_text.setText("<br>".join([f"<b>{escaped(what)}</b>", *map(escaped, rest)]))
         self.choice.setVisible(may_replace)
+        self.replace_machine.hide()
         self.anyway.hide()
         self.error.show()
         self._scroll.verticalScrollBar().setValue(0)
+
+    def show_known_machine(self, text):
+        """Show that a machine of this name is saved, with a button that replaces it."""
+        remedy = self.tr("Replace its places by those of the form, or type another name.")
+        self.show_error(f"{text.splitlines()[0]}\n{remedy}", may_replace=False)
+        self.replace_machine.show()
 
     def show_preview_status(self, text):
         """Show the progress of a preview above the buttons."""
@@ -302,6 +322,9 @@ class SessionPage(QWidget):
         layout.addWidget(self.error_text)
         layout.addWidget(self.choice)
         layout.addWidget(self.anyway)
+        self.replace_machine = QPushButton(self.tr("Replace the machine"), objectName="furrowmapReplaceMachine")
+        self.replace_machine.clicked.connect(partial(self._save_machine, self.machine_replaced))
+        layout.addWidget(self.replace_machine)
         self.error.hide()
         return self.error
 
@@ -323,7 +346,7 @@ class SessionPage(QWidget):
         layout = QHBoxLayout(row)
         layout.setContentsMargins(0, 0, 0, 0)
         for name, text, slot in (
-            ("furrowmapSaveMachine", self.tr("Save as machine"), self._save_machine),
+            ("furrowmapSaveMachine", self.tr("Save as machine"), partial(self._save_machine, self.machine_wanted)),
             ("furrowmapCalibrate", self.tr("Calibrate"), self._calibrate),
         ):
             button = QPushButton(text, objectName=name)
@@ -343,24 +366,29 @@ class SessionPage(QWidget):
         except (OSError, UnicodeDecodeError, NotSimpleError):
             self._show_fault(self.tr("The machine {name} cannot be read.").format(name=name))
 
-    def _save_machine(self):
+    def _save_machine(self, signal, *_):
         name = self.machine.currentText().strip()
         if not name:
             self._show_fault(self.tr("Type a name for the machine."))
         elif {"no-mounting", "no-antenna"} & set(self.missing()):
             self._show_fault(self.tr("Fill in the positions of antenna and scanner first."))
         elif self._is_saved():
-            self.machine_wanted.emit(self._path, name)
+            signal.emit(self._path, name)
 
     def _calibrate(self):
         fault = self.fault()
         if not fault and self._without_mounting():
             fault = self.tr("Fill in the position and the approximate angles of the scanner first.")
+        name = self.machine.currentText().strip()
+        if not fault and name and name not in machine_names():
+            fault = self.tr(
+                "No machine {name} is saved. Press 'Save as machine' first, or clear the name to calibrate the session "
+                "alone."
+            ).format(name=name)
         if fault:
             self._show_fault(fault)
         elif self._is_saved():
-            name = self.machine.currentText().strip()
-            self.calibration_wanted.emit(self._path, name if name in machine_names() else "")
+            self.calibration_wanted.emit(self._path, name)
 
     def _session_group(self):
         group, form = group_box(self.tr("Session"))
@@ -396,7 +424,7 @@ class SessionPage(QWidget):
     def _lidar_group(self):
         self.lidar_group, form = group_box(self.tr("Scanner"))
         self.lidar_xyz = self._metres("furrowmapLidar", 3)
-        self.lidar_rpy = [self._spin(f"furrowmapLidarTurn{k}", 360.0, "°", 1, 1.0) for k in range(3)]
+        self.lidar_rpy = [self._spin(f"furrowmapLidarTurn{k}", 360.0, "°", 3, 1.0) for k in range(3)]
         form.addRow(row_of(self.tr("x, y, z"), self.lidar_xyz))
         form.addRow(row_of(self.tr("roll, pitch, yaw"), self.lidar_rpy))
         form.addRow(
@@ -479,6 +507,7 @@ class SessionPage(QWidget):
         """Ask before a run whose places are not filled in."""
         self.error_text.setText(findings_html(None, [c for c in self.missing() if c in ("no-mounting", "no-antenna")]))
         self.choice.hide()
+        self.replace_machine.hide()
         self.anyway.show()
         self.error.show()
         self._scroll.verticalScrollBar().setValue(0)

@@ -38,12 +38,14 @@ class StartPage(QWidget):
         layout.addWidget(self.setup)
         here = QLabel(
             self.tr(
-                "Drop here:\nrecordings of a drive,\ntheir folder, a session.toml,\na machine or the folder of a run"
+                "Drop here:\nrecordings of a drive,\ntheir folder, a session.toml,\na machine or the folder of a run.\n"
+                "Several sessions or folders run one after another."
             ),
             objectName="furrowmapHere",
         )
         here.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        here.setMinimumHeight(110)
+        here.setMinimumHeight(120)
+        here.setWordWrap(True)
         here.setStyleSheet("QLabel { border: 2px dashed palette(mid); border-radius: 6px; }")
         layout.addWidget(here)
         for name, text, slot in (

@@ -58,11 +58,11 @@ class CommandTask(QgsTask):
 
     Signals:
         answered: with the command's answer.
-        failed: with the three lines of the error, as one text.
+        failed: with the three lines of the error, as one text, and its code.
     """
 
     answered = pyqtSignal(object)
-    failed = pyqtSignal(str)
+    failed = pyqtSignal(str, str)
 
     def __init__(self, title, program, arguments):
         super().__init__(title, QUIET)
@@ -82,7 +82,7 @@ class CommandTask(QgsTask):
         if result:
             self.answered.emit(self._answer)
         elif self._error is not None and not self.isCanceled():
-            self.failed.emit("\n".join(self._error.lines))
+            self.failed.emit("\n".join(self._error.lines), self._error.code)
 
     def _on_message(self, message):
         if message["type"] == "progress":

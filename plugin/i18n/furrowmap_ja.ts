@@ -402,19 +402,45 @@
 </context>
 <context>
   <name>BaseMap</name>
-  <message><source>'{own}' is not a base map. Give a URL with {{z}}, {{x}} and {{y}}, or with {{TileMatrix}}, {{TileRow}} and {{TileCol}}, or an MBTiles file.</source><translation>「{own}」はベースマップではありません。{{z}}、{{x}}、{{y}} または {{TileMatrix}}、{{TileRow}}、{{TileCol}} を含む URL、あるいは MBTiles ファイルを指定してください。</translation></message>
+  <message><source>'{own}' is not a base map. Give the address of a WMS or WMTS, a URL with {{z}}, {{x}} and {{y}}, or a file: MBTiles, GeoTIFF or another raster.</source><translation>「{own}」は背景地図ではありません。WMS・WMTS のアドレス、{{z}}・{{x}}・{{y}} を含む URL、またはファイル（MBTiles、GeoTIFF、その他のラスタ）を指定してください。</translation></message>
   <message><source>GSI aerial photo</source><translation>地理院タイル（写真）</translation></message>
   <message><source>GSI standard map</source><translation>地理院タイル（標準地図）</translation></message>
   <message><source>Geospatial Information Authority of Japan (GSI) tiles</source><translation>国土地理院（GSI）タイル</translation></message>
   <message><source>Own base map</source><translation>独自のベースマップ</translation></message>
+  <message><source>{file} has vector tiles. Only raster tiles can be the base map.</source><translation>{file} はベクタタイルです。背景地図に使えるのはラスタタイルだけです。</translation></message>
+  <message><source>{file} states no CRS. Assign one in QGIS first.</source><translation>{file} には座標参照系がありません。先に QGIS で設定してください。</translation></message>
   <message><source>© OpenStreetMap contributors</source><translation>© OpenStreetMap contributors</translation></message>
 </context>
 <context>
   <name>BaseMapChooser</name>
+  <message><source>Address of a WMS or WMTS; URL of tiles with {z}, {x} and {y}; or path of an MBTiles file, a GeoTIFF or another raster</source><translation>WMS・WMTS のアドレス、{z}・{x}・{y} を含むタイルの URL、または MBTiles・GeoTIFF・その他のラスタのパス</translation></message>
+  <message><source>Address or file</source><translation>アドレスまたはファイル</translation></message>
+  <message><source>All files</source><translation>すべてのファイル</translation></message>
+  <message><source>Attribution, if the map states none itself</source><translation>出典（地図自身に記載がない場合）</translation></message>
   <message><source>Base map</source><translation>ベースマップ</translation></message>
-  <message><source>URL of XYZ tiles or of a RESTful WMTS in Web Mercator, or the path of an MBTiles file</source><translation>Web メルカトルの XYZ タイルか RESTful WMTS の URL、または MBTiles ファイルのパス</translation></message>
+  <message><source>Layer</source><translation>レイヤ</translation></message>
+  <message><source>Rasters and MBTiles (*.mbtiles *.tif *.tiff *.vrt *.jp2 *.png *.jpg)</source><translation>ラスタと MBTiles (*.mbtiles *.tif *.tiff *.vrt *.jp2 *.png *.jpg)</translation></message>
+  <message><source>The base map {name} cannot be opened.</source><translation>背景地図 {name} を開けません。</translation></message>
+  <message><source>The map of {host} cannot be reached: {reason}.
+The other layers do not need it. Check the address and the network, or choose a map from a file.</source><translation>{host} の地図に接続できません：{reason}。
+他のレイヤには影響しません。アドレスとネットワークを確認するか、ファイルの地図を選んでください。</translation></message>
   <message><source>none (offline)</source><translation>なし（オフライン）</translation></message>
-  <message><source>other tiles or file…</source><translation>その他のタイルまたはファイル…</translation></message>
+  <message><source>other map…</source><translation>その他の地図…</translation></message>
+  <message><source>{own} has no map layers of a WMS or WMTS.</source><translation>{own} には WMS・WMTS の地図レイヤがありません。</translation></message>
+</context>
+<context>
+  <name>BatchPage</name>
+  <message><source>Add all to farm map…</source><translation>すべて農場マップに追加…</translation></message>
+  <message><source>Cancel</source><translation>キャンセル</translation></message>
+  <message><source>Double-click a drive to open its result, or its session where something is missing.</source><translation>走行をダブルクリックすると結果を開きます。不足があるときはセッションを開きます。</translation></message>
+  <message><source>Other session</source><translation>別のセッション</translation></message>
+  <message><source>cancelled</source><translation>キャンセル済み</translation></message>
+  <message><source>done</source><translation>完了</translation></message>
+  <message><source>failed</source><translation>失敗</translation></message>
+  <message><source>not run: places of sensors are to be filled in</source><translation>未実行：センサの位置を入力してください</translation></message>
+  <message><source>running</source><translation>実行中</translation></message>
+  <message><source>waiting</source><translation>待機中</translation></message>
+  <message><source>{ended} of {all} drives</source><translation>{all} 件中 {ended} 件の走行が終了</translation></message>
 </context>
 <context>
   <name>Classes</name>
@@ -467,10 +493,15 @@
   <message><source>A task is running. Wait for its end, or cancel it.</source><translation>タスクを実行中です。終了を待つか、キャンセルしてください。</translation></message>
   <message><source>Add the session to the map first.</source><translation>先にセッションを地図に追加してください。</translation></message>
   <message><source>Added the machine {name}. Choose it in the form of a session.</source><translation>機械 {name} を追加しました。セッションのフォームで選んでください。</translation></message>
+  <message><source>Adding to the farm map</source><translation>農場マップに追加中</translation></message>
   <message><source>Calibrated: the recording shows no other angles than the session states.</source><translation>キャリブレーション完了：記録が示す角度はセッションの記入と同じです。</translation></message>
   <message><source>Calibrated: the session has the angles that the recording shows.</source><translation>キャリブレーション完了：記録が示す角度をセッションに書き込みました。</translation></message>
   <message><source>Calibrating</source><translation>キャリブレーション中</translation></message>
   <message><source>Cancelled; no partial files are left.</source><translation>キャンセルしました。書きかけのファイルは残っていません。</translation></message>
+  <message><source>Exported to {path}</source><translation>{path} にエクスポートしました</translation></message>
+  <message><source>Exporting</source><translation>エクスポート中</translation></message>
+  <message><source>Farm map</source><translation>農場マップ</translation></message>
+  <message><source>File or folder of the export</source><translation>エクスポート先のファイルまたはフォルダ</translation></message>
   <message><source>Inspecting the recordings</source><translation>記録を調べています</translation></message>
   <message><source>Log</source><translation>ログ</translation></message>
   <message><source>Opened the existing session of these recordings.</source><translation>この記録の既存のセッションを開きました。</translation></message>
@@ -481,8 +512,10 @@
   <message><source>Set up furrowmap's worker to run sessions. Results can be opened without it.</source><translation>セッションを実行するには furrowmap のワーカーを設定してください。結果は設定しなくても開けます。</translation></message>
   <message><source>The form cannot edit line {number} of {name}. The session is run as it is.</source><translation>{name} の {number} 行目はフォームで編集できません。セッションをそのまま実行します。</translation></message>
   <message><source>The machine {name} cannot be read.</source><translation>機械 {name} を読めません。</translation></message>
+  <message><source>The machine {name} has them for its next sessions.</source><translation>機械 {name} にも保存しました。次のセッションから使われます。</translation></message>
   <message><source>The previous task is being cancelled; try again in a moment.</source><translation>前のタスクをキャンセルしています。少し待ってからやり直してください。</translation></message>
   <message><source>The run failed; see the log.</source><translation>実行に失敗しました。ログを確認してください。</translation></message>
+  <message><source>{count} sessions in the farm map.</source><translation>農場マップには {count} 件のセッションがあります。</translation></message>
   <message><source>{path} cannot be added: {reason}.</source><translation>{path} を追加できません：{reason}。</translation></message>
   <message><source>{path} cannot be read: {reason}.</source><translation>{path} を読めません：{reason}。</translation></message>
   <message><source>{path} does not exist.</source><translation>{path} が存在しません。</translation></message>
@@ -633,15 +666,19 @@
 <context>
   <name>ResultPage</name>
   <message><source>A layout with map, legend and figures, and a page per pass</source><translation>地図、凡例、集計と、行程ごとのページのレイアウト</translation></message>
+  <message><source>Add to farm map…</source><translation>農場マップに追加…</translation></message>
   <message><source>Add to map</source><translation>地図に追加</translation></message>
   <message><source>Back to the start page</source><translation>開始ページに戻る</translation></message>
+  <message><source>Export</source><translation>エクスポート</translation></message>
+  <message><source>GeoJSON, Shapefile, KML, CSV, ISO 11783 task data and others</source><translation>GeoJSON、Shapefile、KML、CSV、ISO 11783 タスクデータなど</translation></message>
+  <message><source>One file of all sessions, a layer for each kind</source><translation>すべてのセッションを種類別のレイヤで一つのファイルに</translation></message>
   <message><source>Open folder</source><translation>フォルダを開く</translation></message>
   <message><source>Open report</source><translation>レポートを開く</translation></message>
   <message><source>Open the HTML report in the browser</source><translation>HTML レポートをブラウザで開く</translation></message>
   <message><source>Open the folder of the products</source><translation>成果物のフォルダを開く</translation></message>
   <message><source>Open the products as styled layers in a group</source><translation>成果物をスタイル付きのレイヤとしてグループに開く</translation></message>
   <message><source>Other session</source><translation>別のセッション</translation></message>
-  <message><source>Play the drive in the temporal controller</source><translation>走行を時系列コントローラで再生する</translation></message>
+  <message><source>Play the drive in the temporal controller; a visible cloud grows with it</source><translation>走行をテンポラルコントローラで再生します。表示中の点群は走行に合わせて現れます</translation></message>
   <message><source>Print…</source><translation>印刷…</translation></message>
   <message><source>Replay</source><translation>再生</translation></message>
   <message><source>These results contradict each other.</source><translation>これらの結果は互いに矛盾しています。</translation></message>
@@ -695,6 +732,7 @@
   <message><source>Kind</source><translation>種類</translation></message>
   <message><source>Machine</source><translation>機械</translation></message>
   <message><source>Name</source><translation>名前</translation></message>
+  <message><source>No machine {name} is saved. Press 'Save as machine' first, or clear the name to calibrate the session alone.</source><translation>機械 {name} は保存されていません。先に「機械として保存」を押すか、名前を消してセッションだけを校正してください。</translation></message>
   <message><source>Not known: choose it</source><translation>不明：選んでください</translation></message>
   <message><source>Optional: a polygon in the session's folder, to find missed ground.</source><translation>任意：作業残しを調べるための、セッションのフォルダにあるポリゴン。</translation></message>
   <message><source>Phase centre of the antenna, from the point on the ground below the middle of the rear axle: forward, left, up. A centimetre is accurate enough. Unchecked: not known.</source><translation>アンテナの位相中心。後車軸中央の直下の地面からの位置（前、左、上）。1 cm の精度で十分です。チェックなし：不明。</translation></message>
@@ -702,6 +740,8 @@
   <message><source>Position, and rotation from level with the cable to the rear. A scanner that faces backwards and is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough.</source><translation>スキャナの位置と、ケーブルを後ろに向けた水平な姿勢からの回転。後ろ下向きのスキャナではおよそ 0, 40, 180 です。角度は実行時に補正されるため、2° 以内で十分です。</translation></message>
   <message><source>Preview</source><translation>プレビュー</translation></message>
   <message><source>Recordings</source><translation>記録</translation></message>
+  <message><source>Replace its places by those of the form, or type another name.</source><translation>フォームの位置で置き換えるか、別の名前を入力してください。</translation></message>
+  <message><source>Replace the machine</source><translation>機械を置き換える</translation></message>
   <message><source>Replace them</source><translation>置き換える</translation></message>
   <message><source>Run without accuracy</source><translation>精度なしで実行</translation></message>
   <message><source>Save</source><translation>保存</translation></message>
@@ -756,10 +796,12 @@
   <message><source>Drop here:
 recordings of a drive,
 their folder, a session.toml,
-a machine or the folder of a run</source><translation>ここにドロップ：
-走行の記録、
+a machine or the folder of a run.
+Several sessions or folders run one after another.</source><translation>ここにドロップ：
+一回の走行の記録、
 そのフォルダ、session.toml、
-機械または実行結果のフォルダ</translation></message>
+機械、または実行結果のフォルダ。
+複数のセッションやフォルダは順に実行します。</translation></message>
   <message><source>Existing results can be opened at once. To run sessions, set up furrowmap's worker: a separate Python environment. QGIS's Python is not changed.</source><translation>既存の結果はすぐに開けます。セッションを実行するには、furrowmap のワーカー（独立した Python 環境）を設定してください。QGIS の Python は変更しません。</translation></message>
   <message><source>Folder that 'furrowmap run' wrote</source><translation>'furrowmap run' が書き出したフォルダ</translation></message>
   <message><source>Open the folder of a run…</source><translation>実行結果のフォルダを開く…</translation></message>

@@ -25,6 +25,7 @@ from ..stages import stage_name
 from ..worker import WorkerCancelled, WorkerError, run_command
 from .algorithms import GROUPS
 from .description import COMMANDS
+from .layer_files import first_unknown, layer_files
 from .loading import load_when_done
 from .parameters import qgis_output, qgis_parameter
 
@@ -49,6 +50,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         super().__init__()
         self.description = description
         self.by_name = {parameter.name: parameter for parameter in description.parameters}
+        self.files = {}
 
     def createInstance(self):  # noqa: N802 - the names are QGIS's
         """Another instance, as QGIS asks for."""
@@ -126,13 +128,13 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         ways = {}
         for parameter in self.by_name.values():
             label = translated(parameter.label)
-            if parameter.kind.startswith("new "):  # evaluating these may add a layer to the context
+            if parameter.kind.startswith("new ") or parameter.layers:  # evaluating these may add a layer to the context
                 values = [value for value in [parameters.get(parameter.name)] if value]
             else:
                 values = self._values(parameter, parameters, context)
-            for path in values if parameter.kind in ("file", "files") else []:
-                if path != parameter.if_absent and not Path(path).exists():
-                    return tr("{parameter}: {path} does not exist.").format(parameter=label, path=path)
+            absent = _absent(parameter, values, context)
+            if absent:
+                return tr("{parameter}: {path} does not exist.").format(parameter=label, path=absent)
             if parameter.kind == "numbers" and values and not _are_numbers(values[0], parameter.count):
                 return tr("{parameter}: '{text}' has the wrong format. {help}").format(
                     parameter=label, text=values[0], help=translated(parameter.help)
@@ -187,7 +189,9 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
     def _texts(self, parameter, parameters, context):
         """The values of a parameter that is text or a path."""
         name, kind = parameter.name, parameter.kind
-        if kind == "files":
+        if parameter.layers:
+            texts = self.files[name]
+        elif kind == "files":
             texts = self.parameterAsFileList(parameters, name, context)
         elif kind == "texts":
             texts = [line.strip() for line in self.parameterAsString(parameters, name, context).splitlines()]
@@ -202,6 +206,12 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             folders = [str(Path(text).parent) if _stands_for_folder(text, parameter) else text for text in texts]
             return list(dict.fromkeys(folders))
         return texts
+
+    def prepareAlgorithm(self, parameters, context, feedback):  # noqa: N802
+        """Find or write the files of layers, in the thread of the project."""
+        with_layers = [parameter for parameter in self.by_name.values() if parameter.layers]
+        self.files = {p.name: layer_files(p, parameters.get(p.name), context, feedback) for p in with_layers}
+        return True
 
     def processAlgorithm(self, parameters, context, feedback):  # noqa: N802
         """Have the worker run the command, report its progress, return the outputs.
@@ -274,6 +284,15 @@ def crs_text(crs):
 
 def _stands_for_folder(text, parameter):
     return Path(text).is_file() and fnmatch(Path(text).name.lower(), parameter.folder_of)
+
+
+def _absent(parameter, values, context):
+    """The first of the files in values that does not exist; "" if all do."""
+    if parameter.kind not in ("file", "files"):
+        return ""
+    if parameter.layers:
+        return first_unknown(parameter, values[0] if values else None, context)
+    return next((path for path in values if path != parameter.if_absent and not Path(path).exists()), "")
 
 
 def _are_numbers(text, count):

@@ -48,13 +48,12 @@ OVERWRITE = {
         "OVERWRITE", "Overwrite existing files", "Otherwise the algorithm stops if the output exists."
     )
 }
-POLYGONS = "Polygons (*.gpkg *.shp *.zip *.geojson *.json *.fgb *.kml *.csv)"
 WITHIN = parameter(
     "WITHIN",
     "Within polygons",
     "GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners, in any CRS.",
     kind="file",
-    filter=POLYGONS,
+    layers="polygons",
 )
 CLOUDS = {
     "--bbox": parameter("EXTENT", "Extent"),
@@ -293,7 +292,9 @@ ALGORITHMS = (
         "height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend "
         "on the size of the area.",
         basic={
-            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files; all go into one raster grid."),
+            "clouds": parameter(
+                "CLOUDS", "Point clouds", "LAS, LAZ or COPC files; all go into one raster grid.", layers="cloud"
+            ),
             "--cell": parameter("CELL", "Cell size"),
             "--ground-method": parameter("GROUND", "Ground classification"),
             "--fill": parameter("FILL", "Maximum gap to fill"),
@@ -322,11 +323,14 @@ ALGORITHMS = (
         "Measures height and volume of the crop on each parcel from LAS, LAZ or COPC point clouds of any source, with "
         "standard deviations: a layer of the parcels, a table, and a raster of crop heights.",
         basic={
-            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together."),
+            "clouds": parameter(
+                "CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together.", layers="cloud"
+            ),
             "parcels_file": parameter(
                 "PARCELS",
                 "Parcels",
                 "Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.",
+                layers="polygons",
             ),
             "--net-inset": parameter(
                 "NET_INSET", "Net parcels: metres off each end, off each side", kind="numbers", count=2
@@ -334,10 +338,8 @@ ALGORITHMS = (
             "--output": parameter("OUTPUT", "Output folder"),
         },
         advanced={
-            "--net": parameter("NET", "Net parcels from a file", kind="file", filter=POLYGONS),
-            "--treatments": parameter(
-                "TREATMENTS", "Treatments", kind="file", filter="Tables (*.csv *.xlsx *.ods *.xls)"
-            ),
+            "--net": parameter("NET", "Net parcels from a file", kind="file", layers="polygons"),
+            "--treatments": parameter("TREATMENTS", "Treatments", kind="file", layers="table"),
             "--day": parameter("DAY", "Day of the flight"),
             "--method": parameter("METHOD", "Method for heights and volumes"),
             "--soil": parameter(
@@ -353,7 +355,7 @@ ALGORITHMS = (
                 "Soil of another date",
                 "A surface or terrain model (GeoTIFF), or a cloud of bare soil.",
                 kind="file",
-                filter="Soil (*.tif *.tiff *.las *.laz)",
+                layers="raster or cloud",
             ),
             "--compare": parameter("COMPARE", "Compute the published method, too"),
             "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
@@ -377,11 +379,14 @@ ALGORITHMS = (
         "Measures what the crop on each parcel grew between flights of several days, aligned in height by the bare "
         "soil that they have in common, with standard deviations: a layer coloured by growth, and a table.",
         basic={
-            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files of two days or more."),
+            "clouds": parameter(
+                "CLOUDS", "Point clouds", "LAS, LAZ or COPC files of two days or more.", layers="cloud"
+            ),
             "parcels_file": parameter(
                 "PARCELS",
                 "Parcels",
                 "Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.",
+                layers="polygons",
             ),
             "--day": parameter("DAYS", "Days of the flights", "One per line, in the order of the clouds: 2017-05-23."),
             "--net-inset": parameter(
@@ -390,7 +395,7 @@ ALGORITHMS = (
             "--output": parameter("OUTPUT", "Output folder"),
         },
         advanced={
-            "--net": parameter("NET", "Net parcels from a file"),
+            "--net": parameter("NET", "Net parcels from a file", kind="file", layers="polygons"),
             "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
             "--crs": CLOUDS["--crs"],
             "--dst-crs": parameter("DST_CRS", "CRS of the output"),
@@ -413,9 +418,11 @@ ALGORITHMS = (
         "Describes trees, orchards and other stands in LAS, LAZ or COPC point clouds: canopy height model, height "
         "percentiles, gap fraction and vertical profile, by square cell or by polygon.",
         basic={
-            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together."),
+            "clouds": parameter(
+                "CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together.", layers="cloud"
+            ),
             "--cell": parameter("CELL", "Side of the cells"),
-            "--polygons": parameter("POLYGONS", "Polygons instead of cells"),
+            "--polygons": parameter("POLYGONS", "Polygons instead of cells", kind="file", layers="polygons"),
             "--ground-height": parameter("GROUND_HEIGHT", "Highest return from the ground"),
             "--output": parameter("OUTPUT", "Output folder"),
         },
@@ -447,7 +454,7 @@ ALGORITHMS = (
         "Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is "
         "classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.",
         basic={
-            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files in one CRS."),
+            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files in one CRS.", layers="cloud"),
             "--outliers": parameter("OUTLIERS", "Outlier detection method"),
             "--drop-noise": parameter("DROP_NOISE", "Leave out noise"),
             "--ground": parameter("GROUND", "Ground classification"),
@@ -472,9 +479,7 @@ ALGORITHMS = (
         "Writes a LAS, LAZ or COPC point cloud of any source in the colours of the images of a session. Each point "
         "takes the colour of the best image that sees it; points that no image sees are black.",
         basic={
-            "cloud": parameter(
-                "CLOUD", "Point cloud", "LAS, LAZ or COPC file.", filter="Point clouds (*.las *.laz *.copc.laz)"
-            ),
+            "cloud": parameter("CLOUD", "Point cloud", "LAS, LAZ or COPC file.", layers="cloud"),
             "session": parameter(
                 "SESSION",
                 "Session file",
@@ -499,7 +504,9 @@ ALGORITHMS = (
         "horizontal and vertical planes, lines, vegetation. Writes the classified cloud, and layers of planes (roofs, "
         "walls), lines (poles, wires, fences) and plants. Memory use does not depend on the size of the area.",
         basic={
-            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together."),
+            "clouds": parameter(
+                "CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together.", layers="cloud"
+            ),
             "--ground-method": parameter("GROUND", "Ground classification"),
             "--output": parameter("OUTPUT", "Output folder"),
         },
@@ -589,10 +596,10 @@ ALGORITHMS = (
         "the variance by treatment and block, and computes growth where there are tables of several days. Writes "
         "charts, a table and response.json.",
         basic={
-            "tables": parameter("TABLES", "Tables of parcels", "parcels.csv of runs, one for each day."),
-            "--treatments": parameter(
-                "TREATMENTS", "Treatments", kind="file", filter="Tables (*.csv *.xlsx *.ods *.xls)"
+            "tables": parameter(
+                "TABLES", "Tables of parcels", "parcels.csv of runs, one for each day.", layers="table"
             ),
+            "--treatments": parameter("TREATMENTS", "Treatments", kind="file", layers="table"),
             "--day": parameter("DAYS", "Days of the flights", "One per line, in the order of the tables: 2017-05-23."),
             "--output": parameter("OUTPUT", "Output folder", required=True),
         },
@@ -905,8 +912,10 @@ ALGORITHMS = (
         "Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy "
         "Standards, Edition 2 (2023), and includes the accuracy of the points.",
         basic={
-            "product": parameter("PRODUCT", "Point cloud or surface", "LAS, LAZ, COPC or GeoTIFF."),
-            "points": parameter("POINTS", "Surveyed points", "CSV or GeoPackage."),
+            "product": parameter(
+                "PRODUCT", "Point cloud or surface", "LAS, LAZ, COPC or GeoTIFF.", layers="raster or cloud"
+            ),
+            "points": parameter("POINTS", "Surveyed points", "CSV or GeoPackage.", layers="points"),
             "--points-sigma": parameter("SIGMA", "Standard deviation of the survey"),
             "--require-vertical": parameter("VERTICAL", "Required vertical RMSE", MET),
             "--require-horizontal": parameter("HORIZONTAL", "Required horizontal RMSE", MET),

@@ -31,6 +31,7 @@ class Parameter:
         crs: of an extent or a point: the option that takes its CRS.
         filter: of the file dialog.
         adds: whether a file that exists is added to instead of replaced.
+        layers: which layer may stand for the file: "cloud", "raster or cloud", "polygons", "points", "table" or "".
         folder_of: pattern of files that stand for their folder, since a dialog that lists files offers no folders.
         if_absent: what the command gets where nothing is given.
     """
@@ -51,6 +52,7 @@ class Parameter:
     crs: str = ""
     filter: str = ""
     adds: bool = False
+    layers: str = ""
     folder_of: str = ""
     if_absent: str = ""
 

@@ -25,6 +25,8 @@ from qgis.core import (
     QgsProcessingParameterString,
 )
 
+from .layer_files import layer_parameter
+
 OUTPUTS = {
     "boolean": QgsProcessingOutputBoolean,
     "file": QgsProcessingOutputFile,
@@ -71,6 +73,8 @@ def _definition(parameter, label):
             defaultValue=default,
             **{key: value for key, value in limits.items() if value is not None},
         )
+    if parameter.layers:
+        return layer_parameter(parameter, given)
     if kind == "files":
         return QgsProcessingParameterMultipleLayers(**given, layerType=QgsProcessing.SourceType.TypeFile)
     if kind == "file":

@@ -24,12 +24,14 @@ import qgis.utils
 from qgis.core import (
     Qgis,
     QgsApplication,
+    QgsPointCloudLayer,
     QgsProcessingContext,
     QgsProcessingException,
     QgsProcessingFeedback,
     QgsProcessingUtils,
     QgsProject,
     QgsSettings,
+    QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QCoreApplication
 
@@ -101,6 +103,9 @@ def check(job: dict[str, Any]) -> Any:
 def run(job: dict[str, Any]) -> Any:
     """Outputs, messages, and layers to be loaded; or the error."""
     project = QgsProject()
+    for name, (provider, source) in job.get("layers", {}).items():
+        kind = {"copc": QgsPointCloudLayer, "ogr": QgsVectorLayer}[provider]
+        assert project.addMapLayer(kind(source, name, provider)).isValid(), name
     context = QgsProcessingContext()
     context.setProject(project)
     feedback = Feedback(job.get("cancel_after_s"))
@@ -231,12 +236,14 @@ def main(plugins_folder: str, jobs: str) -> None:
     answers = []
     for job in json.loads(Path(jobs).read_text(encoding="utf-8")):
         LOGGED.clear()
+        begun = time.monotonic(), sum(os.times()[:4])
         try:
             answer = globals()[job["do"]](job)
         except Exception:  # noqa: BLE001 - the next job shall have its turn
             answer = {"raised": traceback.format_exc()}
         QCoreApplication.processEvents()
-        answers.append({"answer": answer, "logged": list(LOGGED)})
+        spent = time.monotonic() - begun[0], sum(os.times()[:4]) - begun[1]
+        answers.append({"answer": answer, "logged": list(LOGGED), "spent_s": spent})
     print(json.dumps(answers, default=str))
     sys.stdout.flush()
     QgsApplication.messageLog().messageReceived[str, str, Qgis.MessageLevel].disconnect(listen)

@@ -51,6 +51,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
         shutil.copy(shared_data / "uav_wheat" / name, folder)
     plots = [shapely.box(16_649.5, 96_558.7 + 1.6 * k, 16_652.0, 96_560.2 + 1.6 * k) for k in range(2)]
     gpd.GeoDataFrame({"id": [1, 2]}, geometry=plots, crs="EPSG:6677").to_file(folder / "parcels.gpkg")
+    plots.append(
+        shapely.box(16_649.5, 96_561.9, 16_652.0, 96_563.4)
+    )  # one more, which a filter of the layer leaves out
+    for name in ("plots", "others"):
+        table = gpd.GeoDataFrame({"id": [1, 2, 3]}, geometry=plots, crs="EPSG:6677")
+        table.to_file(folder / "field.gpkg", layer=name)
     for name in ("gnss.nmea", "reference.nmea"):
         shutil.copyfile(shared_data / "tractor_loop" / name, folder / name)
     rows = "".join(f"{SCANS_S - 1 + i * 0.1:.3f},{16_650 + i * 0.1:.3f},96560,271,0,0,90\n" for i in range(31))
@@ -165,9 +171,7 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         "cure": {"do": "settings", "forget": list(poisons)},
         "farm_add": run("farm_add", RESULTS=[str(report)], FARM_MAP=base),
         "farm_list": run("farm_list", FARM_MAP=base),
-        "farm_mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT=folder / "farm.vrt"),
-        "temporary surfaces": run("surface", CLOUDS=[str(cloud)], CELL=0.5, OUTPUT="TEMPORARY_OUTPUT", GROUND="none"),
-        "temporary mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT="TEMPORARY_OUTPUT"),
+        "farm_mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT="TEMPORARY_OUTPUT"),
         "farm_remove": run("farm_remove", FARM_MAP=base, SESSION="straight"),
         "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
         "plots": run(
@@ -181,15 +185,15 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
             CRS="EPSG:6677",
             OUTPUT=folder / "plots.gpkg",
         ),
-        "parcels": run(
-            "parcels",
-            CLOUDS=[str(cloud)],
-            PARCELS=folder / "parcels.gpkg",
-            NET_INSET="0.3,0.1",
-            OUTPUT=folder / "crops",
-        ),
+        "parcels": {
+            **run("parcels", CLOUDS=["the cloud"], PARCELS="plots", NET_INSET="0.3,0.1", OUTPUT=folder / "crops"),
+            "layers": {
+                "the cloud": ["copc", str(cloud)],
+                "plots": ["ogr", f"{folder / 'field.gpkg'}|layername=plots|subset=id < 3"],
+            },
+        },
         "features": run("features", CLOUDS=[str(cloud)], OUTPUT=folder / "features"),
-        "canopy": run("canopy", CLOUDS=[str(cloud)], CELL=1, GROUND="class", OUTPUT=folder / "canopy"),
+        "canopy": run("canopy", CLOUDS=[str(cloud)], CELL=1, GROUND="class", OUTPUT="TEMPORARY_OUTPUT"),
         "growth": run(
             "growth",
             CLOUDS=[str(cloud), str(folder / "by_hand" / "cloud.copc.laz")],
@@ -295,6 +299,8 @@ def answers(qgis: QgisRoot, worker: str, folder: Path, by_hand: Path) -> dict[st
     script = CHECKOUT / "tests" / "plugin" / "in_qgis.py"
     out = qgis.run("env", kept, "python3", script, folder / "plugins", folder / "jobs.json", timeout_s=500)
     answers = dict(zip(jobs, json.loads(out.splitlines()[-1]), strict=True))
+    print("seconds on the clock and of the processor:")  # for people (pytest -s)
+    print("\n".join(f"{each['spent_s'][0]:6.2f} {each['spent_s'][1]:6.2f} {name}" for name, each in answers.items()))
     answers["logged"] = {"answer": {name: each["logged"] for name, each in answers.items() if each["logged"]}}
     return {name: answer["answer"] for name, answer in answers.items()}
 
@@ -442,6 +448,7 @@ def test_plots__are_laid_out_from_a_place_on_the_map(answers: dict[str, Any], fo
 
 
 def test_parcels__are_measured_and_a_trial_is_analysed(answers: dict[str, Any], folder: Path) -> None:
+    """Cloud and parcels are layers of the project: the parcels one of two in a file, with a filter."""
     assert answers["parcels"]["error"] is None
     assert answers["parcels"]["outputs"]["PARCELS_MEASURED"] == 2
     assert (folder / "crops" / "parcels.csv").exists()
@@ -525,7 +532,7 @@ def test_algorithms__have_all_been_asked_to_work(answers: dict[str, Any]) -> Non
 
 
 def test_base__takes_lists_and_gives_back_sessions(answers: dict[str, Any], folder: Path) -> None:
-    assert answers["farm_mosaic"]["outputs"] == {"OUTPUT": str(folder / "farm.vrt"), "SURFACES": 1}
+    assert answers["farm_mosaic"]["outputs"]["SURFACES"] == 1
     assert [answers[name]["error"] for name in ("farm_add", "farm_list", "farm_mosaic", "farm_remove")] == [None] * 4
     assert answers["farm_add"]["outputs"]["ADDED"] == 1
     assert answers["farm_add"]["loaded"]
@@ -534,11 +541,9 @@ def test_base__takes_lists_and_gives_back_sessions(answers: dict[str, Any], fold
 
 
 def test_output__that_is_temporary_is_where_the_answer_says(answers: dict[str, Any]) -> None:
-    assert answers["temporary mosaic"]["error"] is None
-    assert answers["temporary mosaic"]["written"] == ["OUTPUT"]
-    assert answers["temporary surfaces"]["error"] is None
-    assert {"DSM", "FOLDER", "OUTPUT"} <= set(answers["temporary surfaces"]["written"])
-    assert answers["temporary surfaces"]["outputs"]["OUTPUT"] == answers["temporary surfaces"]["outputs"]["FOLDER"]
+    assert answers["farm_mosaic"]["written"] == ["OUTPUT"]
+    assert {"FOLDER", "OUTPUT"} <= set(answers["canopy"]["written"])
+    assert answers["canopy"]["outputs"]["OUTPUT"] == answers["canopy"]["outputs"]["FOLDER"]
 
 
 def test_errors__are_the_three_lines_of_the_command_line(
@@ -615,16 +620,16 @@ def placeholders(text: str) -> list[str]:
     return [part.split("}")[0] for part in text.split("{")[1:]]
 
 
-def test_qgis_process__runs_a_session_after_furrowmap_qgis_install(
-    qgis: QgisRoot, worker: str, folder: Path, by_hand: Path
+def test_qgis_process__works_with_the_furrowmap_that_installed_the_plugin(
+    qgis: QgisRoot, worker: str, folder: Path
 ) -> None:
-    """A profile as new; the command installs the plugin and switches it on; QGIS runs a session by that furrowmap."""
+    """A profile as new; the command installs the plugin and switches it on; QGIS has that furrowmap do the work."""
     run = (
         'export XDG_CACHE_HOME=/opt/furrowmap/cache; mkdir -p "$HOME/.local/share/QGIS/QGIS3/profiles/default"; '
         '"$1" qgis install --quiet >&2; '
-        'qgis_process --json run furrowmap:run --SESSION="$2" --OUTPUT="$3"'
+        'qgis_process --json run furrowmap:inspect --FILES="$2"'
     )
-    out = qgis.run("sh", "-ec", run, "sh", worker, folder / "session.toml", folder / "processed", timeout_s=300)
+    out = qgis.run("sh", "-ec", run, "sh", worker, folder / "recording.pcap", timeout_s=300)
     answer = json.loads(out[out.index("{") :])
-    assert answer["results"]["FOLDER"] == str(folder / "processed")
-    same_products(folder / "processed", by_hand)
+    (found,) = json.loads(answer["results"]["FINDINGS"])["files"]
+    assert found["facts"]["model"] == "VLP-16"

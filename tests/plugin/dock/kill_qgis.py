@@ -1,7 +1,7 @@
 """Runs inside the tests' QGIS root: QGIS is killed in the midst of a run; prints what of the worker is left, as JSON.
 
-Arguments: folder with the plugin, a session file, the worker's command.
-Started again by QGIS itself (`iface` is there then) it begins the run and kills QGIS once the worker is at work.
+Arguments: folder with the plugin, a session file, the worker's command; with a fourth it is QGIS itself, which begins
+the run in a task, as the dock does, and kills itself once the worker is at work.
 """
 
 from __future__ import annotations
@@ -30,34 +30,46 @@ def workers() -> list[int]:
 
 
 def outside(plugins: str, session: str, worker: str) -> None:
-    command = ["scripts/qgis_desktop.sh", plugins, __file__, session]
-    ended = subprocess.run(command, env=os.environ | {"QGIS_INTERPRETER": worker}, timeout=200, check=False)
+    ended = subprocess.run([sys.executable, __file__, plugins, session, worker, "inside"], timeout=200, check=False)
     begun = time.monotonic()
     while workers() and time.monotonic() - begun < LONGEST_S:
         time.sleep(0.05)
     left = [path.name for path in Path(session).parent.iterdir() if path.name.endswith("_result")]
-    print(json.dumps({"status": ended.returncode, "workers": workers(), "left": left}))
+    print(json.dumps({"signal": -ended.returncode, "workers": workers(), "left": left}))
 
 
-def inside(session: str) -> None:
+def inside(plugins: str, session: str, worker: str) -> None:
     import qgis.utils
+    from qgis.core import QgsApplication, QgsSettings
     from qgis.PyQt.QtCore import QTimer
-    from qgis.PyQt.QtWidgets import QListWidget
 
-    dock = qgis.utils.plugins["furrowmap"].dock
-    dock.run_session(session)
-    stages = dock.findChild(QListWidget, "furrowmapStages")
-    globals()["timer"] = timer = QTimer()
+    application = QgsApplication([], False)
+    application.initQgis()
+    qgis.utils.iface = None
+    sys.path.insert(0, plugins)
+    qgis.utils.plugin_paths.append(plugins)
+    qgis.utils.updateAvailablePlugins()
+    assert qgis.utils.loadPlugin("furrowmap")
+    assert qgis.utils.startProcessingPlugin("furrowmap")
+    QgsSettings().setValue("furrowmap/interpreter", worker)
+    from furrowmap.dock.tasks import RunTask
+
+    stages: list[str] = []
+    parameters = {"SESSION": session, "OUTPUT": session.replace(".toml", "_result"), "OPEN": False}
+    task = RunTask(parameters, stages.append, print)
+    QgsApplication.taskManager().addTask(task)
+    timer = QTimer()
 
     def look() -> None:
-        if stages.count() and workers():
+        if stages and workers():
             os.kill(os.getpid(), signal.SIGKILL)
 
     timer.timeout.connect(look)
     timer.start(50)
+    application.exec_()
 
 
-if "iface" in globals():
-    inside(*arguments)  # noqa: F821 - given by qgis_desktop.sh
+if len(sys.argv) > 4:
+    inside(*sys.argv[1:4])
 else:
     outside(*sys.argv[1:])

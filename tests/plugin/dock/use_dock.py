@@ -9,8 +9,11 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import sqlite3
+import subprocess
 import time
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +35,23 @@ MOUNTING = {
 }
 MACHINES = Path(OUT) / "machines"
 os.environ["FURROWMAP_MACHINES"] = str(MACHINES)
+CAPABILITIES = """<?xml version="1.0" encoding="UTF-8"?>
+<WMS_Capabilities version="1.3.0" xmlns="http://www.opengis.net/wms" xmlns:xlink="http://www.w3.org/1999/xlink">
+<Service><Name>WMS</Name><Title>Land registry</Title><OnlineResource xlink:href="http://127.0.0.1:PORT/wms"/></Service>
+<Capability><Request>
+<GetCapabilities><Format>text/xml</Format><DCPType><HTTP><Get>
+<OnlineResource xlink:href="http://127.0.0.1:PORT/wms?"/></Get></HTTP></DCPType></GetCapabilities>
+<GetMap><Format>image/png</Format><DCPType><HTTP><Get>
+<OnlineResource xlink:href="http://127.0.0.1:PORT/wms?"/></Get></HTTP></DCPType></GetMap></Request>
+<Exception><Format>XML</Format></Exception>
+<Layer><Title>All</Title><CRS>EPSG:3857</CRS>
+<EX_GeographicBoundingBox><westBoundLongitude>139</westBoundLongitude><eastBoundLongitude>141</eastBoundLongitude>
+<southBoundLatitude>35</southBoundLatitude><northBoundLatitude>37</northBoundLatitude></EX_GeographicBoundingBox>
+<BoundingBox CRS="EPSG:3857" minx="15473000" miny="4163000" maxx="15696000" maxy="4439000"/>
+<Attribution><Title>Land registry office</Title></Attribution>
+<Layer queryable="0"><Name>parcels</Name><Title>Parcels</Title></Layer>
+</Layer></Capability></WMS_Capabilities>
+"""
 SEEN: dict[str, Any] = {}
 LOGGED: list[str] = []
 BUSY = {"cpu_s": 0.0, "last_s": time.thread_time()}
@@ -190,6 +210,20 @@ def machines() -> Iterator[Any]:
     yield page("run")
     yield page("session")
     SEEN["machines"] = sorted(path.name for path in MACHINES.iterdir())
+    SEEN["machine_shown"] = widget("furrowmapMachine").currentText()
+    widget("furrowmapWidth").setValue(1.75)
+    click("furrowmapSaveMachine")
+    yield page("run")
+    yield page("session")
+    SEEN["machine_known"] = [widget("furrowmapErrorText").text(), widget("furrowmapReplaceMachine").isVisible()]
+    click("furrowmapReplaceMachine")
+    yield page("run")
+    yield page("session")
+    SEEN["machine_replaced"] = "width_m = 1.75" in (MACHINES / "Tractor 1.toml").read_text(encoding="utf-8")
+    widget("furrowmapMachine").setEditText("Tractor 9")
+    click("furrowmapCalibrate")
+    yield
+    SEEN["unknown_machine"] = widget("furrowmapFindings").text()
     alone = Path(OUT) / "alone"
     alone.mkdir()
     shutil.copyfile(f"{RECORDINGS}/gnss.nmea", alone / "gnss.nmea")
@@ -217,6 +251,52 @@ def machines() -> Iterator[Any]:
     SEEN["machines_after_drop"] = sorted(path.name for path in MACHINES.iterdir())
     drop(plugin().dock, [Path(RECORDINGS) / "session.toml"])
     yield page("session")
+
+
+def many_drives() -> Iterator[Any]:
+    """Three drives dropped together: one runs, one lacks a recording, one is broken."""
+    many = Path(OUT) / "many"
+    for name in ("broken", "incomplete", "positions"):
+        (many / name).mkdir(parents=True)
+    (many / "broken" / "session.toml").write_text("furrowmap = 1\n[recoding]\n")
+    for name in ("incomplete", "positions"):
+        shutil.copyfile(f"{RECORDINGS}/gnss.nmea", many / name / "gnss.nmea")
+    (many / "positions" / "states.csv").write_text("time,state\n2026-06-11T01:23:50Z,down\n2026-06-11T01:24:20Z,up\n")
+    (many / "positions" / "session.toml").write_text(
+        'furrowmap = 1\nname = "positions"\n[recording]\ngnss = ["gnss.nmea"]\n[crs]\nmap = "EPSG:6677"\n'
+        '[implement]\nwidth_m = 1.7\nxy_m = [-1.62, 0.0]\nstates = ["states.csv"]\n'
+    )
+    drop(plugin().dock, sorted(many.iterdir()))
+    rows = widget("furrowmapBatch")
+    SEEN["waiting"] = rows.item(2).text()
+    yield lambda: not plugin().dock.batch.busy
+    SEEN["drives"] = [rows.item(k).text() for k in range(rows.count())]
+    shot(f"{OUT}/drives.png")  # noqa: F821
+    rows.itemActivated.emit(rows.item(1))
+    SEEN["incomplete"] = [page("session")(), widget("furrowmapRecordings").text()]
+    plugin().dock.pages.setCurrentWidget(plugin().dock.drives)
+    rows.itemActivated.emit(rows.item(2))
+    yield page("result")
+    yield from passed_on()
+    QgsProject.instance().clear()
+    plugin().dock.open_session(Path(RECORDINGS) / "session.toml")
+    yield page("session")
+
+
+def passed_on() -> Iterator[Any]:
+    """The result that is open: exported, and added to a farm map; the names are those that the file dialogs give."""
+    farm, web, dock = Path(OUT) / "farm.gpkg", Path(OUT) / "web", plugin().dock
+    formats = widget("furrowmapExport").menu().actions()
+    SEEN["formats"] = [action.text() for action in formats]
+    shot(f"{OUT}/small.png")  # noqa: F821
+    dock.export("geojson", str(web))
+    yield page("run")
+    yield page("result")
+    SEEN["exported"] = sorted(path.name for path in web.iterdir())
+    dock.add_to_farm([dock._folder], str(farm))
+    yield page("run")
+    yield page("result")
+    SEEN["farm"] = [QgsSettings().value("furrowmap/farmMap") == str(farm), groups()["farm"]]
 
 
 def refused_run() -> Iterator[Any]:
@@ -285,7 +365,8 @@ def whole_run() -> Iterator[Any]:
 
 def on_the_map() -> Iterator[Any]:
     """Locator, pages to print, replay, base map, the same results again."""
-    from furrowmap.basemap import base_maps, show_base_map
+    from furrowmap.basemap import base_map_layers, base_maps, known_layer, show_base_map
+    from furrowmap.dock.replay import las_time_s
     from furrowmap.layout.session_layout import export_atlas, export_pdf, session_layout
     from furrowmap.results import groups_of, read_report
 
@@ -312,10 +393,19 @@ def on_the_map() -> Iterator[Any]:
     controller.pause()
     SEEN["replayed"] = controller.totalFrameCount()
     controller.setNavigationMode(controller.NavigationMode.NavigationOff)
-    empty = QgsProject()
-    SEEN["base_maps"] = {
-        base.key: [show_base_map(base.key, project=empty).isValid(), len(empty.mapLayers())] for base in base_maps()
-    }
+    cloud = next(node for node in project.layerTreeRoot().findLayers() if node.layer().name() == "cloud")
+    cloud.setItemVisibilityChecked(True)
+    click("furrowmapDo_replay")
+    yield lambda: controller.currentFrameNumber() >= 2
+    controller.pause()
+    SEEN["cloud_filter"] = [cloud.layer().subsetString(), las_time_s(controller.dateTimeRangeForFrameNumber(2).end())]
+    controller.setNavigationMode(controller.NavigationMode.NavigationOff)
+    SEEN["cloud_filter_after"] = cloud.layer().subsetString()
+    cloud.setItemVisibilityChecked(False)
+    empty, SEEN["base_maps"] = QgsProject(), {}
+    for base in base_maps():
+        show_base_map(known_layer(base.key), base.key, empty)
+        SEEN["base_maps"][base.key] = [base_map_layers(empty)[0].isValid(), len(empty.mapLayers())]
     tiles = QUrl.fromLocalFile(OUT).toString() + "/{z}/{x}/{y}.png"
     box = widget("furrowmapBaseMap")
     box.setCurrentIndex(box.count() - 1)
@@ -323,6 +413,7 @@ def on_the_map() -> Iterator[Any]:
     box.activated.emit(box.count() - 1)
     yield drawn
     SEEN["lowest"] = project.layerTreeRoot().children()[-1].name()
+    yield from own_maps(box)
     box.setCurrentIndex(0)
     box.activated.emit(0)
     yield
@@ -332,6 +423,55 @@ def on_the_map() -> Iterator[Any]:
     yield lambda: plugin().dock._steps is None
     SEEN["again_the_same"] = groups() == before
     SEEN["project_round_trip"] = _round_trip(project)
+
+
+def own_maps(box: Any) -> Iterator[Any]:
+    """A raster, MBTiles with their attribution, a WMS, and one that cannot be reached."""
+    from furrowmap.basemap import attribution_of, base_map_layers
+
+    tiles, served = Path(OUT) / "field map.mbtiles", Path(OUT) / "served"
+    with closing(sqlite3.connect(tiles)) as database, database:
+        database.execute("create table metadata (name text, value text)")
+        database.execute("create table tiles (zoom_level int, tile_column int, tile_row int, tile_data blob)")
+        facts = [
+            ("format", "png"),
+            ("attribution", "<a href='x'>Village of Ami</a>"),
+            ("minzoom", "0"),
+            ("maxzoom", "0"),
+        ]
+        database.executemany("insert into metadata values (?, ?)", facts)
+        database.execute("insert into tiles values (0, 0, 0, ?)", [Path(f"{OUT}/run.png").read_bytes()])
+    served.mkdir()
+    (served / "wms").write_text(CAPABILITIES)
+    server = subprocess.Popen(
+        ["python3", "-u", "-m", "http.server", "--bind", "127.0.0.1", "--directory", str(served), "0"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    port = str(server.stdout.readline() if server.stdout else "").split(" port ")[1].split()[0]
+    # QGIS asks the service for its capabilities again: their address has to be the server's.
+    (served / "wms").write_text(CAPABILITIES.replace("PORT", port))
+    bar, SEEN["own_maps"] = iface.messageBar(), {}  # noqa: F821
+    own_layers = {
+        "dsm": f"{plugin().dock._folder}/dsm.tif",
+        "field map": str(tiles),
+        "Parcels": f"http://127.0.0.1:{port}/wms",
+    }
+    for name, own in own_layers.items():
+        widget("furrowmapOwnBaseMap").setText(own)
+        box.activated.emit(box.count() - 1)
+        yield lambda name=name: [layer.name() for layer in base_map_layers(QgsProject.instance())] == [name]
+        layers = base_map_layers(QgsProject.instance())
+        SEEN["own_maps"][name] = [layers[0].isValid(), attribution_of(layers)]
+    server.kill()
+    server.wait()
+    bar.clearWidgets()
+    widget("furrowmapOwnBaseMap").setText(f"http://127.0.0.1:{port}/{{z}}/{{x}}/{{y}}.png")
+    box.activated.emit(box.count() - 1)
+    yield lambda: bar.currentItem() is not None
+    SEEN["unreachable"] = bar.currentItem().text()
+    shot(f"{OUT}/unreachable.png")  # noqa: F821
 
 
 def _round_trip(project: Any) -> bool:
@@ -344,7 +484,17 @@ def _round_trip(project: Any) -> bool:
 
 
 def story() -> Iterator[Any]:
-    for part in (reloads, without_worker, new_session, machines, cancelled_run, refused_run, whole_run, on_the_map):
+    for part in (
+        reloads,
+        without_worker,
+        new_session,
+        machines,
+        many_drives,
+        cancelled_run,
+        refused_run,
+        whole_run,
+        on_the_map,
+    ):
         yield from part()
     SEEN["dialogs"] = [w.windowTitle() for w in QApplication.topLevelWidgets() if w.isVisible() and w is not WINDOW]
     SEEN["modal"] = QApplication.activeModalWidget() is not None

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Map services: what the capabilities of a WMS or a WMTS offer as background. Imports nothing of QGIS."""
+
+from dataclasses import dataclass
+from urllib.parse import parse_qsl, quote, urlencode, urlsplit, urlunsplit
+from xml.etree import ElementTree as ET
+from xml.parsers import expat
+
+WEB_MERCATOR = "EPSG:3857"
+PREFERRED_FORMATS = ("image/png", "image/jpeg")
+REQUEST_KEYS = {"service", "request", "version", "layers", "styles", "crs", "srs", "bbox", "width", "height", "format"}
+"""Of a query: what a request says itself. Others, such as a key of the user, belong to the service."""
+UNRESTRICTED = {"", "none"}
+
+
+@dataclass(frozen=True)
+class ServiceLayer:
+    """A layer that a service offers.
+
+    Attributes:
+        name: by which requests name it.
+        title: for people.
+        attribution: that the service asks for; "" if it names none.
+        source: for QGIS's provider "wms".
+    """
+
+    name: str
+    title: str
+    attribution: str
+    source: str
+
+
+def capabilities_url(url):
+    """The address of a service's capabilities, from it or from the address of the service."""
+    parts = urlsplit(url)
+    query = parse_qsl(parts.query, keep_blank_values=True)
+    if parts.path.lower().endswith(".xml"):
+        return url
+    kept = [(key, value) for key, value in query if key.lower() not in REQUEST_KEYS]
+    stated = [value.upper() for key, value in query if key.lower() == "service"]
+    service = stated[0] if stated else "WMTS" if "wmts" in parts.path.lower() else "WMS"
+    return urlunsplit(parts._replace(query=urlencode([*kept, ("SERVICE", service), ("REQUEST", "GetCapabilities")])))
+
+
+def service_layers(text, url, wanted_crs=""):
+    """The layers of a service.
+
+    Args:
+        text: of its capabilities.
+        url: that the user gave; its LAYERS, if any, choose.
+        wanted_crs: in which maps are asked for if the service has it, else Web Mercator, else the service's first.
+
+    Returns:
+        :class:`ServiceLayer` each, in the service's order.
+
+    Raises:
+        ValueError: if these are no capabilities.
+    """
+    root = _parsed(text)
+    of_kind = {"WMS_Capabilities": _wms, "WMT_MS_Capabilities": _wms, "Capabilities": _wmts}.get(_tag(root))
+    if of_kind is None:
+        raise ValueError(_tag(root))
+    layers = of_kind(root, url, wanted_crs)
+    query = {key.lower(): value for key, value in parse_qsl(urlsplit(url).query)}
+    names = [name for name in query.get("layers", query.get("layer", "")).split(",") if name]
+    return [layer for layer in layers if not names or layer.name in names]
+
+
+def _parsed(text):
+    """The elements of a text without entities of its own, by which a hostile one could grow."""
+    builder, parser = ET.TreeBuilder(), expat.ParserCreate("utf-8", "}")
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    parser.CharacterDataHandler, parser.EntityDeclHandler = builder.data, _refuse
+    try:
+        parser.Parse(text.encode(), True)  # noqa: FBT003 - it is all of it
+    except expat.ExpatError as error:
+        raise ValueError(str(error)) from None
+    return builder.close()
+
+
+def _refuse(name, *_):
+    raise ValueError(name)
+
+
+def _wms(root, url, wanted_crs):
+    capability = _child(root, "Capability")
+    formats = [node.text for node in _all(_path(capability, "Request", "GetMap"), "Format")]
+    service = _child(root, "Service")
+    terms = _text(service, "AccessConstraints")
+    parts = urlsplit(url)
+    kept = [item for item in parse_qsl(parts.query, keep_blank_values=True) if item[0].lower() not in REQUEST_KEYS]
+    base = urlunsplit(parts._replace(query=urlencode(kept)))
+    found = []
+
+    def walk(node, codes, attribution):
+        codes = [
+            *codes,
+            *(code for key in ("CRS", "SRS") for each in _all(node, key) for code in (each.text or "").split()),
+        ]
+        attribution = _text(_child(node, "Attribution"), "Title") or attribution
+        name = _text(node, "Name")
+        if name and codes:
+            source = {"layers": name, "styles": "", "url": base}
+            found.append(_layer(name, _text(node, "Title"), attribution, codes, formats, wanted_crs, source))
+        for below in _all(node, "Layer"):
+            walk(below, codes, attribution)
+
+    for node in _all(capability, "Layer"):
+        walk(node, [], "" if terms.lower() in UNRESTRICTED else terms)
+    return found
+
+
+def _wmts(root, url, wanted_crs):
+    contents = _child(root, "Contents")
+    crs_of = {_text(node, "Identifier"): _code(_text(node, "SupportedCRS")) for node in _all(contents, "TileMatrixSet")}
+    provider = _text(_child(root, "ServiceProvider"), "ProviderName")
+    found = []
+    for node in _all(contents, "Layer"):
+        name = _text(node, "Identifier")
+        sets = {
+            crs_of.get(_text(link, "TileMatrixSet")): _text(link, "TileMatrixSet")
+            for link in _all(node, "TileMatrixSetLink")
+        }
+        if not sets:
+            continue
+        styles = sorted(_all(node, "Style"), key=lambda style: style.get("isDefault") != "true")
+        style = _text(styles[0], "Identifier") if styles else ""
+        codes = [code for code in sets if code]
+        source = {"layers": name, "styles": style, "tileMatrixSet": sets[_chosen(codes, wanted_crs)]}
+        source["url"] = capabilities_url(url)
+        formats = [each.text for each in _all(node, "Format")]
+        found.append(_layer(name, _text(node, "Title"), provider, codes, formats, wanted_crs, source))
+    return found
+
+
+def _layer(name, title, attribution, codes, formats, wanted_crs, source):
+    offered = [known for known in PREFERRED_FORMATS if known in formats] or formats or list(PREFERRED_FORMATS)
+    items = {"contextualWMSLegend": "0", "crs": _chosen(codes, wanted_crs), "format": offered[0], **source}
+    text = "&".join(f"{key}={quote(value, safe='' if key == 'url' else ':/')}" for key, value in items.items())
+    return ServiceLayer(name, title or name, attribution, text)
+
+
+def _chosen(codes, wanted_crs):
+    return next((code for code in (wanted_crs, WEB_MERCATOR) if code in codes), codes[0])
+
+
+def _code(name):
+    """A CRS as `EPSG:3857`, from that or from `urn:ogc:def:crs:EPSG::3857`."""
+    parts = name.split(":")
+    return f"{parts[-3]}:{parts[-1]}" if name.lower().startswith("urn:") and len(parts) > 3 else name
+
+
+def _tag(node):
+    return node.tag.rpartition("}")[2]
+
+
+def _all(node, name):
+    return [below for below in (node if node is not None else ()) if _tag(below) == name]
+
+
+def _child(node, name):
+    return next(iter(_all(node, name)), None)
+
+
+def _path(node, *names):
+    for name in names:
+        node = _child(node, name)
+    return node
+
+
+def _text(node, name):
+    found = _child(node, name)
+    return (found.text or "").strip() if found is not None else ""

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Parameters that take a layer of the project or a file, and the file that the worker reads for a layer.
+
+QGIS's own layer parameters load every file that they are given; these take a path as it is, since the worker reads
+formats that QGIS does not, and a point cloud is not indexed for nothing.
+"""
+
+from pathlib import Path
+
+from qgis.core import (
+    QgsMapLayer,
+    QgsProcessing,
+    QgsProcessingParameterMapLayer,
+    QgsProcessingParameterMultipleLayers,
+    QgsProcessingParameterPointCloudLayer,
+    QgsProcessingParameterVectorLayer,
+    QgsProcessingUtils,
+    QgsProviderRegistry,
+    QgsVectorLayer,
+)
+
+TYPES = QgsProcessing.SourceType
+GEOMETRIES = {"polygons": TYPES.TypeVectorPolygon, "points": TYPES.TypeVectorPoint, "table": TYPES.TypeVector}
+"""What the lists of layers offer."""
+FORMATS = {
+    "polygons": ("gpkg", "shp", "geojson", "fgb", "kml"),
+    "points": ("gpkg",),
+    "table": ("csv",),
+}
+"""Formats of vector layers that the worker reads, the one first into which others are written."""
+
+
+class _TakesPaths:
+    """Accepts any layer and any text: a path is checked as that of a file."""
+
+    def checkValueIsAcceptable(self, value, context=None):  # noqa: N802, ARG002 - the names are QGIS's
+        """Whether it is a layer or a text, or a list of them."""
+        values = value if isinstance(value, list | tuple) else [value]
+        given = [each for each in values if each not in (None, "")]
+        optional = bool(self.flags() & self.Flag.FlagOptional)
+        return (bool(given) or optional) and all(isinstance(each, str | QgsMapLayer) for each in given)
+
+
+class LayersOrFiles(_TakesPaths, QgsProcessingParameterMultipleLayers):
+    """Several layers or files."""
+
+
+class CloudOrFile(_TakesPaths, QgsProcessingParameterPointCloudLayer):
+    """A point cloud."""
+
+
+class RasterOrCloudOrFile(_TakesPaths, QgsProcessingParameterMapLayer):
+    """A raster or a point cloud."""
+
+
+class VectorOrFile(_TakesPaths, QgsProcessingParameterVectorLayer):
+    """A vector layer."""
+
+
+def layer_parameter(parameter, given):
+    """The definition of a :class:`.description.Parameter` with `layers`.
+
+    Args:
+        parameter: its kind is "file" or "files".
+        given: name, description and whether it is optional.
+    """
+    if parameter.kind == "files":
+        return LayersOrFiles(**given, layerType=GEOMETRIES.get(parameter.layers, TYPES.TypePointCloud))
+    if parameter.layers == "cloud":
+        return CloudOrFile(**given)
+    if parameter.layers == "raster or cloud":
+        return RasterOrCloudOrFile(**given, types=[TYPES.TypeRaster, TYPES.TypePointCloud])
+    return VectorOrFile(**given, types=[GEOMETRIES[parameter.layers]])
+
+
+def layer_files(parameter, value, context, feedback):
+    """The files of a value: a path, a layer, its id, name or source, or a list of these.
+
+    A vector layer that is not one whole file of :data:`FORMATS` (a layer among others in a GeoPackage, a filter, a
+    scratch layer, a database) is written to a temporary file.
+    """
+    return [_file(parameter, each, context, feedback) for each in _each(value)]
+
+
+def first_unknown(parameter, value, context):
+    """The first text of a value that is neither a file nor a layer; "" if there is none."""
+    return next(
+        (str(each) for each in _each(value) if _layer(parameter, each, context) is None and not _is_file(each)), ""
+    )
+
+
+def _each(value):
+    values = value if isinstance(value, list | tuple) else [value]
+    return [each for each in values if each not in (None, "")]
+
+
+def _is_file(value):
+    return isinstance(value, str) and Path(value).exists()
+
+
+def _layer(parameter, value, context):
+    """The layer of a value; None for a path. Only a vector's source that names a layer within a file is opened."""
+    if isinstance(value, QgsMapLayer) or _is_file(value):
+        return value if isinstance(value, QgsMapLayer) else None
+    return QgsProcessingUtils.mapLayerFromString(value, context, parameter.layers in FORMATS and "|" in value)
+
+
+def _file(parameter, value, context, feedback):
+    layer = _layer(parameter, value, context)
+    if layer is None:
+        return value
+    if not isinstance(layer, QgsVectorLayer):
+        return (
+            QgsProviderRegistry.instance().decodeUri(layer.providerType(), layer.source()).get("path") or layer.source()
+        )
+    formats = FORMATS[parameter.layers]
+    return QgsProcessingUtils.convertToCompatibleFormat(
+        layer,
+        False,  # noqa: FBT003 - not only what is selected
+        parameter.name.lower(),
+        list(formats),
+        formats[0],
+        context,
+        feedback,
+    )
