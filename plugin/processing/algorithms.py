@@ -183,7 +183,7 @@ ALGORITHMS = (
                 "Within polygons",
                 "Only the ground in them is mapped: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or task data.",
                 kind="file",
-                filter=POLYGONS,
+                layers="polygons",
             ),
         },
         outputs=(
