@@ -24,8 +24,8 @@ _MOST_SHOWN = 20
     epilog="\b\nExample:\n  furrowmap batch season2026 -o results\n"
     "  furrowmap batch card1 card2 -o results --machine 'Tractor 1, tiller' --boundaries fields.gpkg",
 )
-@click.argument("folders", metavar="FOLDER...", nargs=-1, required=True, type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="RESULTS", required=True, help="Folder of the results.")
+@click.argument("folders", metavar="FOLDER...", nargs=-1, required=True)
+@click.option("-o", "--output", metavar="RESULTS", required=True, help="Folder of the results; URLs are possible, too.")
 @click.option(
     "--machine",
     metavar="NAME|FILE",
@@ -46,8 +46,8 @@ _MOST_SHOWN = 20
 @common_options
 def batch(
     console: Console,
-    folders: tuple[Path, ...],
-    output: Path,
+    folders: tuple[str, ...],
+    output: str,
     machine: str | None,
     boundaries: Path | None,
     workers: int | None,

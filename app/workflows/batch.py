@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import statistics
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -23,6 +24,7 @@ from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row, write_layers, write_table
 from furrowmap.workflows.batch_engine import ATTEMPTS, Workforce
 from furrowmap.workflows.batch_jobs import Job, Prepared, Request, identity, key_of, open_job, prepare
+from furrowmap.workflows.batch_places import Store, find_remote, is_url, scratch
 from furrowmap.workflows.batch_sources import Source, find_sources, named, stamp
 from furrowmap.workflows.batch_task import input_stamps, run_job
 from furrowmap.workflows.failures import in_three_lines
@@ -58,7 +60,7 @@ class Batch:
     """What a batch did, or would do.
 
     Attributes:
-        results: the folder of results.
+        results: path or URL of the folder of results.
         sessions: a row for each session that has ended, in the order of names; with `dry_run`, of earlier calls.
         run: names of those that ran, or would run.
         unchanged: names of those that were done before.
@@ -67,7 +69,7 @@ class Batch:
         notices: what a user should know.
     """
 
-    results: Path
+    results: str
     sessions: tuple[Row, ...] = ()
     run: tuple[str, ...] = ()
     unchanged: tuple[str, ...] = ()
@@ -112,7 +114,8 @@ def batch(
 
     Args:
         folders: folders with session files, or recordings; or session files.
-        results: folder of the results, one folder a session; created if it does not exist.
+        results: folder of the results, one folder a session; created if it does not exist. Both may be URLs that fsspec
+            opens, such as `s3://…`.
         settings: how it is done.
         dry_run: look at the sessions, run and write nothing.
         overwrite: replace products of other recordings in result folders.
@@ -124,15 +127,14 @@ def batch(
         RefusedError: if another batch is writing to `results`, or a package is missing.
         FurrowmapError: if the scheduler cannot be reached.
     """
-    target = Path(results)
-    sources = find_sources([Path(folder) for folder in folders], target)
-    runs = _Batch(target, settings, overwrite=overwrite, progress=progress, say=say)
-    if dry_run:
-        with batch_state(target / STATE if (target / STATE).is_file() else None) as state:
-            return runs.planned(sources, state)
-    target.mkdir(parents=True, exist_ok=True)
-    with leased(target), batch_state(target / STATE) as state:
-        return runs.done(sources, state)
+    remote = [str(folder) for folder in folders if is_url(folder)]
+    with ExitStack() as stack:
+        target = Path(stack.enter_context(scratch())) if is_url(results) else Path(results)
+        sources = find_sources([Path(folder) for folder in folders if not is_url(folder)], target)
+        sources += [source for url in remote for source in find_remote(url)]
+        url = str(results).rstrip("/") if is_url(results) else ""
+        runs = _Batch(target, settings, overwrite=overwrite, progress=progress, say=say, url=url)
+        return runs.call(sources, dry_run=dry_run)
 
 
 @dataclass(frozen=True)
@@ -144,6 +146,24 @@ class _Batch:
     overwrite: bool
     progress: Progress
     say: Callable[[str], None]
+    url: str
+
+    def call(self, sources: Sequence[Source], *, dry_run: bool) -> Batch:
+        """Plan or do the batch, with the state of the folder of results."""
+        store, path = Store(self.url), self.results / STATE
+        if self.url and (content := store.read(STATE)) is not None:
+            path.write_bytes(content)
+        if dry_run:
+            with batch_state(path if path.is_file() else None) as state:
+                return self.planned(sources, state)
+        self.results.mkdir(parents=True, exist_ok=True)
+        with leased(self.results), batch_state(path) as state:
+            try:
+                return self.done(sources, state)
+            finally:
+                if self.url:
+                    state.save_as(self.results / "copy")
+                    store.write(STATE, (self.results / "copy").read_bytes())
 
     def planned(self, sources: Sequence[Source], state: BatchState) -> Batch:
         """What would be done."""
@@ -179,6 +199,8 @@ class _Batch:
             write_table(self.results, told.sessions)
             write_layers(self.results, told.sessions)
             write_batch_page(self.results, told.sessions)
+            for name in (TABLE, LAYERS, BATCH_PAGE) if self.url else ():
+                Store(self.url).write(name, (self.results / name).read_bytes())
         return told
 
     def _plan(
@@ -194,11 +216,11 @@ class _Batch:
         prepared = self._prepared(sources, state, force, plan, keep=keep)
         wanted, made = [], {}
         for source in sources:
-            found = prepared.get(str(source.file))
+            found = prepared.get(source.place)
             if found is None:
                 continue
             for visit in found.visits or (None,):
-                key = identity(str(source.file), visit)
+                key = identity(source.place, visit)
                 wanted.append((key, (*source.parts, visit.name) if visit is not None else source.parts))
                 made[key] = (source, found, visit)
         names = named(wanted, state.sources())
@@ -206,11 +228,11 @@ class _Batch:
             state.keep_names(names)
         for key, (source, found, visit) in made.items():
             if found.failure is not None:
-                plan.failures[names[key]] = (str(source.file), found.failure)
+                plan.failures[names[key]] = (source.place, found.failure)
                 continue
             job = Job(
                 name=names[key],
-                file=str(source.file),
+                file=source.place,
                 text=found.text,
                 results=str(self.results.resolve()),
                 visit=visit,
@@ -218,6 +240,9 @@ class _Batch:
                 threads=force.threads,
                 language=language_of_user(),
                 allowed=tuple(what for what in ALL if allows(what)),
+                url=source.url,
+                stamps=source.stamps if source.url else (),
+                results_url=self.url,
             )
             plan.jobs[job.name] = job
         self._choose(plan, outcomes)
@@ -236,16 +261,16 @@ class _Batch:
         if not taken:
             raise _nothing(without)
         decisive = [stamp(Path(path)) for path in (machine, boundaries) if path]
-        keys = {str(one.file): _prepared_key(one, decisive) for one in taken}
+        keys = {one.place: _prepared_key(one, decisive) for one in taken}
         found, asked = dict[str, Prepared](), list[tuple[str, Request]]()
         for source in taken:
-            name = str(source.file)
+            name = source.place
             if not source.made and not boundaries:
                 found[name] = _as_it_is(source)
             elif (kept := state.prepared(name, keys[name])) is not None:
                 found[name] = msgspec.json.decode(kept, type=Prepared)
             else:
-                asked.append((name, Request(name, source.made, machine, boundaries)))
+                asked.append((name, _request(source, machine, boundaries)))
         looked = force.each(prepare, asked, self._tick(_LOOKING)) if keep else _here(asked)
         for number, (name, result) in enumerate(looked, 1):
             found[name] = result if isinstance(result, Prepared) else Prepared(failure=_lost(name))
@@ -256,16 +281,17 @@ class _Batch:
 
     def _choose(self, plan: _Plan, outcomes: dict[str, Outcome]) -> None:
         """Choose the jobs whose settings or inputs have changed, or that failed for a reason that may have passed."""
+        whole = Store(self.url).complete() if self.url else None
         for name, job in plan.jobs.items():
             try:
                 before, key = outcomes.get(name), key_of(job)
-                stamps = input_stamps(open_job(job))
+                stamps = job.stamps if job.url else input_stamps(open_job(job))
             except Exception as error:  # noqa: BLE001 whatever is wrong with one session is told in the table
                 plan.failures[name] = (job.file, Failure.of(in_three_lines(error)))
                 continue
             plan.bytes_due[name] = _size(stamps)
             same = before is not None and (before.key, _plainly(before.inputs)) == (key, _plainly(stamps))
-            if before is None or not same or not _is_settled(before, job):
+            if before is None or not same or not _is_settled(before, job, whole):
                 plan.due.append(name)
 
     def _run(self, plan: _Plan, force: Workforce) -> Iterator[tuple[str, Outcome]]:
@@ -284,7 +310,7 @@ class _Batch:
         of |= {name: (file, "") for name, (file, _) in plan.failures.items()}
         rows = tuple(Row(name, *of[name], outcomes[name]) for name in sorted(of) if name in outcomes)
         return Batch(
-            self.results,
+            self.url or str(self.results),
             rows,
             tuple(run),
             tuple(sorted(set(plan.jobs) - set(run) - set(plan.failures))),
@@ -292,6 +318,11 @@ class _Batch:
             estimate_s,
             tuple(plan.notices),
         )
+
+
+def _request(source: Source, machine: str, boundaries: str) -> Request:
+    stamps = source.stamps if source.url else ()
+    return Request(source.place, source.made, machine, boundaries, source.url, stamps)
 
 
 def _here(asked: Sequence[tuple[str, Request]]) -> Iterator[tuple[str, Prepared]]:
@@ -302,6 +333,8 @@ def _here(asked: Sequence[tuple[str, Request]]) -> Iterator[tuple[str, Prepared]
 
 def _as_it_is(source: Source) -> Prepared:
     try:
+        if source.url:
+            return Prepared((Store(source.url).read(source.file.name) or b"").decode())
         return Prepared(source.file.read_text(encoding="utf-8"))
     except Exception as error:  # noqa: BLE001 whatever is wrong with one session is told in the table
         return Prepared(failure=Failure.of(in_three_lines(error)))
@@ -322,7 +355,7 @@ def _size(stamps: Sequence[Stamp]) -> int:
 
 
 def _no_session(without: Sequence[Source]) -> Notice:
-    shown = ", ".join(str(source.file.parent) for source in without[:3])
+    shown = ", ".join(source.url or str(source.file.parent) for source in without[:3])
     return Notice(
         "batch-no-session",
         f"{len(without)} folders with recordings have no session.toml and are left out: {shown}"
@@ -340,10 +373,10 @@ def _nothing(without: Sequence[Source]) -> InputError:
     )
 
 
-def _is_settled(before: Outcome, job: Job) -> bool:
+def _is_settled(before: Outcome, job: Job, whole: set[str] | None) -> bool:
     """Whether the same inputs would give the same: there is a result, or the inputs themselves are at fault."""
     if before.failure is None:
-        return (job.folder / REPORT).is_file()
+        return job.name in whole if whole is not None else (job.folder / REPORT).is_file()
     return before.failure.exit_status == InputError.exit_status
 
 

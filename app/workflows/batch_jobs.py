@@ -29,7 +29,8 @@ from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import poses_within, track_within
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.exporters.files.atomic import atomic_output, relative_path
-from furrowmap.exporters.files.batch_state import Failure
+from furrowmap.exporters.files.batch_state import Failure, Stamp
+from furrowmap.workflows.batch_places import scratch, staged
 from furrowmap.workflows.failures import in_three_lines
 from furrowmap.workflows.propose import proposed
 
@@ -67,12 +68,16 @@ class Request:
         made: whether it is made from the recordings in its folder.
         machine: profile for a session that is made; empty for none.
         boundaries: file with fields; empty for none.
+        url: of the folder of the session, if it is in a store.
+        stamps: the files there.
     """
 
     file: str
     made: bool
     machine: str = ""
     boundaries: str = ""
+    url: str = ""
+    stamps: tuple[Stamp, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,6 +109,9 @@ class Job:
         threads: for the run; None for the default.
         language: of the report.
         allowed: what the user allows of foreign files.
+        url: of the folder of the session, if it is in a store; `file` is then the address of the session file.
+        stamps: the files there.
+        results_url: of the folder of all results, if that is in a store.
     """
 
     name: str
@@ -115,6 +123,9 @@ class Job:
     threads: int | None = None
     language: str = ""
     allowed: tuple[str, ...] = ()
+    url: str = ""
+    stamps: tuple[Stamp, ...] = ()
+    results_url: str = ""
 
     @property
     def folder(self) -> Path:
@@ -138,7 +149,11 @@ def prepare(request: Request) -> Prepared:
     Errors are returned, because one source must not stop the others.
     """
     try:
-        return _prepared(request)
+        if not request.url:
+            return _prepared(request)
+        with scratch() as folder:
+            file = staged(request.url, request.stamps, Path(folder))
+            return _prepared(replace(request, file=str(file)))
     except Exception as error:  # noqa: BLE001 whatever is wrong with one source is told in the table
         return Prepared(failure=Failure.of(in_three_lines(error)))
 

@@ -27,13 +27,20 @@ class Source:
         file: path of the session file; in a folder of recordings, of the one that would be there.
         parts: names of the folders from the one given by the user to this one.
         made: whether the session is made from the recordings in the folder.
-        stamps: the session file, or all files of the folder of recordings.
+        stamps: the session file, or all files of the folder of recordings; in a store all files of the folder.
+        url: of the folder, if it is in a store; `file` is then the session's name in it.
     """
 
     file: Path
     parts: tuple[str, ...]
     made: bool
     stamps: tuple[Stamp, ...]
+    url: str = ""
+
+    @property
+    def place(self) -> str:
+        """Path or URL of the session file."""
+        return f"{self.url}/{self.file.name}" if self.url else str(self.file)
 
 
 def find_sources(folders: Sequence[Path], results: Path) -> list[Source]:

@@ -15,7 +15,7 @@ import msgspec
 
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.allowances import ALL, allowing
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.values.errors import FurrowmapError, RefusedError
 from furrowmap.core.values.json_text import plain
 from furrowmap.core.values.languages.choice import using_language
 from furrowmap.core.values.threads import using_threads
@@ -25,6 +25,7 @@ from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.vectors.batch_table import FIGURES, outlines
 from furrowmap.results import Result, open_result
 from furrowmap.workflows.batch_jobs import Job, key_of, open_job
+from furrowmap.workflows.batch_places import earlier_in_store, put_result, scratch, staged, store_failure
 from furrowmap.workflows.batch_sources import stamp
 from furrowmap.workflows.failures import in_three_lines
 from furrowmap.workflows.run import run_opened
@@ -53,6 +54,8 @@ def run_job(job: Job) -> Outcome:
 
     Errors are part of the outcome, because one session must not stop the others.
     """
+    if job.url or job.results_url:
+        return _run_with_store(job)
     spent = _Spent.begin()
     key, stamps = "", tuple[Stamp, ...]()
     try:
@@ -72,6 +75,28 @@ def run_job(job: Job) -> Outcome:
         processor_s=round(took.processor_s, 3),
         peak_mb=round(peak_memory_mb(), 1),
     )
+
+
+def _run_with_store(job: Job) -> Outcome:
+    """Run a session whose recordings or results are in a store, on copies."""
+    target = f"{job.results_url}/{job.name}" if job.results_url else ""
+    try:
+        key = key_of(job)
+        if target and job.url and (earlier := earlier_in_store(target, key, job.stamps)) is not None:
+            return earlier
+        with scratch() as folder:
+            file = str(staged(job.url, job.stamps, Path(folder))) if job.url else job.file
+            results = str(Path(folder) / "results") if target else job.results
+            local = replace(job, file=file, results=results, url="", results_url="")
+            outcome = run_job(local)
+            outcome = replace(outcome, key=key, inputs=job.stamps) if job.url else outcome
+            if target and outcome.failure is None:
+                put_result(local.folder, target, outcome)
+            return outcome
+    except Exception as error:  # noqa: BLE001 whatever a store or its library raises is told in the table
+        ours = isinstance(error, FurrowmapError | MemoryError)
+        told = in_three_lines(error) if ours else store_failure(job.url or target, error)
+        return Outcome("", job.stamps, Failure.of(told))
 
 
 def input_stamps(opened: OpenSession) -> tuple[Stamp, ...]:
