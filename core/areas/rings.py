@@ -85,11 +85,13 @@ def _corners(shape: shapely.Polygon) -> FloatArray:
 
 
 @njit(cache=True, nogil=True)
-def _rings_at(xs, ys, first, boxes, starts, near, grid, x_m, y_m, out):  # type: ignore[no-untyped-def]
+def _rings_at(xs, ys, first, boxes, starts, near, grid, x_m, y_m, among, out):  # type: ignore[no-untyped-def]
     """The first polygon that each point lies in; -1 for none. Arrays one by one: passing them together costs more."""
     west, south, side, rows, columns = grid
     for n in range(len(x_m)):
         out[n] = -1
+        if len(among) and not among[n]:
+            continue
         x, y = x_m[n], y_m[n]
         i, j = math.floor((y - south) / side), math.floor((x - west) / side)
         if i < 0 or j < 0 or i >= rows or j >= columns:
@@ -109,10 +111,14 @@ def _rings_at(xs, ys, first, boxes, starts, near, grid, x_m, y_m, out):  # type:
                 break
 
 
-def ring_at(rings: Rings, x_m: FloatArray, y_m: FloatArray) -> IntArray:
-    """Number (n,) of the first polygon that each point (n,), from the rings' origin, lies in; -1 for none."""
+def ring_at(rings: Rings, x_m: FloatArray, y_m: FloatArray, among: NDArray[np.bool_] | None = None) -> IntArray:
+    """Number (n,) of the first polygon that each point (n,), from the rings' origin, lies in; -1 for none.
+
+    Only the points marked in `among` (n,) are looked at, if it is given; the others have -1.
+    """
     out = np.empty(len(x_m), np.int64)
-    _rings_at(*rings, np.ascontiguousarray(x_m), np.ascontiguousarray(y_m), out)
+    looked_at = np.zeros(0, np.bool_) if among is None else among
+    _rings_at(*rings, np.ascontiguousarray(x_m), np.ascontiguousarray(y_m), looked_at, out)
     return out
 
 

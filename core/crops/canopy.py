@@ -88,10 +88,10 @@ def _once(returns: PixelReturns, grid: Grid, net: BoolArray, noise_m: float) -> 
     """The top from some returns, without extrapolation."""
     seen = net & (returns.count > 0)
     bare_m = BARE_SIGMAS * noise_m
-    pixels, one, two, three = _moments(returns.count, returns.highest_m, returns.means_m, net, bare_m)
+    means = returns.means_m(seen & (returns.highest_m > bare_m))
     found = None
-    if pixels >= FEWEST_PIXELS:
-        _, second, third = l_moments_of(one, two, three)
+    if len(means) >= FEWEST_PIXELS:
+        _, second, third = l_moments_of(*means.mean(axis=0))
         found = penetration_of(float(second), float(third), noise_m)
     raise_m = found.top_above_highest_m() if found is not None else np.zeros(MOST_RETURNS + 1)
     variance = found.spread_of_highest_m() ** 2 if found is not None else np.zeros(MOST_RETURNS + 1)
@@ -104,21 +104,6 @@ def _once(returns: PixelReturns, grid: Grid, net: BoolArray, noise_m: float) -> 
         excess = float(share @ np.maximum(variance[1:] - variance[MOST_RETURNS], 0.0))
         chance = math.sqrt(CHANCE_SHARE * excess)
     return Canopy(grid, net, _without_gaps(top, net), seen, returns, found, error, chance)
-
-
-@njit(cache=True, nogil=True)
-def _moments(count, highest, means, net, bare):  # type: ignore[no-untyped-def]
-    """Number of the crop's pixels with three returns or more, and the means of their means."""
-    pixels, one, two, three = 0, 0.0, 0.0, 0.0
-    for i in range(count.shape[0]):
-        for j in range(count.shape[1]):
-            if net[i, j] and count[i, j] >= 3 and highest[i, j] > bare:
-                pixels += 1
-                one += means[i, j, 0]
-                two += means[i, j, 1]
-                three += means[i, j, 2]
-    known = max(pixels, 1)
-    return pixels, one / known, two / known, three / known
 
 
 @njit(cache=True, nogil=True)

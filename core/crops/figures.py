@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -82,10 +83,11 @@ def parcel_figures(name: str, canopy: Canopy, area_m2: float, soil_sigma_m: floa
     points = int(canopy.returns.count[canopy.net].sum())
     known = bool(np.isfinite(top).all()) and len(top) > 0
     mean = float(top.mean()) if known else math.nan
-    true = _without_chance(canopy) if known else np.full(max(len(top), 1), np.nan)
+    true = _without_chance(top, canopy.chance_m) if known else np.full(max(len(top), 1), np.nan)
+    spread = float(true.std())
     smooth = _smooth(canopy, ROUGHNESS_M) if known else canopy.top_m
-    quantiles = np.quantile(true, (0.50, 0.90, 0.95, 0.99)).tolist()
-    sigma = math.hypot(_height_sigma_m(canopy, true), soil_sigma_m) if known else math.nan
+    quantiles = _quantiles(true, (0.50, 0.90, 0.95, 0.99))
+    sigma = math.hypot(_height_sigma_m(canopy, spread), soil_sigma_m) if known else math.nan
     return ParcelFigures(
         id=name,
         points=points,
@@ -96,7 +98,7 @@ def parcel_figures(name: str, canopy: Canopy, area_m2: float, soil_sigma_m: floa
         **dict(zip(("p50_m", "p90_m", "p95_m", "p99_m"), quantiles, strict=True)),
         volume_m3=mean * area_m2,
         cover=float((true >= STANDS_M).mean()) if known else math.nan,
-        height_cv=float(true.std()) / mean if known and mean > 0.0 else math.nan,
+        height_cv=spread / mean if known and mean > 0.0 else math.nan,
         roughness_m=_roughness_m(canopy, smooth) if known else math.nan,
         lodging=known and _low_share(smooth[canopy.net]) >= LODGED_SHARE,
         penetration_m=canopy.penetration.mean_depth_m if canopy.penetration is not None else math.nan,
@@ -106,29 +108,38 @@ def parcel_figures(name: str, canopy: Canopy, area_m2: float, soil_sigma_m: floa
     )
 
 
-def _without_chance(canopy: Canopy) -> FloatArray:
-    """Heights of the net pixels, drawn towards their median by as much as chance spreads them."""
-    top = canopy.top_m[canopy.net]
-    middle = float(np.median(top))
+def _quantiles(values: FloatArray, shares: Sequence[float]) -> list[float]:
+    """Quantiles of values (n,), as NumPy's; sorting once is faster than its partitions for several."""
+    place = np.array(shares) * (len(values) - 1)
+    low = place.astype(np.int64)
+    ordered = np.sort(values)
+    below, above = ordered[low], ordered[np.minimum(low + 1, len(values) - 1)]
+    out: list[float] = (below + (place - low) * (above - below)).tolist()
+    return out
+
+
+def _without_chance(top: FloatArray, chance_m: float) -> FloatArray:
+    """Heights (n,) of the net pixels, drawn towards their median by as much as chance spreads them."""
+    (middle,) = _quantiles(top, (0.5,))
     stands = top >= STANDS_M
     variance = float(top[stands].var()) if stands.any() else 0.0
-    left = math.sqrt(max(variance - canopy.chance_m**2, 0.25 * variance) / variance) if variance > 0.0 else 1.0
+    left = math.sqrt(max(variance - chance_m**2, 0.25 * variance) / variance) if variance > 0.0 else 1.0
     return np.where(stands, np.maximum(middle + left * (top - middle), 0.0), top)
 
 
-def _height_sigma_m(canopy: Canopy, true: FloatArray) -> float:
+def _height_sigma_m(canopy: Canopy, spread_m: float) -> float:
     """Standard deviation of the mean height but for the soil: by chance, model, noise, filling, extrapolation."""
     found = canopy.penetration
     if found is None:
         return float("nan")
     seen = max(int(canopy.seen.sum()), 1)
-    chance = math.hypot(float(true.std()) * math.sqrt(CORRELATED_PIXELS), canopy.error_m) / math.sqrt(seen)
+    chance = math.hypot(spread_m * math.sqrt(CORRELATED_PIXELS), canopy.error_m) / math.sqrt(seen)
     model = MODEL_SHARE * found.mean_depth_m
     noise = NOISE_SHARE * found.noise_m
     # pixels without returns are between like the others and the lowest of all: as much below the mean as the tail
     # of a normal distribution, a third of whose square is the variance of what is spread evenly between both
     missing = 1.0 - int(canopy.seen.sum()) / max(int(canopy.net.sum()), 1)
-    empty = float(true.std()) * math.exp(-0.5 * ndtri(missing) ** 2) / math.sqrt(2.0 * math.pi * 3.0)
+    empty = spread_m * math.exp(-0.5 * ndtri(missing) ** 2) / math.sqrt(2.0 * math.pi * 3.0)
     return math.sqrt(chance**2 + model**2 + noise**2 + empty**2 + (EXTRAPOLATED_SHARE * canopy.extrapolated_m) ** 2)
 
 
@@ -140,7 +151,7 @@ def _roughness_m(canopy: Canopy, smooth_m: FloatArray) -> float:
 
 def _low_share(smooth_m: FloatArray) -> float:
     """Share of the net pixels whose surroundings, of mean heights (n,), are low."""
-    return float((smooth_m < LODGED * np.quantile(smooth_m, 0.9)).mean())
+    return float((smooth_m < LODGED * _quantiles(smooth_m, (0.9,))[0]).mean())
 
 
 def _smooth(canopy: Canopy, side_m: float) -> FloatArray:

@@ -12,6 +12,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 import shapely
+from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.areas.rings import ring_at, rings_of
@@ -99,20 +100,12 @@ class ParcelPoints:
             self._base_m = float(np.floor(np.median(xyz_m[:, 2])))
         x, y = xyz_m[:, 0] - self.origin_m[0], xyz_m[:, 1] - self.origin_m[1]
         sown = ring_at(self._crop, x, y) >= 0
-        if self._wide:
-            own = ring_at(self._kept, x, y)
-        else:
-            own = np.full(len(x), -1, np.int64)
-            own[sown] = ring_at(self._kept, x[sown], y[sown])
-        bare = np.flatnonzero(~sown)
-        bare = bare[ring_at(self._reach, x[bare], y[bare]) >= 0]
-        near = np.empty((len(x), 3), np.float32)
-        near[:, 0], near[:, 1], near[:, 2] = x, y, xyz_m[:, 2] - self._base_m
-        inside, soil = np.flatnonzero(own >= 0), near[bare]
-        west, south, rows = self._tiles
-        tile = np.floor(soil[:, :2] / TILE_M).astype(np.int64)
-        found = near[inside], own[inside], soil, (tile[:, 0] - west) * rows + tile[:, 1] - south
-        self.count += len(inside)
+        own = ring_at(self._kept, x, y, None if self._wide else sown)
+        tile = ring_at(self._reach, x, y, ~sown)
+        _number_tiles(x, y, tile, *self._tiles)
+        at = (*self.origin_m, self._base_m)
+        found = *_those_with_key(xyz_m, at, own), *_those_with_key(xyz_m, at, tile)
+        self.count += len(found[0])
         self._waiting.append(found)
         self._waiting_points += len(found[0]) + len(found[2])
         if self._waiting_points >= _WAITING:
@@ -123,7 +116,8 @@ class ParcelPoints:
         with self._storing:
             if not self._waiting:
                 return
-            own, parcel, soil, tile = (np.concatenate(column) for column in zip(*self._waiting, strict=True))
+            columns = zip(*self._waiting, strict=True)
+            own, parcel, soil, tile = (np.concatenate(c) if len(c) > 1 else c[0] for c in columns)
             self._own.add(own, parcel)
             self._soil.add(soil, tile)
             self._waiting.clear()
@@ -193,11 +187,39 @@ class CellsNear(Mapping[str, SoilCells]):
         some = self._soil.at(np.concatenate([np.arange(a, b) for a, b in zip(first, end, strict=True)]))
         return some.at(shapely.contains_xy(shape, some.xy_m))
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._parcels
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._parcels)
 
     def __len__(self) -> int:
         return len(self._parcels)
+
+
+@njit(cache=True, nogil=True)
+def _number_tiles(x, y, tile, west, south, rows):  # type: ignore[no-untyped-def]
+    """Replace the values from 0 on by the number of the tile that the point lies in."""
+    for k in range(len(tile)):
+        if tile[k] >= 0:
+            tile[k] = (math.floor(x[k] / TILE_M) - west) * rows + math.floor(y[k] / TILE_M) - south
+
+
+@njit(cache=True, nogil=True)
+def _those_with_key(points, corner, key):  # type: ignore[no-untyped-def]
+    """The points (n, 3) with a key from 0 on, as float32 from a corner, and their keys."""
+    count = 0
+    for k in range(len(key)):
+        count += key[k] >= 0
+    out, keys = np.empty((count, 3), np.float32), np.empty(count, np.int64)
+    n = 0
+    for k in range(len(key)):
+        if key[k] >= 0:
+            keys[n] = key[k]
+            for axis in range(3):
+                out[n, axis] = points[k, axis] - corner[axis]
+            n += 1
+    return out, keys
 
 
 def _wider(shape: shapely.Polygon, by_m: float) -> shapely.Polygon:

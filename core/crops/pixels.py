@@ -20,19 +20,35 @@ _FEW: Final = 48
 
 @dataclass(frozen=True)
 class PixelReturns:
-    """Returns by pixel; all arrays (rows, columns).
+    """Returns by pixel.
 
     Attributes:
-        count: int32 number of returns.
-        highest_m: float64 height of the highest; with more than MOST_RETURNS, the mean highest of any MOST_RETURNS of
-            them. nan without returns.
-        means_m: (rows, columns, 3) float64 mean height of one return, of the higher of any two, of the highest of any
-            three; nan with fewer than three.
+        count: (rows, columns) int32 number of returns.
+        highest_m: (rows, columns) float64 height of the highest; with more than MOST_RETURNS, the mean highest of any
+            MOST_RETURNS of them. nan without returns.
+        heights_m: (n,) float64 heights by pixel, row by row, those of each in order.
+        part: (n,) int8 which part of the returns they belong to.
+        starts: (rows * columns + 1,) int64 first height of each pixel, and n.
+        which: the part that this is about; -1 for all.
     """
 
     count: NDArray[np.int32]
     highest_m: FloatArray
-    means_m: FloatArray
+    heights_m: FloatArray
+    part: NDArray[np.int8]
+    starts: NDArray[np.int64]
+    which: int
+
+    def means_m(self, where: NDArray[np.bool_]) -> FloatArray:
+        """Mean height (k, 3) of one return, of the higher of any two, of the highest of any three.
+
+        Args:
+            where: (rows, columns) the k pixels; those with fewer than three returns are left out.
+        """
+        pixels = np.flatnonzero(where & (self.count >= 3))
+        out = np.empty((len(pixels), 3))
+        _means(self.heights_m, self.part, self.starts, self.which, pixels, out)
+        return out
 
 
 def pixel_returns(column: FloatArray, row: FloatArray, height_m: FloatArray, grid: Grid) -> PixelReturns:
@@ -60,10 +76,9 @@ def pixel_halves(
 def _of_part(
     heights: FloatArray, part: NDArray[np.int8], starts: NDArray[np.int64], which: int, grid: Grid
 ) -> PixelReturns:
-    count = np.empty(grid.shape, np.int32)
-    highest, means = np.empty(grid.shape), np.empty((*grid.shape, 3))
-    _by_pixel(heights, part, starts, which, count, highest, means, MOST_RETURNS)
-    return PixelReturns(count, highest, means)
+    count, highest = np.empty(grid.shape, np.int32), np.empty(grid.shape)
+    _by_pixel(heights, part, starts, which, count.ravel(), highest.ravel(), MOST_RETURNS)
+    return PixelReturns(count, highest, heights, part, starts, which)
 
 
 @njit(cache=True, nogil=True)
@@ -118,21 +133,41 @@ def _sorted_by_pixel(column, row, height, first, rows, columns):  # type: ignore
 
 
 @njit(cache=True, nogil=True)
-def _by_pixel(ordered, part, starts, which, count, highest, means, most):  # type: ignore[no-untyped-def]
-    """Figures of the heights of one part, or of all where `which` is -1."""
-    rows, columns = count.shape
-    most_here = 1
-    for p in range(rows * columns):
-        most_here = max(most_here, starts[p + 1] - starts[p])
-    heights = np.empty(most_here)
-    for p in range(rows * columns):
-        here = 0
-        for k in range(starts[p], starts[p + 1]):
-            if which < 0 or part[k] == which:
-                heights[here] = ordered[k]
-                here += 1
-        i, j = p // columns, p % columns
-        count[i, j] = here
-        highest[i, j] = _highest_of(heights, here, min(here, most)) if here else np.nan
+def _taken(ordered, part, first, end, which, heights):  # type: ignore[no-untyped-def]
+    """Copy the heights of one part, or all where `which` is -1; their number."""
+    here = 0
+    for k in range(first, end):
+        if which < 0 or part[k] == which:
+            heights[here] = ordered[k]
+            here += 1
+    return here
+
+
+@njit(cache=True, nogil=True)
+def _most_in_a_pixel(starts):  # type: ignore[no-untyped-def]
+    most = 1
+    for p in range(len(starts) - 1):
+        most = max(most, starts[p + 1] - starts[p])
+    return most
+
+
+@njit(cache=True, nogil=True)
+def _by_pixel(ordered, part, starts, which, count, highest, most):  # type: ignore[no-untyped-def]
+    """Number of returns and the highest of each pixel, of one part, or of all where `which` is -1."""
+    heights = np.empty(_most_in_a_pixel(starts))
+    for p in range(len(starts) - 1):
+        here = _taken(ordered, part, starts[p], starts[p + 1], which, heights)
+        count[p] = here
+        highest[p] = np.nan
+        if here:
+            highest[p] = heights[here - 1] if here <= most else _highest_of(heights, here, most)
+
+
+@njit(cache=True, nogil=True)
+def _means(ordered, part, starts, which, pixels, means):  # type: ignore[no-untyped-def]
+    heights = np.empty(_most_in_a_pixel(starts))
+    for n in range(len(pixels)):
+        p = pixels[n]
+        here = _taken(ordered, part, starts[p], starts[p + 1], which, heights)
         for chosen in range(3):
-            means[i, j, chosen] = _highest_of(heights, here, chosen + 1) if here >= 3 else np.nan
+            means[n, chosen] = _highest_of(heights, here, chosen + 1)

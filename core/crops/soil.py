@@ -114,7 +114,8 @@ class Relief:
 def _covariance(one, other, relief, reach, out):  # type: ignore[no-untyped-def]
     for i in range(len(one)):
         for j in range(len(other)):
-            d = math.hypot(one[i, 0] - other[j, 0], one[i, 1] - other[j, 1]) / reach
+            x, y = one[i, 0] - other[j, 0], one[i, 1] - other[j, 1]
+            d = math.sqrt(x * x + y * y) / reach
             out[i, j] = relief * relief * (1.0 + d) * math.exp(-d)
 
 
@@ -124,7 +125,8 @@ def _covariances(one, relief, reach, out):  # type: ignore[no-untyped-def]
     for i in range(len(one)):
         out[i, i] = relief * relief
         for j in range(i):
-            d = math.hypot(one[i, 0] - one[j, 0], one[i, 1] - one[j, 1]) / reach
+            x, y = one[i, 0] - one[j, 0], one[i, 1] - one[j, 1]
+            d = math.sqrt(x * x + y * y) / reach
             out[i, j] = out[j, i] = relief * relief * (1.0 + d) * math.exp(-d)
 
 
@@ -200,13 +202,16 @@ def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief, trend: Trend 
     design, at_nodes = _design(cells.xy_m, middle, trend), _design(nodes, middle, trend)
     base = float(cells.height_m.mean())
     height = cells.height_m - base
-    plane, covariance, factor = least_squares(SoilCells(cells.xy_m, height, cells.sigma_m), relief, design)
-    near = relief.between(nodes, cells.xy_m)
-    heights = base + at_nodes @ plane + near @ cho_solve(factor, height - design @ plane)
+    factor = covariance_factor(cells, relief)
+    near, under = relief.between(nodes, cells.xy_m), nodes[inside]
     mean_near, mean_design = near[inside].mean(axis=0), at_nodes[inside].mean(axis=0)
-    seen = cho_solve(factor, mean_near)
+    # one solution for all: of the design, of the heights, of the covariance with the mean below the parcel
+    solved = cho_solve(factor, np.column_stack([design, height, mean_near]), overwrite_b=True, check_finite=False)
+    weighted, seen = solved[:, :-2], solved[:, -1]
+    covariance = np.linalg.inv(design.T @ weighted)
+    plane = covariance @ (weighted.T @ height)
+    heights = base + at_nodes @ plane + near @ (solved[:, -2] - weighted @ plane)
     lacking = mean_design - design.T @ seen
-    under = nodes[inside]
     variance = float(relief.between(under, under).mean() - mean_near @ seen + lacking @ covariance @ lacking)
     return SoilPatch(west, south, heights.reshape(shape), math.sqrt(max(variance, 0.0)))
 
@@ -231,8 +236,10 @@ def least_squares(
 
 def covariance_factor(cells: SoilCells, relief: Relief) -> tuple[FloatArray, bool]:
     """The Cholesky factor of the covariance of the heights of cells, as SciPy's `cho_solve` takes it."""
-    matrix = relief.between(cells.xy_m, cells.xy_m) + np.diag(relief.cell_m**2 + cells.sigma_m**2)
-    factor, lower = cho_factor(matrix, lower=True)
+    matrix = relief.between(cells.xy_m, cells.xy_m)
+    matrix[np.diag_indices(len(cells))] += relief.cell_m**2 + cells.sigma_m**2
+    # a symmetric matrix is its own transpose: LAPACK factors it in place, without a copy in its order
+    factor, lower = cho_factor(matrix.T, lower=True, overwrite_a=True, check_finite=False)
     return factor, bool(lower)
 
 

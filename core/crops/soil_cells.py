@@ -116,9 +116,13 @@ def without_crop(cells: SoilCells) -> SoilCells:
     for number in range(_ROUNDS):
         if kept.sum() <= design.shape[1]:
             break
-        off = cells.height_m - design @ np.linalg.lstsq(design[kept], cells.height_m[kept])[0]
+        some = design[kept]
+        # of cells in a row the plane of least slope
+        plane = np.linalg.lstsq(some.T @ some, some.T @ cells.height_m[kept])[0]
+        off = cells.height_m - design @ plane
         if number < _LOW_ROUNDS:
-            now = off <= np.quantile(off, LOW_SHARE)
+            lowest = round(LOW_SHARE * (len(off) - 1))
+            now = off <= np.partition(off, lowest)[lowest]
         else:
             off = off - np.median(off[kept])
             limit = max(REJECTED * 1.4826 * float(np.median(np.abs(off[kept]))), LEAST_REJECTED_M)
@@ -140,7 +144,6 @@ def noise_in_pixels(xyz_m: FloatArray, pixel_m: float) -> FloatArray:
     (west, south), (east, north) = xyz_m[:, :2].min(axis=0).tolist(), xyz_m[:, :2].max(axis=0).tolist()
     grid = Grid.of_bounds(pixel_m, (west, south, east, north))
     column, row = xyz_m[:, 0] / pixel_m - grid.west, grid.north - xyz_m[:, 1] / pixel_m
-    means = pixel_returns(column, row, xyz_m[:, 2], grid).means_m
-    second = means[..., 1] - means[..., 0]
-    out: FloatArray = np.sqrt(np.pi) * second[np.isfinite(second)]
+    means = pixel_returns(column, row, xyz_m[:, 2], grid).means_m(np.ones(grid.shape, np.bool_))
+    out: FloatArray = np.sqrt(np.pi) * (means[:, 1] - means[:, 0])
     return out
