@@ -23,6 +23,10 @@ BARE_SIGMAS: Final = 4.0
 """Pixels whose highest return lies no more than this many standard deviations of the noise above the soil are bare."""
 CHANCE_SHARE: Final = 0.5
 """Of the variance within pixels: the rest is that of the plants in a pixel, which its highest return shows rightly."""
+LEAST_SOIL: Final = 0.01
+"""Share of the returns that meet soil below crop from which on that counts."""
+SOIL_ROUNDS: Final = 6
+"""In which the penetration and how deep those returns would be are estimated in turn."""
 FEWEST_PIXELS: Final = 200
 """With three returns or more, that the penetration is estimated from."""
 
@@ -72,6 +76,14 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
     first = np.random.default_rng(len(xy_m)).random(len(xy_m)) < 0.5
     returns, *parts = pixel_halves(column, row, height_m, first, grid)
     whole = _once(returns, grid, net, noise_m)
+    soil = _on_soil(whole, column, row, height_m, BARE_SIGMAS * noise_m)
+    for _ in range(SOIL_ROUNDS if soil.sum() > LEAST_SOIL * len(soil) else 0):
+        if whole.penetration is None:
+            break
+        chance = np.random.default_rng(len(soil)).standard_exponential(int(soil.sum()))
+        height_m = _gone_on(whole, height_m, soil, BARE_SIGMAS * noise_m, chance)
+        returns, *parts = pixel_halves(column, row, height_m, first, grid)
+        whole = _once(returns, grid, net, noise_m)
     if whole.penetration is None:
         return whole
     halves = [_once(part, grid, net, noise_m) for part in parts]
@@ -82,6 +94,33 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
     crop = net & (whole.top_m > BARE_SIGMAS * noise_m)
     top = whole.top_m + np.where(crop, extrapolated * net.sum() / max(int(crop.sum()), 1), 0.0)
     return replace(whole, top_m=np.where(net, np.maximum(top, 0.0), np.nan), extrapolated_m=extrapolated)
+
+
+def _on_soil(canopy: Canopy, column: FloatArray, row: FloatArray, height_m: FloatArray, bare_m: float) -> BoolArray:
+    """Returns (n,) of soil in pixels of crop."""
+    out = np.zeros(len(height_m), np.bool_)
+    low = np.flatnonzero(height_m <= bare_m)
+    i, j = (np.floor(place[low]).astype(np.int64) for place in (row, column))
+    inside = (i >= 0) & (j >= 0) & (i < canopy.grid.shape[0]) & (j < canopy.grid.shape[1])
+    i, j, low = i[inside], j[inside], low[inside]
+    out[low] = canopy.net[i, j] & (canopy.returns.highest_m[i, j] > bare_m)
+    return out
+
+
+def _gone_on(canopy: Canopy, height_m: FloatArray, soil: BoolArray, bare_m: float, chance: FloatArray) -> FloatArray:
+    """Heights (n,) in which pulses that met soil below crop have gone on as through a crop without end.
+
+    The law of the penetration knows no soil: of a low crop it would be too steep, with the top too high. What met soil
+    returns from deeper by an optical depth that the law draws (`chance`, (k,), of the k returns marked by `soil`).
+    """
+    found = canopy.penetration
+    assert found is not None
+    top = canopy.top_m[canopy.net]
+    mean = float(top[top > bare_m].mean())
+    optical = (max(mean - bare_m, 0.0) / found.scale_m) ** found.shape + chance
+    out = height_m.copy()
+    out[soil] = mean - found.scale_m * optical ** (1.0 / found.shape)
+    return out
 
 
 def _once(returns: PixelReturns, grid: Grid, net: BoolArray, noise_m: float) -> Canopy:

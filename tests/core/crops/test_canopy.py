@@ -14,11 +14,11 @@ NOISE_M = 0.012
 NET = shapely.box(0.0, 0.0, 4.0, 2.0)
 
 
-def flown(points_m2: float, seed: int = 0, lodged: bool = False) -> tuple[Canopy, np.ndarray]:
-    """A canopy of 0.5 m with 3 cm from pixel to pixel, seen from above by pulses; and its true top."""
+def flown(points_m2: float, seed: int = 0, lodged: bool = False, height_m: float = 0.5) -> tuple[Canopy, np.ndarray]:
+    """A canopy with 3 cm from pixel to pixel, seen from above by pulses that the soil stops; and its true top."""
     rng = np.random.default_rng(seed)
     grid = Grid.of_bounds(0.04, NET.bounds)
-    top = 0.5 + 0.03 * rng.standard_normal(grid.shape)
+    top = height_m + 0.03 * rng.standard_normal(grid.shape)
     if lodged:
         top[:, : grid.columns // 3] -= 0.3
     easting, northing = np.meshgrid(*grid.centres_m())
@@ -39,6 +39,12 @@ def test_canopy_top__does_not_depend_on_density(points_m2: float) -> None:
     assert abs(figures.mean_height_m - true.mean()) < 2.5 * figures.height_sigma_m
     assert figures.volume_m3 == pytest.approx(true.mean() * NET.area, rel=0.01)
     assert figures.points_m2 == pytest.approx(points_m2, rel=0.02)
+
+
+@pytest.mark.parametrize("height_m", [0.16, 0.2])
+def test_canopy_top__of_crop_so_low_that_pulses_reach_the_soil(height_m: float) -> None:
+    canopy, true = flown(5_000, height_m=height_m)
+    assert canopy.top_m[canopy.net].mean() == pytest.approx(true.mean(), abs=0.006)
 
 
 def test_parcel_figures__of_a_dense_canopy() -> None:
