@@ -8,24 +8,27 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter
+from scipy.ndimage import gaussian_filter, maximum_filter
 
 from furrowmap.core.simulator.flight_scenario import Flight
 from furrowmap.core.simulator.motion import Motion, mount_rotation
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.recording import World
 from furrowmap.core.simulator.scenario import Lidar, Scenario
-from furrowmap.core.simulator.site import CELL_M, Site
-from furrowmap.core.simulator.soil import Ground
-from furrowmap.core.simulator.truth import TRUTH_CELL_M
+from furrowmap.core.simulator.site import CELL_M, CROP_CELL_M, Site
+from furrowmap.core.simulator.soil import Ground, ground_height
 
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
-EAR_M: Final = 0.03
-"""Standard deviation of the crop's height from cell to cell."""
-GAPS: Final = 0.02
-"""Share of a plot's cells without crop."""
+EAR_M: Final = 0.04
+"""Standard deviation of the crop's height from plant to plant."""
+PLANT_CELLS: Final = 1.2
+"""Radius of a plant, in cells of the crop: the standard deviation of the normal curve that smooths heights."""
+GAPS: Final = 0.002
+"""Share of a plot's cells around which nothing stands in three by three cells."""
+PIXEL_M: Final = 2.0 * CROP_CELL_M
+"""Of the truth of soil and crop."""
 CHECKS: Final = 6
 CLEAR_M: Final = 0.4
 """Check points lie this far from crop and walls."""
@@ -34,20 +37,22 @@ SURVEY_M: Final = (0.003, 0.005)
 
 
 def make_crop(scenario: Scenario, flight: Flight, ground: Ground) -> tuple[Float32Array, NDArray[np.int16]] | None:
-    """Height of the crop on the ground's cells, and the plot of each (from 1; 0: none); None without plots."""
+    """Height of the crop on cells of CROP_CELL_M, and the plot of each (from 1; 0: none); None without plots."""
     if not flight.plots_m:
         return None
-    rng, shape = random_for(scenario.seed, "crop"), ground.before.shape
+    rng = random_for(scenario.seed, "crop")
+    shape = tuple(round(k * CELL_M / CROP_CELL_M) for k in ground.before.shape)
     crop, plot = np.zeros(shape, np.float32), np.zeros(shape, np.int16)
-    e, n = ((np.arange(k) + 0.5) * CELL_M for k in (shape[1], shape[0]))
+    plants = gaussian_filter(rng.standard_normal(shape, np.float32), PLANT_CELLS, mode="wrap")
+    plants *= EAR_M / float(plants.std())
+    gap = maximum_filter(rng.uniform(size=shape) < GAPS, 3, mode="wrap")
+    e, n = ((np.arange(k) + 0.5) * CROP_CELL_M for k in (shape[1], shape[0]))
     for number, (e0, n0, direction, length, width, height) in enumerate(flight.plots_m, 1):
         c, s = math.cos(math.radians(direction)), math.sin(math.radians(direction))
         along = c * (e[None, :] - e0) + s * (n[:, None] - n0)
         across = c * (n[:, None] - n0) - s * (e[None, :] - e0)
         inside = (np.abs(along) <= 0.5 * length) & (np.abs(across) <= 0.5 * width)
-        tall = height + EAR_M * rng.standard_normal(int(inside.sum()))
-        tall[rng.uniform(size=len(tall)) < GAPS] = 0.0
-        crop[inside], plot[inside] = np.maximum(tall, 0.0), number
+        crop[inside], plot[inside] = np.where(gap[inside], 0.0, np.maximum(height + plants[inside], 0.0)), number
     return crop, plot
 
 
@@ -78,21 +83,24 @@ def write_mounting(file: Path, lidar: Lidar) -> None:
 def write_ground(folder: Path, world: World, plots: NDArray[np.int16] | None) -> dict[str, Any]:
     """surface.npz, parcels_truth.csv and the check points; their figures."""
     scenario, site, ground = world.scenario, world.site, world.ground
-    rows, cols = (2 * round(m / TRUTH_CELL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
+    rows, cols = (2 * math.floor(m / PIXEL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
 
     def quarters(fine: NDArray[Any]) -> NDArray[Any]:
         return fine[:rows, :cols].reshape(rows // 2, 2, cols // 2, 2).swapaxes(1, 2).reshape(rows // 2, cols // 2, 4)
 
-    e, n = ((np.arange(k // 2) + 0.5) * TRUTH_CELL_M for k in (cols, rows))
-    soil = quarters(ground.before).mean(axis=2, dtype=np.float64)
-    soil += ground.slope_e * e[None, :] + ground.slope_n * n[:, None]
+    e, n = ((np.arange(k) + 0.5) * CROP_CELL_M for k in (cols, rows))
+    soil = np.empty((rows // 2, cols // 2))
+    for row, north in enumerate(n.reshape(-1, 2)):
+        place = np.meshgrid(e, north)
+        height = ground_height(ground, place[0].ravel(), place[1].ravel(), np.zeros(2 * cols))
+        soil[row] = height.reshape(2, cols // 2, 2).mean(axis=(0, 2))
     canopy, parcel = np.zeros(soil.shape, np.float32), np.zeros(soil.shape, np.int16)
     if world.crop is not None and plots is not None:
         canopy, parcel = quarters(world.crop).max(axis=2), quarters(plots).max(axis=2)
     np.savez_compressed(
         folder / "truth" / "surface.npz",
         soil=soil.astype(np.float32), canopy_height=canopy.astype(np.float32), parcel=parcel,
-        e0=site.e0_m, n0=site.n0_m, cell_m=TRUTH_CELL_M, h0_m=site.h0_m, t0_unix_s=site.t0_s,
+        e0=site.e0_m, n0=site.n0_m, cell_m=PIXEL_M, h0_m=site.h0_m, t0_unix_s=site.t0_s,
     )  # fmt: skip
     _write_parcels(folder / "truth" / "parcels_truth.csv", canopy, parcel, world.motion.scale)
     _write_checks(folder, scenario, site, soil, canopy)
@@ -102,7 +110,7 @@ def write_ground(folder: Path, world: World, plots: NDArray[np.int16] | None) ->
 def _write_parcels(file: Path, canopy: Float32Array, parcel: NDArray[np.int16], scale: float) -> None:
     """Heights and volumes of the plots (volumes on the ground, not on the map)."""
     lines = ["id,mean_height_m,mean_height_crop_m,p50_m,p95_m,sd_m,cover,volume_m3,area_m2\n"]
-    area = (TRUTH_CELL_M / scale) ** 2
+    area = (PIXEL_M / scale) ** 2
     for number in range(1, int(parcel.max()) + 1):
         here = canopy[parcel == number].astype(np.float64)
         stands = here >= 0.10
@@ -119,14 +127,14 @@ def _write_checks(folder: Path, scenario: Scenario, site: Site, soil: FloatArray
     """Points on open ground: as surveyed, and in truth/."""
     rng = random_for(scenario.seed, "survey")
     taken = canopy > 0
-    e, n = ((np.arange(k) + 0.5) * TRUTH_CELL_M for k in (soil.shape[1], soil.shape[0]))
+    e, n = ((np.arange(k) + 0.5) * PIXEL_M for k in (soil.shape[1], soil.shape[0]))
     for e0, n0, direction, length, thick, *_ in scenario.walls:
         c, s = math.cos(math.radians(direction)), math.sin(math.radians(direction))
         along, across = c * (e - e0)[None, :] + s * (n - n0)[:, None], c * (n - n0)[:, None] - s * (e - e0)[None, :]
         taken |= (np.abs(along) <= 0.5 * length) & (np.abs(across) <= 0.5 * thick)
     margin = min(scenario.field.margin_m, 0.25 * min(scenario.field.size_e_m, scenario.field.size_n_m))
     inner = (e > margin) & (e < e[-1] - margin), (n > margin) & (n < n[-1] - margin)
-    taken = maximum_filter(taken, 2 * round(CLEAR_M / TRUTH_CELL_M) + 1)
+    taken = maximum_filter(taken, 2 * round(CLEAR_M / PIXEL_M) + 1)
     row, col = np.nonzero(~taken & inner[1][:, None] & inner[0][None, :])
     chosen = rng.choice(len(row), min(CHECKS, len(row)), replace=False)
     true: list[str] = []

@@ -19,10 +19,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import CELL_M as CELL
+from furrowmap.core.simulator.site import CROP_CELL_M as CROP_CELL
 from furrowmap.core.simulator.soil import BLOCK, Ground, ceiling_of, relief_at
 from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, LASER_S, RANGE_STEP_M, VERTICAL_OFFSET_M
 
@@ -74,7 +76,7 @@ class Scene(NamedTuple):
         body: (n, 6) boxes in the vehicle frame.
         tool: (n, 6) boxes in the vehicle frame, the tool in working position.
         dust: (6,) centre and radii of the dust cloud in the vehicle frame.
-        crop: (rows, cols) height of the crop on the ground's cells; (0, 0) where there is none.
+        crop: (rows, cols) height of the crop on cells of CROP_CELL_M; (0, 0) where there is none.
         extinction: of the crop, a metre of beam.
     """
 
@@ -152,7 +154,7 @@ class Returns:
 
 
 def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | None = None) -> Scene:
-    """The scene of a scenario that is laid out; `crop` are heights on the ground's cells."""
+    """The scene of a scenario that is laid out; `crop` are heights on cells of CROP_CELL_M."""
 
     def plane(e_m: float, n_m: float) -> float:
         return ground.slope_e * e_m + ground.slope_n * n_m
@@ -170,7 +172,7 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
     soil, flight = scenario.soil, scenario.flight
     body = scenario.tractor.body_boxes_m if flight is None else flight.body_boxes_m
     if crop is not None:
-        ground = ground._replace(ceiling=ceiling_of(ground.before + crop))
+        ground = ground._replace(ceiling=ceiling_of(ground.before + _highest_near(crop, *ground.before.shape)))
     return Scene(
         ground,
         np.array([soil.straw_share, soil.straw_height_m, soil.straw_hit, *_crop_rows(scenario)]),
@@ -182,6 +184,13 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
         np.zeros((0, 0), np.float32) if crop is None else crop,
         0.0 if flight is None else flight.extinction_per_m,
     )
+
+
+def _highest_near(crop: NDArray[np.float32], rows: int, cols: int) -> NDArray[np.float32]:
+    """The highest crop in and around each cell of the ground."""
+    row, col = (np.floor((np.arange(k) + 0.5) * (CELL / CROP_CELL)).astype(np.int64) for k in (rows, cols))
+    highest: NDArray[np.float32] = maximum_filter(crop, 3, mode="wrap")[row[:, None], col]
+    return highest
 
 
 def _crop_rows(scenario: Scenario) -> tuple[float, float, float]:
@@ -312,7 +321,8 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
     rows, cols = ground.before.shape
     block_rows, block_cols = ground.ceiling.shape
     block = BLOCK * CELL
-    step = _CELL_SHARE * CELL / max(math.hypot(dx, dy), 0.2)
+    cell = min(CELL, CROP_CELL) if len(crop) else CELL
+    step = _CELL_SHARE * cell / max(math.hypot(dx, dy), 0.2)
     s = 0.0
     while s < far:
         within = s + 1e-4  # a beam that stands on a border belongs to the block it goes into
@@ -343,7 +353,8 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
             row, col = math.floor(n / CELL), math.floor(e / CELL)
             place = _wrapped(row, rows) * cols + _wrapped(col, cols)
             if len(crop) and height < ceiling:
-                stand = crop[_wrapped(row, rows), _wrapped(col, cols)]
+                crop_row, crop_col = math.floor(n / CROP_CELL), math.floor(e / CROP_CELL)
+                stand = crop[_wrapped(crop_row, crop.shape[0]), _wrapped(crop_col, crop.shape[1])]
                 within = (stand + relief_at(ground, e, n, t) - height) if stand > 0.0 else 0.0
                 if within > 0.0:
                     depth -= scene.extinction * min(step, within / max(-dz, 1e-9))

@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 
 CELL_M = 0.025
 """Cell size of the simulated ground; the ground truth has cells twice as large."""
+CROP_CELL_M = 0.02
+"""Cell size of the crop on it; its truth has cells twice as large, as wide as the pixels that crops are measured in."""
 MOST_CELLS = 80_000_000
 """Five hectares; the ground takes about 40 bytes per cell during its computation."""
 
