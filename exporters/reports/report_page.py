@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.geodesy.local_time import clock_words, in_local_time, local_time, zone_words
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.implement.model import Implement
 from furrowmap.core.surfaces.visits import SwathDifferences
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.languages.choice import language_of_user
@@ -28,7 +27,6 @@ from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
-from furrowmap.exporters.rasters.png import data_uri
 from furrowmap.exporters.rasters.relief import Relief, shaded_ground
 from furrowmap.exporters.reports.area_units import area, filled_in, work_rate
 from furrowmap.exporters.reports.drawings import (
@@ -59,6 +57,7 @@ from furrowmap.exporters.reports.page_parts import (
     table,
 )
 from furrowmap.exporters.reports.parcel_section import parcel_sections
+from furrowmap.exporters.reports.range_images import range_images
 from furrowmap.exporters.reports.run_report import points_by_class, verdict
 from furrowmap.exporters.reports.swath_drawing import swath_histogram
 
@@ -72,8 +71,6 @@ _FIX_WORDS: Final = {
     Fix.SINGLE: "single",
     Fix.NONE: "no position",
 }
-_NEAR_TO_FAR: Final = np.array([[253.0, 231.0, 37.0], [33.0, 145.0, 140.0], [68.0, 1.0, 84.0]])
-_NOTHING: Final = np.array([238.0, 238.0, 235.0])
 
 
 def write_page(
@@ -346,34 +343,11 @@ def _views(work: FieldWork) -> Iterable[str]:
     seen = work.seen
     if seen is None:
         return
-    pictures = [
-        ("The implement lifted", _depth_picture(seen.images.up_m, seen)),
-        ("The implement in the ground", _depth_picture(seen.images.down_m, seen)),
-        ("Static returns: the vehicle itself, all around", _depth_picture(seen.region.still_m, None)),
-    ]
-    shown = "".join(
-        figure(f'<img class="depth" src="{data_uri(picture)}" alt="{escape(text)}">', text)
-        for text, picture in pictures
-    )
     note = (
         "Range images: a row for each laser, the highest on top, azimuth from left to right. Yellow is near, violet "
         "far; everything but the implement is pale."
     )
-    yield section("What the scanner sees of the implement", shown + remark(note))
-
-
-def _depth_picture(range_m: NDArray[np.float32], seen: Implement | None) -> NDArray[np.uint8]:
-    """Colours by range, the highest laser on top; all but the implement is pale."""
-    known = np.isfinite(range_m)
-    if not known.any():
-        return np.full((*range_m.shape, 3), 238, np.uint8)
-    shown = seen.images.implement & known if seen is not None else known
-    low, high = np.quantile(range_m[shown if shown.any() else known], (0.02, 0.98))
-    share = np.clip((np.where(known, range_m, high) - low) / max(high - low, 1e-3), 0.0, 1.0)
-    colour = np.stack([np.interp(share, (0.0, 0.5, 1.0), channel) for channel in _NEAR_TO_FAR.T], axis=-1)
-    colour = np.where(shown[..., None], colour, 0.25 * colour + 0.75 * _NOTHING)
-    picture: NDArray[np.uint8] = np.where(known[..., None], colour, _NOTHING)[::-1].astype(np.uint8)
-    return picture
+    yield section("What the scanner sees of the implement", range_images(seen) + remark(note))
 
 
 def _provenance(found: RunResult) -> str:

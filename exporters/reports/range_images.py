@@ -1,0 +1,121 @@
+"""Range images of the implement and of the vehicle, with axes: azimuth, laser, and the range by its colour."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.implement.model import Implement
+from furrowmap.exporters.rasters.png import data_uri
+from furrowmap.exporters.reports.page_parts import escape, figure
+from furrowmap.exporters.reports.svg import WIDTH, drawing
+
+LEFT: Final = 58.0
+TOP: Final = 4.0
+BOTTOM: Final = 84.0
+MOST_TICKS: Final = 9
+BAR: Final = (WIDTH - 250.0, WIDTH - 110.0)
+"""Left and right end of the bar of colours."""
+_NEAR_TO_FAR: Final = np.array([[253.0, 231.0, 37.0], [33.0, 145.0, 140.0], [68.0, 1.0, 84.0]])
+_NOTHING: Final = np.array([238.0, 238.0, 235.0])
+_STEPS_DEG: Final = (1, 2, 5, 10, 15, 20, 30, 45, 60, 90)
+
+
+def range_images(seen: Implement) -> str:
+    """The implement up and down, and what does not move in the scanner's frame, as figures of a page."""
+    images, still_m = seen.images, seen.region.still_m
+    around_deg = (np.arange(still_m.shape[1]) + 0.5) * (360.0 / still_m.shape[1])
+    mask = images.implement
+    return '<div class="ranges">{}</div>'.format(
+        "".join(
+            figure(range_image(range_m, azimuth_deg, shown, text), text)
+            for text, range_m, azimuth_deg, shown in (
+                ("The implement lifted", images.up_m, images.azimuth_deg, mask),
+                ("The implement in the ground", images.down_m, images.azimuth_deg, mask),
+                ("Static returns: the vehicle itself, all around", still_m, around_deg, None),
+            )
+        )
+    )
+
+
+def range_image(
+    range_m: NDArray[np.float32], azimuth_deg: NDArray[np.float64], shown: NDArray[np.bool_] | None, title: str
+) -> str:
+    """A range image as SVG.
+
+    Args:
+        range_m: (lasers, n) the lowest laser first; nan where nothing is seen.
+        azimuth_deg: (n,) of the columns, increasing; may go on beyond 360.
+        shown: (lasers, n) what is not pale; None for all.
+        title: for screen readers.
+    """
+    lasers, columns = range_m.shape
+    uri = data_uri(range_picture(range_m, shown))
+    parts = [
+        f'<image class="depth" x="{LEFT}" y="{TOP}" width="{WIDTH - LEFT}" height="{BOTTOM - TOP}" '
+        f'preserveAspectRatio="none" href="{uri}"/>'
+    ]
+    row = (BOTTOM - TOP) / lasers
+    for number in sorted({1, (lasers + 1) // 2, lasers}):
+        y = BOTTOM - (number - 0.5) * row
+        parts.append(f'<text class="label right" x="{LEFT - 7}" y="{y + 4:.1f}">{number}</text>')
+    middle = 0.5 * (TOP + BOTTOM)
+    turned = f'transform="rotate(-90 12 {middle})"'
+    parts.append(f'<text class="label middle" x="12" y="{middle}" {turned}>laser</text>')
+    half_deg = 0.5 * float(azimuth_deg[-1] - azimuth_deg[0]) / max(columns - 1, 1)
+    first, last = float(azimuth_deg[0]) - half_deg, float(azimuth_deg[-1]) + half_deg
+    step = next((s for s in _STEPS_DEG if (last - first) / s <= MOST_TICKS), _STEPS_DEG[-1])
+    marks = np.arange(np.ceil(first / step - 1e-6) * step, last + 1e-6, step)
+    places = LEFT + (marks - first) / max(last - first, 1e-9) * (WIDTH - LEFT)
+    ticks = "".join(f"M{x:.1f} {BOTTOM}v5" for x in places.tolist())
+    parts.append(f'<path class="ticks" d="M{LEFT} {TOP}V{BOTTOM}H{WIDTH}{ticks}"/>')
+    for x, mark in zip(places.tolist(), marks.tolist(), strict=True):
+        side = "right" if x > WIDTH - 14.0 else "middle"
+        parts.append(f'<text class="label {side}" x="{x:.1f}" y="{BOTTOM + 18}">{mark % 360:.0f}°</text>')
+    parts.append(f'<text class="label" x="{LEFT}" y="{BOTTOM + 36}">azimuth</text>')
+    return drawing(WIDTH, BOTTOM + 42.0, [*parts, *_bar(range_m, shown)], title)
+
+
+def range_limits_m(range_m: NDArray[np.float32], shown: NDArray[np.bool_] | None) -> tuple[float, float]:
+    """The ranges of the first and the last colour: the 2nd and 98th percentile of what is shown; nan for nothing."""
+    known = np.isfinite(range_m)
+    if not known.any():
+        return float("nan"), float("nan")
+    chosen = shown & known if shown is not None else known
+    low, high = np.quantile(range_m[chosen if chosen.any() else known], (0.02, 0.98))
+    return float(low), float(high)
+
+
+def range_picture(range_m: NDArray[np.float32], shown: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
+    """Colours (lasers, n, 3) by range, the highest laser on top; what is not shown is pale."""
+    known = np.isfinite(range_m)
+    low, high = range_limits_m(range_m, shown)
+    if not known.any():
+        return np.full((*range_m.shape, 3), 238, np.uint8)
+    chosen = shown & known if shown is not None else known
+    share = np.clip((np.where(known, range_m, high) - low) / max(high - low, 1e-3), 0.0, 1.0)
+    colour = _colours(share)
+    colour = np.where(chosen[..., None], colour, 0.25 * colour + 0.75 * _NOTHING)
+    picture: NDArray[np.uint8] = np.where(known[..., None], colour, _NOTHING)[::-1].astype(np.uint8)
+    return picture
+
+
+def _colours(share: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.stack([np.interp(share, (0.0, 0.5, 1.0), channel) for channel in _NEAR_TO_FAR.T], axis=-1)
+
+
+def _bar(range_m: NDArray[np.float32], shown: NDArray[np.bool_] | None) -> list[str]:
+    """The colours with the ranges at their ends."""
+    low, high = range_limits_m(range_m, shown)
+    if not np.isfinite(low):
+        return []
+    left, right = BAR
+    uri = data_uri(_colours(np.linspace(0.0, 1.0, 64))[None].astype(np.uint8))
+    y = BOTTOM + 26.0
+    return [
+        f'<text class="label right" x="{left - 6}" y="{y + 10}">{escape("range")} {low:.1f} m</text>',
+        f'<image x="{left}" y="{y}" width="{right - left}" height="11" preserveAspectRatio="none" href="{uri}"/>',
+        f'<text class="label" x="{right + 6}" y="{y + 10}">{high:.1f} m</text>',
+    ]
