@@ -70,7 +70,7 @@ def main() -> int:
         stated = Stated(width_m=TOOL.width_m, xy_m=TOOL.xy_m, working_depth_m=TOOL.working_depth_m)
         ground = worked_ground(trajectory, states, stated, map_frame(Crs(map="EPSG:6677")))
         seconds = process_time() - begin
-        depths = tuple(Depth(0.12, 0.01) for _ in ground.passes)
+        depths = tuple(Depth(0.12, 0.01, 0.02) for _ in ground.passes)
         paths, found = tool_paths(trajectory, states, stated), events(trajectory, states, stated)
         work = FieldWork(ground=ground, depths=depths, paths=tuple(paths), events=tuple(found))
         sizes[name] = layer_bytes(work)

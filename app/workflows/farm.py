@@ -20,12 +20,21 @@ from furrowmap.core.values.errors import InputError, Notice, RefusedError, Usage
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.edit import FarmEdit, KnownSession
 from furrowmap.exporters.farm.geopackage import geopackage_edit
+from furrowmap.exporters.farm.ground_files import report_of, write_ground_files
 from furrowmap.exporters.farm.memory import GROUND_COLUMNS, PASS_COLUMNS, SESSION_COLUMNS, Sessions, memory_layers
-from furrowmap.exporters.farm.project import project_archive
-from furrowmap.exporters.farm.results import SESSIONS, SessionResult, drawing_order, read_result
+from furrowmap.exporters.farm.project import (
+    CLOUDS,
+    POINT_CLOUD,
+    RASTER,
+    SURFACE,
+    background_layer,
+    project_archive,
+)
+from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, SessionResult, drawing_order, read_result
 from furrowmap.exporters.farm.styling import styles
 from furrowmap.exporters.farm.task_results import read_tasks
 from furrowmap.exporters.files.qgis_project import ProjectLayer
+from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.field_layers import concatenated
 
 DATABASES: Final = ("postgresql://", "postgres://", "postgresql:", "service=", "host=", "dbname=")
@@ -317,10 +326,30 @@ def _update_project(edit: FarmEdit) -> tuple[Notice, ...]:
     for name in drawing_order(list(kinds)):
         provider, source = edit.source(name, kinds[name])
         layers.append(ProjectLayer(name, kinds[name], source, provider, own.get(name)))
+    layers += _ground_layers(edit, sessions, crs)
+    layers.append(background_layer(crs, edit.bounds()))
     now = dt.datetime.now(dt.UTC)
     start, end = (min((s.start for s in sessions), default=now), max((s.end for s in sessions), default=now))
     edit.store_project(project_archive(layers, crs, edit.bounds(), (start, end)))
     return notices
+
+
+def _ground_layers(edit: FarmEdit, sessions: Sequence[KnownSession], crs: CRS) -> list[ProjectLayer]:
+    """The surfaces and clouds of all sessions, in files beside a GeoPackage; none for a database."""
+    path = edit.file()
+    if path is None:
+        return []
+    told = edit.read(PROVENANCE, ("session", "report"))
+    reports = dict(zip(told.columns["session"], map(report_of, told.columns["report"]), strict=True))
+    results = [(Path(s.folder), reports[s.session]) for s in sessions if reports.get(s.session)]
+    written = write_ground_files(path, results, crs)
+    layers = []
+    if written.clouds is not None:
+        layers.append(ProjectLayer(CLOUDS, POINT_CLOUD, f"./{written.clouds.name}", "vpc", None, "Clouds"))
+    if written.surface is not None:
+        style = packaged_style("dsm.qml")
+        layers.append(ProjectLayer(SURFACE, RASTER, f"./{written.surface.name}", "gdal", style, "Surface"))
+    return layers
 
 
 def _match(word: str, known: Sequence[KnownSession], farm_map: str) -> KnownSession:

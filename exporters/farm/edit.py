@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -79,6 +80,9 @@ class FarmEdit(Protocol):
 
     def name(self) -> str:
         """Path or address of the farm map, without a password."""
+
+    def file(self) -> Path | None:
+        """The file of the farm map; None for one in a database."""
 
     def crs(self) -> CRS | None:
         """Of all layers; None for a new farm map."""

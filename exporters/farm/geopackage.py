@@ -108,6 +108,10 @@ class GeopackageEdit:
         """Path of the GeoPackage."""
         return str(self._path)
 
+    def file(self) -> Path | None:
+        """The file of the farm map; None for one in a database."""
+        return self._path
+
     def crs(self) -> CRS | None:
         """Of all layers; None for a new farm map."""
         if SESSIONS not in self.layers():

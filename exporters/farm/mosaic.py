@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import rasterio
+import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 from pyproj.crs import CompoundCRS
@@ -35,6 +37,8 @@ VIRTUAL: Final = ".vrt"
 SUFFIXES: Final = (VIRTUAL, ".tif", ".tiff")
 _EDGE: Final = 1e-3
 """Share of a surface's cell by which its bounds are reduced, so that rounding adds no row or column of cells."""
+MOST_OPEN: Final = 64
+"""Surfaces that are open at a time; systems allow a process about a thousand files."""
 COARSER: Final = 1.5
 """Ratio of cell sizes from which resampling takes the mean."""
 
@@ -131,7 +135,7 @@ def write_mosaic(
         count = 1 if settings.mean else min(len(surface.bands) for surface in surfaces)
         bands = (*surfaces[-1].bands[:count], *([Band("sessions", "1", 0)] if settings.mean else []))
         with ExitStack() as stack:
-            opened = [stack.enter_context(_opened(surface, target, cell_m, count)) for surface in surfaces]
+            opened = stack.enter_context(closing(_OpenSurfaces(surfaces, target, cell_m, count)))
             put = stack.enter_context(cog_output(output, grid, target, bands, origin))
             tiles = [tile for tile, _ in windows(grid, 0)]
             for i, tile in enumerate(tiles):
@@ -277,9 +281,38 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, bands: int) -> Iterat
             yield _Source(warped, None if coarser else nearest, grid, bands, surface.path)
 
 
-def _latest(sources: Sequence[_Source], tile: Grid, count: int) -> list[NDArray[np.float32]]:
+class _OpenSurfaces:
+    """Surfaces that are opened where a tile needs them; the number of open files is limited, however many there are."""
+
+    def __init__(self, surfaces: Sequence[SurfaceFile], crs: CRS, cell_m: float, bands: int) -> None:
+        self._surfaces, self._how = surfaces, (crs, cell_m, bands)
+        self._tree = shapely.STRtree([shapely.box(*_grid_in(surface, crs, cell_m).bounds_m) for surface in surfaces])
+        self._open: OrderedDict[int, tuple[ExitStack, _Source]] = OrderedDict()
+
+    def over(self, tile: Grid, *, latest_first: bool) -> Iterator[_Source]:
+        """The surfaces that may cover a tile, by the order of their sessions."""
+        rows = np.sort(self._tree.query(shapely.box(*tile.bounds_m))).tolist()
+        for row in reversed(rows) if latest_first else rows:
+            if row in self._open:
+                self._open.move_to_end(row)
+            else:
+                if len(self._open) >= MOST_OPEN:
+                    self._open.popitem(last=False)[1][0].close()
+                stack = ExitStack()
+                self._open[row] = stack, stack.enter_context(_opened(self._surfaces[row], *self._how))
+            yield self._open[row][1]
+
+    def close(self) -> None:
+        """Close all files."""
+        while self._open:
+            self._open.popitem()[1][0].close()
+
+
+def _latest(sources: _OpenSurfaces, tile: Grid, count: int) -> list[NDArray[np.float32]]:
     values = np.full((count, *tile.shape), np.nan, np.float32)
-    for source in reversed(sources):
+    for source in sources.over(tile, latest_first=True):
+        if not np.isnan(values[0]).any():
+            break
         found = source.read(tile)
         if found is not None:
             (rows, columns), theirs = found
@@ -289,9 +322,9 @@ def _latest(sources: Sequence[_Source], tile: Grid, count: int) -> list[NDArray[
     return list(values)
 
 
-def _mean(sources: Sequence[_Source], tile: Grid) -> list[NDArray[np.float32]]:
+def _mean(sources: _OpenSurfaces, tile: Grid) -> list[NDArray[np.float32]]:
     total, number = np.zeros(tile.shape), np.zeros(tile.shape, np.float32)
-    for source in sources:
+    for source in sources.over(tile, latest_first=False):
         found = source.read(tile)
         if found is not None:
             place, theirs = found

@@ -7,6 +7,7 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -95,6 +96,10 @@ class PostgisEdit:
     def name(self) -> str:
         """Address of the database without its password, and the schema."""
         return f"{self._name} (schema {self._schema})"
+
+    def file(self) -> Path | None:
+        """The file of the farm map; None for one in a database."""
+        return None
 
     def crs(self) -> CRS | None:
         """Of all layers; None for a new farm map."""

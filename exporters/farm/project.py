@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from pyproj import CRS
+from pyproj import CRS, Transformer
 
 from furrowmap.exporters.farm.memory import DERIVED, FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, TRACKS
@@ -18,6 +18,8 @@ from furrowmap.exporters.files.qgis_project import (
     ProjectLayer,
     project_root,
     project_text,
+    put_point_cloud_layer,
+    put_raster_layer,
     put_text,
     put_vector_layer,
     put_view,
@@ -34,10 +36,23 @@ _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Features": ("plants", "lines", "planes"),
     "Field": ("boundary", "zones"),
     "Tables": (PROVENANCE,),
+    "Ground": ("clouds", "surface"),
+    "Background": ("background map",),
 }
 _OTHERS: Final = "Field"
 """The group of all other layers."""
-_HIDDEN_AT_FIRST: Final = frozenset({TRACKS, VISITS, SEASONS, "zones"})
+SURFACE: Final = "surface"
+CLOUDS: Final = "clouds"
+BACKGROUND: Final = "background map"
+RASTER: Final = "raster"
+POINT_CLOUD: Final = "point cloud"
+"""Layers that are not in the farm map, and their kinds."""
+WEB_MERCATOR: Final = CRS("EPSG:3857")
+_HIDDEN_AT_FIRST: Final = frozenset({TRACKS, VISITS, SEASONS, "zones", CLOUDS, BACKGROUND})
+"""Among them the background map: only who shows it asks the network."""
+_GSI: Final = "https://cyberjapandata.gsi.go.jp/xyz/seamlessphoto/{z}/{x}/{y}.jpg", "GSI aerial photo", 18
+_OSM: Final = "https://tile.openstreetmap.org/{z}/{x}/{y}.png", "OpenStreetMap", 19
+_JAPAN_DEG: Final = (122.0, 20.0, 154.0, 46.0)
 
 
 def project_metadata(user: str) -> str:
@@ -65,7 +80,12 @@ def project_archive(
     _put_relations(root, layers)
     within = ET.SubElement(root, "projectlayers")
     for layer in layers:
-        put_vector_layer(within, layer, crs)
+        if layer.kind == POINT_CLOUD:
+            put_point_cloud_layer(within, layer, crs)
+        elif layer.kind == RASTER:
+            put_raster_layer(within, layer, WEB_MERCATOR if layer.name == BACKGROUND else crs)
+        else:
+            put_vector_layer(within, layer, crs)
     order = ET.SubElement(root, "layerorder")
     for layer in layers:
         ET.SubElement(order, "layer", {"id": layer.id})
@@ -77,6 +97,16 @@ def project_archive(
     with zipfile.ZipFile(archive, "w") as file:
         file.writestr(entry, project_text(root))
     return archive.getvalue()
+
+
+def background_layer(crs: CRS, bounds: tuple[float, float, float, float]) -> ProjectLayer:
+    """Tiles for a place: aerial photos of the Geospatial Information Authority in Japan, else OpenStreetMap."""
+    to_lon_lat = Transformer.from_crs(crs.to_2d(), "EPSG:4326", always_xy=True)
+    longitude, latitude = to_lon_lat.transform(0.5 * (bounds[0] + bounds[2]), 0.5 * (bounds[1] + bounds[3]))
+    west, south, east, north = _JAPAN_DEG
+    url, title, finest = _GSI if west < longitude < east and south < latitude < north else _OSM
+    source = f"type=xyz&url={url}&zmax={finest}&zmin=0"
+    return ProjectLayer(BACKGROUND, RASTER, source, "wms", None, title)
 
 
 def _put_tree(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
@@ -99,7 +129,7 @@ def _put_relations(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
     relations = ET.SubElement(root, "relations")
     (sessions,) = (layer for layer in layers if layer.name == SESSIONS)
     for layer in layers:
-        if layer is sessions or layer.name in DERIVED - {VISITS}:
+        if layer is sessions or layer.name in DERIVED - {VISITS} or layer.kind in (RASTER, POINT_CLOUD):
             continue
         attributes = {
             "id": f"furrowmap_{layer.name}_of_session",

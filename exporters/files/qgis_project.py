@@ -112,6 +112,12 @@ def put_raster_layer(within: ET.Element, layer: ProjectLayer, crs: CRS, *, multi
     put_text(element, "blendMode", "6" if multiply else "0")
 
 
+def put_point_cloud_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
+    """A point cloud in the CRS of the map, with QGIS's colours of classes."""
+    element = _put_layer(within, layer, crs, {"type": "point-cloud", "styleCategories": "AllStyleCategories"})
+    ET.SubElement(element, "renderer", {"type": "classified", "attribute": "Classification", "pointSize": "1"})
+
+
 def _put_layer(within: ET.Element, layer: ProjectLayer, crs: CRS, attributes: dict[str, str]) -> ET.Element:
     element = ET.SubElement(within, "maplayer", attributes)
     put_text(element, "id", layer.id)

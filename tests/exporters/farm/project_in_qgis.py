@@ -78,7 +78,11 @@ def main(address: str) -> None:
                 "title": project.title(),
                 "crs": project.crs().authid(),
                 "groups": groups(project.layerTreeRoot()),
-                "layers": {layer.name(): describe(layer) for layer in project.mapLayers().values()},
+                "layers": {
+                    layer.name(): describe(layer)
+                    for layer in project.mapLayers().values()
+                    if isinstance(layer, QgsVectorLayer)
+                },
                 "relations": {
                     relation.name(): relation.isValid() for relation in project.relationManager().relations().values()
                 },

@@ -438,7 +438,15 @@ def test_qgis__opens_the_project_in_the_base(two: Path, base: Path, results: dic
     told = json.loads(qgis.run("python3", script, f"geopackage:{base}?projectName=furrowmap").splitlines()[-1])
     assert (told["opened"], told["error"], told["crs"]) == (True, "", "EPSG:6677")
     assert (told["begin"], told["end"]) == ("2026-06-11", "2027-07-17")
-    assert list(told["groups"]) == ["Fields", "Sessions", "Work in detail", "Worked ground by day", "Field", "Tables"]
+    assert list(told["groups"]) == [
+        "Fields",
+        "Sessions",
+        "Work in detail",
+        "Worked ground by day",
+        "Field",
+        "Tables",
+        "Background",
+    ]
     assert told["groups"]["Worked ground by day"] == ["coverage"]
     assert told["layers"].keys() == {"sessions", "tracks", "provenance", *DETAILS, *MEMORY}
     assert set(told["relations"].values()) == {True}

@@ -1,0 +1,128 @@
+"""Files beside a farm map that show the ground of all its sessions: a virtual raster, and a virtual point cloud."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from pyproj import CRS
+
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.core.values.json_text import json_text
+from furrowmap.exporters.exchange.stac import run_item
+from furrowmap.exporters.farm.surface_file import SurfaceFile, same_map, surface_file
+from furrowmap.exporters.farm.virtual_raster import virtual_raster
+from furrowmap.exporters.files.atomic import atomic_output, relative_path
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import CLOUD, DSM
+
+_STAC: Final = "1.0.0"
+_EXTENSIONS: Final = (
+    "https://stac-extensions.github.io/pointcloud/v1.0.0/schema.json",
+    "https://stac-extensions.github.io/projection/v1.1.0/schema.json",
+)
+"""As PDAL and QGIS write virtual point clouds."""
+
+
+@dataclass(frozen=True)
+class GroundFiles:
+    """The files that were written, each None where no session has such a product.
+
+    Attributes:
+        surface: virtual raster of the sessions' `dsm.tif`, the latest on top.
+        clouds: virtual point cloud of the sessions' clouds.
+    """
+
+    surface: Path | None
+    clouds: Path | None
+
+
+def write_ground_files(farm_map: Path, results: Sequence[tuple[Path, dict[str, Any]]], crs: CRS) -> GroundFiles:
+    """Write the files beside a farm map; neither copies a cell or a point.
+
+    A surface is in it if it is in the CRS of the farm map and has the cells of the latest one.
+
+    Args:
+        farm_map: path of the GeoPackage.
+        results: folder and report of each session, in order of time.
+        crs: of the farm map.
+
+    Raises:
+        OSError: if they cannot be written.
+    """
+    surface, clouds = (farm_map.with_name(f"{farm_map.stem}_{name}") for name in ("surface.vrt", "clouds.vpc"))
+    return GroundFiles(_surface(surface, [folder for folder, _ in results], crs), _clouds(clouds, results, crs))
+
+
+def _surface(path: Path, folders: Sequence[Path], crs: CRS) -> Path | None:
+    found: list[tuple[SurfaceFile, Grid]] = []
+    for folder in folders:
+        try:
+            file = surface_file(folder / DSM) if (folder / DSM).is_file() else None
+        except FurrowmapError:  # damaged since: the mosaic tells
+            continue
+        if file is not None and file.grid is not None and same_map(file.crs, crs):
+            found.append((file, file.grid))
+    found = [entry for entry in found if entry[0].cell_m == found[-1][0].cell_m]
+    if not found:
+        path.unlink(missing_ok=True)
+        return None
+    west, north = min(grid.west for _, grid in found), max(grid.north for _, grid in found)
+    shape = (
+        north - min(grid.north - grid.rows for _, grid in found),
+        max(grid.west + grid.columns for _, grid in found) - west,
+    )
+    sources = [(file.path, grid, file.nodata) for file, grid in found]
+    last = found[-1][0]
+    whole = Grid(last.cell_m, west, north, shape)
+    origin = Origin("Surfaces of the farm map's sessions, the latest on top")
+    with atomic_output(path) as unfinished:
+        text = virtual_raster(path.resolve().parent, whole, last.crs, last.bands[:1], sources, origin)
+        unfinished.write_text(text, encoding="utf-8")
+    return path
+
+
+def _clouds(path: Path, results: Sequence[tuple[Path, dict[str, Any]]], crs: CRS) -> Path | None:
+    features = []
+    for folder, report in results:
+        cloud = folder / CLOUD
+        if not cloud.is_file() or not same_map(CRS.from_user_input(report["session"]["crs"]["map"]), crs):
+            continue
+        item = run_item(report).to_dict(include_self_link=False)
+        (west, south, low), (east, north, high) = report["figures"]["bounds_m"]
+        properties = {name: value for name, value in item["properties"].items() if name.startswith("pc:")}
+        properties |= {
+            "datetime": report["figures"]["start"],
+            "proj:wkt2": crs.to_wkt(),
+            "proj:bbox": [west, south, low, east, north, high],
+        }
+        href = relative_path(cloud, path.parent)
+        features.append(
+            {
+                "type": "Feature",
+                "stac_version": _STAC,
+                "stac_extensions": list(_EXTENSIONS),
+                "id": item["id"],
+                "geometry": item["geometry"],
+                "bbox": [*item["bbox"][:2], low, *item["bbox"][2:], high],
+                "properties": properties,
+                "links": [],
+                "assets": {"data": {"href": f"./{href}" if href else cloud.as_uri(), "roles": ["data"]}},
+            }
+        )
+    if not features:
+        path.unlink(missing_ok=True)
+        return None
+    with atomic_output(path) as unfinished:
+        unfinished.write_text(json_text({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    return path
+
+
+def report_of(text: str) -> dict[str, Any]:
+    """A session's report as the farm map has it; empty where it is none of a run."""
+    report = json.loads(text or "{}")
+    return report if isinstance(report, dict) and "session" in report else {}
