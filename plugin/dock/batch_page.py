@@ -63,7 +63,7 @@ class BatchPage(QWidget):
             RUNNING: self.tr("running"),
             DONE: self.tr("done"),
             FAILED: self.tr("failed"),
-            TO_FILL_IN: self.tr("not run: places of sensors are to be filled in"),
+            TO_FILL_IN: self.tr("not run: recordings or places are missing"),
             CANCELLED: self.tr("cancelled"),
         }
         name = drive.session.parent.name + ("" if drive.session.stem == "session" else f" / {drive.session.stem}")

@@ -437,7 +437,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>cancelled</source><translation>キャンセル済み</translation></message>
   <message><source>done</source><translation>完了</translation></message>
   <message><source>failed</source><translation>失敗</translation></message>
-  <message><source>not run: places of sensors are to be filled in</source><translation>未実行：センサの位置を入力してください</translation></message>
+  <message><source>not run: recordings or places are missing</source><translation>未実行：記録または位置が不足しています</translation></message>
   <message><source>running</source><translation>実行中</translation></message>
   <message><source>waiting</source><translation>待機中</translation></message>
   <message><source>{ended} of {all} drives</source><translation>{all} 件中 {ended} 件の走行が終了</translation></message>

@@ -173,7 +173,7 @@ def test_drop__of_many_drives_runs_one_after_another_with_the_state_of_each(seen
     assert seen["waiting"] == "· positions\n    waiting"
     broken, incomplete, positions = seen["drives"]
     assert broken.startswith("✗ broken\n    failed: ")
-    assert incomplete == "? incomplete\n    not run: places of sensors are to be filled in"
+    assert incomplete == "? incomplete\n    not run: recordings or places are missing"
     assert positions == "✓ positions\n    done"
     assert seen["incomplete"] == [True, "(missing: drop the recording here)\ngnss.nmea"]
 
