@@ -57,22 +57,15 @@ def rings_of(shapes: Sequence[shapely.Polygon], origin_m: tuple[float, float]) -
     columns, rows = int((east - west) / side) + 1, int((north - south) / side) + 1
     low = ((boxes[:, :2] - (west, south)) / side).astype(np.int64)
     high = ((boxes[:, 2:] - (west, south)) / side).astype(np.int64)
-    cells, members = [], []
-    for k, ((j0, i0), (j1, i1)) in enumerate(zip(low, high, strict=True)):
-        cell = (np.arange(i0, i1 + 1)[:, None] * columns + np.arange(j0, j1 + 1)).ravel().astype(np.int32)
-        cells.append(cell)
-        members.append(np.full(len(cell), k, np.int32))
-    cell, member = np.concatenate(cells), np.concatenate(members)
-    order = np.argsort(cell, kind="stable")
-    starts = np.searchsorted(cell[order], np.arange(rows * columns + 1))
+    starts, near = _near_cells(low, high, rows, columns)
     corners = np.concatenate(rings)
     return Rings(
         np.ascontiguousarray(corners[:, 0]),
         np.ascontiguousarray(corners[:, 1]),
         first,
         boxes,
-        starts.astype(np.int64),
-        member[order],
+        starts,
+        near,
         (float(west), float(south), float(side), rows, columns),
     )
 
@@ -82,6 +75,30 @@ def _corners(shape: shapely.Polygon) -> FloatArray:
     rings = [shapely.get_coordinates(ring) for ring in (shape.exterior, *shape.interiors)]
     gap = np.full((1, 2), np.nan)
     return np.concatenate([part for ring in rings for part in (gap, ring)][1:])
+
+
+@njit(cache=True, nogil=True)
+def _near_cells(low, high, rows, columns):  # type: ignore[no-untyped-def]
+    """Starts and entries of the cells, from the first and last column and row of each polygon."""
+    starts = np.zeros(rows * columns + 1, np.int64)
+    for k in range(len(low)):
+        for i in range(low[k, 1], high[k, 1] + 1):
+            for j in range(low[k, 0], high[k, 0] + 1):
+                starts[i * columns + j + 1] += 1
+    for cell in range(rows * columns):
+        starts[cell + 1] += starts[cell]
+    near = np.empty(starts[-1], np.int32)
+    # filled from the last polygon on, backwards from the end of each cell: each end moves to its start
+    for k in range(len(low) - 1, -1, -1):
+        for i in range(low[k, 1], high[k, 1] + 1):
+            for j in range(low[k, 0], high[k, 0] + 1):
+                cell = i * columns + j
+                starts[cell + 1] -= 1
+                near[starts[cell + 1]] = k
+    for cell in range(rows * columns):
+        starts[cell] = starts[cell + 1]
+    starts[-1] = len(near)
+    return starts, near
 
 
 @njit(cache=True, nogil=True)
