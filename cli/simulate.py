@@ -22,7 +22,7 @@ from furrowmap.core.values.errors import printable
 @click.option("--overwrite", is_flag=True, help="Replace files in DIR.")
 @common_options
 def simulate(console: Console, scenario: Path, output: Path, *, overwrite: bool) -> None:
-    """Simulate the recording of a tractor or an aircraft in SCENARIO: a TOML file, "demo" or "flight".
+    """Simulate the recording of a tractor or an aircraft in SCENARIO: a TOML file, "demo", "road" or "flight".
 
     Writes the recordings of LiDAR, GNSS and IMU, a session file, the field boundary, and the ground truth in truth/.
     """

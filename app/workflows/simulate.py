@@ -21,7 +21,7 @@ def simulate(
     The files appear together when all of them are whole.
 
     Args:
-        scenario: a TOML file, or "demo" (a tractor) or "flight".
+        scenario: a TOML file, or "demo" (a tractor in a field), "road" or "flight".
         out: folder for the recording, GNSS log, IMU log, session file, boundary and truth.
         overwrite: replace files in the folder.
         progress: is called with each stage.

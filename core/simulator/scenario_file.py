@@ -18,8 +18,9 @@ from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.table import waits
 from furrowmap.core.values.errors import InputError
 
-PACKAGED: Final = ("demo", "flight")
-"""Scenarios that come with furrowmap: two passes of a tractor and a turn, 25 seconds; a flight of two minutes."""
+PACKAGED: Final = ("demo", "road", "flight")
+"""Scenarios that come with furrowmap: two passes of a tractor and a turn, 25 seconds; a tractor on a road, 54
+seconds; a flight of two minutes."""
 
 
 def load_scenario(path: Path) -> Scenario:

@@ -26,6 +26,12 @@ def test_demo_scenario__is_two_passes() -> None:
     assert demo_scenario().drive.passes == 2
 
 
+def test_road_scenario__is_asphalt_that_the_tool_leaves_as_it_was() -> None:
+    road = demo_scenario("road")
+    assert (road.soil.kind, road.soil.worked, road.drive.passes) == ("asphalt", "same", 1)
+    assert road.soil.swell_m == road.soil.ridge_m == road.implement.jitter_m == 0.0
+
+
 @pytest.mark.parametrize("kind", SOILS)
 def test_soil__kind_sets_what_is_not_stated(kind: str) -> None:
     scenario = scenario_from(f'[soil]\nkind = "{kind}"\nrow_spacing_m = 0.5\n', "s.toml")
