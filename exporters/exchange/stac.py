@@ -36,6 +36,7 @@ from furrowmap.exporters.files.result_folder import (
 if TYPE_CHECKING:
     import pystac
 
+CATALOGUE: Final = "catalog.json"
 COLLECTION: Final = "collection.json"
 PROCESSING: Final = "https://stac-extensions.github.io/processing/v1.1.0/schema.json"
 LICENCE: Final = "other"
@@ -125,6 +126,9 @@ def write_item(path: Path, report: dict[str, Any]) -> None:
 def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path) -> None:
     """Write a collection over many runs: `collection.json`, and an item each that points to the products.
 
+    `catalog.json` is where clients such as pystac-client begin; all links are relative, so that a server of plain files
+    can serve the folder as it is.
+
     Args:
         folder: to write to.
         results: of the runs.
@@ -156,17 +160,24 @@ def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path
         description="Georeferenced clouds and worked ground, a session each, made by furrowmap.",
         extent=pystac.Extent.from_items(items),
         license=LICENCE,
-        extra_fields={"furrowmap:products": [COLLECTION, *(f"{name}.json" for name in names)]},
+        extra_fields={"furrowmap:products": [CATALOGUE, COLLECTION, *(f"{name}.json" for name in names)]},
     )
+    collection.add_links([pystac.Link(rel, f"./{CATALOGUE}", "application/json") for rel in ("root", "parent")])
     for item in items:
+        item.add_link(pystac.Link("root", f"./{CATALOGUE}", "application/json"))
         collection.add_link(pystac.Link("item", f"./{item.id}.json", "application/geo+json"))
         item.add_link(pystac.Link("collection", f"./{COLLECTION}", "application/json"))
         item.add_link(pystac.Link("parent", f"./{COLLECTION}", "application/json"))
         item.collection_id = collection.id
         value = item.to_dict(include_self_link=False, transform_hrefs=False)
         (folder / f"{item.id}.json").write_text(json_text(value), encoding="utf-8")
-    whole = collection.to_dict(include_self_link=False, transform_hrefs=False)
-    (folder / COLLECTION).write_text(json_text(whole), encoding="utf-8")
+    catalogue = pystac.Catalog(f"{collection.id}-catalogue", collection.description, collection.title)
+    catalogue.set_root(None)
+    catalogue.add_link(pystac.Link("root", f"./{CATALOGUE}", "application/json"))
+    catalogue.add_link(pystac.Link("child", f"./{COLLECTION}", "application/json", collection.title))
+    for name, whole in ((CATALOGUE, catalogue), (COLLECTION, collection)):
+        content = whole.to_dict(include_self_link=False, transform_hrefs=False)
+        (folder / name).write_text(json_text(content), encoding="utf-8")
 
 
 def _crs(report: dict[str, Any]) -> CRS:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import http.server
 import json
 import resource
 import shutil
+import threading
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -267,7 +270,7 @@ def test_stac__is_valid_and_says_where_and_what(result: Path, tmp_path: Path) ->
     write_report(second, "")
     done = export([result, second], "stac", tmp_path / "farm")
     collection = pystac.Collection.from_file(str(tmp_path / "farm" / "collection.json"))
-    assert len(done.files) == 3
+    assert len(done.files) == 4
     items = list(collection.get_items())
     for each in (collection, *items):
         pystac.validation.validate_dict(each.to_dict(), extensions=[])
@@ -282,6 +285,19 @@ def test_stac__is_valid_and_says_where_and_what(result: Path, tmp_path: Path) ->
     on_map = shapely.transform(footprint, lambda xy: np.column_stack(to_map.transform(*xy.T)))
     assert on_map.symmetric_difference(shapely.box(16_600, 96_500, 16_700, 96_600)).area < 1.0
     assert footprint.exterior.is_ccw
+
+
+def test_stac__is_read_from_a_server_of_plain_files(result: Path, tmp_path: Path) -> None:
+    export([result], "stac", tmp_path / "farm")
+    serve = functools.partial(http.server.SimpleHTTPRequestHandler, directory=tmp_path)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        catalogue = pystac.Catalog.from_file(f"http://127.0.0.1:{server.server_port}/farm/catalog.json")
+        (item,) = catalogue.get_items(recursive=True)
+        server.shutdown()
+    pystac.validation.validate_dict(catalogue.to_dict(), extensions=[])
+    assert item.properties["title"] == "Nordfeld, östlich"
+    assert item.get_root() is catalogue
 
 
 def test_stac__tells_software_parameters_and_epoch(result: Path, tmp_path: Path) -> None:
