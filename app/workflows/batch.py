@@ -7,7 +7,6 @@ import statistics
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -23,7 +22,7 @@ from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row, write_layers, write_table
 from furrowmap.workflows.batch_engine import ATTEMPTS, Workforce
-from furrowmap.workflows.batch_jobs import Job, Prepared, Request, identity, key_of, open_job, prepare
+from furrowmap.workflows.batch_jobs import Job, Prepared, Request, identity, key_of, open_job, own_version, prepare
 from furrowmap.workflows.batch_places import Store, find_remote, is_url, scratch
 from furrowmap.workflows.batch_sources import Source, find_sources, named, stamp
 from furrowmap.workflows.batch_task import input_stamps, run_job
@@ -342,7 +341,7 @@ def _as_it_is(source: Source) -> Prepared:
 
 def _prepared_key(source: Source, decisive: Sequence[Stamp]) -> str:
     """A hash of what decides on what a source holds."""
-    content = msgspec.json.encode([version("furrowmap"), source.stamps, decisive])
+    content = msgspec.json.encode([own_version(), source.stamps, decisive])
     return hashlib.sha256(content).hexdigest()
 
 

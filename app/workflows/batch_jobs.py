@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -143,6 +144,18 @@ def identity(file: str, visit: Visit | None) -> str:
     return json.dumps([file, *([visit.name] if visit is not None else [])], ensure_ascii=False)
 
 
+@cache
+def own_version() -> str:
+    """The version of furrowmap; looking it up takes 2 ms."""
+    return version("furrowmap")
+
+
+@lru_cache(maxsize=1)
+def _parsed(text: str, file: str) -> Session:
+    """The session of a job, which several steps need in a row."""
+    return parse_session(text, file)
+
+
 def prepare(request: Request) -> Prepared:
     """Look at a source: propose a session for its recordings, and find the fields that they enter.
 
@@ -166,7 +179,7 @@ def open_job(job: Job) -> OpenSession:
         RefusedError: if the map frame is ambiguous.
     """
     file = Path(job.file)
-    session = parse_session(job.text, job.file)
+    session = _parsed(job.text, job.file)
     inputs = Inputs.of(file, session)
     frame = map_frame(session.crs, inputs.parameters, inputs.geoid_grid)
     if job.visit is not None:
@@ -182,9 +195,9 @@ def key_of(job: Job) -> str:
     Raises:
         InputError: if the session is not valid.
     """
-    session = msgspec.to_builtins(parse_session(job.text, job.file))
+    session = msgspec.to_builtins(_parsed(job.text, job.file))
     visit = msgspec.to_builtins(job.visit)
-    decisive = [version("furrowmap"), session, visit, job.language, sorted(job.allowed)]
+    decisive = [own_version(), session, visit, job.language, sorted(job.allowed)]
     return hashlib.sha256(json.dumps(decisive, default=str, sort_keys=True).encode()).hexdigest()
 
 
