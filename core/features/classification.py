@@ -26,13 +26,17 @@ BoolArray = NDArray[np.bool_]
 
 HORIZONTAL: Final = 0.7071
 """Least height of the unit normal of a horizontal plane: roofs up to 45 degrees."""
-LEVEL: Final = 0.8
+LEVEL: Final = 0.75
 """Least height of the unit normal of ground that the filter missed, as beyond a ditch at the rim of a cloud."""
+LEVEL_PURITY: Final = 0.7
+"""Least purity of such ground: it need not be as even as a roof or a table."""
 STEP_M: Final = 0.2
 """What is flat and nowhere higher than this above the ground beside it is ground."""
 FENCE_PURITY: Final = 0.8
 """Least purity of an open vertical plane, such as the wires of a fence."""
 FENCE_LENGTH_M: Final = 1.5
+FENCE_NORMAL: Final = 0.2
+"""Greatest height of its unit normal."""
 SCATTER_EVIDENCE: Final = 0.7
 """Of a voxel that is on no plane or line."""
 LINE_EVIDENCE: Final = 0.33
@@ -153,7 +157,7 @@ def _thinnest(shape: Eigenfeatures) -> float:
 def _ground_planes(tile: Tile, ground: BoolArray, fine: Voxels, found: list[Plane]) -> BoolArray:
     """Which voxels are on level planes that reach down to the ground: ground that the filter missed."""
     of_ground = np.zeros(len(fine), bool)
-    pending = [plane for plane in found if plane.normal[2] >= LEVEL and plane.purity >= PURITY]
+    pending = [plane for plane in found if plane.normal[2] >= LEVEL and plane.purity >= LEVEL_PURITY]
     if not pending or not ground.any():
         return of_ground
     side, reach = 2.0 * tile.cell_m, max(STEP_M, 4.0 * tile.cell_m)
@@ -225,7 +229,7 @@ def _lines(xyz_m: FloatArray, cell_m: float, tolerance_m: float) -> tuple[list[L
     for plane in open_planes:
         flat, _ = plane.flat(xyz_m[plane.members])
         long = np.ptp(flat[:, 0]) >= FENCE_LENGTH_M
-        if plane.purity >= FENCE_PURITY and abs(plane.normal[2]) < 1.0 - LEVEL and long:
+        if plane.purity >= FENCE_PURITY and abs(plane.normal[2]) < FENCE_NORMAL and long:
             fences.append(plane)
     return bars, fences, np.nan_to_num(linearity)
 
