@@ -171,6 +171,9 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         "cure": {"do": "settings", "forget": list(poisons)},
         "farm_add": run("farm_add", RESULTS=[str(report)], FARM_MAP=base),
         "farm_list": run("farm_list", FARM_MAP=base),
+        "farm_fields": run("farm_fields", FARM_MAP=base),
+        "farm_history": run("farm_history", FARM_MAP=base, FIELD="north", OUTPUT=folder / "history.html"),
+        "farm_traffic": run("farm_traffic", FARM_MAP=base, OUTPUT=folder / "traffic.tif"),
         "farm_mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT="TEMPORARY_OUTPUT"),
         "farm_remove": run("farm_remove", FARM_MAP=base, SESSION="straight"),
         "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
@@ -313,7 +316,7 @@ def by_hand(folder: Path) -> Path:
 
 
 def test_log__has_nothing_but_the_errors_that_were_provoked(answers: dict[str, Any]) -> None:
-    refused = {"calibrate", "calibrate_mount", "colour", "machine_save"}
+    refused = {"calibrate", "calibrate_mount", "colour", "farm_history", "machine_save"}
     assert set(answers["logged"]) == refused | {"gnss_solve", "growth", "crashing", "foreign", "broken"}
     assert [text for texts in answers["logged"].values() for text in texts if not text.startswith("furrowmap: ")] == []
 
@@ -538,6 +541,14 @@ def test_base__takes_lists_and_gives_back_sessions(answers: dict[str, Any], fold
     assert answers["farm_add"]["loaded"]
     assert [s["name"] for s in json.loads(answers["farm_list"]["outputs"]["SESSIONS"])] == ["straight"]
     assert (answers["farm_remove"]["outputs"]["REMOVED"], answers["farm_remove"]["outputs"]["SESSIONS"]) == (1, 0)
+
+
+def test_base__of_a_session_without_a_field_has_none_and_no_passes(answers: dict[str, Any]) -> None:
+    assert answers["farm_fields"]["error"] is None
+    assert json.loads(answers["farm_fields"]["outputs"]["FIELDS"]) == []
+    assert "has no field 'north'" in answers["farm_history"]["error"]
+    assert answers["farm_traffic"]["error"] is None
+    assert answers["farm_traffic"]["outputs"]["PASSES"] == 0
 
 
 def test_output__that_is_temporary_is_where_the_answer_says(answers: dict[str, Any]) -> None:
