@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from furrowmap.core.simulator.scenario import SOILS, Scenario
+from furrowmap.core.simulator.scenario import OF_SCENARIO, SOILS, EarlierDrive, Scenario
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "reference" / "scenario.md"
 HEAD = """\
@@ -53,6 +53,30 @@ OPEN = {
     "clock": "as above",
 }
 """The default of values that depend on others."""
+EARLIER = """
+Its tables are `[earlier.drive]`, `[earlier.soil]` and `[earlier.implement]`, with the keys above. Several drives are several
+`[[earlier]]`, the first one first. The scenarios of drives on one field have the same `field.size_e_m`, `field.size_n_m`, `place`
+and `[soil]`, with one `soil.seed`; their `seed`, which makes errors of sensors and drivers, differs:
+
+```toml
+seed = 12
+
+[field]
+size_e_m = 46.0
+size_n_m = 34.0
+
+[drive]
+start_xy_m = [13.5, 14.8]
+
+[soil]
+seed = 3
+
+[[earlier]]
+seed = 11
+drive.start_xy_m = [13.5, 10.0]
+drive.passes = 2
+```
+"""
 KINDS = """\
 | kind | random roughness | correlation length | rows: amplitude, spacing | straw or plants | furrows after the pass |
 | --- | --- | --- | --- | --- | --- |
@@ -72,6 +96,7 @@ def page() -> str:
                 for kind, s in SOILS.items()
             ]
             parts.append(KINDS + "".join(rows))
+    parts.append(section("[earlier]", EarlierDrive, Scenario()) + EARLIER)
     return "\n".join(parts)
 
 
@@ -105,6 +130,8 @@ def default(value: Any, table: str) -> str:
     first = value[0] if isinstance(value, tuple) and value else value
     if isinstance(first, float) and math.isnan(first):
         return OPEN[table]
+    if value == OF_SCENARIO and isinstance(value, int):
+        return "as `seed`"
     if value and isinstance(first, tuple):
         return f"{len(value)} boxes"
     return f"`{json.dumps(value, ensure_ascii=False)}`"

@@ -368,7 +368,8 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
                 # most of straw is short; plants of a crop are nearly alike
                 chance = _chance(seed, place, 15)
                 tall = straw[1] * (0.8 + 0.2 * chance if rows_of_crop else chance**3)
-                if (not inside or t < ground.first_s[row, col]) and height < tall + relief_at(ground, e, n, t):
+                bare = inside and (t >= ground.first_s[row, col] or ground.worked_earlier[row, col])
+                if not bare and height < tall + relief_at(ground, e, n, t):
                     return ahead, _STRAW
             s = ahead
     return math.inf, 0
@@ -473,7 +474,7 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
                     row, col = math.floor((y + r * dy) / CELL), math.floor((x + r * dx) / CELL)
                     if kind == _SOIL and 0 <= row < rows and 0 <= col < cols:
                         hit = row * cols + col
-                        if t >= ground.first_s[row, col]:
+                        if t >= ground.first_s[row, col] or ground.worked_earlier[row, col]:
                             what = _TILLED
                     if kind == _STRAW:
                         incidence = 1.0

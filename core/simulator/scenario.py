@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from collections.abc import Mapping
 from typing import Annotated, Final, Literal, TypeAlias
 
@@ -13,6 +14,9 @@ from furrowmap.core.simulator.flight_scenario import Flight, Imu, Line, MovingMo
 from furrowmap.core.simulator.table import BY_KIND, Box, Table, Vector3
 
 SoilKind: TypeAlias = Literal["stubble", "ploughed", "tilled", "rolled", "asphalt", "lawn", "snow", "maize"]
+
+OF_SCENARIO: Final = -1
+"""Placeholder for the seed of the scenario."""
 
 _SOIL_KEYS: Final = ("sigma", "corr", "row", "spacing", "straw", "height", "hit", "crop", "furrow")
 SOILS: Final[Mapping[str, Mapping[str, float]]] = {
@@ -150,6 +154,9 @@ class Drive(Table, frozen=True):
 class Soil(Table, frozen=True):
     """The ground before and after the pass of the implement."""
 
+    seed: Annotated[
+        int, Meta(ge=0, description="of the ground as the first drive found it; one for all drives on a field")
+    ] = OF_SCENARIO
     kind: Annotated[SoilKind, Meta(description="ground before the pass; sets the defaults of the next eight keys")] = (
         "stubble"
     )
@@ -336,6 +343,33 @@ class Gnss(Table, frozen=True):
             msgspec.structs.force_setattr(self, name, receiver)
 
 
+def left_by(implement: Implement, soil: Soil, seed: int) -> Soil:
+    """`soil` with what `implement` leaves behind it, and the seed, where they are not stated."""
+    left = soil.worked or {"tiller": "tilled", "plow": "ploughed", "mower": "same"}[implement.shape]
+    worked = SOILS[soil.kind if left == "same" else left]
+    soil = msgspec.structs.replace(soil, worked=left, seed=seed if soil.seed == OF_SCENARIO else soil.seed)
+    soil.fill(tilled_sigma_m=worked["sigma"], tilled_corr_m=worked["corr"], furrow_m=worked["furrow"])
+    return soil
+
+
+class EarlierDrive(Table, frozen=True):
+    """A drive that worked the ground before; tables as above.
+
+    Its path is exactly that of a scenario with the same `seed`, `[drive]` and `[implement]`. Of its `[soil]` only what
+    the tool leaves counts.
+    """
+
+    seed: Annotated[int, Meta(ge=0, description="of the drive and of the soil that it leaves")] = 1
+    drive: Drive = Drive()
+    soil: Soil = Soil()
+    implement: Implement = Implement()
+
+    def __post_init__(self) -> None:
+        if any(math.isnan(value) for value in self.drive.start_xy_m):
+            raise ValueError("an earlier drive needs its `drive.start_xy_m`: the ground is laid round the present one")
+        msgspec.structs.force_setattr(self, "soil", left_by(self.implement, self.soil, self.seed))
+
+
 class Scenario(Table, frozen=True):
     """A recording to simulate; by default a session of about a minute."""
 
@@ -354,6 +388,7 @@ class Scenario(Table, frozen=True):
             "thickness, height, brightness (1 to 19)]"
         ),
     ] = ()
+    earlier: tuple[EarlierDrive, ...] = ()
     place: Place = Place()
     flight: Flight | None = None
     imu: Imu | None = None
@@ -376,11 +411,7 @@ class Scenario(Table, frozen=True):
             raise ValueError("`t0` has no UTC offset")
         if self.line is not None and self.flight is None:
             raise ValueError("`line` needs a `flight`: the scanner of a tractor is a VLP-16")
-        left = self.soil.worked or {"tiller": "tilled", "plow": "ploughed", "mower": "same"}[self.implement.shape]
-        worked = SOILS[self.soil.kind if left == "same" else left]
-        soil = msgspec.structs.replace(self.soil, worked=left)
-        soil.fill(tilled_sigma_m=worked["sigma"], tilled_corr_m=worked["corr"], furrow_m=worked["furrow"])
-        msgspec.structs.force_setattr(self, "soil", soil)
+        msgspec.structs.force_setattr(self, "soil", left_by(self.implement, self.soil, self.seed))
 
     @property
     def t0_us(self) -> int:

@@ -7,7 +7,7 @@ What lies beyond the grid repeats the found ground, so that the field has no edg
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,9 +16,10 @@ import scipy.fft
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.drive import RATE_HZ, Track
+from furrowmap.core.simulator.drive import RATE_HZ, Track, drive_path
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.path import plan_path
+from furrowmap.core.simulator.scenario import EarlierDrive, Scenario, Soil
 from furrowmap.core.simulator.site import CELL_M
 
 FloatArray = NDArray[np.float64]
@@ -37,6 +38,7 @@ class Ground(NamedTuple):
         before, middle, after: (rows, cols) relief before the first, between the first and the last, and after the
             last working of a cell. Row and column 0 lie at the local origin; rows go north.
         first_s, last_s: (rows, cols) when a cell was first and last worked; inf: never.
+        worked_earlier: (rows, cols) whether an earlier drive worked a cell.
         ceiling: (rows / BLOCK, cols / BLOCK) highest relief ever of a block and its rim.
         slope_e, slope_n: rise of the mean plane.
     """
@@ -46,6 +48,7 @@ class Ground(NamedTuple):
     after: Float32Array
     first_s: Float32Array
     last_s: Float32Array
+    worked_earlier: NDArray[np.bool_]
     ceiling: Float32Array
     slope_e: float
     slope_n: float
@@ -90,38 +93,21 @@ def find_sweeps(track: Track, xy_m: tuple[float, float]) -> list[Sweep]:
 
 
 def make_ground(scenario: Scenario, sweeps: list[Sweep]) -> Ground:
-    """The ground of a scenario that is laid out, worked by `sweeps` in their order."""
-    soil, drive = scenario.soil, scenario.drive
-    rows = BLOCK * math.ceil(scenario.field.size_n_m / (CELL_M * BLOCK))
-    cols = BLOCK * math.ceil(scenario.field.size_e_m / (CELL_M * BLOCK))
-    waves = _field(random_for(scenario.seed, "undulation"), rows, cols, _waves)
-    waves *= soil.undulation_m / math.sqrt(2.0)
-    before = _field(random_for(scenario.seed, "clods"), rows, cols, lambda k: _clods(k, soil.clod_corr_m))
-    before *= soil.clod_sigma_m
-    before += waves
-    if soil.row_amplitude_m:
-        lane = math.radians(90.0 - drive.lane_heading_deg)
-        turns = -math.sin(lane) * ((np.arange(cols) + 0.5) * CELL_M - drive.start_xy_m[0]) / soil.row_spacing_m
-        turns = turns[None, :] + (
-            math.cos(lane) * ((np.arange(rows) + 0.5) * CELL_M - drive.start_xy_m[1]) / soil.row_spacing_m
-        )[:, None].astype(np.float32)
-        before += np.float32(soil.row_amplitude_m) * np.cos(turns * (2.0 * np.pi), dtype=np.float32)
-    tilth = before
-    if sweeps:
-        tilth = _field(random_for(scenario.seed, "tilth"), rows, cols, lambda k: _clods(k, soil.tilled_corr_m))
-        tilth *= soil.tilled_sigma_m
+    """The ground of a scenario that is laid out, worked by its earlier drives and then by `sweeps` in their order."""
+    soil = scenario.soil
+    before, waves = _found(scenario)
+    shape = before.shape
+    worked_earlier = np.zeros(shape, np.bool_)
+    for drive in scenario.earlier:
+        if not worked_earlier.any():
+            before = before.copy()
+        for row, col, height, _ in _workings(drive, earlier_sweeps(drive), before, waves):
+            before[row, col] = height
+            worked_earlier[row, col] = True
     middle, after = (before.copy(), before.copy()) if sweeps else (before, before)
-    first = np.full((rows, cols), np.inf, np.float32)
+    first = np.full(shape, np.inf, np.float32)
     last = first.copy()
-    half = 0.5 * scenario.implement.width_m
-    for number, sweep in enumerate(sweeps):
-        row, col, t_s, across_m = worked_cells(sweep, half, rows, cols)
-        if soil.worked == "same":
-            height = before[row, col]
-        else:
-            # every pass throws up relief of its own: the same random field, from another place of it
-            fresh = tilth[(row + 379 * number) % rows, (col + 611 * number) % cols]
-            height = waves[row, col] + fresh + _profile(scenario, across_m, half).astype(np.float32)
+    for row, col, height, t_s in _workings(scenario, sweeps, before, waves):
         again = np.isfinite(last[row, col])
         second = again & (first[row, col] == last[row, col])
         middle[row[second], col[second]] = after[row[second], col[second]]
@@ -131,7 +117,56 @@ def make_ground(scenario: Scenario, sweeps: list[Sweep]) -> Ground:
     slope = 0.01 * soil.slope_percent
     towards = math.radians(soil.slope_towards_deg)
     ceiling = ceiling_of(np.maximum(np.maximum(before, middle), after))
-    return Ground(before, middle, after, first, last, ceiling, slope * math.sin(towards), slope * math.cos(towards))
+    slopes = slope * math.sin(towards), slope * math.cos(towards)
+    return Ground(before, middle, after, first, last, worked_earlier, ceiling, *slopes)
+
+
+def earlier_sweeps(earlier: EarlierDrive) -> list[Sweep]:
+    """The passes of an earlier drive."""
+    path = plan_path(earlier.drive, random_for(earlier.seed, "driver"))
+    track = drive_path(path, earlier.drive, earlier.implement, random_for(earlier.seed, "tool"))
+    return find_sweeps(track, earlier.implement.xy_m)
+
+
+def _found(scenario: Scenario) -> tuple[Float32Array, Float32Array]:
+    """Relief of the ground as the first drive found it, and its waves alone; rows lie along the first drive's lanes."""
+    soil, drive = scenario.soil, scenario.earlier[0].drive if scenario.earlier else scenario.drive
+    rows = BLOCK * math.ceil(scenario.field.size_n_m / (CELL_M * BLOCK))
+    cols = BLOCK * math.ceil(scenario.field.size_e_m / (CELL_M * BLOCK))
+    waves = _field(random_for(soil.seed, "undulation"), rows, cols, _waves)
+    waves *= soil.undulation_m / math.sqrt(2.0)
+    found = _field(random_for(soil.seed, "clods"), rows, cols, lambda k: _clods(k, soil.clod_corr_m))
+    found *= soil.clod_sigma_m
+    found += waves
+    if soil.row_amplitude_m:
+        lane = math.radians(90.0 - drive.lane_heading_deg)
+        turns = -math.sin(lane) * ((np.arange(cols) + 0.5) * CELL_M - drive.start_xy_m[0]) / soil.row_spacing_m
+        turns = turns[None, :] + (
+            math.cos(lane) * ((np.arange(rows) + 0.5) * CELL_M - drive.start_xy_m[1]) / soil.row_spacing_m
+        )[:, None].astype(np.float32)
+        found += np.float32(soil.row_amplitude_m) * np.cos(turns * (2.0 * np.pi), dtype=np.float32)
+    return found, waves
+
+
+def _workings(
+    drive: Scenario | EarlierDrive, sweeps: list[Sweep], before: Float32Array, waves: Float32Array
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Float32Array, Float32Array]]:
+    """(row, col, relief, t_s) of the cells that each pass of a drive works, in their order."""
+    soil, (rows, cols) = drive.soil, before.shape
+    if not sweeps:
+        return
+    tilth = _field(random_for(drive.seed, "tilth"), rows, cols, lambda k: _clods(k, soil.tilled_corr_m))
+    tilth *= soil.tilled_sigma_m
+    half = 0.5 * drive.implement.width_m
+    for number, sweep in enumerate(sweeps):
+        row, col, t_s, across_m = worked_cells(sweep, half, rows, cols)
+        if soil.worked == "same":
+            height = before[row, col]
+        else:
+            # every pass throws up relief of its own: the same random field, from another place of it
+            fresh = tilth[(row + 379 * number) % rows, (col + 611 * number) % cols]
+            height = waves[row, col] + fresh + _profile(soil, across_m, half).astype(np.float32)
+        yield row, col, height, t_s
 
 
 def worked_cells(
@@ -164,9 +199,8 @@ def ground_height(ground: Ground, e_m: FloatArray, n_m: FloatArray, t_s: FloatAr
     return out
 
 
-def _profile(scenario: Scenario, across_m: FloatArray, half_m: float) -> FloatArray:
+def _profile(soil: Soil, across_m: FloatArray, half_m: float) -> FloatArray:
     """Height of the worked ground above the field's waves, across a pass: swell, ridges at its borders, furrows."""
-    soil = scenario.soil
 
     def ridge(x: FloatArray) -> FloatArray:
         return np.exp(-(((half_m - np.abs(x)) / 0.10) ** 2))

@@ -120,3 +120,8 @@ def test_as_toml__is_loaded_as_the_same_scenario() -> None:
     assert again.lidar == scenario.lidar
     assert again.drive.stops == ((0, 1.0, 2.0),)
     assert math.isnan(again.field.size_e_m)
+
+
+def test_scenario__an_earlier_drive_says_where_it_began() -> None:
+    with pytest.raises(InputError, match=r"drive\.start_xy_m"):
+        scenario_from("[[earlier]]\nseed = 2\n", "s")

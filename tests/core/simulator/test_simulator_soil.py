@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.special import j0
 
 from furrowmap.core.simulator.drive import RATE_HZ, Track
-from furrowmap.core.simulator.scenario import SOILS, Drive, Field, Implement, Scenario, Soil
+from furrowmap.core.simulator.scenario import SOILS, Drive, EarlierDrive, Field, Implement, Scenario, Soil
+from furrowmap.core.simulator.scenario_file import as_toml, scenario_from
 from furrowmap.core.simulator.site import CELL_M
-from furrowmap.core.simulator.soil import FOOTPRINT_M, Sweep, find_sweeps, ground_height, make_ground
+from furrowmap.core.simulator.soil import FOOTPRINT_M, Sweep, earlier_sweeps, find_sweeps, ground_height, make_ground
 
 QUIET = {"slope_percent": 0.0, "undulation_m": 0.0, "row_amplitude_m": 0.0}
 
@@ -164,3 +166,17 @@ def test_ground_height__goes_on_beyond_the_edge() -> None:
     inside = ground_height(ground, np.array([3.0]), np.array([2.0]), np.array([0.0]))
     beyond = ground_height(ground, np.array([3.0 + 8.0 * 10]), np.array([2.0]), np.array([0.0]))
     assert beyond - inside == pytest.approx(0.02 * 80.0, abs=1e-6)
+
+
+def test_make_ground__a_later_drive_finds_what_an_earlier_one_left() -> None:
+    first = msgspec.structs.replace(scenario(Soil(seed=3)), seed=11)
+    sweeps = earlier_sweeps(EarlierDrive(seed=11, drive=first.drive, soil=first.soil, implement=first.implement))
+    left = make_ground(first, sweeps)
+    done = EarlierDrive(seed=11, drive=first.drive, soil=first.soil, implement=first.implement)
+    later = scenario_from(as_toml(msgspec.structs.replace(first, seed=12, earlier=(done,))), "later")
+    found = make_ground(later, [])
+    assert np.array_equal(found.before, left.after)
+    assert np.array_equal(found.worked_earlier, np.isfinite(left.first_s))
+    assert found.worked_earlier.any()
+    other = make_ground(msgspec.structs.replace(first, seed=12), [])
+    assert np.array_equal(other.before, left.before)  # errors and soil have seeds of their own
