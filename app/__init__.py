@@ -116,6 +116,8 @@ if TYPE_CHECKING:
     from furrowmap.workflows.solve_gnss import SolveSettings as SolveSettings
     from furrowmap.workflows.solve_gnss import solve_gnss as solve_gnss
     from furrowmap.workflows.surface import surface as surface
+    from furrowmap.workflows.tie import TieSettings as TieSettings
+    from furrowmap.workflows.tie import tie as tie
 
     __version__ = version("furrowmap")
 
@@ -215,6 +217,8 @@ _HOMES = {
     "site_coordinates": "core.session.site_coordinates",
     "solve_gnss": "workflows.solve_gnss",
     "surface": "workflows.surface",
+    "tie": "workflows.tie",
+    "TieSettings": "workflows.tie",
     "time_matches": "core.session.examination",
     "using_threads": "core.values.threads",
     "write_report_page": "workflows.report",

@@ -35,6 +35,7 @@ COMMANDS: Final = (
     "parcels",
     "growth",
     "canopy",
+    "tie",
     "fields",
     "plots",
     "response",

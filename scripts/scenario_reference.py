@@ -54,9 +54,10 @@ OPEN = {
 }
 """The default of values that depend on others."""
 EARLIER = """
-Its tables are `[earlier.drive]`, `[earlier.soil]` and `[earlier.implement]`, with the keys above. Several drives are several
-`[[earlier]]`, the first one first. The scenarios of drives on one field have the same `field.size_e_m`, `field.size_n_m`, `place`
-and `[soil]`, with one `soil.seed`; their `seed`, which makes errors of sensors and drivers, differs:
+Its tables are `[earlier.drive]`, `[earlier.soil]` and `[earlier.implement]`, with the keys above. Several drives are
+several `[[earlier]]`, the first one first. The scenarios of drives on one field have the same `field.size_e_m`,
+`field.size_n_m`, `[place]` and `[soil]`, with one `soil.seed`; their `seed`, which makes the errors of sensors and
+drivers, differs:
 
 ```toml
 seed = 12

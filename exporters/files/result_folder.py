@@ -69,6 +69,10 @@ GROWTH_TABLE: Final = "growth.csv"
 GROWTH_WORKBOOK: Final = "growth.xlsx"
 GROWTH_REPORT: Final = "growth.json"
 
+TIE: Final = "tie.gpkg"
+TIE_PAGE: Final = "tie.html"
+TIE_REPORT: Final = "tie.json"
+
 FEATURES: Final = "features.gpkg"
 FEATURES_REPORT: Final = "features.json"
 

@@ -58,6 +58,8 @@
   <message><source>Cell size [default: the smallest round size with four points per cell].</source><translation>セルサイズ。省略時は 1 セルに 4 点が入る切りのよい最小値。</translation></message>
   <message><source>Cell size.</source><translation>セルサイズ。</translation></message>
   <message><source>Cell statistic</source><translation>セルの統計量</translation></message>
+  <message><source>Change between dates</source><translation>日付間の変化</translation></message>
+  <message><source>Change between dates of one field</source><translation>一つの圃場の日付間の変化</translation></message>
   <message><source>Chart of the response</source><translation>応答のグラフ</translation></message>
   <message><source>Check against surveyed points</source><translation>測量点による精度検証</translation></message>
   <message><source>Class codes to leave out, such as 64,65</source><translation>除外するクラスコード（例：64,65）</translation></message>
@@ -217,6 +219,7 @@
   <message><source>Net parcels: metres off each end, off each side</source><translation>調査区画：両端と両側から除く幅（m）</translation></message>
   <message><source>Number each block anew</source><translation>ブロックごとに番号を付け直す</translation></message>
   <message><source>Number of areas</source><translation>領域の数</translation></message>
+  <message><source>Number of changes</source><translation>変化の数</translation></message>
   <message><source>Number of parcels</source><translation>区画の数</translation></message>
   <message><source>Number of passes</source><translation>行程数</translation></message>
   <message><source>Number of points</source><translation>点の数</translation></message>
@@ -327,6 +330,8 @@
   <message><source>Simulate a recording</source><translation>記録のシミュレーション</translation></message>
   <message><source>Soil below the crop</source><translation>作物の下の土壌面</translation></message>
   <message><source>Soil of another date</source><translation>別の日の地表面</translation></message>
+  <message><source>Standard deviation of its heights</source><translation>その高さの標準偏差</translation></message>
+  <message><source>Standard deviation of the heights of the reference.</source><translation>基準の高さの標準偏差。</translation></message>
   <message><source>Standard deviation of the survey</source><translation>測量の標準偏差</translation></message>
   <message><source>Standard deviation of the survey on each axis.</source><translation>測量の標準偏差（各軸）。</translation></message>
   <message><source>Stands by cell or polygon</source><translation>セルまたはポリゴンごとの樹冠・群落</translation></message>
@@ -335,6 +340,7 @@
   <message><source>Surfaces and point clouds</source><translation>サーフェスと点群</translation></message>
   <message><source>Surfaces from point clouds</source><translation>点群からサーフェスを作成</translation></message>
   <message><source>Surveyed points</source><translation>測量点</translation></message>
+  <message><source>Surveyed surface or points</source><translation>測量したサーフェスまたは点</translation></message>
   <message><source>TASKDATA.XML in its folder, or a .zip of the folder.</source><translation>フォルダの中の TASKDATA.XML、またはそのフォルダの .zip。</translation></message>
   <message><source>Table of errors</source><translation>誤差の表</translation></message>
   <message><source>Table of roll, pitch and yaw over time.</source><translation>ロール、ピッチ、ヨーの時系列の表。</translation></message>
@@ -347,6 +353,7 @@
   <message><source>Task data</source><translation>作業データ</translation></message>
   <message><source>The .pos file [default: name of ROVER with .pos].</source><translation>出力する .pos ファイル（既定は ROVER の名前に .pos を付けたもの）。</translation></message>
   <message><source>The board is on the</source><translation>板のある場所</translation></message>
+  <message><source>The dates are moved onto it: GeoTIFF, or CSV or GeoPackage of points.</source><translation>各日付の結果をこれに合わせて動かします。GeoTIFF、または点の CSV か GeoPackage です。</translation></message>
   <message><source>The farm's GeoPackage.</source><translation>農場の GeoPackage。</translation></message>
   <message><source>The output MET reports whether it is met.</source><translation>満たすかどうかは出力 MET に示されます。</translation></message>
   <message><source>The report.json of each run; it stands for the folder of the run.</source><translation>各実行の report.json。そのフォルダを表します。</translation></message>
@@ -356,6 +363,7 @@
   <message><source>The session.toml beside the recording; 'Create a session file' writes one.</source><translation>記録と同じフォルダの session.toml。「セッションファイルの作成」で作成できます。</translation></message>
   <message><source>The year in which it begins; all seasons by default.</source><translation>シーズンが始まる年。省略時はすべてのシーズン。</translation></message>
   <message><source>Threads</source><translation>スレッド数</translation></message>
+  <message><source>Ties the results of one field to each other by the ground that no tool touched in between, in height, tilt and place, and measures the soil moved from each date to the next, with standard deviations.</source><translation>一つの圃場の結果を、その間に作業機が触れていない地面によって、高さ、傾き、位置で互いに合わせ、各日付から次の日付までに動いた土の量を標準偏差とともに求めます。</translation></message>
   <message><source>Time zone</source><translation>タイムゾーン</translation></message>
   <message><source>Time zone of dates and map tips, such as Asia/Tokyo [default: that of the run].</source><translation>日付と地図のヒントのタイムゾーン。例：Asia/Tokyo［既定：処理結果のもの］。</translation></message>
   <message><source>Track width</source><translation>輪距</translation></message>

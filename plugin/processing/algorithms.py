@@ -702,6 +702,35 @@ ALGORITHMS = (
         layer_group="Farm map",
     ),
     Algorithm(
+        "tie",
+        "Change between dates of one field",
+        "farm",
+        "Ties the results of one field to each other by the ground that no tool touched in between, in height, tilt and "
+        "place, and measures the soil moved from each date to the next, with standard deviations.",
+        basic={
+            "results": RESULTS,
+            "--reference": parameter(
+                "REFERENCE",
+                "Surveyed surface or points",
+                "The dates are moved onto it: GeoTIFF, or CSV or GeoPackage of points.",
+                kind="file",
+                filter="Surfaces and points (*.tif *.tiff *.csv *.txt *.tsv *.gpkg)",
+            ),
+            "--reference-sigma": parameter("REFERENCE_SIGMA", "Standard deviation of its heights"),
+            "--output": parameter("OUTPUT", "Output folder"),
+        },
+        advanced=OVERWRITE,
+        outputs=(
+            Output("FOLDER", "folder", "Output folder", item("folder")),
+            Output("TIES", "file", "Ties", product("tie.gpkg")),
+            Output("PAGE", "file", "Page", product("tie.html")),
+            Output("CHANGES", "number", "Number of changes", count("changes")),
+        ),
+        opens=True,
+        layers=lambda answer: [str(Path(answer["folder"], row["raster"])) for row in answer["changes"]],
+        layer_group="Change between dates",
+    ),
+    Algorithm(
         "farm list",
         "List the sessions of the farm map",
         "farm",

@@ -234,6 +234,7 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         "calibrate": run("calibrate", SESSION=folder / "no_session.toml"),
         "machine_save": run("machine_save", SESSION=folder / "session.toml", NAME=str(folder / "tractor.toml")),
         "machine_list": run("machine_list"),
+        "tie": run("tie", RESULTS=[str(report)], OUTPUT=folder / "tied"),
         "calibrate_mount": run(
             "calibrate_mount",
             FRAMES=folder / "drive.csv",
@@ -317,7 +318,7 @@ def by_hand(folder: Path) -> Path:
 
 def test_log__has_nothing_but_the_errors_that_were_provoked(answers: dict[str, Any]) -> None:
     refused = {"calibrate", "calibrate_mount", "colour", "farm_history", "machine_save"}
-    assert set(answers["logged"]) == refused | {"gnss_solve", "growth", "crashing", "foreign", "broken"}
+    assert set(answers["logged"]) == refused | {"gnss_solve", "growth", "tie", "crashing", "foreign", "broken"}
     assert [text for texts in answers["logged"].values() for text in texts if not text.startswith("furrowmap: ")] == []
 
 
@@ -440,6 +441,10 @@ def test_machine__of_a_session_without_places_is_refused(answers: dict[str, Any]
     assert answers["machine_save"]["error"].splitlines()[0].endswith("states no place of a sensor or tool.")
     assert answers["machine_list"]["error"] is None
     assert isinstance(json.loads(answers["machine_list"]["outputs"]["MACHINES"]), list)
+
+
+def test_tie__of_one_result_says_what_it_needs(answers: dict[str, Any]) -> None:
+    assert answers["tie"]["error"].splitlines()[0] == "1 result to tie."
 
 
 def test_plots__are_laid_out_from_a_place_on_the_map(answers: dict[str, Any], folder: Path) -> None:

@@ -1,0 +1,194 @@
+"""Ties of dates on simulated fields: what is left of the receivers' errors, soil moved, and whether sigmas say so.
+
+dates.toml beside this file is the table of the fields and of the drives on them, each on the ground that the earlier
+ones left. They are simulated and run once (half an hour, 2 GB) and kept in the user's cache folder; the ties are made
+anew. Judged against the simulator's ground, cell by cell: what neither date worked, and what was worked between two
+dates.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime as dt
+import os
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import rasterio
+from numpy.typing import NDArray
+
+import furrowmap
+from furrowmap.core.simulator.scenario import EarlierDrive, Scenario
+from furrowmap.core.simulator.simulate import simulate
+
+FloatArray = NDArray[np.float64]
+
+TABLE = Path(__file__).with_suffix(".toml")
+CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "furrowmap" / "benchmarks" / "dates"
+HEIGHT_SIGMA_M = 0.04
+"""Standard deviation of the bias of each date's heights."""
+BAR_M, BAR_DEG, BAR_SHARE = 0.003, 0.02, 0.03
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A change between two dates against the truth.
+
+    Attributes:
+        offset_m: by which the heights of the dates differed before the tie.
+        untouched_m: median error of the change where neither date worked.
+        tilt_deg: of a plane through these errors.
+        true_m, found_m, sigma_m: mean change of the ground worked in between.
+        level_sigmas: error of the tie over its sigmas: offset in the middle, tilts.
+    """
+
+    offset_m: float
+    untouched_m: float
+    tilt_deg: float
+    true_m: float
+    found_m: float
+    sigma_m: float
+    level_sigmas: FloatArray
+
+
+def main() -> int:
+    fields = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("fields", nargs="*", default=list(fields))
+    ratios: list[float] = []
+    moved: list[float] = []
+    print(
+        "field, dates               before   untouched     tilt |   soil moved: true    found          error  over sigma"
+    )
+    for name in parser.parse_args().fields:
+        for words, found in judged_field(name, results(name, fields[name])):
+            error = found.found_m - found.true_m
+            ratios += found.level_sigmas.tolist()
+            moved.append(error / found.sigma_m)
+            print(
+                f"{name:16} {words:8} {1e3 * found.offset_m:+8.1f} mm {1e3 * found.untouched_m:+6.2f} mm "
+                f"{found.tilt_deg:8.4f}° | {1e3 * found.true_m:+8.2f} {1e3 * found.found_m:+8.2f} ± "
+                f"{1e3 * found.sigma_m:4.2f} mm {100 * error / found.true_m:+7.1f} %  {error / found.sigma_m:+.1f}",
+                flush=True,
+            )
+    print(f"error over sigma (RMS): ties {rms(ratios):.2f} ({len(ratios)}), soil moved {rms(moved):.2f} ({len(moved)})")
+    return 0
+
+
+def results(name: str, field: Mapping[str, Any]) -> list[Path]:
+    """The results of the drives on a field, simulated and run where they are not kept."""
+    common = {key: value for key, value in field.items() if key not in ("drives", "seed")}
+    earlier: tuple[EarlierDrive, ...] = ()
+    found = []
+    for k, drive in enumerate(field["drives"]):
+        start = dt.datetime(2026, 6, 11, 1, 23, 40, 300_000, tzinfo=dt.UTC) + dt.timedelta(days=7 * k)
+        keys = {
+            **common,
+            **drive,
+            "seed": 100 * field["seed"] + k,
+            "name": f"{name}_{k + 1}",
+            "title": f"{name} {k + 1}",
+            "t0": start.isoformat(),
+            "soil": {**common.get("soil", {}), "seed": field["seed"]},
+            "gnss": {"clas": {"bias_h_m": HEIGHT_SIGMA_M}},
+        }
+        scenario = msgspec.structs.replace(msgspec.convert(keys, Scenario), earlier=earlier)
+        folder, result = CACHE / f"{name}_{k + 1}", CACHE / "results" / f"{name}_{k + 1}"
+        if not (folder / "truth" / "figures.json").exists():
+            print(f"simulating {folder.name}, once …", file=sys.stderr)
+            simulate(scenario, folder)
+        if not (result / "report.json").exists():
+            command = Path(sys.executable).with_name("furrowmap")
+            subprocess.run([command, "run", folder / "session.toml", "-o", result, "-q"], check=True)
+        seed, tool = scenario.seed, scenario.implement
+        earlier = (*earlier, EarlierDrive(seed=seed, drive=scenario.drive, soil=scenario.soil, implement=tool))
+        found.append(result)
+    return found
+
+
+def judged_field(name: str, folders: Sequence[Path]) -> list[tuple[str, Judged]]:
+    """Each change of a field, judged."""
+    with tempfile.TemporaryDirectory() as made:
+        account = furrowmap.tie(folders, Path(made) / "tie")
+        rows = []
+        for change in account["changes"]:
+            one, other = (
+                CACHE / Path(account["dates"][change[key] - 1]["folder"]).name for key in ("date_a", "date_b")
+            )
+            pair = (change["date_a"], change["date_b"])
+            tie = next((row for row in account["ties"] if (row["date_a"], row["date_b"]) == pair), None)
+            found = _judged(Path(made) / "tie" / change["raster"], truth(one), truth(other), change, tie, account)
+            rows.append((f"{pair[0]} to {pair[1]}", found))
+    return rows
+
+
+def truth(recording: Path) -> dict[str, FloatArray]:
+    """The simulator's ground."""
+    with np.load(recording / "truth" / "surface.npz") as stored:
+        return {name: stored[name] for name in stored.files}
+
+
+def _judged(
+    raster: Path,
+    one: Mapping[str, FloatArray],
+    other: Mapping[str, FloatArray],
+    change: Mapping[str, Any],
+    tie: Mapping[str, Any] | None,
+    account: Mapping[str, Any],
+) -> Judged:
+    with rasterio.open(raster) as opened:
+        values, to_map = opened.read(1).astype(np.float64), opened.transform
+    rows, columns = values.shape
+    x = to_map.c + to_map.a * (np.arange(columns) + 0.5)
+    y = to_map.f + to_map.e * (np.arange(rows) + 0.5)
+    column = np.floor((x - one["e0"]) / one["cell_m"]).astype(int)
+    row = np.floor((y - one["n0"]) / one["cell_m"]).astype(int)
+    height, width = one["before"].shape
+    there = ((row >= 0) & (row < height))[:, None] & ((column >= 0) & (column < width))[None]
+    at = np.ix_(row.clip(0, height - 1), column.clip(0, width - 1))
+    error = values - (other["after"] - one["after"])[at]
+    worked = np.isfinite(one["worked_time"]) | np.isfinite(other["worked_time"])
+    still = there & np.isfinite(error) & ~worked[at]
+    east, north = np.meshgrid(x - account["middle_m"][0], y - account["middle_m"][1])
+    design = np.column_stack([np.ones(still.sum()), east[still], north[still]])
+    plane = robust_plane(design, error[still])
+    between = np.isfinite(other["worked_time"])
+    sigmas = (
+        np.array([tie[f"{key}_sigma"] for key in ("height_m", "tilt_east_deg", "tilt_north_deg")]) if tie else np.nan
+    )
+    off = plane * [1.0, np.degrees(1.0), np.degrees(1.0)]
+    return Judged(
+        offset_m=-tie["height_m"] if tie else np.nan,
+        untouched_m=float(np.median(error[still])),
+        tilt_deg=float(np.degrees(np.hypot(plane[1], plane[2]))),
+        true_m=float((other["after"] - one["after"])[between].mean()),
+        found_m=change["mean_change_m"],
+        sigma_m=change["mean_change_sigma_m"],
+        level_sigmas=np.atleast_1d(off / sigmas),
+    )
+
+
+def robust_plane(design: FloatArray, values: FloatArray) -> FloatArray:
+    """Offset and slopes of a plane through values, by least absolute differences."""
+    weight = np.ones(len(values))
+    for _ in range(8):
+        plane = np.linalg.lstsq(design * weight[:, None], values * weight, rcond=None)[0]
+        weight = 1.0 / np.sqrt(np.maximum(np.abs(values - design @ plane), 0.002))
+    return np.asarray(plane, np.float64)
+
+
+def rms(values: Sequence[float]) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,64 @@
+"""A surface moved as a tie says."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from furrowmap.core.surfaces.grid import Grid
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+
+
+def reach_cells(move: FloatArray, grid: Grid, middle_m: FloatArray) -> int:
+    """Width in cells of the margin that a moved surface needs round its cells."""
+    west, south, east, north = grid.bounds_m
+    far = max(math.dist((x, y), middle_m) for x in (west, east) for y in (south, north))
+    shift_m = float(np.abs(move[:2]).max() + abs(move[5]) * far)
+    return math.ceil(shift_m / grid.cell_m) + 1
+
+
+def moved(height_m: Float32Array, around: Grid, part: Grid, move: FloatArray, middle_m: FloatArray) -> Float32Array:
+    """Heights of the cells of `part` in a surface that was moved.
+
+    Bilinear between the cells' middles; a cell whose neighbours are unknown takes the nearest.
+
+    Args:
+        height_m: (rows, columns) of `around`; nan where unknown.
+        around: cells of the surface as measured, at least the margin of :func:`reach_cells` larger than `part`.
+        part: the cells wanted.
+        move: (6,) in the order of :data:`furrowmap.core.dates.pair_tie.NAMES`.
+        middle_m: (2,) easting and northing that it turns and tilts about.
+    """
+    out = np.full(part.shape, np.nan, np.float32)
+    west, north = part.west * part.cell_m - middle_m[0], part.north * part.cell_m - middle_m[1]
+    offset = (around.north - part.north, part.west - around.west)
+    _sample(height_m, offset, west, north, part.cell_m, np.ascontiguousarray(move), out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _sample(height, offset, west, north, cell, move, out):  # type: ignore[no-untyped-def]
+    rows, columns = height.shape
+    for i in range(out.shape[0]):
+        y = north - (i + 0.5) * cell
+        for j in range(out.shape[1]):
+            x = west + (j + 0.5) * cell
+            u = j + offset[1] - (move[0] - move[5] * y) / cell
+            v = i + offset[0] + (move[1] + move[5] * x) / cell
+            p, q = math.floor(v), math.floor(u)
+            value = np.nan
+            if p >= 0 and q >= 0 and p + 1 < rows and q + 1 < columns:
+                fv, fu = v - p, u - q
+                value = (1.0 - fv) * ((1.0 - fu) * height[p, q] + fu * height[p, q + 1])
+                value += fv * ((1.0 - fu) * height[p + 1, q] + fu * height[p + 1, q + 1])
+            if not np.isfinite(value):
+                p, q = math.floor(v + 0.5), math.floor(u + 0.5)
+                if p < 0 or q < 0 or p >= rows or q >= columns:
+                    continue
+                value = height[p, q]
+            out[i, j] = value + move[2] + move[3] * x + move[4] * y

@@ -1,0 +1,152 @@
+"""The surfaces of a result as ties of dates need them: what was measured when, and where a tool worked."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from rasterio.errors import RasterioError
+from rasterio.features import geometry_mask
+from rasterio.transform import Affine
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.errors import InputError
+from furrowmap.exporters.farm.surface_file import SurfaceFile, surface_file, unusable
+from furrowmap.exporters.files.result_folder import DSM, DSM_BEFORE, ResultFolder
+from furrowmap.exporters.rasters.windows import common, window
+
+FloatArray = NDArray[np.float64]
+Float32Array = NDArray[np.float32]
+
+BESIDE_M: Final = 0.5
+"""Width beside the line of the tool in which soil may be thrown."""
+LEAST_SIGMA: Final = np.array([0.01, 0.01, 0.02, 1e-3, 1e-3, 2e-3])
+"""Standard deviations of a session's move before any tie at least: east, north, height (m), tilts, turn (rad)."""
+_SIGMAS: Final = ("sigma_e_m", "sigma_n_m", "sigma_h_m", "sigma_pitch_deg", "sigma_roll_deg", "sigma_heading_deg")
+_UNKNOWN: Final = np.array([0.05, 0.05, 0.1, 5e-3, 5e-3, 1e-2])
+_STANDARD_ERROR: Final = 4
+
+
+@dataclass(frozen=True)
+class DatedSurface:
+    """The surfaces of a session.
+
+    Attributes:
+        name: of the session.
+        start: its first measurement.
+        folder: of the result.
+        after: `dsm.tif`.
+        before: `dsm_before.tif`, or `after` where no work is known.
+        worked: ground that the tool worked; empty for none.
+        work_known: whether that is known; a flight has no tool.
+        sigma: (6,) standard deviations of the move that its surface may need, by its positions and attitude.
+    """
+
+    name: str
+    start: dt.datetime
+    folder: Path
+    after: SurfaceFile
+    before: SurfaceFile
+    worked: BaseGeometry
+    work_known: bool
+    sigma: FloatArray
+
+    @property
+    def touched(self) -> BaseGeometry:
+        """Ground where the tool worked or threw soil."""
+        return self.worked.buffer(BESIDE_M)
+
+
+def dated_surface(result: ResultFolder) -> DatedSurface:
+    """The surfaces of a result.
+
+    Raises:
+        InputError: if it has none, or a file is damaged.
+    """
+    if not (result.folder / DSM).is_file():
+        raise InputError(
+            f"{result.folder} has no {DSM}.",
+            "It cannot be tied to another date.",
+            "Leave it out, or run its session again with the scanner's recording.",
+            code="tie-no-surface",
+        )
+    after = surface_file(result.folder / DSM)
+    before = surface_file(result.folder / DSM_BEFORE) if (result.folder / DSM_BEFORE).is_file() else after
+    known = "coverage" in result.layer_names
+    shapes = result.layer("coverage").geometry.to_numpy() if known else []
+    start = dt.datetime.fromisoformat(result.report["figures"]["start"])
+    tool = result.report["session"].get("implement")
+    worked = shapely.union_all(shapely.make_valid(np.asarray(shapes, object)))
+    return DatedSurface(result.name, start, result.folder, after, before, worked, known or not tool, _sigma(result))
+
+
+def _sigma(result: ResultFolder) -> FloatArray:
+    """Medians over the session, no smaller than :data:`LEAST_SIGMA`."""
+    poses = result.layer("trajectory")
+    found = np.array([float(np.nanmedian(poses[name])) if poses[name].notna().any() else np.nan for name in _SIGMAS])
+    found[3:] = np.radians(found[3:])
+    found[3:5] = np.hypot(*found[3:5])  # roll and pitch are of the vehicle, whatever its heading
+    out: FloatArray = np.maximum(np.where(np.isfinite(found), found, _UNKNOWN), LEAST_SIGMA)
+    return out
+
+
+@dataclass(frozen=True)
+class OpenSurface:
+    """An open raster of one grid."""
+
+    path: Path
+    raster: Any
+    grid: Grid
+
+    def read(self, part: Grid, band: int = 1) -> Float32Array:
+        """A band on the cells of `part`; nan beside the raster.
+
+        Raises:
+            InputError: if the file is damaged there.
+        """
+        out = np.full(part.shape, np.nan, np.float32)
+        shared = common(part, self.grid)
+        if shared is not None:
+            try:
+                values = self.raster.read(band, window=window(shared, self.grid), masked=True, out_dtype="float32")
+            except RasterioError as error:
+                raise unusable(self.path, f"is damaged ({error})") from None
+            out[shared.window_in(part)] = values.filled(np.nan)
+        return out
+
+    def standard_error(self, part: Grid) -> Float32Array:
+        """Standard error of the heights; nan where the file has none."""
+        if self.raster.count < _STANDARD_ERROR:
+            return np.full(part.shape, np.nan, np.float32)
+        return self.read(part, _STANDARD_ERROR)
+
+
+@contextmanager
+def opened(file: SurfaceFile) -> Iterator[OpenSurface]:
+    """Open a surface whose cells are anchored.
+
+    Raises:
+        InputError: if it is damaged.
+    """
+    assert file.grid is not None
+    with open_geotiff(file.path, unusable) as raster:
+        yield OpenSurface(file.path, raster, file.grid)
+
+
+def inside(shape: BaseGeometry, grid: Grid, *, touched: bool) -> NDArray[np.bool_]:
+    """Which cells lie in a shape: by their middles, or all that it touches."""
+    if shape.is_empty or not shape.intersects(shapely.box(*grid.bounds_m)):
+        return np.zeros(grid.shape, np.bool_)
+    mask: NDArray[np.bool_] = geometry_mask(
+        [shape], grid.shape, Affine(*grid.transform), all_touched=touched, invert=True
+    )
+    return mask

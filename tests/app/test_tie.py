@@ -1,0 +1,199 @@
+"""`furrowmap tie`: results of one field, moved by known amounts, worked in part."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import geopandas as gpd
+import numpy as np
+import pytest
+import rasterio
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+from scipy.ndimage import gaussian_filter
+
+import furrowmap
+from furrowmap.cli.main import command_line
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.rasters.cog import SURFACE_BANDS, write_cog
+
+CELL_M, SIDE = 0.05, 320
+WEST, NORTH = 332_000, 1_930_000
+GRID = Grid(CELL_M, WEST, NORTH, (SIDE, SIDE))
+EAST_M, NORTH_M = WEST * CELL_M, NORTH * CELL_M
+SOIL_M = 0.05
+"""What each working raises the ground by."""
+UP_M = (0.04, -0.03, 0.01)
+"""What is off in the heights of each date."""
+TILT = (0.0, 2e-3, -1e-3)
+
+
+def strip(number: int) -> shapely.Polygon:
+    """Ground that the tool works on a date."""
+    return shapely.box(EAST_M + 3, NORTH_M - 4 - 3 * number, EAST_M + 13, NORTH_M - 2 - 3 * number)
+
+
+def write_result(
+    folder: Path,
+    number: int,
+    *,
+    grid: Grid = GRID,
+    crs: str = "EPSG:6677",
+    known: bool = True,
+    relief_m: float = 0.01,
+    raised_m: float = 0.0,
+) -> Path:
+    """The result of a date: relief of clods, worked by all dates up to it; something may lie on its corners."""
+    rng = np.random.default_rng(number)
+    relief = gaussian_filter(np.random.default_rng(99).standard_normal((SIDE, SIDE)), 1.0)
+    x, y = (values.reshape(SIDE, SIDE) for values in GRID.positions_m().T)
+    before = 271.0 + relief_m * relief / relief.std()
+    before[:40] += raised_m
+    before[-40:] += raised_m
+    for done in range(number):
+        before[shapely.contains_xy(strip(done), x, y)] += SOIL_M
+    after = before.copy()
+    after[shapely.contains_xy(strip(number), x, y)] += SOIL_M
+    off = UP_M[number] + TILT[number] * (x - x.mean()) + 0.002 * rng.standard_normal((SIDE, SIDE))
+    folder.mkdir(parents=True)
+    start = dt.datetime(2026, 6, 11 + number, tzinfo=dt.UTC).isoformat()
+    for name, height in (("dsm.tif", after), ("dsm_before.tif", before)):
+        cells = np.full((SIDE, SIDE), 9), np.full((SIDE, SIDE), 0.006), np.full((SIDE, SIDE), 0.002)
+        write_cog(folder / name, grid, CRS(crs), SURFACE_BANDS, [height + off, *cells], Origin("surface"))
+    sigmas = {"e": 0.02, "n": 0.02, "h": 0.04}
+    poses = {f"sigma_{axis}_m": [value] for axis, value in sigmas.items()}
+    poses |= {f"sigma_{axis}_deg": [0.1] for axis in ("roll", "pitch", "heading")}
+    place = [shapely.Point(x.mean(), y.mean())]
+    gpd.GeoDataFrame(poses, geometry=place, crs=crs).to_file(folder / "field.gpkg", layer="trajectory")
+    if known:
+        worked = [shapely.MultiPolygon([strip(number)])]
+        gpd.GeoDataFrame(geometry=worked, crs=crs).to_file(folder / "field.gpkg", layer="coverage")
+    report = {
+        "furrowmap": "0.1.0",
+        "session": {
+            "name": f"date {number}",
+            "crs": {"map": crs, "coordinates": "", "heights": ""},
+            "lidar": {},
+            "implement": {"width_m": 2.0},
+        },
+        "inputs": [],
+        "figures": {"start": start, "end": start, "points": 1, "bounds_m": [[0, 0, 0], [1, 1, 1]]},
+        "coordinates": {"frame": None, "epoch": None},
+        "products": [],
+    }
+    (folder / "report.json").write_text(json.dumps(report))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def season(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("season")
+    return [write_result(folder / f"day{number}", number) for number in range(3)]
+
+
+def band(path: Path) -> NDArray[np.float32]:
+    with rasterio.open(path) as raster:
+        values: NDArray[np.float32] = raster.read(1)
+    return values
+
+
+def test_tie__leaves_the_soil_moved_and_nothing_of_the_receivers(season: Sequence[Path], tmp_path: Path) -> None:
+    warned: list[Notice] = []
+    account = furrowmap.tie(list(reversed(season)), tmp_path / "out", warn=warned.append)
+    assert not warned
+    assert [date["name"] for date in account["dates"]] == ["date 0", "date 1", "date 2"]
+    tie = next(row for row in account["ties"] if (row["date_a"], row["date_b"]) == (1, 2))
+    assert tie["height_m"] == pytest.approx(UP_M[0] - UP_M[1], abs=1e-3)
+    assert tie["tilt_east_deg"] == pytest.approx(np.degrees(TILT[0] - TILT[1]), abs=0.005)
+    for row in account["changes"]:
+        assert row["volume_m3"] == pytest.approx(20.0 * SOIL_M, rel=0.03)
+        assert abs(row["untouched_median_m"]) < 1e-3
+        assert row["volume_sigma_m3"] < 0.03
+    change = band(tmp_path / "out" / "change_01_02.tif")
+    assert np.nanmedian(change[110:130, 100:200]) == pytest.approx(SOIL_M, abs=2e-3)
+    surfaces = [band(tmp_path / "out" / f"dsm_0{k}.tif") for k in (1, 2, 3)]
+    assert np.nanmedian(surfaces[2] - surfaces[0]) == pytest.approx(0.0, abs=1e-3)
+    layers = {name: gpd.read_file(tmp_path / "out" / "tie.gpkg", layer=name) for name in ("dates", "ties", "patches")}
+    assert len(layers["dates"]) == 3
+    assert list(layers["ties"]["cells"]) == [row["cells"] for row in account["ties"]]
+    assert set(layers["patches"]["date_b"]) == {2, 3}
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == account["products"]
+    assert "Soil moved between dates" in (tmp_path / "out" / "tie.html").read_text()
+    with pytest.raises(RefusedError, match="already contains"):
+        furrowmap.tie(season, tmp_path / "out")
+
+
+def test_tie__moves_dates_onto_surveyed_points_or_a_surface(
+    season: Sequence[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = tmp_path / "points.csv"
+    corners = [(x, y) for x in (1.0, 15.0) for y in (1.0, 15.0)]
+    rows = [f"p{k},{EAST_M + x:.3f},{NORTH_M - y:.3f},271.000\n" for k, (x, y) in enumerate(corners)]
+    points.write_text("name,e_m,n_m,h_m\n" + "".join(rows))
+    settings = furrowmap.TieSettings(points, 0.005)
+    account = furrowmap.tie(season, tmp_path / "points", settings)
+    assert [date["height_m"] for date in account["dates"]] == pytest.approx([-up for up in UP_M], abs=0.02)
+    assert account["dates"][0]["height_m_sigma"] < 0.012
+    reference = tmp_path / "survey.tif"
+    with rasterio.open(season[0] / "dsm_before.tif") as raster:
+        profile, heights = raster.profile, raster.read(1)
+    with rasterio.open(reference, "w", **(profile | {"driver": "GTiff", "count": 1})) as raster:
+        raster.write(heights - UP_M[0], 1)
+    arguments = ["tie", str(season[1]), "-o", str(tmp_path / "surface"), "--reference", str(reference), "--json"]
+    assert command_line(arguments) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["dates"][0]["height_m"] == pytest.approx(-UP_M[1], abs=2e-3)
+    assert told["dates"][0]["tilt_east_deg"] == pytest.approx(-np.degrees(TILT[1]), abs=0.005)
+
+
+def test_tie__says_what_cannot_be_tied(season: Sequence[Path], tmp_path: Path) -> None:
+    far = Grid(CELL_M, WEST + 4000, NORTH, (SIDE, SIDE))
+    apart = write_result(tmp_path / "apart", 2, grid=far, known=False)
+    with pytest.raises(InputError) as nothing:
+        furrowmap.tie([season[0], apart], tmp_path / "out")
+    assert nothing.value.code == "tie-nothing-common"
+    assert not (tmp_path / "out").exists()
+    warned: list[Notice] = []
+    account = furrowmap.tie([*season[:2], apart], tmp_path / "out", warn=warned.append)
+    assert {notice.code for notice in warned} == {"tie-none", "tie-work-unknown"}
+    assert [date["tied"] for date in account["dates"]] == [True, True, False]
+    assert account["dates"][2]["height_m"] is None
+    assert len(account["changes"]) == 1
+    beside = write_result(tmp_path / "beside", 1, grid=far)
+    warned.clear()
+    furrowmap.tie([*season[:2], apart, beside], tmp_path / "groups", warn=warned.append)
+    assert "tie-groups" in {notice.code for notice in warned}
+
+
+def test_tie__says_what_is_not_shown_and_what_contradicts(season: Sequence[Path], tmp_path: Path) -> None:
+    smooth = [write_result(tmp_path / f"smooth{number}", number, relief_m=0.0) for number in range(2)]
+    warned: list[Notice] = []
+    furrowmap.tie(smooth, tmp_path / "out", warn=warned.append)
+    assert [notice.code for notice in warned] == ["tie-place"]
+    raised = write_result(tmp_path / "raised", 1, raised_m=0.4)
+    points = tmp_path / "points.csv"
+    corners = [(x, y) for x in (1.0, 15.0) for y in (1.0, 15.0)]
+    rows = [f"p{k},{EAST_M + x:.3f},{NORTH_M - y:.3f},271.0\n" for k, (x, y) in enumerate(corners)]
+    points.write_text("name,e_m,n_m,h_m\n" + "".join(rows))
+    warned.clear()
+    furrowmap.tie([season[0], raised], tmp_path / "points", furrowmap.TieSettings(points), warn=warned.append)
+    assert "tie-contradiction" in {notice.code for notice in warned}
+
+
+def test_tie__refuses_what_cannot_be_compared(season: Sequence[Path], tmp_path: Path) -> None:
+    with pytest.raises(UsageError):
+        furrowmap.tie(season[:1], tmp_path / "out")
+    other = write_result(tmp_path / "other", 1, crs="EPSG:6678")
+    with pytest.raises(RefusedError) as crs:
+        furrowmap.tie([season[0], other], tmp_path / "out")
+    assert crs.value.code == "tie-crs"
+    (other / "dsm.tif").unlink()
+    with pytest.raises(InputError) as surface:
+        furrowmap.tie([season[0], other], tmp_path / "out")
+    assert surface.value.code == "tie-no-surface"
