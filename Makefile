@@ -10,10 +10,10 @@ QUICK := $(addprefix tests/core/,checking estimation evaluation geodesy readers 
 TESTS ?= tests
 OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one \
   tests/exporters/files/test_two_hosts.py
-SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py
+SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py benchmarks/dates.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-flights bench-misstated coverage mutants docs pages plugin web clean
+.PHONY: help demo test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-dates bench-flights bench-misstated coverage mutants docs pages plugin web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -83,6 +83,9 @@ bench: $(INSTALLED)  ## speed, memory and error, beside others
 
 bench-sessions: $(INSTALLED)  ## trajectories of twenty simulated sessions against their truth
 	$(BIN)/python benchmarks/sessions.py
+
+bench-dates: $(INSTALLED)  ## ties of dates on three simulated fields against the truth
+	$(BIN)/python benchmarks/dates.py
 
 bench-flights: $(INSTALLED)  ## trajectories and boresights of ten simulated flights against their truth
 	$(BIN)/python benchmarks/flights.py

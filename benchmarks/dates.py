@@ -65,11 +65,9 @@ def main() -> int:
     parser.add_argument("fields", nargs="*", default=list(fields))
     ratios: list[float] = []
     moved: list[float] = []
-    print(
-        "field, dates               before   untouched     tilt |   soil moved: true    found          error  over sigma"
-    )
+    print("field, dates               before   untouched     tilt | soil moved: true    found        error  over sigma")
     for name in parser.parse_args().fields:
-        for words, found in judged_field(name, results(name, fields[name])):
+        for words, found in judged_field(results(name, fields[name])):
             error = found.found_m - found.true_m
             ratios += found.level_sigmas.tolist()
             moved.append(error / found.sigma_m)
@@ -114,7 +112,7 @@ def results(name: str, field: Mapping[str, Any]) -> list[Path]:
     return found
 
 
-def judged_field(name: str, folders: Sequence[Path]) -> list[tuple[str, Judged]]:
+def judged_field(folders: Sequence[Path]) -> list[tuple[str, Judged]]:
     """Each change of a field, judged."""
     with tempfile.TemporaryDirectory() as made:
         account = furrowmap.tie(folders, Path(made) / "tie")

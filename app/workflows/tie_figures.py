@@ -50,7 +50,7 @@ def tie_rows(ties: Mapping[tuple[int, int], PairTie], net: Network, first: int) 
             {
                 "date_a": one + 1 - first,
                 "date_b": other + 1 - first,
-                **_values(move, np.sqrt(np.maximum(np.diag(covariance), 0.0))),
+                **_values(move, np.sqrt(np.maximum(np.diag(covariance), 0.0)), known=True),
                 "cells": tie.cells,
                 "patches": tie.patches,
                 "departures_m": round(tie.departure.relief_m, 5),
@@ -83,7 +83,7 @@ def moved_figures(found: ChangeFigures, left: tuple[float, float]) -> dict[str, 
     return {name: round(value, 5) if math.isfinite(value) else None for name, value in figures.items()}
 
 
-def _values(move: FloatArray, sigma: FloatArray, *, known: bool = True) -> dict[str, float | None]:
+def _values(move: FloatArray, sigma: FloatArray, *, known: bool) -> dict[str, float | None]:
     values: dict[str, float | None] = {}
     for name, value, one_sigma in zip(_FIELDS, move * _UNITS, sigma * _UNITS, strict=True):
         values[name] = round(float(value), 5) if known else None

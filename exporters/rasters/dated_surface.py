@@ -107,7 +107,15 @@ class OpenSurface:
     raster: Any
     grid: Grid
 
-    def read(self, part: Grid, band: int = 1) -> Float32Array:
+    def read(self, part: Grid) -> Float32Array:
+        """Heights on the cells of `part`; nan beside the raster.
+
+        Raises:
+            InputError: if the file is damaged there.
+        """
+        return self._band(part, 1)
+
+    def _band(self, part: Grid, band: int) -> Float32Array:
         """A band on the cells of `part`; nan beside the raster.
 
         Raises:
@@ -127,7 +135,7 @@ class OpenSurface:
         """Standard error of the heights; nan where the file has none."""
         if self.raster.count < _STANDARD_ERROR:
             return np.full(part.shape, np.nan, np.float32)
-        return self.read(part, _STANDARD_ERROR)
+        return self._band(part, _STANDARD_ERROR)
 
 
 @contextmanager

@@ -705,8 +705,8 @@ ALGORITHMS = (
         "tie",
         "Change between dates of one field",
         "farm",
-        "Ties the results of one field to each other by the ground that no tool touched in between, in height, tilt and "
-        "place, and measures the soil moved from each date to the next, with standard deviations.",
+        "Ties the results of one field to each other by the ground that no tool touched in between, in height, tilt "
+        "and place, and measures the soil moved from each date to the next, with standard deviations.",
         basic={
             "results": RESULTS,
             "--reference": parameter(
