@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -87,7 +88,7 @@ def _sharing(pair: tuple[int, int], ties: Mapping[tuple[int, int], PairTie], n: 
 def _tension(tie: PairTie, move: FloatArray) -> float:
     off = tie.move - move
     freedom = max(int(np.linalg.matrix_rank(tie.information, hermitian=True)), 1)
-    return float(np.sqrt(max(off @ tie.information @ off, 0.0) / freedom))
+    return math.sqrt(max(float(off @ tie.information @ off), 0.0) / freedom)
 
 
 def _groups(ties: Mapping[tuple[int, int], PairTie], n: int) -> NDArray[np.intp]:
