@@ -92,7 +92,7 @@ def pair_tie(pairs: Sequence[GroundPair], middle_m: FloatArray, place_sigma: Flo
         limit_m = min(limit_m, max(REJECTED * _scatter(found, middle_m, trend), 0.005))
         step, information = _place(found, middle_m)
         prior = np.diag(1.0 / place_sigma**2)
-        step = np.linalg.solve(information + prior, information @ step - prior @ place)
+        step = np.asarray(np.linalg.solve(information + prior, information @ step - prior @ place), np.float64)
         place += step
         if cells == 1 and np.abs(step * [1.0, 1.0, reach_m]).max() < STILL_M:
             break
