@@ -9,11 +9,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-import rasterio
 import shapely
 from numpy.typing import NDArray
-from rasterio.enums import Resampling
-from rasterio.vrt import WarpedVRT
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.checking.surface_at_points import surface_at_points
@@ -21,8 +18,8 @@ from furrowmap.core.checking.surveyed_points import SurveyOptions
 from furrowmap.core.dates.pair_tie import PLACE, PairTie, pair_tie, points_tie
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.errors import RefusedError
-from furrowmap.exporters.farm.surface_file import heights_of, horizontal, same_map, surface_file
-from furrowmap.exporters.rasters.dated_surface import DatedSurface, OpenSurface
+from furrowmap.exporters.farm.surface_file import heights_of, same_map, surface_file
+from furrowmap.exporters.rasters.dated_surface import DatedSurface, OpenSurface, resampled
 from furrowmap.exporters.rasters.tied_surfaces import ground_pairs
 from furrowmap.workflows.check import TABLES
 
@@ -83,25 +80,10 @@ def open_reference(
             code="tie-crs",
         )
     grid = Grid.of_bounds(first.cell_m, bounds_m)
-    raster = stack.enter_context(rasterio.open(path, driver="GTiff"))
-    warped = stack.enter_context(
-        WarpedVRT(
-            raster,
-            src_crs=horizontal(file.crs).to_wkt(),
-            crs=horizontal(file.crs).to_wkt(),
-            transform=rasterio.Affine(*grid.transform),
-            width=grid.columns,
-            height=grid.rows,
-            resampling=Resampling.bilinear,
-            src_nodata=np.nan if file.nodata is None else file.nodata,
-            nodata=np.nan,
-            dtype="float32",
-            UNIFIED_SRC_NODATA="NO",
-        )
-    )
+    surface = stack.enter_context(resampled(file, grid))
     sigma = np.full(6, _SURE)
     sigma[2] = max(sigma_m, _SURE)
-    return Reference(path, OpenSurface(path, warped, grid), sigma, None)
+    return Reference(path, surface, sigma, None)
 
 
 def reference_tie(

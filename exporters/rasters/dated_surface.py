@@ -12,15 +12,17 @@ from typing import Any, Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from rasterio.enums import Resampling
 from rasterio.errors import RasterioError
 from rasterio.features import geometry_mask
 from rasterio.transform import Affine
+from rasterio.vrt import WarpedVRT
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.errors import InputError
-from furrowmap.exporters.farm.surface_file import SurfaceFile, surface_file, unusable
+from furrowmap.exporters.farm.surface_file import SurfaceFile, horizontal, surface_file, unusable
 from furrowmap.exporters.files.result_folder import DSM, DSM_BEFORE, ResultFolder
 from furrowmap.exporters.rasters.windows import common, window
 
@@ -148,6 +150,32 @@ def opened(file: SurfaceFile) -> Iterator[OpenSurface]:
     assert file.grid is not None
     with open_geotiff(file.path, unusable) as raster:
         yield OpenSurface(file.path, raster, file.grid)
+
+
+@contextmanager
+def resampled(file: SurfaceFile, grid: Grid) -> Iterator[OpenSurface]:
+    """Open a surface on other cells of its CRS, bilinear.
+
+    Raises:
+        InputError: if it is damaged.
+    """
+    crs = horizontal(file.crs).to_wkt()
+    options = {
+        "src_crs": crs,
+        "crs": crs,
+        "transform": Affine(*grid.transform),
+        "width": grid.columns,
+        "height": grid.rows,
+        "src_nodata": np.nan if file.nodata is None else file.nodata,
+        "nodata": np.nan,
+        "dtype": "float32",
+        "UNIFIED_SRC_NODATA": "NO",
+    }
+    with (
+        open_geotiff(file.path, unusable) as raster,
+        WarpedVRT(raster, resampling=Resampling.bilinear, **options) as warped,
+    ):
+        yield OpenSurface(file.path, warped, grid)
 
 
 def inside(shape: BaseGeometry, grid: Grid, *, touched: bool) -> NDArray[np.bool_]:
