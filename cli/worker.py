@@ -45,7 +45,7 @@ from furrowmap.process import prepare_process, reporting_compilation
 
 PROTOCOL: Final = 1
 PERIOD_S: Final = 0.1
-ABANDONED_S: Final = 20.0
+ABANDONED_S: Final = 60.0
 """Time to clean up once nobody listens any more; longer than any kernel is being compiled."""
 _LONGEST_LINE: Final = 1 << 20
 
