@@ -27,7 +27,14 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.rasters.dated_surface import DatedSurface, OpenSurface, dated_surface, opened
-from furrowmap.exporters.rasters.tied_surfaces import Mover, ground_pairs, union, write_change, write_moved
+from furrowmap.exporters.rasters.tied_surfaces import (
+    ChangedGround,
+    Mover,
+    ground_pairs,
+    union,
+    write_change,
+    write_moved,
+)
 from furrowmap.exporters.reports.tie_page import tie_page
 from furrowmap.exporters.vectors.geopackage import write_layer
 from furrowmap.exporters.vectors.tie_layers import tie_layers
@@ -277,10 +284,14 @@ def _changes(staging: Path, work: _Work, net: Network, movers: Sequence[Mover], 
         one, other = work.dates[k], work.dates[j]
         between = work.dates[k + 1 : j + 1]
         worked = union([date.worked for date in between])
-        touched = union([date.touched for date in work.dates[k : j + 1]])
+        ground = ChangedGround(
+            worked,
+            before=union([date.worked for date in work.dates[: k + 1]]),
+            touched=union([date.touched for date in work.dates[k : j + 1]]),
+        )
         name = f"change_{k + 1:02d}_{j + 1:02d}.tif"
         own = Origin(f"Change from {one.name} to {other.name}", inputs=origin.inputs)
-        found = write_change(staging / name, (movers[k], movers[j]), (worked, touched), work.crs, own)
+        found = write_change(staging / name, (movers[k], movers[j]), ground, work.crs, own)
         if found is None:
             continue
         move, covariance = net.between(a, b)

@@ -111,15 +111,33 @@ class ChangeFigures:
     untouched_m: FloatArray
 
 
+@dataclass(frozen=True)
+class ChangedGround:
+    """Ground by what tools did to it.
+
+    Attributes:
+        worked: between two dates.
+        before: on the first of them or earlier; of the worked ground, what lies in it was worked again.
+        touched: on either date or between them, with a margin.
+    """
+
+    worked: BaseGeometry
+    before: BaseGeometry
+    touched: BaseGeometry
+
+
 def write_change(
-    path: Path, pair: tuple[Mover, Mover], ground: tuple[BaseGeometry, BaseGeometry], crs: CRS, origin: Origin
+    path: Path, pair: tuple[Mover, Mover], ground: ChangedGround, crs: CRS, origin: Origin
 ) -> ChangeFigures | None:
     """Write the change between two dates where both saw the ground; None where they share no cell.
+
+    Ground worked for the first time rises by centimetres, ground worked again hardly, and is better seen, as it lies
+    where the earlier drive was. So the mean is that of each kind, weighted by its area (post-stratification).
 
     Args:
         path: of the file.
         pair: the surfaces with their moves.
-        ground: worked between the dates, and touched by a tool of either.
+        ground: what tools did.
         crs: of the map.
         origin: provenance.
 
@@ -130,31 +148,44 @@ def write_change(
     grid = common(one.surface.grid, other.surface.grid)
     if grid is None:
         return None
-    worked, touched = ground
-    cells, sums, places, calm = 0, np.zeros(4), [np.zeros((0, 2))], [np.zeros(0, np.float32)]
+    sums, places, calm = np.zeros((2, 5)), [np.zeros((0, 2))], [np.zeros(0, np.float32)]
     with cog_output(path, grid, crs, CHANGE_BANDS, origin) as put:
         for part, _ in windows(grid, 0):
             change = other.heights(part) - one.heights(part)
             error = np.hypot(other.surface.standard_error(part), one.surface.standard_error(part))
             put(part, (change, np.where(np.isfinite(change), error, np.float32(np.nan))))
-            now = inside(worked, part, touched=False)
-            seen = now & np.isfinite(change)
-            cells += int(now.sum())
-            moved_m, noise = change[seen].astype(np.float64), error[seen].astype(np.float64)
-            sums += seen.sum(), moved_m.sum(), np.nansum(noise**2), (moved_m**2).sum()
-            places.append(part.positions_m()[seen.ravel()][::20])
-            still = np.isfinite(change) & ~inside(touched, part, touched=True)
+            now, again = inside(ground.worked, part, touched=False), inside(ground.before, part, touched=False)
+            for kind, of_kind in zip(sums, (now & ~again, now & again), strict=True):
+                seen = of_kind & np.isfinite(change)
+                moved_m, noise = change[seen].astype(np.float64), error[seen].astype(np.float64)
+                kind += of_kind.sum(), len(moved_m), moved_m.sum(), (moved_m**2).sum(), np.nansum(noise**2)
+            places.append(part.positions_m()[(now & np.isfinite(change)).ravel()][::20])
+            still = np.isfinite(change) & ~inside(ground.touched, part, touched=True)
             calm.append(change[still][::5])
-    count, total, squares, products = sums.tolist()
-    mean, noise, unseen = np.nan, np.nan, np.nan
-    area = grid.cell_area_m2
-    if count:
-        mean, noise = total / count, squares**0.5 / count
-        # shadows lie together: about a square metre is one sample of what was not seen
-        spread = max(products / count - mean**2, 0.0) ** 0.5
-        unseen = (1.0 - count / cells) * spread / max(count * area, 1.0) ** 0.5
     still_m = np.concatenate(calm).astype(np.float64)
-    return ChangeFigures(cells * area, count * area, mean, noise, unseen, np.concatenate(places), still_m)
+    return ChangeFigures(*_by_kind(sums, grid.cell_area_m2), np.concatenate(places), still_m)
+
+
+def _by_kind(sums: FloatArray, area_m2: float) -> tuple[float, float, float, float, float]:
+    """The first five of :class:`ChangeFigures`.
+
+    Args:
+        sums: (kinds, 5) of the cells of each kind: worked, compared, change, its square, square of its standard error.
+        area_m2: of a cell.
+    """
+    worked, compared = sums[:, 0].sum() * area_m2, sums[:, 1].sum() * area_m2
+    if (sums[:, 1] == 0).any():  # a kind that is not there, or not seen
+        sums = sums.sum(axis=0, keepdims=True)
+    cells, count, total, squares, noise = sums.T
+    if not count.all():
+        return worked, compared, np.nan, np.nan, np.nan
+    share = cells / cells.sum()
+    mean = total / count
+    # shadows lie together: about a square metre is one sample of what was not seen
+    spread = np.sqrt(np.maximum(squares / count - mean**2, 0.0))
+    unseen = (1.0 - count / cells) * spread / np.sqrt(np.maximum(count * area_m2, 1.0))
+    off_noise, off_unseen = np.linalg.norm(share * np.sqrt(noise) / count), np.linalg.norm(share * unseen)
+    return worked, compared, float(share @ mean), float(off_noise), float(off_unseen)
 
 
 def union(shapes: Sequence[BaseGeometry]) -> BaseGeometry:
