@@ -77,7 +77,7 @@ class Batch:
     notices: tuple[Notice, ...] = ()
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Plan:
     """What is to be done.
 

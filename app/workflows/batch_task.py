@@ -35,7 +35,7 @@ PATIENCE_S: Final = 3600.0
 _LOOK_S: Final = 1.0
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Spent:
     """What a job has taken so far."""
 

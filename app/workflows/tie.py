@@ -66,7 +66,7 @@ class TieSettings:
     reference_sigma_m: float = 0.0
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Work:
     """What a tie is made of."""
 
@@ -163,12 +163,12 @@ def _opened(dates: list[DatedSurface], settings: TieSettings, stack: ExitStack) 
     bounds = np.array([date.after.bounds_m for date in dates])
     west, south = bounds[:, :2].min(axis=0).tolist()
     east, north = bounds[:, 2:].max(axis=0).tolist()
-    work = _Work(dates, surfaces, np.array([0.5 * (west + east), 0.5 * (south + north)]), dates[0].after.crs)
-    if settings.reference is not None:
-        work.reference = open_reference(
-            Path(settings.reference), dates, (west, south, east, north), settings.reference_sigma_m, stack
-        )
-    return work
+    middle_m = np.array([0.5 * (west + east), 0.5 * (south + north)])
+    if settings.reference is None:
+        return _Work(dates, surfaces, middle_m, dates[0].after.crs)
+    around, sigma_m = (west, south, east, north), settings.reference_sigma_m
+    reference = open_reference(Path(settings.reference), dates, around, sigma_m, stack)
+    return _Work(dates, surfaces, middle_m, dates[0].after.crs, reference)
 
 
 def _find_ties(work: _Work, progress: Progress) -> None:

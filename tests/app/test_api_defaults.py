@@ -21,6 +21,7 @@ FLAGS = {
     "field_history": {"overwrite"},
     "write_report_page": {"pdf"},
     "share": {"overwrite", "qfield"},
+    "tie": {"overwrite"},
     **{
         name: {"overwrite"}
         for name in ("canopy", "check", "clean", "evaluate_gnss", "export", "features", "fields", "growth", "mosaic")
