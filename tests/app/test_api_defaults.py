@@ -49,6 +49,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "growth": {"net_inset_m": (0.0, 0.0)},
     "mosaic": {"mean": False},
     "parcels": {"net_inset_m": (0.0, 0.0), "method": "canopy-top", "soil": "surface", "compare": False},
+    "tie": {"reference_sigma_m": 0.0},
     "surface": {"statistic": "median", "ground": "auto", "outliers": "none", "every": 1, "fill_m": 0.0},
 }  # fmt: skip
 """What is not None in the settings of a function."""
