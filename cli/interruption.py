@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Final, NoReturn
+import _thread
+import signal
+import threading
+import time
+from types import FrameType
+from typing import Final
+
+AGAIN_S: Final = 0.01
+_BLOCKING: Final = {"wait", "join", "_wait_for_tstate_lock"}
+"""Functions of `threading` in which a thread waits; they leave their locks in order when an exception ends them."""
 
 
 class Interruption:
     """Signal handler that raises KeyboardInterrupt, so that callers can clean up.
+
+    Where the main thread is just taking or giving back a lock of :mod:`threading`, it raises a moment later. Such a
+    lock would stay taken for ever (Python's documentation of `signal`: "Note on Signal Handlers and Exceptions"), and
+    threads that need it would keep the process from ending.
 
     Attributes:
         asked: whether a signal came. Compiled code and libraries convert the exception, or lose it in a callback.
@@ -14,10 +27,25 @@ class Interruption:
 
     def __init__(self) -> None:
         self.asked = False
+        self._raised = False
+        self._put_off = 0
 
-    def __call__(self, *_: object) -> NoReturn:
-        """Handle the signal."""
+    def __call__(self, number: int = signal.SIGINT, frame: FrameType | None = None) -> None:
+        """Handle the signal.
+
+        Raises:
+            KeyboardInterrupt: at once, or in the next call.
+        """
         self.asked = True
+        again = self._put_off > 0
+        self._put_off -= again
+        if again and self._raised:  # by check() in the meantime: what cleans up is left in peace
+            return
+        if frame is not None and _is_at_a_lock(frame):
+            self._put_off += 1
+            _thread.start_new_thread(_repeat, (number,))
+            return
+        self._raised = True
         raise KeyboardInterrupt
 
     def check(self) -> None:
@@ -27,7 +55,18 @@ class Interruption:
             KeyboardInterrupt: if a signal came.
         """
         if self.asked:
+            self._raised = True
             raise KeyboardInterrupt
+
+
+def _is_at_a_lock(frame: FrameType) -> bool:
+    code = frame.f_code
+    return code.co_filename == threading.__file__ and code.co_name not in _BLOCKING
+
+
+def _repeat(number: int) -> None:
+    time.sleep(AGAIN_S)
+    _thread.interrupt_main(number)
 
 
 INTERRUPTION: Final = Interruption()

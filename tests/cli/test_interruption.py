@@ -1,0 +1,83 @@
+"""A signal at any moment ends the work and leaves no lock taken."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from queue import Queue
+from types import FrameType
+
+import pytest
+
+from furrowmap.cli.interruption import Interruption
+
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="timers of POSIX")
+
+
+class FrameOfAcquire:
+    """A lock that keeps the frame in which it is taken."""
+
+    frame: FrameType
+
+    def __enter__(self) -> None:
+        self.frame = sys._getframe(1)
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    acquire, release = __enter__, __exit__
+
+
+@pytest.fixture
+def alarms() -> Iterator[None]:
+    before = signal.getsignal(signal.SIGALRM)
+    yield
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    signal.signal(signal.SIGALRM, before)
+
+
+def interrupted_after(seconds: float) -> None:
+    signal.signal(signal.SIGALRM, Interruption())
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+
+
+@pytest.mark.usefixtures("alarms")
+def test_signal__leaves_no_lock_taken() -> None:
+    """A handler that raises at once leaves every second one taken."""
+    taken = 0
+    for k in range(40):
+        condition = threading.Condition(threading.Lock())
+        with pytest.raises(KeyboardInterrupt):
+            interrupted_after(5e-5 + 5e-6 * k)
+            while True:
+                with condition:
+                    pass
+        taken += not condition.acquire(blocking=False)
+    assert taken == 0
+
+
+@pytest.mark.usefixtures("alarms")
+def test_signal__ends_what_waits_in_a_lock() -> None:
+    begun_s = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_after(0.02)
+        Queue[None]().get(timeout=20.0)
+    assert time.monotonic() - begun_s < 10.0
+
+
+def test_signal__put_off_does_not_disturb_what_cleans_up() -> None:
+    handler = Interruption()
+    lock = FrameOfAcquire()
+    with threading.Condition(lock):
+        pass
+    handler(signal.SIGUSR1, lock.frame)
+    assert handler.asked
+    with pytest.raises(KeyboardInterrupt):
+        handler.check()
+    handler(signal.SIGUSR1, None)
+    with pytest.raises(KeyboardInterrupt):  # the user asks once more
+        handler(signal.SIGUSR1, None)
