@@ -92,3 +92,12 @@ def test_dependencies__are_all_described() -> None:
     groups = [text for group in project["dependency-groups"].values() for text in group if isinstance(text, str)]
     names = {Requirement(text).name.lower() for text in (*named, *groups)}
     assert {name for name in names if f"**{name}**" not in page} == set()
+
+
+def test_index__leads_to_every_page() -> None:
+    docs = CHECKOUT / "docs"
+    pages = {
+        path.relative_to(docs).as_posix() for part in ("how-to", "explanation") for path in (docs / part).glob("*.md")
+    }
+    linked = set(re.findall(r"\]\(([\w/.-]+\.md)\)", (docs / "index.md").read_text(encoding="utf-8")))
+    assert pages <= linked
