@@ -161,7 +161,7 @@ def test_page__is_whole_in_itself_and_tells_the_figures(result: Callable[[str], 
     assert not {"script", "link", "iframe"} & set(page.tags)
     assert "url(" not in text
     assert text.count('<svg viewBox="0 0') == 9
-    assert page.tags.count("img") == 3
+    assert text.count('<image class="depth"') == 3
     assert f"{found.report['figures']['worked_area_m2']:.1f} m²" in text
     assert len(text) < 400_000
 
