@@ -66,7 +66,7 @@ def _is_at_a_lock(frame: FrameType) -> bool:
 
 def _repeat(number: int) -> None:
     time.sleep(AGAIN_S)
-    _thread.interrupt_main(number)
+    _thread.interrupt_main(signal.Signals(number))
 
 
 INTERRUPTION: Final = Interruption()
