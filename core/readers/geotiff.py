@@ -38,8 +38,8 @@ def open_geotiff(
     from rasterio.errors import RasterioError
 
     try:
-        options = {"GTIFF_REPORT_COMPD_CS": True} if with_heights else {}
-        with rasterio.Env(**options), rasterio.open(path, driver="GTiff") as raster:
+        # stated either way: it is an option of the process, and another file may be open with heights
+        with rasterio.Env(GTIFF_REPORT_COMPD_CS=with_heights), rasterio.open(path, driver="GTiff") as raster:
             if not np.isfinite(raster.transform).all() or raster.transform.is_degenerate:
                 raise unusable(path, "states cells without an extent")
             block = max(rows * columns for rows, columns in raster.block_shapes)
