@@ -38,8 +38,11 @@ def open_geotiff(
     from rasterio.errors import RasterioError
 
     try:
-        # stated either way: it is an option of the process, and another file may be open with heights
-        with rasterio.Env(GTIFF_REPORT_COMPD_CS=with_heights), rasterio.open(path, driver="GTiff") as raster:
+        # An option of the process: stated either way, and only while the file is opened, which reads the CRS. Held by
+        # several open files, with other environments in between, it outlived them all (rasterio 1.4).
+        with rasterio.Env(GTIFF_REPORT_COMPD_CS=with_heights):
+            opened = rasterio.open(path, driver="GTiff")
+        with opened as raster:
             if not np.isfinite(raster.transform).all() or raster.transform.is_degenerate:
                 raise unusable(path, "states cells without an extent")
             block = max(rows * columns for rows, columns in raster.block_shapes)
