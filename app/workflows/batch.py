@@ -16,12 +16,12 @@ from furrowmap.core.values.allowances import ALL, allows
 from furrowmap.core.values.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.values.languages.choice import language_of_user
 from furrowmap.core.values.progress import Progress, silent
-from furrowmap.exporters.files.batch_state import STATE, BatchState, Failure, Outcome, Stamp, batch_state
+from furrowmap.exporters.files.batch_state import STATE, BatchState, Failure, Outcome, Stamp, batch_state, same_files
 from furrowmap.exporters.files.lease import leased
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row, write_layers, write_table
-from furrowmap.workflows.batch_engine import ATTEMPTS, Workforce
+from furrowmap.workflows.batch_engine import ATTEMPTS, Found, Item, Lost, Workforce
 from furrowmap.workflows.batch_jobs import Job, Prepared, Request, identity, key_of, open_job, own_version, prepare
 from furrowmap.workflows.batch_places import Store, find_remote, is_url, scratch
 from furrowmap.workflows.batch_sources import Source, find_sources, named, stamp
@@ -183,10 +183,9 @@ class _Batch:
         outcomes = state.outcomes()
         with Workforce(self.settings.workers, self.settings.scheduler, self.say) as force:
             plan = self._plan(sources, state, outcomes, force, keep=True)
-            for number, (name, outcome) in enumerate(self._run(plan, force), 1):
+            for name, outcome in self._run(plan, force):
                 outcomes[name] = outcome
                 state.keep(name, outcome)
-                self.progress(_RUNNING, number / len(plan.due))
         for name, (_, failure) in plan.failures.items():
             outcomes[name] = Outcome("", failure=failure)
         told = self._told(plan, outcomes, run=plan.due)
@@ -270,12 +269,11 @@ class _Batch:
                 found[name] = msgspec.json.decode(kept, type=Prepared)
             else:
                 asked.append((name, _request(source, machine, boundaries)))
-        looked = force.each(prepare, asked, self._tick(_LOOKING)) if keep else _here(asked)
-        for number, (name, result) in enumerate(looked, 1):
+        looked = self._each(_LOOKING, force, prepare, asked) if keep else _here(asked)
+        for name, result in looked:
             found[name] = result if isinstance(result, Prepared) else Prepared(failure=_lost(name))
             if keep and found[name].failure is None:
                 state.keep_prepared(name, keys[name], msgspec.json.encode(found[name]))
-            self.progress(_LOOKING, number / len(asked))
         return found
 
     def _choose(self, plan: _Plan, outcomes: dict[str, Outcome]) -> None:
@@ -289,18 +287,29 @@ class _Batch:
                 plan.failures[name] = (job.file, Failure.of(in_three_lines(error)))
                 continue
             plan.bytes_due[name] = _size(stamps)
-            same = before is not None and (before.key, _plainly(before.inputs)) == (key, _plainly(stamps))
+            same = before is not None and before.key == key and same_files(before.inputs, stamps)
             if before is None or not same or not _is_settled(before, job, whole):
                 plan.due.append(name)
 
     def _run(self, plan: _Plan, force: Workforce) -> Iterator[tuple[str, Outcome]]:
         longest_first = sorted(plan.due, key=lambda name: -plan.bytes_due[name])
         items = [(name, plan.jobs[name]) for name in longest_first]
-        for name, found in force.each(run_job, items, self._tick(_RUNNING)):
+        for name, found in self._each(_RUNNING, force, run_job, items):
             yield name, found if isinstance(found, Outcome) else Outcome("", failure=_lost(name))
 
-    def _tick(self, stage: str) -> Callable[[], None]:
-        return lambda: self.progress(stage, 0.0)
+    def _each(
+        self, stage: str, force: Workforce, work: Callable[[Item], Found], items: Sequence[tuple[str, Item]]
+    ) -> Iterator[tuple[str, Found | Lost]]:
+        """As :meth:`Workforce.each`, with the share that is done as the progress."""
+        done = 0
+
+        def tick() -> None:
+            self.progress(stage, done / len(items))
+
+        for name, found in force.each(work, items, tick):
+            done += 1
+            tick()
+            yield name, found
 
     def _told(
         self, plan: _Plan, outcomes: dict[str, Outcome], *, run: Sequence[str], estimate_s: float | None = None
@@ -343,10 +352,6 @@ def _prepared_key(source: Source, decisive: Sequence[Stamp]) -> str:
     """A hash of what decides on what a source holds."""
     content = msgspec.json.encode([own_version(), source.stamps, decisive])
     return hashlib.sha256(content).hexdigest()
-
-
-def _plainly(stamps: Sequence[Stamp]) -> set[tuple[str, int, str]]:
-    return {(one.path, one.bytes, one.mark) for one in stamps}
 
 
 def _size(stamps: Sequence[Stamp]) -> int:

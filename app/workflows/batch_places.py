@@ -13,7 +13,7 @@ import msgspec
 
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.values.file_names import is_file_name
-from furrowmap.exporters.files.batch_state import Outcome, Stamp
+from furrowmap.exporters.files.batch_state import Outcome, Stamp, same_files
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION
 from furrowmap.workflows.batch_sources import Source, holds_scans
 
@@ -178,8 +178,9 @@ def earlier_in_store(url: str, key: str, inputs: Sequence[Stamp]) -> Outcome | N
         found = msgspec.json.decode(content, type=Outcome) if content is not None else None
     except msgspec.MsgspecError:
         return None
-    plain = [{(one.path, one.bytes, one.mark) for one in stamps} for stamps in (found.inputs if found else (), inputs)]
-    return replace(found, repeated=True) if found is not None and found.key == key and plain[0] == plain[1] else None
+    if found is None or found.key != key or not same_files(found.inputs, inputs):
+        return None
+    return replace(found, repeated=True)
 
 
 def scratch() -> TemporaryDirectory[str]:

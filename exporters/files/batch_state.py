@@ -8,7 +8,7 @@ content of its inputs.
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,6 +37,12 @@ class Stamp:
     bytes: int
     mark: str
     sha256: str = ""
+
+
+def same_files(some: Sequence[Stamp], others: Sequence[Stamp]) -> bool:
+    """Whether files are the same, unchanged, whether or not their content was read."""
+    plain = [{(one.path, one.bytes, one.mark) for one in stamps} for stamps in (some, others)]
+    return plain[0] == plain[1]
 
 
 @dataclass(frozen=True)

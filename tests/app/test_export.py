@@ -290,9 +290,9 @@ def test_stac__is_valid_and_says_where_and_what(result: Path, tmp_path: Path) ->
 def test_stac__is_read_from_a_server_of_plain_files(result: Path, tmp_path: Path) -> None:
     export([result], "stac", tmp_path / "farm")
     serve = functools.partial(http.server.SimpleHTTPRequestHandler, directory=tmp_path)
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), serve) as server:
+    with http.server.ThreadingHTTPServer(("localhost", 0), serve) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        catalogue = pystac.Catalog.from_file(f"http://127.0.0.1:{server.server_port}/farm/catalog.json")
+        catalogue = pystac.Catalog.from_file(f"http://localhost:{server.server_port}/farm/catalog.json")
         (item,) = catalogue.get_items(recursive=True)
         server.shutdown()
     pystac.validation.validate_dict(catalogue.to_dict(), extensions=[])
