@@ -33,8 +33,7 @@ COUNTED = {"tractor_loop": (7_977_874, 599, 597), "tractor_fishtail": (7_807_777
 class Gathered:
     """A sink that keeps what a test looks at."""
 
-    def __init__(self, every: int = 1) -> None:
-        self.every = every
+    def __init__(self) -> None:
         self.parts: list[tuple[np.ndarray, ...]] = []
 
     def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
@@ -42,9 +41,8 @@ class Gathered:
         self.origin = np.asarray(origin_m)
 
     def add(self, placed: PlacedScan) -> None:
-        k = slice(None, None, self.every)
         scan = placed.scan
-        self.parts.append((placed.xyz_m[k] + self.origin, placed.scan.t_s[k], scan.laser[k], scan.column[k]))
+        self.parts.append((placed.xyz_m + self.origin, scan.t_s, scan.laser, scan.column))
 
     def columns(self) -> tuple[np.ndarray, ...]:
         return tuple(np.concatenate([part[i] for part in self.parts]) for i in range(4))
@@ -118,12 +116,20 @@ def test_with_the_true_trajectory_the_ground_is_as_sharp_as_the_sensor(shared_da
     assert found["motion_right_share"] > 0.99
 
 
-def test_residuals_show_no_trend_with_time_laser_or_azimuth(shared_data: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def by_the_truth(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, ...]:
+    """Places, times, lasers and columns of all points of a recording, placed by the true trajectory."""
+    sink = Gathered()
+    folder = tmp_path_factory.mktemp("truth")
+    run(open_session(session_folder(shared_data, "tractor_fishtail", folder, truth=True)), sink)
+    return sink.columns()
+
+
+def test_residuals_show_no_trend_with_time_laser_or_azimuth(
+    shared_data: Path, by_the_truth: tuple[np.ndarray, ...]
+) -> None:
     name = "tractor_fishtail"
-    session = session_folder(shared_data, name, tmp_path, truth=True)
-    sink = Gathered(every=7)
-    run(open_session(session), sink)
-    xyz, t_s, laser, column = sink.columns()
+    xyz, t_s, laser, column = (values[::7] for values in by_the_truth)
     dz, used = against_the_surface_of_its_moment(shared_data / name, xyz, t_s)
     laser, column, time = laser[used], column[used], t_s[used] - t_s.min()
 
@@ -159,20 +165,20 @@ def against_the_surface_of_its_moment(data: Path, xyz: np.ndarray, t_s: np.ndarr
     return dz[ground], np.flatnonzero(inside)[ground]
 
 
-def test_a_recording_cut_inside_a_packet_gives_all_up_to_the_cut(shared_data: Path, tmp_path: Path) -> None:
-    name = "tractor_loop"
+def test_a_recording_cut_inside_a_packet_gives_all_up_to_the_cut(
+    shared_data: Path, by_the_truth: tuple[np.ndarray, ...], tmp_path: Path
+) -> None:
+    name = "tractor_fishtail"
     whole = gzip.decompress((shared_data / name / "recording.pcap.gz").read_bytes())
     cut = tmp_path / "cut.pcap"
     cut.write_bytes(whole[: len(whole) // 3 // 1264 * 1264 + 700])
     session = session_folder(shared_data, name, tmp_path, truth=True, lidar=cut)
-    everything = session_folder(shared_data, name, tmp_path / "whole", truth=True)
-    part, full = Gathered(), Gathered()
+    part = Gathered()
 
     found: RunResult = run(open_session(session), part)
-    run(open_session(everything), full)
 
     xyz, t_s, *_ = part.columns()
-    expected, moments, *_ = full.columns()
+    expected, moments, *_ = by_the_truth
     assert 0.25 * len(expected) < len(xyz) < 0.4 * len(expected)
     np.testing.assert_array_equal(t_s, moments[: len(t_s)])
     np.testing.assert_array_equal(xyz, expected[: len(xyz)])
