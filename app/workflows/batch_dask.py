@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from secrets import token_hex
 from time import monotonic
 from typing import Any, Final, TypeVar
 
+from dask import config
 from distributed import Client, LocalCluster, WorkerPlugin, wait
 from distributed.scheduler import KilledWorker
 
 from furrowmap.core.values.errors import FurrowmapError
-from furrowmap.process import prepare_process
-from furrowmap.workflows.batch_engine import Lost
+from furrowmap.workflows.batch_engine import Lost, prepare_worker
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
@@ -24,6 +25,16 @@ RECONNECT_S: Final = 60.0
 """A scheduler that is gone is waited for so long."""
 _CONNECT_S: Final = 5.0
 _TICK_S: Final = 0.2
+_TRIM: Final = ("MALLOC_TRIM_THRESHOLD_", "65536")
+"""What Dask sets for its workers: freed memory goes back to the system at once, and comes again as pages to be filled
+with zeros, four times as many in a run. It is not a setting of the user that :func:`~furrowmap.process.prepare_process` must respect."""
+_QUIET: Final = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.admin.system-monitor.interval": "2s",
+}
+"""Dask's watching of tasks of some milliseconds: in a run of seconds it only takes the interpreter from it."""
 
 
 class Prepared(WorkerPlugin):
@@ -33,7 +44,9 @@ class Prepared(WorkerPlugin):
 
     def setup(self, worker: object) -> None:  # noqa: ARG002 (distributed's signature)
         """Called once in each worker, also in those that come later."""
-        prepare_process()
+        if os.environ.get(_TRIM[0]) == _TRIM[1]:
+            del os.environ[_TRIM[0]]
+        prepare_worker()
 
 
 class DaskWorkers:
@@ -131,6 +144,7 @@ class DaskWorkers:
 def local_cluster(workers: int, say: Callable[[str], None]) -> Iterator[DaskWorkers]:
     """Workers that are processes of this machine, and end with it; its memory is divided among them."""
     with ExitStack() as stack:
+        stack.enter_context(config.set(_QUIET))
         cluster = stack.enter_context(
             LocalCluster(
                 n_workers=workers, threads_per_worker=1, processes=True, memory_limit="auto", dashboard_address=":0"

@@ -6,15 +6,20 @@ import os
 import re
 import secrets
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
 from furrowmap.core.values.errors import FurrowmapError, RefusedError
+from furrowmap.exporters.files.lease import is_staged
 from furrowmap.exporters.files.owner import PATTERN, Owner, machine
 
 _UNFINISHED: Final = re.compile(rf"\.furrowmap-({PATTERN})-[0-9a-f]{{8}}\b.*", re.DOTALL)
+
+_AT_A_TIME: Final = 8
+"""Files that are flushed at a time: the file system writes its journal once for all that wait."""
 
 _LIBRARIES: Final = ("pyogrio", "rasterio", "sqlite3")
 """Packages whose errors on a full disk are not system errors."""
@@ -25,7 +30,8 @@ def atomic_output(path: Path) -> Iterator[Path]:
     """Write a file beside `path` and rename it to `path` at the end.
 
     The file is flushed to the disk and replaces an older one in one step. If the work is interrupted, it is removed and
-    `path` is unchanged. Files that a killed process of this machine left in the folder are removed first.
+    `path` is unchanged. Files that a killed process of this machine left in the folder are removed first. In a staging
+    folder nothing is flushed here: its files are, together, before they become products.
 
     Yields:
         The path to write to: hidden, in the same folder, short, with the last suffix of `path`. Other files that a
@@ -39,9 +45,12 @@ def atomic_output(path: Path) -> Iterator[Path]:
     try:
         with naming(path):
             yield unfinished
-            flush(unfinished)
+            staged = is_staged(path)
+            if not staged:
+                flush(unfinished)
             unfinished.replace(path)
-            flush_folder(path.parent)
+            if not staged:
+                flush_folder(path.parent)
     finally:
         for left in path.parent.iterdir():
             if left.name.startswith(unfinished.name):
@@ -114,6 +123,14 @@ def flush(path: Path) -> None:
     """Let the content of a file survive a loss of power."""
     with path.open("rb+") as file:
         os.fsync(file.fileno())
+
+
+def flush_together(files: Sequence[Path]) -> None:
+    """Let the content and the names of files survive a loss of power; a disk takes many at a time."""
+    with ThreadPoolExecutor(_AT_A_TIME, "flush") as pool:
+        list(pool.map(flush, files))
+    for folder in {file.parent for file in files}:
+        flush_folder(folder)
 
 
 def flush_folder(folder: Path) -> None:

@@ -24,6 +24,8 @@ from furrowmap.core.values.errors import RefusedError, printable
 from furrowmap.exporters.files.owner import PATTERN, Owner
 
 PREFIX: Final = ".furrowmap-run-"
+PRODUCTS: Final = "products"
+"""Folder in a lease whose files become products together."""
 BEAT_S: Final = 1.0
 """Time between two changes of the heartbeat."""
 PATIENCE_S: Final = 10.0
@@ -66,6 +68,13 @@ def leased(folder: Path) -> Iterator[Path]:
 def leases(folder: Path) -> list[Path]:
     """The leases of `folder`, of runs that are writing or have ended without removing theirs."""
     return sorted(path for path in folder.glob(f"{PREFIX}*") if _NAME.fullmatch(path.name) and is_real_folder(path))
+
+
+def is_staged(file: Path) -> bool:
+    """Whether a file is among those that become products together, and are flushed to the disk before they do."""
+    return any(
+        place.name == PRODUCTS and _NAME.fullmatch(place.parent.name) is not None for place in list(file.parents)[:2]
+    )
 
 
 def refuse_leased(folder: Path, own: Path | None = None) -> list[Path]:

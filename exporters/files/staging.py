@@ -13,12 +13,11 @@ from typing import Any, Final
 
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.file_names import is_file_name
-from furrowmap.exporters.files.atomic import flush, flush_folder
-from furrowmap.exporters.files.lease import is_real_folder, is_revoked, leased, read_small, refuse_leased
+from furrowmap.exporters.files.atomic import flush, flush_folder, flush_together
+from furrowmap.exporters.files.lease import PRODUCTS, is_real_folder, is_revoked, leased, read_small, refuse_leased
 
 _COMPLETE: Final = "complete.json"
 _KEPT: Final = "kept.bin"
-_PRODUCTS: Final = "products"
 
 
 def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -> None:
@@ -63,7 +62,7 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
                 folder.mkdir(parents=True, exist_ok=True)
                 lease = stack.enter_context(leased(folder))
                 _finish_ended(folder, lease, resume=resume)
-                products = lease / _PRODUCTS
+                products = lease / PRODUCTS
                 products.mkdir()
             except OSError as error:
                 raise InputError(
@@ -122,12 +121,11 @@ def _commit(lease: Path, folder: Path) -> None:
         RefusedError: if another run has taken over the folder.
         OSError: if the disk is full or the folder read-only.
     """
-    staging = lease / _PRODUCTS
+    staging = lease / PRODUCTS
     products = _products(staging)
     names = {path.as_posix() for path in products}
     _refuse_taken(folder, products)
-    for path in products:
-        flush(staging / path)
+    flush_together([staging / path for path in products])
     content = json.dumps({"products": sorted(names), "gone": sorted(_earlier(folder, names) - names)})
     unfinished = lease / f"{_COMPLETE}.part"
     unfinished.write_text(content, encoding="utf-8")
@@ -146,7 +144,7 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
     All changes are renamings out of the lease's folder or into it, so a run that has lost its lease changes nothing.
     """
     complete = _read(lease / _COMPLETE)
-    if not complete or not is_real_folder(lease / _PRODUCTS):
+    if not complete or not is_real_folder(lease / PRODUCTS):
         return False
     leaving = lease / secrets.token_hex(4)
     leaving.mkdir()
@@ -155,7 +153,7 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
         if isinstance(name, str) and is_file_name(name) and (folder / name).is_file():
             with suppress(FileNotFoundError):
                 (folder / name).replace(leaving / name)
-    staging = lease / _PRODUCTS
+    staging = lease / PRODUCTS
     for path in _products(staging):
         inner = folder / path.parent
         with suppress(FileExistsError):
