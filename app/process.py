@@ -104,6 +104,8 @@ def importing_beside(name: str) -> Iterator[Callable[[], ModuleType]]:
     """
 
     def module() -> ModuleType:
+        if name in sys.modules:  # by an earlier run in this process, whose objects must not stay to the end
+            return import_module(name)
         with importing():
             return import_module(name)
 

@@ -14,7 +14,8 @@ from distributed import Client, LocalCluster, WorkerPlugin, wait
 from distributed.scheduler import KilledWorker
 
 from furrowmap.core.values.errors import FurrowmapError
-from furrowmap.workflows.batch_engine import Lost, prepare_worker
+from furrowmap.process import prepare_process
+from furrowmap.workflows.batch_engine import Lost
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
@@ -27,7 +28,7 @@ _CONNECT_S: Final = 5.0
 _TICK_S: Final = 0.2
 _TRIM: Final = ("MALLOC_TRIM_THRESHOLD_", "65536")
 """What Dask sets for its workers: freed memory goes back to the system at once, and comes again as pages to be filled
-with zeros, four times as many in a run. It is not a setting of the user that :func:`~furrowmap.process.prepare_process` must respect."""
+with zeros, four times as many in a run. No setting of the user that :func:`.prepare_process` had to respect."""
 _QUIET: Final = {
     "distributed.worker.profile.enabled": False,
     "distributed.worker.memory.monitor-interval": "1s",
@@ -46,7 +47,7 @@ class Prepared(WorkerPlugin):
         """Called once in each worker, also in those that come later."""
         if os.environ.get(_TRIM[0]) == _TRIM[1]:
             del os.environ[_TRIM[0]]
-        prepare_worker()
+        prepare_process()
 
 
 class DaskWorkers:

@@ -6,7 +6,6 @@ import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from importlib import import_module
 from importlib.util import find_spec
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
@@ -16,7 +15,7 @@ from typing import Any, Final, Protocol, Self, TypeVar
 from furrowmap.core.values.allowances import free_memory_bytes
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.threads import asked_threads, available_processors
-from furrowmap.process import importing, prepare_process
+from furrowmap.process import prepare_process
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
@@ -197,17 +196,9 @@ def _renewed(worker: _Worker | None) -> _Worker:
     return _Worker()
 
 
-def prepare_worker() -> None:
-    """Set up a process for runs; what stays to its end is imported so that no garbage collection looks through it."""
-    prepare_process()
-    with importing():
-        import_module("furrowmap.workflows.batch_task")
-        import_module("furrowmap.workflows.run_products")
-
-
 def _serve(pipe: Connection) -> None:
     """Do what comes through the pipe until it is closed; end with the parent, whatever ends that."""
-    prepare_worker()
+    prepare_process()
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with suppress(EOFError, KeyboardInterrupt):
         while True:

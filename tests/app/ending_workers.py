@@ -1,4 +1,4 @@
-"""Work that ends its process, for tests of engines; it imports next to nothing, because each process imports it."""
+"""Work that ends or shows its process, for tests of engines; it imports little, because each process imports it."""
 
 from __future__ import annotations
 
@@ -15,3 +15,8 @@ def end_worker(item: tuple[str, int]) -> int:
         (Path(folder) / str(before)).touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return os.getpid()
+
+
+def variable(name: str) -> str | None:
+    """A variable of the worker's environment."""
+    return os.environ.get(name)

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from furrowmap.core.values.errors import InputError
+from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.lease import leases
 from furrowmap.exporters.files.staging import recover, staged_folder
 from furrowmap.plugin.products import product
@@ -44,6 +45,29 @@ def test_products_take_their_places_together_and_foreign_files_stay(tmp_path: Pa
     assert (folder / "notes.txt").read_text() == "old"
     (folder / "notes.txt").unlink()
     assert contents(folder) == {"new"}
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="reads the names of open files")
+def test_all_products_are_on_the_disk_once_before_they_are_declared_complete(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flushed: list[str] = []
+    to_disk = os.fsync
+
+    def noted(descriptor: int) -> None:
+        flushed.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        to_disk(descriptor)
+
+    monkeypatch.setattr(os, "fsync", noted)
+    with staged_folder(tmp_path / "out") as staging:
+        (staging / "dsm.tif").write_text("height")
+        (staging / "frames").mkdir()
+        for name in ("report.json", "frames/1.jpg"):
+            with atomic_output(staging / name) as unfinished:
+                unfinished.write_text("whole")
+        lease = staging.parent.name
+    assert sorted(flushed[:5]) == ["1.jpg", "dsm.tif", "frames", "products", "report.json"]
+    assert flushed[5:] == ["complete.json.part", lease, "out"]
 
 
 def test_a_product_without_successor_goes(tmp_path: Path) -> None:
