@@ -12,6 +12,8 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.tables import table
 from furrowmap.core.values.errors import printable
+from furrowmap.core.values.languages.choice import language_of_user
+from furrowmap.core.values.languages.translation import translated
 
 if TYPE_CHECKING:
     from furrowmap import Batch
@@ -97,7 +99,9 @@ def _done(found: Batch) -> str:
     lines = [f"{printable(str(found.results))}:", table(rows)]
     for row in failed:
         assert row.outcome.failure is not None
-        lines += [f"{printable(row.name)}:", *(f"  {line}" for line in row.outcome.failure.lines)]
+        error = row.outcome.failure
+        told = (translated(line, language_of_user(), error.code) for line in error.lines)
+        lines += [f"{printable(row.name)}:", *(f"  {line}" for line in told)]
     return "\n".join(lines)
 
 

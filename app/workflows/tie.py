@@ -20,6 +20,7 @@ from furrowmap.core.dates.pair_tie import PLACE, PairTie, pair_tie
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.values.json_text import json_text, plain
+from furrowmap.core.values.languages.choice import language_of_user
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.surface_file import heights_of, same_map
 from furrowmap.exporters.files.file_records import file_records
@@ -35,6 +36,8 @@ from furrowmap.exporters.rasters.tied_surfaces import (
     write_change,
     write_moved,
 )
+from furrowmap.exporters.reports.area_units import HECTARE, filled_in
+from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.tie_page import tie_page
 from furrowmap.exporters.vectors.geopackage import write_layer
 from furrowmap.exporters.vectors.tie_layers import tie_layers
@@ -267,7 +270,8 @@ def _write(
         "products": sorted([*(path.name for path in staging.iterdir()), TIE_REPORT, TIE_PAGE]),
     }
     told = dict(plain(account))
-    (staging / TIE_PAGE).write_text(tie_page(told), encoding="utf-8")
+    page = in_language(filled_in(tie_page(told), HECTARE), language_of_user())
+    (staging / TIE_PAGE).write_text(page, encoding="utf-8")
     (staging / TIE_REPORT).write_text(json_text(told), encoding="utf-8")
     return told
 

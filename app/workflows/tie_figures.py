@@ -31,6 +31,8 @@ def date_rows(dates: Sequence[DatedSurface], net: Network, first: int, tied: Seq
                 "date": k + 1,
                 "name": date.name,
                 "start": date.start.isoformat(),
+                "start_local": date.start.astimezone(date.zone).isoformat(),
+                "time_zone": date.zone.key,
                 "folder": str(date.folder),
                 "tied": tied[k],
                 "group": int(net.group[first + k]),

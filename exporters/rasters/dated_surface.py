@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import shapely
@@ -45,6 +46,7 @@ class DatedSurface:
     Attributes:
         name: of the session.
         start: its first measurement.
+        zone: time zone of the field; UTC for a result that states none.
         folder: of the result.
         after: `dsm.tif`.
         before: `dsm_before.tif`, or `after` where no work is known.
@@ -55,6 +57,7 @@ class DatedSurface:
 
     name: str
     start: dt.datetime
+    zone: ZoneInfo
     folder: Path
     after: SurfaceFile
     before: SurfaceFile
@@ -86,9 +89,11 @@ def dated_surface(result: ResultFolder) -> DatedSurface:
     known = "coverage" in result.layer_names
     shapes = result.layer("coverage").geometry.to_numpy() if known else []
     start = dt.datetime.fromisoformat(result.report["figures"]["start"])
+    zone = ZoneInfo(result.report["figures"].get("time_zone") or "UTC")
     tool = result.report["session"].get("implement")
     worked = shapely.union_all(shapely.make_valid(np.asarray(shapes, object)))
-    return DatedSurface(result.name, start, result.folder, after, before, worked, known or not tool, _sigma(result))
+    known = known or not tool
+    return DatedSurface(result.name, start, zone, result.folder, after, before, worked, known, _sigma(result))
 
 
 def _sigma(result: ResultFolder) -> FloatArray:

@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import datetime as dt
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 from urllib.parse import quote
 
+from furrowmap.core.values.languages.choice import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import PAGE
-from furrowmap.exporters.reports.page_parts import duration_words, escape, filled, key_figure, remark, section, table
+from furrowmap.exporters.reports.area_units import HECTARE, area, filled_in
+from furrowmap.exporters.reports.page_language import in_language
+from furrowmap.exporters.reports.page_parts import (
+    days_words,
+    duration_words,
+    escape,
+    filled,
+    key_figure,
+    remark,
+    section,
+    table,
+    table_of_cells,
+)
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row
 
 BATCH_PAGE: Final = "batch.html"
@@ -19,33 +33,33 @@ MOST_ROWS: Final = 2000
 
 
 def write_batch_page(folder: Path, rows: Sequence[Row]) -> None:
-    """Write :data:`BATCH_PAGE`.
+    """Write :data:`BATCH_PAGE` in the user's language.
 
     Raises:
         OSError: if it cannot be written.
     """
+    text = in_language(filled_in(page(rows), HECTARE), language_of_user())
     with atomic_output(folder / BATCH_PAGE) as unfinished:
-        unfinished.write_text(page(rows), encoding="utf-8", errors="xmlcharrefreplace")
+        unfinished.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
 
 
 def page(rows: Sequence[Row]) -> str:
-    """The page, as HTML."""
+    """The page in English, as HTML; its areas have no unit yet."""
     failed = [row for row in rows if row.outcome.failure is not None]
     done = [row for row in rows if row.outcome.failure is None]
-    starts = sorted(str(row.outcome.figures["start"]) for row in done if "start" in row.outcome.figures)
-    worked_ha = _sum(done, "worked_area_m2") / 1e4
+    days = sorted(_start(row.outcome.figures)[:10] for row in done if "start" in row.outcome.figures)
     figures = [
         key_figure(f"{len(done):,}", "sessions with a result"),
-        key_figure(f"{len(failed):,}", "failed", loud=bool(failed)),
-        key_figure(f"{worked_ha:,.2f} ha", "ground worked, sum of the sessions"),
+        key_figure(f"{len(failed):,}", "sessions that failed", loud=bool(failed)),
+        key_figure(area(_sum(done, "worked_area_m2")), "ground worked, sum of the sessions"),
         key_figure(duration_words(_sum(done, "duration_s")), "recorded"),
-        key_figure(f"{_sum(done, 'points') / 1e6:,.1f}", "million points"),
+        key_figure(f"{_sum(done, 'points') / 1e6:,.1f} million", "points in the clouds"),
         key_figure(duration_words(sum(row.outcome.seconds for row in done)), "of processing"),
     ]
     sections = [*([section("Failed", _failures(failed))] if failed else []), section("Sessions", _sessions(done))]
     return filled(
         title="Batch of sessions",
-        when=f"{starts[0]} to {starts[-1]}" if starts else "",
+        when=escape(days_words(days[0], days[-1])) if days else "",
         summary=escape(f"{len(rows):,} sessions."),
         figures=figures,
         sections=sections,
@@ -57,31 +71,42 @@ def _failures(rows: Sequence[Row]) -> str:
     lines = []
     for row in rows[:MOST_ROWS]:
         assert row.outcome.failure is not None
-        lines.append((row.name, row.outcome.failure.code, *row.outcome.failure.lines))
-    return f'<div class="scroll">{table(("Session", "Code", "What", "Consequence", "Remedy"), lines)}</div>'
+        lines.append((row.name, *row.outcome.failure.lines, row.outcome.failure.code))
+    shown = table(("session", "what", "consequence", "remedy", "code"), lines, texts=range(5))
+    return f'<div class="scroll">{shown}</div>{_more(rows)}'
 
 
 def _sessions(rows: Sequence[Row]) -> str:
-    head = ("Session", "Field", "Start", "Duration", "Worked [ha]", "Passes", "Warnings")
+    by_field = any(row.field for row in rows)
+    head = ["session", "folder", *(["field"] if by_field else []), "start", "duration", "worked", "passes", "warnings"]
     lines = []
     for row in rows[:MOST_ROWS]:
         figures = row.outcome.figures
-        area = figures.get("worked_area_m2")
-        link = f'<a href="{quote(row.name)}/{PAGE}">{escape(row.name)}</a>'
-        cells = (
-            row.field,
-            str(figures.get("start", "")),
+        worked_m2 = figures.get("worked_area_m2")
+        link = f'<a href="{quote(row.name)}/{PAGE}">{escape(str(figures.get("session") or row.name))}</a>'
+        cells = [
+            row.name,
+            *([row.field] if by_field else []),
+            _start(figures),
             duration_words(float(figures.get("duration_s") or 0.0)),
-            f"{area / 1e4:.3f}" if area is not None else "",
+            area(worked_m2) if worked_m2 is not None else "",
             str(figures.get("passes", "")),
             str(figures.get("warnings", "")),
-        )
-        lines.append(f"<tr><td>{link}</td>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>")
-    more = remark(f"{len(rows) - MOST_ROWS:,} more are in {TABLE}.") if len(rows) > MOST_ROWS else ""
-    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    return (
-        f'<div class="scroll"><table><thead><tr>{top}</tr></thead><tbody>{"".join(lines)}</tbody></table></div>{more}'
-    )
+        ]
+        lines.append([link, *map(escape, cells)])
+    texts = range(len(head) - 4)
+    return f'<div class="scroll">{table_of_cells(head, lines, texts)}</div>{_more(rows)}'
+
+
+def _start(figures: Mapping[str, Any]) -> str:
+    """Local time at the field with its zone; UTC for a result that states no zone."""
+    zone = figures.get("time_zone")
+    text = str(figures.get("start_local" if zone else "start", ""))
+    return f"{dt.datetime.fromisoformat(text):%Y-%m-%d %H:%M} ({zone or 'UTC'})" if text else ""
+
+
+def _more(rows: Sequence[Row]) -> str:
+    return remark(f"{len(rows) - MOST_ROWS:,} more sessions are in {TABLE}.") if len(rows) > MOST_ROWS else ""
 
 
 def _sum(rows: Sequence[Row], name: str) -> float:

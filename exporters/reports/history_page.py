@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib.metadata import version
 from typing import Any, Final
 
@@ -11,7 +11,19 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.exporters.reports.page_parts import escape, figure, filled, key, key_figure, remark, section, table
+from furrowmap.exporters.reports.area_units import area, work_rate
+from furrowmap.exporters.reports.page_parts import (
+    days_words,
+    duration_words,
+    escape,
+    figure,
+    filled,
+    key,
+    key_figure,
+    remark,
+    section,
+    table,
+)
 from furrowmap.exporters.reports.svg import Sheet
 
 Row = Mapping[str, Any]
@@ -20,19 +32,21 @@ SHADES: Final = ("#f7fcb9", "#addd8e", "#41ab5d", "#006837", "#00331b")
 """Ground worked by one, two, three, four, and five or more sessions."""
 MARGIN_M: Final = 2.0
 MOST_ROWS: Final = 500
+UNKNOWN: Final = "–"
 _SEASON_HEAD: Final = (
-    "season", "times worked", "from", "to", "ground", "worked", "worked twice", "missed", "hours", "work rate", "depth",
-    "soil moved",
+    "season", "times worked", "days", "ground, each spot once", "worked", "worked twice", "missed", "hours",
+    "work rate", "depth (approximate)", "soil moved",
 )  # fmt: skip
 _VISIT_HEAD: Final = (
-    "day", "session", "machine", "worked", "worked twice", "missed", "hours", "work rate", "depth", "soil moved",
+    "day", "session", "machine", "worked", "worked twice", "missed", "hours", "work rate", "depth (approximate)",
+    "soil moved",
 )  # fmt: skip
 
 
 def history_page(
     field: Row, outline: BaseGeometry, seasons: Sequence[Row], visits: Sequence[Row], grounds: NDArray[np.object_]
 ) -> str:
-    """The page, in English.
+    """The page, in English; its areas have no unit yet.
 
     Args:
         field: its row in `fields`.
@@ -43,7 +57,7 @@ def history_page(
     """
     last = seasons[0] if seasons else {}
     figures = [
-        key_figure(_hectares(field["area_m2"]), "area of the field"),
+        key_figure(_area(field["area_m2"]), "area of the field"),
         key_figure(str(field["sessions"]), "sessions"),
         key_figure(str(len(seasons)), "seasons"),
     ]
@@ -54,9 +68,9 @@ def history_page(
         ]
     sections = [section("Map", _map(outline, grounds))]
     if seasons:
-        sections.append(section("Seasons", _scrolled(_SEASON_HEAD, [_season(row) for row in seasons])))
+        sections.append(section("Seasons", _scrolled(_SEASON_HEAD, [_season(row) for row in seasons], texts=(2,))))
     if visits:
-        shown = _scrolled(_VISIT_HEAD, [_visit(row) for row in visits[:MOST_ROWS]])
+        shown = _scrolled(_VISIT_HEAD, [_visit(row) for row in visits[:MOST_ROWS]], texts=(1, 2))
         more = len(visits) - MOST_ROWS
         note = f"{more} earlier sessions are in the table (CSV)." if more > 0 else ""
         sections.append(section("Sessions", shown + (remark(note) if note else "")))
@@ -65,13 +79,14 @@ def history_page(
             "How to read this page",
             remark(
                 "Areas are sums over sessions; ground counts each spot once. Hours run from the first pass to the end "
-                "of the last, turns and stops included. Depth is the mean over the passes whose depth was measured; "
-                "soil moved is the volume of the change of the surface."
+                "of the last, turns and stops included. Depth is approximate: the mean over the passes whose depth was "
+                "measured, which rests on the session's working depth; soil moved is the volume of the change of the "
+                "surface."
             ),
         )
     )
     name = escape(str(field["name"]))
-    days = f"{field['first_date']} to {field['last_date']}" if field["first_date"] else "not worked yet"
+    days = days_words(field["first_date"], field["last_date"]) if field["first_date"] else "not worked yet"
     return filled(
         title=name,
         when=escape(days),
@@ -114,9 +129,8 @@ def _season(row: Row) -> list[str]:
     return [
         str(row["season"]),
         str(row["times_worked"]),
-        row["first_date"],
-        row["last_date"],
-        _hectares(row["ground_m2"]),
+        days_words(row["first_date"], row["last_date"]),
+        _area(row["ground_m2"]),
         *_figures(row),
     ]
 
@@ -127,27 +141,27 @@ def _visit(row: Row) -> list[str]:
 
 def _figures(row: Row) -> list[str]:
     return [
-        _hectares(row["worked_area_m2"]),
-        _hectares(row["overlap_area_m2"]),
-        _hectares(row["missed_area_m2"]),
+        _area(row["worked_area_m2"]),
+        _area(row["overlap_area_m2"]),
+        _area(row["missed_area_m2"]),
         _hours(row["hours"]),
-        _known(row["work_rate_ha_h"], "{:.2f} ha/h"),
+        UNKNOWN if row["work_rate_ha_h"] is None else work_rate(row["work_rate_ha_h"]),
         _known(None if row["depth_m"] is None else 100.0 * row["depth_m"], "{:.1f} cm"),
         _known(row["soil_moved_m3"], "{:,.1f} m³"),
     ]
 
 
-def _scrolled(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    return f'<div class="scroll">{table(head, rows)}</div>'
+def _scrolled(head: Sequence[str], rows: Sequence[Sequence[str]], texts: Collection[int]) -> str:
+    return f'<div class="scroll">{table(head, rows, texts)}</div>'
 
 
-def _hectares(area_m2: float | None) -> str:
-    return _known(None if area_m2 is None else area_m2 / 10_000.0, "{:.3f} ha")
+def _area(area_m2: float | None) -> str:
+    return UNKNOWN if area_m2 is None else area(area_m2)
 
 
 def _hours(hours: float | None) -> str:
-    return _known(hours, "{:.1f} h")
+    return UNKNOWN if hours is None else duration_words(3600.0 * hours)
 
 
 def _known(value: float | None, form: str) -> str:
-    return form.format(value) if value is not None else "–"
+    return form.format(value) if value is not None else UNKNOWN

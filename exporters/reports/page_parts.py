@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from importlib.resources import files
 from string import Template
 
@@ -93,11 +93,30 @@ def section(title: str, content: str) -> str:
     return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>"
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of texts."""
-    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], texts: Collection[int] = ()) -> str:
+    """A table of texts.
+
+    Args:
+        head: of the columns.
+        rows: with a cell for each column.
+        texts: columns of words, which begin at the left and wrap; the first one does in any case.
+    """
+    return table_of_cells(head, [[escape(cell) for cell in row] for row in rows], texts)
+
+
+def table_of_cells(head: Sequence[str], rows: Iterable[Sequence[str]], texts: Collection[int] = ()) -> str:
+    """The same of cells in HTML."""
+    kinds = [' class="text"' if k in texts else "" for k in range(len(head))]
+    top = "".join(f"<th{kind}>{escape(cell)}</th>" for kind, cell in zip(kinds, head, strict=True))
+    body = "".join(
+        f"<tr>{''.join(f'<td{kind}>{cell}</td>' for kind, cell in zip(kinds, row, strict=True))}</tr>" for row in rows
+    )
     return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def days_words(first: str, last: str) -> str:
+    """The days from a first to a last one, in any language: "2026-06-11 – 2026-06-18"."""
+    return first if first == last else f"{first} – {last}"
 
 
 def duration_words(length_s: float) -> str:

@@ -25,7 +25,7 @@ NUMBERS: Final = (
     "duration_s", "distance_m", "points", "passes", "worked_area_m2", "overlap_area_m2", "missed_area_m2",
     "working_speed_mps", "work_rate_ha_h",
 )  # fmt: skip
-TEXTS: Final = ("start", "end")
+TEXTS: Final = ("start", "end", "start_local", "end_local", "time_zone")
 FIGURES: Final = (*TEXTS, *NUMBERS)
 """Figures of a report that the table has; those that a run does not give are empty."""
 _SIMPLIFY_M: Final = 0.5
