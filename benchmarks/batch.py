@@ -1,11 +1,14 @@
 """Batches of short simulated sessions: overhead, speed-up of two workers, memory, repetition, kills.
 
-`python benchmarks/batch.py [SESSIONS] [KILLS] [--quick]` prints what docs/explanation/batch.md records. The
-sessions are one simulated recording of five seconds under different names, linked, not copied; each run has one thread.
+`python benchmarks/batch.py speed 60` compares two workers with one, `season 1000` has two workers only,
+`repetition 1000` has nothing to do, `kills 6 50` kills workers and the batch 50 times. docs/explanation/batch.md
+records what they print. The sessions are one simulated recording of five seconds under different names, linked, not
+copied; each run has one thread.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import shutil
@@ -13,7 +16,10 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,26 +32,12 @@ from furrowmap.workflows.batch_jobs import Job, identity, key_of, open_job
 from furrowmap.workflows.batch_sources import find_sources
 from furrowmap.workflows.batch_task import input_stamps
 
-SCENARIO = """title = "One pass"
-seed = 5
-[field]
-size_e_m = 20.0
-size_n_m = 16.0
-[drive]
-passes = 1
-pass_m = [3.2]
-speed_work_mps = 1.3
-accel_mps2 = 1.5
-stand_start_s = 0.4
-stand_end_s = 0.3
-lead_in_m = 0.4
-"""
+SCENARIO = Path(__file__).parents[1] / "tests" / "app" / "one_pass.toml"
 
 
 def season(folder: Path, count: int) -> Path:
     """`count` sessions of one simulated recording."""
-    (folder / "scenario.toml").write_text(SCENARIO)
-    drive = furrowmap.simulate(folder / "scenario.toml", folder / "drive").folder
+    drive = furrowmap.simulate(SCENARIO, folder / "drive").folder
     for k in range(count):
         home = folder / "season" / f"s{k:05}"
         home.mkdir(parents=True)
@@ -56,43 +48,75 @@ def season(folder: Path, count: int) -> Path:
     return folder / "season"
 
 
-def command(sessions: Path, results: Path, workers: int) -> list[str]:
+def command(sessions: Path, results: Path, *options: str) -> list[str]:
     program = [sys.executable, "-m", "furrowmap", "batch", str(sessions), "-o", str(results), "--quiet"]
-    return [*program, "--workers", str(workers), "--threads", "1"]
+    return [*program, *options, "--threads", "1"]
+
+
+@contextmanager
+def counting(results: Path, step_s: float = 60.0) -> Iterator[None]:
+    """Within it, the number of results is printed every minute."""
+    ended, begin = threading.Event(), time.perf_counter()
+
+    def count() -> None:
+        while not ended.wait(step_s):
+            done = sum(1 for _ in results.glob("*/report.json"))
+            print(f"  {time.perf_counter() - begin:.0f} s: {done} results", flush=True)
+
+    thread = threading.Thread(target=count, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def timed(sessions: Path, results: Path, workers: int) -> tuple[float, list[Outcome]]:
     """Wall time of a batch, and what became of its sessions."""
     begin = time.perf_counter()
-    subprocess.run(command(sessions, results, workers), check=True, stdout=subprocess.DEVNULL)
+    with counting(results):
+        subprocess.run(command(sessions, results, "--workers", str(workers)), check=True, stdout=subprocess.DEVNULL)
     took = time.perf_counter() - begin
     with batch_state(results / STATE) as state:
         return took, list(state.outcomes().values())
 
 
-def speed(sessions: Path, folder: Path) -> None:
-    walls = {}
+def figures(outcomes: list[Outcome], wall_s: float, workers: int) -> str:
+    """What a batch took; outcomes are in the order in which they ended."""
+    runs, processor = sum(o.seconds for o in outcomes), sum(o.processor_s for o in outcomes)
+    quarter = max(1, len(outcomes) // 4)
+    peaks = [o.peak_mb for o in outcomes]
+    return (
+        f"{workers} workers: {len(outcomes)} sessions in {wall_s:.1f} s; sum of the runs {runs:.1f} s, "
+        f"{processor:.1f} s of processor; overhead {100 * (wall_s * workers / runs - 1):.1f} %; peak memory "
+        f"{statistics.median(peaks[:quarter]):.0f} MB in the first quarter, "
+        f"{statistics.median(peaks[-quarter:]):.0f} MB in the last"
+    )
+
+
+def speed(folder: Path, count: int) -> None:
+    """Two workers against one."""
+    sessions, walls = season(folder, count), {}
     for workers in (1, 2):
         wall, outcomes = timed(sessions, folder / f"results{workers}", workers)
-        runs, processor = sum(o.seconds for o in outcomes), sum(o.processor_s for o in outcomes)
-        quarter = max(1, len(outcomes) // 4)
-        peaks = [o.peak_mb for o in outcomes]
         walls[workers] = wall
-        print(
-            f"{workers} workers: {len(outcomes)} sessions in {wall:.1f} s; sum of the runs {runs:.1f} s, "
-            f"{processor:.1f} s of processor; overhead {100 * (wall * workers / runs - 1):.1f} %; peak memory "
-            f"{statistics.median(peaks[:quarter]):.0f} MB in the first quarter, "
-            f"{statistics.median(peaks[-quarter:]):.0f} MB in the last",
-            flush=True,
-        )
+        print(figures(outcomes, wall, workers), flush=True)
     print(f"speed-up {walls[1] / walls[2]:.2f}")
     again, _ = timed(sessions, folder / "results2", 2)
     print(f"again: {again:.2f} s")
 
 
-def repetition(sessions: Path, folder: Path) -> None:
+def whole_season(folder: Path, count: int) -> None:
+    """Two workers alone."""
+    sessions = season(folder, count)
+    wall, outcomes = timed(sessions, folder / "results", 2)
+    print(figures(outcomes, wall, 2))
+
+
+def repetition(folder: Path, count: int) -> None:
     """The time of a batch in which all is done; its state is written here, without the runs."""
-    results = folder / "repeated"
+    sessions, results = season(folder, count), folder / "repeated"
     results.mkdir()
     with batch_state(results / STATE) as state:
         state._database.execute("PRAGMA synchronous = OFF")  # 2,000 transactions in a row
@@ -114,43 +138,67 @@ FOOTPRINT = shapely.to_wkb(shapely.box(140.0, 36.0, 140.001, 36.001), hex=True)
 TRACK = shapely.to_wkb(shapely.MultiLineString([[(140.0, 36.0), (140.001, 36.001)]]), hex=True)
 
 
-def kills(sessions: Path, folder: Path, count: int) -> None:
-    """Workers, and the batch with its scheduler, are killed at random; then it is called to the end."""
-    chance, killed = random.Random(1), {"worker": 0, "batch": 0}
-    results = folder / "killed"
-    while sum(killed.values()) < count:
-        with subprocess.Popen(command(sessions, results, 2), stdout=subprocess.DEVNULL) as batch:
-            while batch.poll() is None and sum(killed.values()) < count:
-                time.sleep(chance.uniform(1.0, 9.0))
-                try:
-                    children = psutil.Process(batch.pid).children(recursive=True)
-                    workers = [c for c in children if "spawn_main" in " ".join(c.cmdline())]
-                    if workers and chance.random() < 0.7:
-                        chance.choice(workers).kill()
-                        killed["worker"] += 1
-                    elif batch.poll() is None:
-                        batch.kill()
-                        killed["batch"] += 1
-                except psutil.NoSuchProcess:
-                    continue
-        if batch.returncode == 0 and sum(killed.values()) < count:
-            shutil.rmtree(results)  # done before it was killed often enough
-    _, outcomes = timed(sessions, results, 2)
-    whole = sum(len(furrowmap.open_result(path.parent).layers) > 0 for path in results.glob("*/report.json"))
-    left = [path.name for path in results.glob("*/.furrowmap-*")]
-    failed = [o.failure for o in outcomes if o.failure is not None]
-    print(f"{killed}: {whole} whole results of {len(outcomes)} sessions, {len(failed)} failed, left behind: {left}")
+def spawned(process: int) -> list[psutil.Process]:
+    """The worker processes below a process: Dask's nannies and furrowmap's own engine start them by `spawn`."""
+    found = []
+    for child in psutil.Process(process).children(recursive=True):
+        try:
+            if "spawn_main" in " ".join(child.cmdline()):
+                found.append(child)
+        except psutil.NoSuchProcess:
+            continue
+    return found
 
+
+def verdict(sessions: Path, results: Path) -> str:
+    """What is in a folder of results after the last call: all sessions are the same drive, and so are their figures."""
+    with batch_state(results / STATE) as state:
+        outcomes = state.outcomes()
+    wanted = {path.name for path in sessions.iterdir()}
+    reports = {path.parent.name: json.loads(path.read_text()) for path in results.glob("*/report.json")}
+    whole = [name for name in reports if len(furrowmap.open_result(results / name).layers) > 0]
+    different = {json.dumps(report["figures"], sort_keys=True) for report in reports.values()}
+    failed = [name for name, outcome in outcomes.items() if outcome.failure is not None]
+    left = [path.name for path in results.glob("*/.furrowmap-*")]
+    return (
+        f"{len(whole)} whole results of {len(wanted)} sessions, lost {sorted(wanted - set(whole))}, failed {failed}, "
+        f"{len(different)} different sets of figures, left behind: {left}"
+    )
+
+
+def kills(folder: Path, count: int, wanted: int, longest_s: int = 9) -> None:
+    """Workers, and the batch with its scheduler, are killed at random; then it is called to the end."""
+    chance, killed, calls = random.Random(1), {"worker": 0, "batch": 0}, 0
+    sessions, results = season(folder, count), folder / "killed"
+    call = command(sessions, results, "--workers", "2")
+    while sum(killed.values()) < wanted:
+        calls += 1
+        with subprocess.Popen(call, stdout=subprocess.DEVNULL) as batch:
+            while batch.poll() is None and sum(killed.values()) < wanted:
+                what = "worker" if chance.random() < 0.7 else "batch"
+                time.sleep(chance.uniform(1.0, longest_s))
+                try:
+                    while what == "worker" and batch.poll() is None and not spawned(batch.pid):
+                        time.sleep(0.1)
+                    (chance.choice(spawned(batch.pid)) if what == "worker" else batch).kill()
+                except (psutil.NoSuchProcess, IndexError):
+                    continue  # it has ended by itself
+                killed[what] += 1
+                print(f"  call {calls}: {killed}, {len(list(results.glob('*/report.json')))} results", flush=True)
+        if batch.returncode == 0 and sum(killed.values()) < wanted:
+            print(f"  done: {verdict(sessions, results)}", flush=True)
+            shutil.rmtree(results)  # done before it was killed often enough
+    timed(sessions, results, 2)
+    print(f"{killed} in {calls} calls: {verdict(sessions, results)}")
+
+
+DOES: dict[str, Callable[..., None]] = {
+    "speed": speed,
+    "season": whole_season,
+    "repetition": repetition,
+    "kills": kills,
+}
 
 if __name__ == "__main__":
-    quick = "--quick" in sys.argv
-    numbers = [int(word) for word in sys.argv[1:] if word.isdigit()] or [20, 50]
     with tempfile.TemporaryDirectory(prefix="furrowmap-batch-") as place:
-        home = Path(place)
-        sessions = season(home, numbers[0])
-        speed(sessions, home)
-        if len(numbers) > 1:
-            kills(sessions, home, numbers[1])
-        if not quick:
-            (home / "many").mkdir()
-            repetition(season(home / "many", 1000), home)
+        DOES[sys.argv[1]](Path(place), *map(int, sys.argv[2:]))

@@ -7,6 +7,7 @@ import statistics
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -26,7 +27,7 @@ from furrowmap.workflows.batch_jobs import Job, Prepared, Request, identity, key
 from furrowmap.workflows.batch_places import Store, find_remote, is_url, scratch
 from furrowmap.workflows.batch_sources import Source, find_sources, named, stamp
 from furrowmap.workflows.batch_task import input_stamps, run_job
-from furrowmap.workflows.failures import in_three_lines
+from furrowmap.workflows.failures import tried
 from furrowmap.workflows.machines import machine_file
 
 START_S: Final = 2.0
@@ -280,12 +281,11 @@ class _Batch:
         """Choose the jobs whose settings or inputs have changed, or that failed for a reason that may have passed."""
         whole = Store(self.url).complete() if self.url else None
         for name, job in plan.jobs.items():
-            try:
-                before, key = outcomes.get(name), key_of(job)
-                stamps = job.stamps if job.url else input_stamps(open_job(job))
-            except Exception as error:  # noqa: BLE001 whatever is wrong with one session is told in the table
-                plan.failures[name] = (job.file, Failure.of(in_three_lines(error)))
+            looked = tried(partial(_key_and_stamps, job))
+            if isinstance(looked, Failure):
+                plan.failures[name] = (job.file, looked)
                 continue
+            before, (key, stamps) = outcomes.get(name), looked
             plan.bytes_due[name] = _size(stamps)
             same = before is not None and before.key == key and same_files(before.inputs, stamps)
             if before is None or not same or not _is_settled(before, job, whole):
@@ -340,12 +340,18 @@ def _here(asked: Sequence[tuple[str, Request]]) -> Iterator[tuple[str, Prepared]
 
 
 def _as_it_is(source: Source) -> Prepared:
-    try:
-        if source.url:
-            return Prepared((Store(source.url).read(source.file.name) or b"").decode())
-        return Prepared(source.file.read_text(encoding="utf-8"))
-    except Exception as error:  # noqa: BLE001 whatever is wrong with one session is told in the table
-        return Prepared(failure=Failure.of(in_three_lines(error)))
+    text = tried(partial(_text_of, source))
+    return Prepared(failure=text) if isinstance(text, Failure) else Prepared(text)
+
+
+def _text_of(source: Source) -> str:
+    if source.url:
+        return (Store(source.url).read(source.file.name) or b"").decode()
+    return source.file.read_text(encoding="utf-8")
+
+
+def _key_and_stamps(job: Job) -> tuple[str, tuple[Stamp, ...]]:
+    return key_of(job), job.stamps if job.url else input_stamps(open_job(job))
 
 
 def _prepared_key(source: Source, decisive: Sequence[Stamp]) -> str:

@@ -15,7 +15,7 @@ from distributed.scheduler import KilledWorker
 
 from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.process import prepare_process
-from furrowmap.workflows.batch_engine import Lost
+from furrowmap.workflows.batch_engine import ATTEMPTS, Lost
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")
@@ -146,15 +146,28 @@ def local_cluster(workers: int, say: Callable[[str], None]) -> Iterator[DaskWork
     """Workers that are processes of this machine, and end with it; its memory is divided among them."""
     with ExitStack() as stack:
         stack.enter_context(config.set(_QUIET))
-        cluster = stack.enter_context(
-            LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=True, memory_limit="auto", dashboard_address=":0"
-            )
-        )
+        cluster = stack.enter_context(_processes(workers))
         say(f"{workers} workers; dashboard: {cluster.dashboard_link}")
         engine = DaskWorkers(lambda: Client(cluster, timeout=_CONNECT_S))
         stack.callback(engine.close)
         yield engine
+
+
+def _processes(workers: int) -> LocalCluster:
+    """Workers of this machine.
+
+    Raises:
+        FurrowmapError: if they end while they are started, again and again.
+    """
+    for left in reversed(range(ATTEMPTS)):
+        try:
+            return LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=True, memory_limit="auto", dashboard_address=":0"
+            )
+        except RuntimeError as error:
+            if not left:
+                raise _not_started(error) from error
+    raise AssertionError
 
 
 @contextmanager
@@ -192,6 +205,15 @@ def _found(future: Any) -> Any:
     if isinstance(error, KilledWorker):
         return Lost()
     raise _unusable(error)
+
+
+def _not_started(error: BaseException) -> FurrowmapError:
+    return FurrowmapError(
+        f"The worker processes ended while they were started ({error}).",
+        "The batch has stopped; results that are finished are kept.",
+        "Check the free memory, use fewer workers, or use one with `--workers 1`.",
+        code="batch-no-workers",
+    )
 
 
 def _unusable(error: BaseException) -> FurrowmapError:

@@ -8,7 +8,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -32,7 +32,7 @@ from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.exporters.files.atomic import atomic_output, relative_path
 from furrowmap.exporters.files.batch_state import Failure, Stamp
 from furrowmap.workflows.batch_places import scratch, staged
-from furrowmap.workflows.failures import in_three_lines
+from furrowmap.workflows.failures import tried
 from furrowmap.workflows.propose import proposed
 
 FIELDS: Final = ".batch-fields"
@@ -161,14 +161,8 @@ def prepare(request: Request) -> Prepared:
 
     Errors are returned, because one source must not stop the others.
     """
-    try:
-        if not request.url:
-            return _prepared(request)
-        with scratch() as folder:
-            file = staged(request.url, request.stamps, Path(folder))
-            return _prepared(replace(request, file=str(file)))
-    except Exception as error:  # noqa: BLE001 whatever is wrong with one source is told in the table
-        return Prepared(failure=Failure.of(in_three_lines(error)))
+    found = tried(partial(_fetched_and_prepared, request))
+    return Prepared(failure=found) if isinstance(found, Failure) else found
 
 
 def open_job(job: Job) -> OpenSession:
@@ -238,6 +232,14 @@ def visits_of(
         else:
             kept.append((k, first, last))
     return kept
+
+
+def _fetched_and_prepared(request: Request) -> Prepared:
+    if not request.url:
+        return _prepared(request)
+    with scratch() as folder:
+        file = staged(request.url, request.stamps, Path(folder))
+        return _prepared(replace(request, file=str(file)))
 
 
 def _prepared(request: Request) -> Prepared:

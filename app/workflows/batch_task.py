@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from time import monotonic, perf_counter, process_time, sleep
@@ -27,7 +28,7 @@ from furrowmap.results import Result, open_result
 from furrowmap.workflows.batch_jobs import Job, key_of, open_job
 from furrowmap.workflows.batch_places import earlier_in_store, put_result, scratch, staged, store_failure
 from furrowmap.workflows.batch_sources import stamp
-from furrowmap.workflows.failures import in_three_lines
+from furrowmap.workflows.failures import in_three_lines, tried
 from furrowmap.workflows.run import run_opened
 
 PATIENCE_S: Final = 3600.0
@@ -57,20 +58,15 @@ def run_job(job: Job) -> Outcome:
     if job.url or job.results_url:
         return _run_with_store(job)
     spent = _Spent.begin()
-    key, stamps = "", tuple[Stamp, ...]()
-    try:
-        key = key_of(job)
-        with _settings(job):
-            opened = open_job(job)
-            stamps = input_stamps(opened)
-            result, repeated = _result(job, opened)
-            outcome = _finished(key, stamps, result, opened)
-    except Exception as error:  # noqa: BLE001 whatever ends one session is told in the table
-        outcome, repeated = Outcome(key, stamps, Failure.of(in_three_lines(error))), False
+    looked = tried(partial(_looked_at, job))
+    if isinstance(looked, Failure):
+        outcome = Outcome("", failure=looked)
+    else:
+        ran = tried(partial(_ran, job, *looked))
+        outcome = Outcome(*looked[:2], ran) if isinstance(ran, Failure) else ran
     took = spent()
     return replace(
         outcome,
-        repeated=repeated,
         seconds=round(took.wall_s, 3),
         processor_s=round(took.processor_s, 3),
         peak_mb=round(peak_memory_mb(), 1),
@@ -113,6 +109,20 @@ def peak_memory_mb() -> float:
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 1e6 if sys.platform == "darwin" else peak / 1e3
+
+
+def _looked_at(job: Job) -> tuple[str, tuple[Stamp, ...], OpenSession]:
+    """The key of a job, the files of its session, and that."""
+    with _settings(job):
+        opened = open_job(job)
+        return key_of(job), input_stamps(opened), opened
+
+
+def _ran(job: Job, key: str, stamps: tuple[Stamp, ...], opened: OpenSession) -> Outcome:
+    """What became of a job that could be opened."""
+    with _settings(job):
+        result, repeated = _result(job, opened)
+        return replace(_finished(key, stamps, result, opened), repeated=repeated)
 
 
 def _settings(job: Job) -> ExitStack:

@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar
+
 from furrowmap.core.values.errors import Cancelled, FurrowmapError
+from furrowmap.exporters.files.batch_state import Failure
+
+Found = TypeVar("Found")
+
+
+def tried(work: Callable[[], Found]) -> Found | Failure:
+    """What `work` gives, or the error that ended it: one session of a batch must not stop the others."""
+    try:
+        return work()
+    except Exception as error:  # noqa: BLE001 whatever is wrong with one session is told in the table
+        return Failure.of(in_three_lines(error))
 
 
 def in_three_lines(raised: BaseException) -> FurrowmapError:

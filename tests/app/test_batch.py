@@ -20,7 +20,7 @@ from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedErro
 from furrowmap.exporters.files.batch_state import STATE, batch_state
 from furrowmap.workflows import batch_engine
 from furrowmap.workflows.batch import _lost
-from furrowmap.workflows.batch_dask import _lost_scheduler, _unusable, cluster_of_scheduler, local_cluster
+from furrowmap.workflows.batch_dask import _lost_scheduler, _not_started, _unusable, cluster_of_scheduler, local_cluster
 from furrowmap.workflows.batch_engine import Lost, OneProcess, Workforce
 from furrowmap.workflows.batch_jobs import Job, Request, open_job, prepare, visits_of
 from furrowmap.workflows.batch_sources import find_sources, holds_scans, named
@@ -217,6 +217,7 @@ def test_scheduler__that_does_not_answer_is_an_error() -> None:
         pass
     assert error.value.code == "no-scheduler"
     assert _lost_scheduler().code == "batch-scheduler-lost"
+    assert _not_started(RuntimeError("x")).code == "batch-no-workers"
     assert _unusable(ValueError("x")).code == "batch-cluster"
     assert _lost("north").code == "batch-worker-lost"
 
