@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
+from itertools import zip_longest
 from time import perf_counter
 from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
 
@@ -44,10 +45,11 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import track_within
+from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.boundary import field_boundary, ground_to_map
 from furrowmap.core.work.external_states import external_states
-from furrowmap.core.work.field_work import FieldWork, ImplementTracker, with_ground
+from furrowmap.core.work.field_work import FieldWork, ImplementTracker, with_grounds
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.strip_differences import StripDifferences, strip_differences
 
@@ -134,7 +136,7 @@ def run(
     guess, aid = _aided_by_images(opened, guess, image_notices, progress)
     watch.lap("images")
     boundary, field_notices = _boundary(opened, guess.trajectory)
-    states, state_notices = external_states(opened.inputs.states, session, guess.trajectory)
+    states, state_notices = _external_states(opened, guess.trajectory)
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
     lidar, located, matched, flown, implement = _calibrated(opened, guess, survey, carrier, progress, checkpoint)
     if located.trajectory is not guess.trajectory:
@@ -231,6 +233,18 @@ def _boundary(opened: OpenSession, trajectory: Trajectory) -> tuple[BaseGeometry
     if file is None:
         return None, []
     return field_boundary(file, opened.frame, opened.session.field.name, trajectory.xyz_m)
+
+
+def _external_states(opened: OpenSession, trajectory: Trajectory) -> tuple[list[ToolStates | None], list[Notice]]:
+    """The states of each implement from files, None where the session names none, and notices about them."""
+    task = opened.session.recording.task
+    states: list[ToolStates | None] = []
+    notices: list[Notice] = []
+    for tool, files in zip(opened.session.implements, opened.inputs.tools, strict=True):
+        told, about = external_states(files.states, tool, task, trajectory)
+        states.append(told)
+        notices += about
+    return states, notices
 
 
 def _as_stated(located: Located, session: Session) -> Located:
@@ -330,7 +344,8 @@ def _match(
     from furrowmap.core.adjustment.session_match import MatchedSession, matched_to_ground
 
     session = opened.session
-    earlier = load_implement(opened.inputs.learned) if opened.inputs.learned is not None else None
+    learned = (tool.learned for tool in opened.inputs.tools)
+    earlier = [load_implement(file) if file is not None else None for file in learned]
     implement = ImplementTracker(session, earlier)
     located, matched = guess, None
     kept = checkpoint.load() if checkpoint is not None and guess.antenna is not None else None
@@ -414,11 +429,15 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     aid_notices: list[Notice] = []
     located, aid = _aided_by_images(opened, located, aid_notices, progress)
     boundary, field_notices = _boundary(opened, located.trajectory)
-    states, state_notices = external_states(opened.inputs.states, session, located.trajectory)
+    states, state_notices = _external_states(opened, located.trajectory)
     watch.lap("positions")
     progress("work", 0.0)
-    known = FieldWork(boundary=boundary, external=states)
-    work = with_ground(known, located.trajectory, opened.frame, session.implement)
+    tools = session.implements or (None,)
+    known = [
+        FieldWork(boundary=boundary, external=told, tool=tool.name if tool is not None else "")
+        for tool, told in zip_longest(tools, states)
+    ]
+    work = with_grounds(known, located.trajectory, opened.frame, tools)
     watch.lap("work")
     placement = Placement.without_scans(located.trajectory)
     notices = [*positions.notices, *located.notices, *quality_notices(placement.poses), *aid_notices]

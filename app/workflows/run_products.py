@@ -19,6 +19,7 @@ import tomli_w
 
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.implement.saved import save_implement
+from furrowmap.core.session.implements import together
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.beside import beside
 from furrowmap.core.values.errors import printable
@@ -233,7 +234,8 @@ def session_text(session: Session, session_file: str) -> str:
         session: as it was read.
         session_file: path of the file it was read from, for a comment.
     """
-    tables = {key: _without_none(value) for key, value in msgspec.to_builtins(session).items() if value is not None}
+    values = together(msgspec.to_builtins(session))
+    tables = {key: _without_none(value) for key, value in values.items() if value is not None}
     head = (
         f"# The session as furrowmap {version('furrowmap')} read it from this file, relative to here:\n"
         f"#   {printable(session_file)}\n"
@@ -253,4 +255,6 @@ def _path_from(session_file: Path, folder: Path) -> str:
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list):
+        return [_without_none(item) for item in value]
     return value

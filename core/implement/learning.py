@@ -54,7 +54,7 @@ def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
     ground = ground_plane(scans)
     if ground is None:
         return Learned(None, (_NO_GROUND,))
-    views = views_of(scans, ground, _hinted(hint) if hint is not None else _ANYWHERE)
+    views = views_of(scans, ground, hint.region_m if hint is not None else _ANYWHERE)
     found = _find(views)
     box = _box_of(found) if found is not None else None
     if box is not None and hint is None:
@@ -63,13 +63,6 @@ def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
         return Learned(None, (_nothing(views, hint),))
     lift_m = hint.lift_m if hint is not None else None
     return Learned(describe_implement(found, lift_m or USUAL_LIFT_M), _out_of_view(found.levels.hidden, lift_m))
-
-
-def _hinted(hint: Hint) -> Box:
-    if hint.box_m is not None:
-        return hint.box_m
-    (x, y), half = hint.xy_m, 0.5 * hint.width_m + 0.5
-    return (x - 2.0, x + 1.2, y - half, y + half)
 
 
 def _find(views: Views) -> Found | None:

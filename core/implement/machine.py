@@ -6,6 +6,7 @@ down with it, and occupies all voxels between its working and its lifted positio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,6 +29,7 @@ VOXEL_M: Final = 0.1
 _LOW_M: Final = np.array([-9.0, -4.5, -0.35])
 """Origin of the voxels: behind, to the right, below the ground."""
 _SHAPE: Final = (130, 90, 45)
+"""Up to 4 m forward of the origin; more where an implement reaches farther."""
 _OTHER: Final = np.uint8(PointClass.OTHER)
 _STILL_M: Final = 0.03
 """Range tolerance of static pixels: three times the noise of a scanner."""
@@ -50,8 +52,8 @@ class Machine:
     Attributes:
         mounting: of the sensor.
         ground: plane under the vehicle.
-        classes: (130, 90, 45) uint8, VEHICLE, IMPLEMENT or OTHER, of voxels of 0.1 m: forward from 9 m behind the
-            origin, to the left from 4.5 m to its right, up from 0.35 m below the ground.
+        classes: (130 or more, 90, 45) uint8, VEHICLE, IMPLEMENT or OTHER, of voxels of 0.1 m: forward from 9 m behind
+            the origin, to the left from 4.5 m to its right, up from 0.35 m below the ground.
     """
 
     mounting: Mounting
@@ -78,36 +80,38 @@ def learn_machine(
     scans: Sequence[NearScan],
     moving: NDArray[np.bool_],
     mounting: Mounting,
-    implement: Implement | None,
+    implements: Sequence[Implement],
     ground: Plane | None = None,
 ) -> Machine | None:
-    """Learn the vehicle and its implement; None with too few moving scans, or without ground where the mounting has it.
+    """Learn the vehicle and its implements; None with few moving scans, or without ground where the mounting has it.
 
     Args:
         scans: spread over a session.
         moving: (scans,) whether the vehicle moved.
         mounting: of the sensor.
-        implement: the detected one.
+        implements: the detected ones.
         ground: plane above which the vehicle is; by default that of the scans.
     """
     numbers = np.flatnonzero(moving).tolist()
     if len(numbers) < FEWEST_SCANS:
         return None
     if ground is None:
-        ground = implement.region.ground if implement is not None else ground_plane(scans)
+        ground = implements[0].region.ground if implements else ground_plane(scans)
     if ground is None:
         return None
     lasers = 1 + max(int(scan.laser.max(initial=0)) for scan in scans)
     usual = median_image(np.stack([scans[number].image(lasers) for number in numbers]))
-    still = _Counts(ground)
+    front_m = max((implement.region.box_m[1] for implement in implements), default=0.0)
+    shape = (max(_SHAPE[0], math.ceil((front_m - _LOW_M[0]) / VOXEL_M)), *_SHAPE[1:])
+    still = _Counts(ground, shape)
     for number in numbers:
         scan = scans[number]
         there = np.abs(scan.range_m - usual[scan.laser, scan.column]) < _STILL_M
         still.add(scan.xyz_m[there])
     vehicle = still.often(VEHICLE_SHARE)
-    classes = np.full(_SHAPE, PointClass.OTHER, np.uint8)
-    if implement is not None:
-        tool = _tool(scans, implement)
+    classes = np.full(shape, PointClass.OTHER, np.uint8)
+    for implement in implements:
+        tool = _tool(scans, implement, shape)
         classes[_with_foot(tool)] = PointClass.IMPLEMENT
         vehicle &= ~tool
     classes[_with_foot(vehicle)] = PointClass.VEHICLE
@@ -117,10 +121,10 @@ def learn_machine(
 class _Counts:
     """Number of scans with points in each voxel."""
 
-    def __init__(self, ground: Plane) -> None:
+    def __init__(self, ground: Plane, shape: tuple[int, ...]) -> None:
         self._ground = np.array(ground)
-        self._last = np.zeros(_SHAPE, np.int32)
-        self._count = np.zeros(_SHAPE, np.int32)
+        self._last = np.zeros(shape, np.int32)
+        self._count = np.zeros(shape, np.int32)
         self._scans = 0
 
     def add(self, xyz_m: NDArray[np.float32], lowered_m: float = 0.0) -> None:
@@ -134,12 +138,12 @@ class _Counts:
         return often
 
 
-def _tool(scans: Sequence[NearScan], implement: Implement) -> NDArray[np.bool_]:
+def _tool(scans: Sequence[NearScan], implement: Implement, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """The voxels of the implement between its positions."""
     region, template, levels = implement.region, implement.template, implement.levels
     views = views_of(scans, region.ground, region.box_m)
     heights = views.heights(template, region.still_m)
-    counts = _Counts((0.0, 0.0, 0.0))
+    counts = _Counts((0.0, 0.0, 0.0), shape)
     for number in np.flatnonzero(heights.sure).tolist():
         height_m = float(heights.height_m[number])
         # A view's heights are above the ground already.
@@ -147,7 +151,7 @@ def _tool(scans: Sequence[NearScan], implement: Implement) -> NDArray[np.bool_]:
         counts.add(xyz, height_m)
     low, high = (round(m / VOXEL_M) for m in (min(levels.low_m, implement.working_m), levels.high_m))
     own = counts.often(IMPLEMENT_SHARE)
-    swept = np.zeros(_SHAPE, bool)
+    swept = np.zeros(shape, bool)
     for rows in range(low, high + 1):
         swept |= _raised(own, rows)
     return swept
@@ -166,7 +170,7 @@ def _with_foot(voxels: NDArray[np.bool_]) -> NDArray[np.bool_]:
     grown: NDArray[np.bool_] = binary_dilation(voxels, np.ones((3, 3, 3), bool))
     lowest = np.argmax(grown, axis=2)
     stands = grown.any(axis=2) & (lowest <= _STANDS_ROW)
-    grown |= stands[..., None] & (np.arange(_SHAPE[2]) < lowest[..., None])
+    grown |= stands[..., None] & (np.arange(voxels.shape[2]) < lowest[..., None])
     return grown
 
 

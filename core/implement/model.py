@@ -33,6 +33,14 @@ class Hint:
     box_m: Box | None = None
     lift_m: float | None = None
 
+    @property
+    def region_m(self) -> Box:
+        """Where it is looked for: as stated, else around its line."""
+        if self.box_m is not None:
+            return self.box_m
+        (x, y), half = self.xy_m, 0.5 * self.width_m + 0.5
+        return (x - 2.0, x + 1.2, y - half, y + half)
+
 
 @dataclass(frozen=True)
 class Region:

@@ -19,6 +19,8 @@ MOST_POINTS: Final = 16_384
 """Most points kept of a scan."""
 _NEAR_M: Final = np.array([[-9.0, 4.0], [-4.5, 4.5], [-4.0, 4.0]])
 """Where an implement may be: range along x, y and z of the vehicle frame."""
+FRONT_M: Final = 4.0
+"""What is kept forward of the rear axle, unless an implement reaches farther."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,15 @@ class NearScans:
 
     They are kept in pairs of successive complete scans, to separate noise from motion. When full, every other pair is
     dropped and the stride doubles.
+
+    Args:
+        mounting: of the sensor.
+        front_m: how far forward points are kept.
     """
 
-    def __init__(self, mounting: Mounting) -> None:
+    def __init__(self, mounting: Mounting, front_m: float = FRONT_M) -> None:
+        self._near_m = _NEAR_M.copy()
+        self._near_m[0, 1] = front_m
         self._rotation = np.ascontiguousarray(mounting.rotation)
         self._lever_m = np.asarray(mounting.xyz_m, np.float64)
         self._stride = 2
@@ -83,7 +91,7 @@ class NearScans:
             np.ascontiguousarray(scan.laser, np.uint8),
             self._rotation,
             self._lever_m,
-            _NEAR_M,
+            self._near_m,
         )
         if len(xyz) > MOST_POINTS:
             kept = np.linspace(0, len(xyz) - 1, MOST_POINTS).astype(np.intp)

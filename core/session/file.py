@@ -17,6 +17,7 @@ import msgspec
 from msgspec.inspect import is_struct_type
 
 from furrowmap.core.session.camera import camera_faults
+from furrowmap.core.session.implements import FURTHER, TABLE, apart, implement_faults
 from furrowmap.core.values.attitude import MAGNETIC
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.foreign_content import LOOKED_AT, binary_kind
@@ -109,6 +110,7 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
             code="session-schema",
         )
     _check_keys(data, name)
+    data = apart(data)
     recording = data.get("recording")
     if isinstance(recording, dict) and isinstance(recording.get("date"), dt.date):
         recording["date"] = str(recording["date"])  # an unquoted date is a date in TOML
@@ -122,17 +124,19 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
 
 def _tables() -> dict[str, type[msgspec.Struct]]:
     """The table names and their structs."""
-    kinds = ((field.name, (field.type, *get_args(field.type))) for field in msgspec.structs.fields(Session))
+    fields = (field for field in msgspec.structs.fields(Session) if field.name != FURTHER)
+    kinds = ((field.name, (field.type, *get_args(field.type))) for field in fields)
     return {name: kind for name, alternatives in kinds for kind in alternatives if is_struct_type(kind)}
 
 
 def _check_keys(data: dict[str, Any], name: str) -> None:
     """Refuse unknown keys and suggest the nearest known one, which msgspec does not do."""
-    levels: list[tuple[str, dict[str, Any], tuple[str, ...]]] = [("", data, Session.__struct_encode_fields__)]
+    tables = tuple(key for key in Session.__struct_encode_fields__ if key != FURTHER)
+    levels: list[tuple[str, dict[str, Any], tuple[str, ...]]] = [("", data, tables)]
     levels += [
-        (f"{table}.", data[table], struct.__struct_encode_fields__)
+        (f"{table}.", content, struct.__struct_encode_fields__)
         for table, struct in _tables().items()
-        if isinstance(data.get(table), dict)
+        for content in _contents(data.get(table), several=table == TABLE)
     ]
     for prefix, table, known in levels:
         for key in table:
@@ -146,10 +150,16 @@ def _check_keys(data: dict[str, Any], name: str) -> None:
                 )
 
 
+def _contents(value: Any, *, several: bool) -> list[dict[str, Any]]:
+    """The tables that a name stands for; no other value is one."""
+    values = value if several and isinstance(value, list) else [value]
+    return [content for content in values if isinstance(content, dict)]
+
+
 def _conversion_error(message: str, name: str) -> InputError:
     """Convert an error of msgspec about a missing key or a wrong type."""
     reason, _, path = message.partition(" - at `$.")
-    path = path.rstrip("`")
+    path = re.sub(rf"^{FURTHER}\[[^]]*\]", TABLE, path.rstrip("`"))
     missing = re.fullmatch(r"Object missing required field `(.+)`", reason)
     if missing is not None:
         path = f"{path}.{missing[1]}" if path else missing[1]
@@ -216,7 +226,7 @@ def _faults(session: Session) -> Iterator[str]:
         if not math.isfinite(number):
             yield f"{key} must be finite, not {number}"
     implement = session.implement
-    if not session.recording.lidar and (implement is None or not implement.states) and not _flies(session):
+    if not session.recording.lidar and not any(tool.states for tool in session.implements) and not _flies(session):
         yield "recording.lidar names no file, and neither does implement.states, imu.files or attitude.roll_pitch"
     if not session.recording.gnss and session.trajectory is None:
         yield "recording.gnss names no file, and there is no [trajectory]"
@@ -242,15 +252,16 @@ def _faults(session: Session) -> Iterator[str]:
     attitude = session.attitude
     if attitude is not None and attitude.north == MAGNETIC and attitude.declination_deg is None:
         yield 'attitude.north is "magnetic", which needs attitude.declination_deg (positive east)'
-    if implement is not None and implement.states_use == CHECK and not session.recording.lidar:
+    yield from implement_faults(session.implements)
+    if any(tool.states_use == CHECK for tool in session.implements) and not session.recording.lidar:
         yield f'implement.states_use is "{CHECK}", which needs recording.lidar'
     if session.trajectory is not None and not session.trajectory.files:
         yield "trajectory.files names no file"
-    if implement is not None and implement.region_m is not None:
-        x0, x1, y0, y1 = implement.region_m
+    for region_m in (tool.region_m for tool in session.implements if tool.region_m is not None):
+        x0, x1, y0, y1 = region_m
         if not (x0 < x1 and y0 < y1):
             yield "implement.region_m must be [x_min, x_max, y_min, y_max] with each minimum below its maximum"
-        if max(abs(value) for value in implement.region_m) > FARTHEST_M:
+        if max(abs(value) for value in region_m) > FARTHEST_M:
             yield f"implement.region_m reaches farther than {FARTHEST_M:g} m from the rear axle (the unit is metres)"
 
 
@@ -270,18 +281,17 @@ def _imu_faults(imu: Imu) -> Iterator[str]:
 
 def _far_places(session: Session) -> Iterator[str]:
     """Implausibly far positions in the vehicle frame, which were given in another unit."""
-    places: dict[str, tuple[float, ...]] = {"lidar.xyz_m": session.lidar.mounting.xyz_m}
+    places: list[tuple[str, tuple[float, ...]]] = [("lidar.xyz_m", session.lidar.mounting.xyz_m)]
     if session.imu is not None:
-        places["imu.xyz_m"] = session.imu.xyz_m
+        places.append(("imu.xyz_m", session.imu.xyz_m))
     if session.mount is not None and session.mount.xyz_m is not None:
-        places["mount.xyz_m"] = session.mount.xyz_m
+        places.append(("mount.xyz_m", session.mount.xyz_m))
     if session.camera is not None:
-        places["camera.xyz_m"] = session.camera.xyz_m
+        places.append(("camera.xyz_m", session.camera.xyz_m))
     if session.antenna is not None:
-        places["antenna.xyz_m"] = session.antenna.xyz_m
-    if session.implement is not None:
-        places["implement.xy_m"] = session.implement.xy_m
-    for key, place in places.items():
+        places.append(("antenna.xyz_m", session.antenna.xyz_m))
+    places += [("implement.xy_m", tool.xy_m) for tool in session.implements]
+    for key, place in places:
         far_m = max(place, key=abs)
         if abs(far_m) > FARTHEST_M:
             yield f"{key} holds {far_m:g}, more than {FARTHEST_M:g} m from the rear axle (the unit is metres)"
@@ -293,7 +303,7 @@ def _repetitions(session: Session) -> Iterator[str]:
     for key, names in (
         ("recording.lidar", session.recording.lidar),
         ("recording.gnss", session.recording.gnss),
-        ("implement.states", session.implement.states if session.implement is not None else ()),
+        *(("implement.states", tool.states) for tool in session.implements),
         ("trajectory.files", trajectory),
         ("imu.files", session.imu.files if session.imu is not None else ()),
     ):

@@ -13,6 +13,7 @@ from typing import Any, Final
 import msgspec
 
 from furrowmap.core.session.file import FARTHEST_M
+from furrowmap.core.session.implements import FURTHER, TABLE, apart, implement_faults, together
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.machine import (
     MACHINE_SCHEMA,
@@ -24,7 +25,7 @@ from furrowmap.core.values.machine import (
     MachineImu,
 )
 from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.session import ORIGIN, Lidar, Session
+from furrowmap.core.values.session import ORIGIN, Implement, Lidar, Session
 from furrowmap.core.values.toml_text import parse_toml
 
 REFERENCE: Final = "docs/how-to/machine-profiles.md shows a whole one"
@@ -81,10 +82,12 @@ def parse_machine(text: str, name: str = "machine.toml") -> Machine:
     if data.get("furrowmap_machine") != MACHINE_SCHEMA:
         raise _invalid(name, f"it is no profile of a machine, which begins with furrowmap_machine = {MACHINE_SCHEMA}")
     try:
-        machine = msgspec.convert(data, Machine)
+        if FURTHER in data:
+            raise _invalid(name, f"{FURTHER} is no table of a profile; write [[{TABLE}]] once for each implement")
+        machine = msgspec.convert(apart(data), Machine)
     except msgspec.ValidationError as error:
         raise _invalid(name, str(error)) from None
-    fault = _fault(msgspec.to_builtins(machine))
+    fault = _fault(msgspec.to_builtins(machine)) or next(implement_faults(machine.implements), "")
     if fault:
         raise _invalid(name, fault)
     return machine
@@ -92,20 +95,21 @@ def parse_machine(text: str, name: str = "machine.toml") -> Machine:
 
 def machine_text(machine: Machine) -> str:
     """The profile as a file: a table for each part, a value a line."""
-    values = msgspec.to_builtins(machine)
+    values = together(msgspec.to_builtins(machine))
     lines = [f"furrowmap_machine = {MACHINE_SCHEMA}", f"name = {toml_value(values['name'])}"]
     for table, content in values.items():
-        if isinstance(content, dict):
-            lines += ["", f"[{table}]"]
-            lines += [
-                f"{key} = {toml_value(value)}" for key, value in content.items() if value is not None and value != ""
-            ]
+        header = f"[[{table}]]" if isinstance(content, list) else f"[{table}]"
+        for part in content if isinstance(content, list) else [content]:
+            if isinstance(part, dict):
+                lines += ["", header]
+                lines += [f"{key} = {toml_value(value)}" for key, value in part.items() if stated(value)]
     return _HEAD + "\n".join(lines) + "\n"
 
 
 def machine_of(session: Session, name: str) -> Machine:
     """The machine that a session describes; what it does not state is left out."""
-    imu, camera, tool = session.imu, session.camera, session.implement
+    imu, camera = session.imu, session.camera
+    tools = tuple(_machine_implement(tool) for tool in session.implements)
     places = (camera.xyz_m, camera.rpy_deg) if camera is not None else (ORIGIN, ORIGIN)
     return Machine(
         name=name,
@@ -113,16 +117,15 @@ def machine_of(session: Session, name: str) -> Machine:
         lidar=session.lidar if session.lidar != Lidar() else None,
         imu=MachineImu(xyz_m=imu.xyz_m, rpy_deg=imu.rpy_deg, kind=imu.kind) if imu is not None else None,
         camera=MachineCamera(xyz_m=places[0], rpy_deg=places[1]) if places != (ORIGIN, ORIGIN) else None,
-        implement=MachineImplement(
-            width_m=tool.width_m,
-            xy_m=tool.xy_m,
-            kind=tool.kind,
-            working_depth_m=tool.working_depth_m,
-            lift_m=tool.lift_m,
-        )
-        if tool is not None
-        else None,
+        implement=tools[0] if tools else None,
+        further_implements=tools[1:],
     )
+
+
+def _machine_implement(tool: Implement) -> MachineImplement:
+    """What a profile keeps of an implement."""
+    kept = {name: getattr(tool, name) for name in MachineImplement.__struct_fields__}
+    return MachineImplement(**kept)
 
 
 def learned(machine: Machine, found: LearnedMounting) -> Machine:
@@ -154,8 +157,15 @@ def _fault(value: Any, key: str = "") -> str:
     return ""
 
 
+def stated(value: Any) -> bool:
+    """Whether a value of a profile is written: neither nothing nor an empty text nor false; zero is."""
+    return value is not None and value is not False and value != ""
+
+
 def toml_value(value: Any) -> str:
     """A text, a number or a list of these in TOML, which JSON reads as well: so does the form of a session."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, list | tuple):

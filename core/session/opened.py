@@ -50,6 +50,19 @@ _GIVES: Final = {
 }
 
 
+@dataclass(frozen=True)
+class ToolInputs:
+    """The files that a session names of one implement.
+
+    Attributes:
+        states: tool states.
+        learned: the implement as learned in an earlier session.
+    """
+
+    states: tuple[Path, ...] = ()
+    learned: Path | None = None
+
+
 class LidarReader(Reader, GivesScans, Protocol):
     """A reader of laser scans."""
 
@@ -73,8 +86,7 @@ class Inputs:
         parcels: parcels of a trial.
         treatments: what each parcel was given.
         soil: the soil below the parcels by another survey.
-        states: tool states.
-        learned: implement learned in an earlier session.
+        tools: of each implement, in the order of :attr:`Session.implements`.
         parameters: parameter file of the map frame.
         geoid_grid: geoid grid of the map frame.
     """
@@ -93,8 +105,7 @@ class Inputs:
     parcels: Path | None = None
     treatments: Path | None = None
     soil: Path | None = None
-    states: tuple[Path, ...] = ()
-    learned: Path | None = None
+    tools: tuple[ToolInputs, ...] = ()
     parameters: Path | None = None
     geoid_grid: Path | None = None
 
@@ -112,7 +123,7 @@ class Inputs:
         def several(names: tuple[str, ...]) -> tuple[Path, ...]:
             return tuple(resolve(session_file, name) for name in names)
 
-        stated, implement, attitude = session.trajectory, session.implement, session.attitude
+        stated, attitude = session.trajectory, session.attitude
         parcels, camera = session.parcels, session.camera
         return cls(
             lidar=several(session.recording.lidar),
@@ -129,8 +140,7 @@ class Inputs:
             parcels=one(parcels.file if parcels is not None else None),
             treatments=one(parcels.treatments if parcels is not None else None),
             soil=one(parcels.soil if parcels is not None and parcels.soil not in SOIL_METHODS else None),
-            states=several(implement.states if implement is not None else ()),
-            learned=one(implement.learned if implement is not None else None),
+            tools=tuple(ToolInputs(several(tool.states), one(tool.learned)) for tool in session.implements),
             parameters=one(session.crs.parameters),
             geoid_grid=one(session.crs.geoid_grid),
         )
@@ -138,14 +148,12 @@ class Inputs:
     @property
     def all(self) -> tuple[Path, ...]:
         """Every file once, laser scanner recordings first, in the order in which the session names them."""
-        single = (self.mount, self.boundary, self.images, self.parcels, self.treatments, self.soil, *self.states)
-        single += (
-            self.control_points,
-            self.control_pixels,
-            self.learned,
-            self.parameters,
-            self.geoid_grid,
-            self.within,
+        single = (
+            *(self.mount, self.boundary, self.images, self.parcels, self.treatments, self.soil),
+            *(path for tool in self.tools for path in tool.states),
+            *(self.control_points, self.control_pixels),
+            *(tool.learned for tool in self.tools),
+            *(self.parameters, self.geoid_grid, self.within),
         )
         return tuple(
             dict.fromkeys(

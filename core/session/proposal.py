@@ -330,7 +330,7 @@ def _attitude(logs: Sequence[Examined], folder: Path) -> str:
 def _implement(states: Sequence[Examined], folder: Path, machine: Machine) -> str:
     """The implement of recordings with tool states, with their working width."""
     if machine.implement is not None:
-        return f"{implement_table(machine)}states = {_names(states, folder)}\n"
+        return implement_table(machine, f"states = {_names(states, folder)}\n")
     widths = [width for recording in states if (width := recording.inspection.facts.get("width_m"))]
     width = f"{widths[0]}   # largest width logged while working" if widths else "1.0   # FILL-IN: not in the recording"
     return f"""\

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
-from furrowmap.core.session.machine import toml_value
+from furrowmap.core.session.machine import stated, toml_value
 from furrowmap.core.values.errors import Notice, printable
 from furrowmap.core.values.machine import NOT_SHOWN_DEG, Machine
 
@@ -68,12 +68,15 @@ def imu_lines(machine: Machine) -> str:
     return _IMU if machine.imu is None else _lines(machine.imu, "xyz_m", "rpy_deg", "kind")
 
 
-def implement_table(machine: Machine) -> str:
-    """The table of the implement."""
+def implement_table(machine: Machine, more: str = "") -> str:
+    """The table of the implement, or those of several; `more` are further lines for the one that moves soil."""
     if machine.implement is None:
         return _IMPLEMENT
-    head = "# Working width of the implement, and the middle of its working line in the vehicle frame.\n[implement]\n"
-    return head + _lines(machine.implement, "kind", "width_m", "xy_m", "working_depth_m", "lift_m")
+    head = "# Working width of the implement, and the middle of its working line in the vehicle frame.\n"
+    header = "[[implement]]\n" if machine.further_implements else "[implement]\n"
+    keys = ("name", "kind", "width_m", "xy_m", "working_depth_m", "lift_m", "moves_soil")
+    tables = [header + _lines(tool, *keys) for tool in machine.implements]
+    return head + "\n".join([tables[0] + more, *tables[1:]])
 
 
 def camera_comment(machine: Machine) -> Sequence[str]:
@@ -124,4 +127,4 @@ def _lines(part: Any, *names: str) -> str:
     known = {
         "class" if name == "kind" and not hasattr(part, "width_m") else name: getattr(part, name) for name in names
     }
-    return "".join(f"{key} = {toml_value(value)}\n" for key, value in known.items() if value not in (None, ""))
+    return "".join(f"{key} = {toml_value(value)}\n" for key, value in known.items() if stated(value))

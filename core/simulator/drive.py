@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.simulator.noise import band_noise
 from furrowmap.core.simulator.path import DrivenPath
-from furrowmap.core.simulator.scenario import Drive, Implement
+from furrowmap.core.simulator.scenario import Drive, FrontImplement, Implement
 
 FloatArray = NDArray[np.float64]
 
@@ -68,6 +68,16 @@ def drive_path(path: DrivenPath, drive: Drive, implement: Implement, rng: np.ran
         tool_m < implement.working_depth_m,
         duration_s,
     )
+
+
+def drive_front(path: DrivenPath, drive: Drive, front: FrontImplement, rng: np.random.Generator) -> Track:
+    """The same drive with the height and state of the implement in front."""
+    ends = [
+        (max(lowered_m - front.ahead_m, 0.0), max(lifted_m - front.ahead_m, 0.0))
+        for number, (lowered_m, lifted_m) in enumerate(path.passes)
+        if not front.passes or number in front.passes
+    ]
+    return drive_path(replace(path, passes=tuple(ends)), drive, front, rng)
 
 
 def _timetable(path: DrivenPath, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray]:

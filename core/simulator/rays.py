@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.scenario import Implement, Scenario
 from furrowmap.core.simulator.site import CELL_M as CELL
 from furrowmap.core.simulator.site import CROP_CELL_M as CROP_CELL
 from furrowmap.core.simulator.soil import BLOCK, Ground, ceiling_of, relief_at
@@ -51,6 +51,8 @@ _BRIGHTNESS: Final = np.array([0.0, 31.0, 22.0, 54.0, 52.0, 58.0, 44.0, 12.0])
 _BRIGHTNESS_STEP: Final = 13.0
 """Reflectivity of a wall of brightness 1."""
 
+_HEIGHT, _FRONT_HEIGHT = 3, 5
+"""Columns of the firings with the heights of the tool, and of that in front."""
 _DUST_CENTRE = (-0.7, 0.6)
 """Of the dust cloud: behind the tool's line, above the ground."""
 _DUST_RADII = (2.1, 2.4, 1.2)
@@ -74,7 +76,8 @@ class Scene(NamedTuple):
             reflectivity.
         posts: (n, 5) east, north, radius, bottom, top.
         body: (n, 6) boxes in the vehicle frame.
-        tool: (n, 6) boxes in the vehicle frame, the tool in working position.
+        tool: (n, 7) boxes in the vehicle frame, the tool in working position, and the column of the firings that has
+            its height.
         dust: (6,) centre and radii of the dust cloud in the vehicle frame.
         crop: (rows, cols) height of the crop on cells of CROP_CELL_M; (0, 0) where there is none.
         extinction: of the crop, a metre of beam.
@@ -123,6 +126,7 @@ class Firings:
         tool_m: (n,) height of the tool.
         dusty: (n,) 0 to 1.
         mount: (n, 3, 4) as :attr:`Optics.mount`, where it moves; (0, 3, 4) where it does not.
+        front_m: (n,) height of the tool in front; (0,) where there is none.
     """
 
     number: int
@@ -134,6 +138,7 @@ class Firings:
     tool_m: FloatArray
     dusty: FloatArray
     mount: FloatArray = field(default_factory=lambda: np.empty((0, 3, 4)))
+    front_m: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -168,7 +173,9 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
     ]
     posts = [(e, n, radius, plane(e, n) - 1.0, plane(e, n) + height) for e, n, radius, height in scenario.posts]
     x, y = scenario.implement.xy_m
-    tool = np.array(scenario.implement.boxes_m).reshape(-1, 6) + np.array([x, x, y, y, 0.0, 0.0])
+    tool = _tool(scenario.implement, _HEIGHT)
+    if scenario.front is not None:
+        tool = np.concatenate([tool, _tool(scenario.front, _FRONT_HEIGHT)])
     soil, flight = scenario.soil, scenario.flight
     body = scenario.tractor.body_boxes_m if flight is None else flight.body_boxes_m
     if crop is not None:
@@ -179,11 +186,18 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
         np.array(walls, np.float64).reshape(-1, 9),
         np.array(posts, np.float64).reshape(-1, 5),
         np.array(body, np.float64).reshape(-1, 6),
-        tool if flight is None else np.empty((0, 6)),
+        tool if flight is None else np.empty((0, 7)),
         np.array([x + _DUST_CENTRE[0], y, _DUST_CENTRE[1], *_DUST_RADII]),
         np.zeros((0, 0), np.float32) if crop is None else crop,
         0.0 if flight is None else flight.extinction_per_m,
     )
+
+
+def _tool(implement: Implement, column: int) -> FloatArray:
+    """(n, 7) boxes of an implement, and the column with its height."""
+    x, y = implement.xy_m
+    boxes = np.array(implement.boxes_m).reshape(-1, 6) + np.array([x, x, y, y, 0.0, 0.0])
+    return np.column_stack([boxes, np.full(len(boxes), float(column))])
 
 
 def _highest_near(crop: NDArray[np.float32], rows: int, cols: int) -> NDArray[np.float32]:
@@ -226,6 +240,8 @@ def cast(scene: Scene, optics: Optics, firings: Firings) -> Returns:
     ticks, reflectivity, met = (np.zeros(shape, kind) for kind in (np.uint16, np.uint8, np.uint8))
     cell = np.full(shape, -1, np.int32)
     moving = np.column_stack([firings.t_s, firings.azimuth_rad, firings.turn_radps, firings.tool_m, firings.dusty])
+    if len(firings.front_m):
+        moving = np.column_stack([moving, firings.front_m])
     _cast(
         scene,
         optics,
@@ -416,7 +432,7 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
     ground, mount, lasers = scene.ground, optics.mount, len(optics.lasers)
     rows, cols = ground.before.shape
     for i in range(len(moving)):
-        t, lift = moving[i, 0], moving[i, 3]
+        t = moving[i, 0]
         turn = rotation[i]
         if len(mounts):
             mount = mounts[i]
@@ -448,6 +464,7 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
                     best, incidence, what, bright = r, q, _BODY, _BRIGHTNESS[_BODY]
             for k in range(len(scene.tool)):
                 box = scene.tool[k]
+                lift = moving[i, int(box[6])]
                 r, q = _meet_box(px, py, pz - lift, vx, vy, vz, box[0], box[1], box[2], box[3], box[4], box[5])
                 if r < best:
                     best, incidence, what, bright = r, q, _IMPLEMENT, _BRIGHTNESS[_IMPLEMENT]

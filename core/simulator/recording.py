@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.simulator.capture import FILE_HEADER, records
+from furrowmap.core.simulator.drive import Track
 from furrowmap.core.simulator.gnss import gprmc
 from furrowmap.core.simulator.motion import Motion, mount_rotation
 from furrowmap.core.simulator.moving_mount import MountMotion
@@ -46,6 +47,7 @@ class World:
         motion: of the vehicle.
         crop: heights on the ground's cells; None without.
         mount: that moves; None where it does not.
+        front: the drive with the implement in front; None where there is none.
     """
 
     scenario: Scenario
@@ -54,6 +56,7 @@ class World:
     motion: Motion
     crop: NDArray[np.float32] | None = None
     mount: MountMotion | None = None
+    front: Track | None = None
 
     def mounted(self, t_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 3, 4) from sensor to vehicle at times (n,); (0, 3, 4) where the mount does not move."""
@@ -159,6 +162,7 @@ def _firings(spin: Spin, first: int, packets: int, world: World) -> Firings:
         np.interp(t_s, motion.t_s, motion.tool_m),
         np.interp(t_s, motion.t_s, motion.dusty),
         world.mounted(t_s),
+        np.interp(t_s, world.front.t_s, world.front.tool_m) if world.front is not None else np.zeros(len(t_s)),
     )
 
 

@@ -14,6 +14,7 @@ from furrowmap.core.simulator.flight_scenario import Flight, Imu, Line, MovingMo
 from furrowmap.core.simulator.table import BY_KIND, Box, Table, Vector3
 
 SoilKind: TypeAlias = Literal["stubble", "ploughed", "tilled", "rolled", "asphalt", "lawn", "snow", "maize"]
+ToolShape: TypeAlias = Literal["tiller", "mower", "plow", "roller"]
 
 OF_SCENARIO: Final = -1
 """Placeholder for the seed of the scenario."""
@@ -61,7 +62,11 @@ PLOW: Final[tuple[Box, ...]] = (
     (-0.65, -0.35, 0.30, 0.65, 0.00, 0.62),
     (0.70, 0.80, -0.45, 0.45, 0.35, 1.05),  # headstock
 )
-TOOL_BOXES: Final[Mapping[str, tuple[Box, ...]]] = {"tiller": TILLER, "mower": MOWER, "plow": PLOW}
+ROLLER: Final[tuple[Box, ...]] = (
+    (-0.25, 0.25, -0.85, 0.85, 0.00, 0.45),  # roll
+    (-0.30, 0.10, -0.85, 0.85, 0.45, 0.85),  # frame
+)
+TOOL_BOXES: Final[Mapping[str, tuple[Box, ...]]] = {"tiller": TILLER, "mower": MOWER, "plow": PLOW, "roller": ROLLER}
 
 TRACTOR: Final[tuple[Box, ...]] = (
     (-0.95, -0.88, 0.65, 0.79, 2.000, 2.100),  # working lamps
@@ -219,7 +224,7 @@ class Tractor(Table, frozen=True):
 class Implement(Table, frozen=True):
     """The implement."""
 
-    shape: Annotated[Literal["tiller", "mower", "plow"], Meta(description="body, and effect on the ground")] = "tiller"
+    shape: Annotated[ToolShape, Meta(description="body, and effect on the ground")] = "tiller"
     kind: Annotated[str, Meta(description="kind in session.toml")] = "rotary tiller"
     width_m: Annotated[float, Meta(gt=0.1, description="working width")] = 1.70
     xy_m: Annotated[tuple[float, float], Meta(description="middle of the working line in the vehicle frame")] = (
@@ -242,6 +247,23 @@ class Implement(Table, frozen=True):
             wide = self.width_m / 1.70
             shaped = tuple((a, b, c * wide, d * wide, e, f) for a, b, c, d, e, f in TOOL_BOXES[self.shape])
             msgspec.structs.force_setattr(self, "boxes_m", shaped)
+
+
+class FrontImplement(Implement, frozen=True):
+    """A second implement, in front; it leaves the ground as it is."""
+
+    shape: Annotated[ToolShape, Meta(description="body")] = "roller"
+    name: Annotated[str, Meta(description="name in session.toml")] = "front roller"
+    kind: Annotated[str, Meta(description="kind in session.toml")] = "roller"
+    xy_m: Annotated[tuple[float, float], Meta(description="middle of the working line in the vehicle frame")] = (
+        3.0,
+        0.0,
+    )
+    ahead_m: Annotated[
+        float, Meta(description="way by which it is lowered and lifted before the implement behind; negative: after it")
+    ] = 0.0
+    passes: Annotated[tuple[int, ...], Meta(description="passes in which it works, from 0; empty: all")] = ()
+    rear_name: Annotated[str, Meta(description="name in session.toml of the implement behind")] = "rear tool"
 
 
 class Antenna(Table, frozen=True):
@@ -345,7 +367,7 @@ class Gnss(Table, frozen=True):
 
 def left_by(implement: Implement, soil: Soil, seed: int) -> Soil:
     """`soil` with what `implement` leaves behind it, and the seed, where they are not stated."""
-    left = soil.worked or {"tiller": "tilled", "plow": "ploughed", "mower": "same"}[implement.shape]
+    left = soil.worked or {"tiller": "tilled", "plow": "ploughed", "mower": "same", "roller": "rolled"}[implement.shape]
     worked = SOILS[soil.kind if left == "same" else left]
     soil = msgspec.structs.replace(soil, worked=left, seed=seed if soil.seed == OF_SCENARIO else soil.seed)
     soil.fill(tilled_sigma_m=worked["sigma"], tilled_corr_m=worked["corr"], furrow_m=worked["furrow"])
@@ -400,6 +422,7 @@ class Scenario(Table, frozen=True):
     sway: Sway = Sway()
     tractor: Tractor = Tractor()
     implement: Implement = Implement()
+    front: FrontImplement | None = None
     antenna: Antenna = Antenna()
     lidar: Lidar = Lidar()
     noise: Noise = Noise()

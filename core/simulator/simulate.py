@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from furrowmap.core.simulator.drive import drive_path
+from furrowmap.core.simulator.drive import drive_front, drive_path
 from furrowmap.core.simulator.gnss import receivers, report, sentences
 from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.recording import World, record
-from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.scenario import Implement, Scenario
 from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.sensor import make_spin
 from furrowmap.core.simulator.simulate_flight import Written, moving, session_head, write_flight, write_sensors
@@ -25,6 +25,7 @@ from furrowmap.core.simulator.truth import (
     coarse_surface,
     drive_figures,
     ground_figures,
+    transitions,
     write_implement,
     write_surface,
     write_trajectory,
@@ -83,9 +84,11 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
     site = find_site(scenario)
     track = drive_path(path, scenario.drive, scenario.implement, random_for(scenario.seed, "tool"))
     sweeps = find_sweeps(track, scenario.implement.xy_m)
+    front = scenario.front
+    ahead = drive_front(path, scenario.drive, front, random_for(scenario.seed, "front")) if front is not None else None
     ground = make_ground(scenario, sweeps)
     motion = stand_on(ground, track, scenario.tractor, scenario.sway, random_for(scenario.seed, "sway"))
-    world = World(scenario, site, ground, motion, mount=moving(scenario))
+    world = World(scenario, site, ground, motion, mount=moving(scenario), front=ahead)
     spin = make_spin(scenario, track.duration_s)
     capture = "recording.pcap.gz" if scenario.lidar.gzip else "recording.pcap"
     truth, end_s = folder / "truth", track.duration_s + scenario.lidar.stop_s
@@ -102,6 +105,10 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
     write_implement(truth / "implement.csv", track, site)
     write_surface(truth / "surface.npz", surface, seen_after, site)
     worked = write_worked(truth / "worked.gpkg", sweeps, scenario.implement.width_m, site)
+    if front is not None and ahead is not None:
+        write_implement(truth / "implement_front.csv", ahead, site)
+        swept = write_worked(truth / "worked_front.gpkg", find_sweeps(ahead, front.xy_m), front.width_m, site)
+        worked |= {"front": swept | {"transitions": transitions(ahead)}}
     u0, u1, v0, v1 = scenario.field.boundary_uv_m
     figures = {
         "name": scenario.name,
@@ -119,18 +126,30 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
 
 
 def _session(scenario: Scenario, capture: str) -> str:
-    implement = scenario.implement
+    front, header = scenario.front, "[implement]" if scenario.front is None else "[[implement]]"
+    named = f"name = {_text(front.rear_name)}\n" if front is not None else ""
+    tables = [f"{header}\n{named}{_implement(scenario.implement)}"]
+    if front is not None:
+        tables.append(f"{header}\nname = {_text(front.name)}\n{_implement(front)}")
     return f"""\
 {session_head(scenario, capture)}
-[implement]
-kind = {json.dumps(implement.kind, ensure_ascii=False)}
-width_m = {implement.width_m!r}
-xy_m = {list(implement.xy_m)}
-working_depth_m = {implement.working_depth_m!r}
-
+{chr(10).join(tables)}
 [field]
 boundary = "boundary.geojson"
 """
+
+
+def _implement(implement: Implement) -> str:
+    return f"""\
+kind = {_text(implement.kind)}
+width_m = {implement.width_m!r}
+xy_m = {list(implement.xy_m)}
+working_depth_m = {implement.working_depth_m!r}
+"""
+
+
+def _text(words: str) -> str:
+    return json.dumps(words, ensure_ascii=False)
 
 
 def _boundary(scenario: Scenario, site: Site) -> str:

@@ -200,12 +200,17 @@ def drive_figures(track: Track, motion: Motion) -> dict[str, Any]:
     return {
         "distance_driven_m": round(float(np.hypot(np.diff(track.e_m), np.diff(track.n_m)).sum()), 2),
         "standing_s": round(float((np.abs(track.speed_mps) < 0.01).sum()) / RATE_HZ, 2),
-        "transitions": int(np.count_nonzero(np.diff(track.down.astype(np.int8)))),
+        "transitions": transitions(track),
         "rms_deg": {
             "roll": round(float(np.sqrt(np.mean(np.degrees(motion.roll_rad) ** 2))), 3),
             "pitch": round(float(np.sqrt(np.mean(np.degrees(motion.pitch_rad) ** 2))), 3),
         },
     }
+
+
+def transitions(track: Track) -> int:
+    """How often the tool changed its state."""
+    return int(np.count_nonzero(np.diff(track.down.astype(np.int8))))
 
 
 def _overlaps(shapes: NDArray[np.object_]) -> list[tuple[int, int, shapely.Polygon]]:

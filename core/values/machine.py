@@ -54,6 +54,8 @@ class MachineImplement(_Part, frozen=True):
         kind: free text.
         working_depth_m: working depth.
         lift_m: lift height.
+        name: of one of several.
+        moves_soil: of several, the one whose passes change the soil; default: the rearmost.
     """
 
     width_m: Annotated[float, Meta(gt=0.0, le=WIDEST_M)]
@@ -61,6 +63,8 @@ class MachineImplement(_Part, frozen=True):
     kind: str = ""
     working_depth_m: float | None = None
     lift_m: Annotated[float, Meta(ge=0.1, le=1.2)] | None = None
+    name: str = ""
+    moves_soil: bool = False
 
 
 class Calibrated(_Part, frozen=True):
@@ -85,6 +89,7 @@ class Machine(_Part, frozen=True):
         name: of the machine.
         antenna, lidar, imu, camera, implement: as in a session; None for none, or not measured.
         calibrated: where the angles in `lidar` are from; None where they were measured.
+        further_implements: the others of several `[[implement]]`.
     """
 
     furrowmap_machine: int = MACHINE_SCHEMA
@@ -95,3 +100,9 @@ class Machine(_Part, frozen=True):
     camera: MachineCamera | None = None
     implement: MachineImplement | None = None
     calibrated: Calibrated | None = None
+    further_implements: tuple[MachineImplement, ...] = ()
+
+    @property
+    def implements(self) -> tuple[MachineImplement, ...]:
+        """All implements, the one that moves soil first."""
+        return (self.implement, *self.further_implements) if self.implement is not None else ()

@@ -121,7 +121,7 @@ WIDEST_M: Final = 100.0
 
 
 class Implement(_Part, frozen=True):
-    """`[implement]`: the implement.
+    """`[implement]`: the implement, or one of several `[[implement]]`.
 
     Attributes:
         width_m: working width.
@@ -134,6 +134,8 @@ class Implement(_Part, frozen=True):
         states: files with tool states: tables of times, or task data.
         states_use: "replace" the states detected in the scans, or "check" them.
         states_minus_gnss_s: clock of the states minus that of the positions, if they differ by a constant.
+        name: of one of several, such as "front roller".
+        moves_soil: of several, the one whose passes change the soil; default: the rearmost.
     """
 
     width_m: Annotated[float, Meta(gt=0.0, le=WIDEST_M)]
@@ -146,6 +148,8 @@ class Implement(_Part, frozen=True):
     states: tuple[str, ...] = ()
     states_use: Literal["replace", "check"] = REPLACE
     states_minus_gnss_s: float = 0.0
+    name: str = ""
+    moves_soil: bool = False
 
 
 class Field(_Part, frozen=True):
@@ -400,7 +404,8 @@ class Session(_Part, frozen=True):
         furrowmap: schema version.
         name: of the session.
         recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, camera, parcels, features,
-            run, report: the tables.
+            run, report: the tables; `implement` is the one that moves soil, of several.
+        further_implements: the others of several `[[implement]]`, in their order.
     """
 
     furrowmap: int
@@ -420,6 +425,12 @@ class Session(_Part, frozen=True):
     run: Run = Run()
     report: Report = Report()
     camera: CameraSource | None = None
+    further_implements: tuple[Implement, ...] = ()
+
+    @property
+    def implements(self) -> tuple[Implement, ...]:
+        """All implements, the one that moves soil first."""
+        return (self.implement, *self.further_implements) if self.implement is not None else ()
 
     @property
     def unstated(self) -> tuple[str, ...]:
@@ -488,6 +499,8 @@ EXAMPLES: Final = {
     "implement.states": '["states.csv"]',
     "implement.states_use": '"replace"',
     "implement.states_minus_gnss_s": "0.0",
+    "implement.name": '"front roller"',
+    "implement.moves_soil": "true",
     "field.boundary": '"boundary.geojson"',
     "field.name": '"North field"',
     "field.time_zone": '"Asia/Tokyo"',

@@ -38,6 +38,9 @@ class Depth:
     sigma_m: float
 
 
+UNKNOWN_DEPTH: Final = Depth(math.nan, math.nan, math.nan)
+
+
 def pass_depths(
     passes: Sequence[PassTimes],
     t_s: FloatArray,

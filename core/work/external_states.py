@@ -15,7 +15,7 @@ from furrowmap.core.session.examination import likely_offset
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.scan import Clock
-from furrowmap.core.values.session import Session
+from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -87,13 +87,14 @@ def compare_states(seen: ToolStates, external: ToolStates) -> StateComparison:
 
 
 def external_states(
-    paths: Sequence[Path], session: Session, trajectory: Trajectory
+    paths: Sequence[Path], implement: Implement | None, task: str | None, trajectory: Trajectory
 ) -> tuple[ToolStates | None, tuple[Notice, ...]]:
-    """Tool states from the files that the session names, by the clock of the positions, and warnings about them.
+    """States of an implement from the files that the session names, by the clock of the positions, and warnings.
 
     Args:
         paths: the files; without any there are no states.
-        session: says which task of several, and how the clocks differ.
+        implement: says how the clocks differ.
+        task: which of several in task data; None where they hold one.
         trajectory: of the vehicle: a state that lasts to the end of the drive ends with it.
 
     Raises:
@@ -101,8 +102,8 @@ def external_states(
     """
     if not paths:
         return None, ()
-    assert session.implement is not None
-    reader = open_recording(paths, ReadOptions(task=session.recording.task))
+    assert implement is not None
+    reader = open_recording(paths, ReadOptions(task=task))
     if not isinstance(reader, GivesStates):
         raise InputError(
             f"{paths[0]} is '{reader.title}', which gives no tool states.",
@@ -111,7 +112,7 @@ def external_states(
             code="wrong-kind-of-file",
         )
     states = reader.states()
-    ahead_s = session.implement.states_minus_gnss_s
+    ahead_s = implement.states_minus_gnss_s
     begin_s, end_s = states.begin_s - ahead_s, states.end_s - ahead_s
     open_end = ~np.isfinite(end_s)
     end_s = np.where(open_end, np.maximum(trajectory.t_s[-1], np.nextafter(begin_s, np.inf)), end_s)

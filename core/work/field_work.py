@@ -1,10 +1,11 @@
-"""The implement in a run: detection, tracking and worked ground."""
+"""The implements in a run: detection, tracking and worked ground."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations, zip_longest
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,15 +17,16 @@ from furrowmap.core.implement.learning import learn_implement
 from furrowmap.core.implement.machine import AIRBORNE, Machine, learn_machine
 from furrowmap.core.implement.model import Hint, Learned
 from furrowmap.core.implement.model import Implement as SeenImplement
-from furrowmap.core.implement.near_scans import NearScans
+from furrowmap.core.implement.near_scans import FRONT_M, NearScan, NearScans
 from furrowmap.core.implement.states import ToolHistory, tool_history
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.intervals import interval_numbers
+from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import REPLACE, Implement, Session
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
-from furrowmap.core.work.depth import Depth, pass_depths
+from furrowmap.core.work.depth import UNKNOWN_DEPTH, Depth, pass_depths
 from furrowmap.core.work.external_states import StateComparison, compare_states
 from furrowmap.core.work.ground import WorkedGround, worked_ground
 from furrowmap.core.work.sweep import PassTimes, pass_times
@@ -49,7 +51,7 @@ _FROM_EARLIER = Notice(
 
 @dataclass(frozen=True)
 class FieldWork:
-    """What a run found out about the implement and its work.
+    """What a run found out about an implement and its work.
 
     Attributes:
         seen: the implement as the scans show it; None where they show none.
@@ -62,6 +64,8 @@ class FieldWork:
         notices: for the report.
         external: states from another source that took the place of those seen; None where they did not.
         state_comparison: of external states with those seen; None where there are not both.
+        tool: name of the implement; empty where there is one alone.
+        others: of the other implements of the machine; `notices` has theirs as well.
     """
 
     seen: SeenImplement | None = None
@@ -74,6 +78,13 @@ class FieldWork:
     notices: tuple[Notice, ...] = ()
     external: ToolStates | None = None
     state_comparison: StateComparison | None = None
+    tool: str = ""
+    others: tuple[FieldWork, ...] = ()
+
+    @property
+    def each(self) -> tuple[FieldWork, ...]:
+        """Of every implement, that which moves the soil first."""
+        return (self, *self.others)
 
     @property
     def states(self) -> ToolStates | None:
@@ -92,22 +103,54 @@ class FieldWork:
         return interval_numbers(self.passes, t_s)
 
 
+class _Followed:
+    """One implement on its way through both readings; None stands for what the session does not state."""
+
+    def __init__(self, stated: Implement | None, earlier: SeenImplement | None) -> None:
+        self._earlier = earlier
+        self.stated, self.name = stated, stated.name if stated is not None else ""
+        self.learned = Learned(None, ())
+        self.heights: ToolHeightTracker | None = None
+        self.hint = Hint(stated.xy_m, stated.width_m, stated.region_m, stated.lift_m) if stated is not None else None
+        self._depth_m = stated.working_depth_m if stated is not None else None
+
+    def learn(self, scans: Sequence[NearScan], mounting: Mounting) -> None:
+        """Find it in scans of the first reading."""
+        self.learned = learn_implement(scans, self.hint)
+        if self.learned.implement is None and self._earlier is not None:
+            self.learned = Learned(self._earlier, (_FROM_EARLIER,))
+        if self.learned.implement is not None:
+            self.heights = ToolHeightTracker(mounting, self.learned.implement, self._depth_m)
+
+    def found(self, boundary: BaseGeometry | None, external: ToolStates | None) -> FieldWork:
+        """Its states, after the second reading."""
+        seen = self.learned.implement
+        found = FieldWork(boundary=boundary, notices=self.learned.notices, tool=self.name)
+        if seen is not None and self.heights is not None:
+            history = tool_history(self.heights.heights(), seen, self._depth_m)
+            found = replace(found, seen=seen, history=history, notices=(*found.notices, *history.notices))
+        if external is not None:
+            assert self.stated is not None
+            found = with_external_states(found, external, self.stated)
+        return found
+
+
 class ImplementTracker:
-    """Finds the implement in the first pass over a recording and tracks it in the second.
+    """Finds the implements in the first pass over a recording and tracks them in the second.
 
     Args:
-        session: says how the scanner is mounted, and where the implement is if it knows.
-        earlier: the implement as an earlier session learned it, for a session that does not show it moving.
+        session: says how the scanner is mounted, and where the implements are if it knows.
+        earlier: each implement as an earlier session learned it, for a session that does not show it moving.
         flying: whether the vehicle is an aircraft, which has no implement.
     """
 
-    def __init__(self, session: Session, earlier: SeenImplement | None = None, *, flying: bool = False) -> None:
+    def __init__(self, session: Session, earlier: Sequence[SeenImplement | None] = (), *, flying: bool = False) -> None:
         self._flying = flying
         self._session = session
-        self._earlier = earlier
-        self._near: NearScans | None = NearScans(session.lidar.mounting)
-        self._learned = Learned(None, ())
-        self._heights: ToolHeightTracker | None = None
+        stated: Sequence[Implement | None] = session.implements or (None,)
+        self._tools = [_Followed(*pair) for pair in zip_longest(stated, earlier[: len(stated)])]
+        reach_m = [tool.hint.region_m[1] for tool in self._tools if tool.hint is not None and len(stated) > 1]
+        self._near: NearScans | None = NearScans(session.lidar.mounting, max([FRONT_M, *reach_m]))
         self._notices: tuple[Notice, ...] = ()
 
     def add_scan(self, scan: Scan) -> None:
@@ -121,35 +164,31 @@ class ImplementTracker:
         return scan
 
     def learn(self, trajectory: Trajectory) -> Machine | None:
-        """Find the implement, between the two readings; the machine of which it is part, None where that is not known.
+        """Find the implements, between the two readings; the machine of which they are part, None where not known.
 
         Args:
             trajectory: of the vehicle.
         """
         assert self._near is not None
-        stated, mounting = self._session.implement, self._session.lidar.mounting
+        mounting, near = self._session.lidar.mounting, self._near.scans
+        self._near = None
         if self._flying:
-            near, self._near = self._near.scans, None
-            return learn_machine(near, np.ones(len(near), np.bool_), mounting, None, AIRBORNE)
-        hint = Hint(stated.xy_m, stated.width_m, stated.region_m, stated.lift_m) if stated is not None else None
-        self._learned = learn_implement(self._near.scans, hint)
-        if self._learned.implement is None and self._earlier is not None:
-            self._learned = Learned(self._earlier, (_FROM_EARLIER,))
-        begin_s = np.array([scan.begin_s for scan in self._near.scans])
-        machine = learn_machine(self._near.scans, _moving(trajectory, begin_s), mounting, self._learned.implement)
+            return learn_machine(near, np.ones(len(near), np.bool_), mounting, (), AIRBORNE)
+        for tool in self._tools:
+            tool.learn(near, mounting)
+        begin_s = np.array([scan.begin_s for scan in near])
+        seen = [tool.learned.implement for tool in self._tools if tool.learned.implement is not None]
+        machine = learn_machine(near, _moving(trajectory, begin_s), mounting, seen)
         if machine is None:
             self._notices = (_NO_MACHINE,)
-        self._near = None
-        if self._learned.implement is not None:
-            depth_m = stated.working_depth_m if stated is not None else None
-            self._heights = ToolHeightTracker(mounting, self._learned.implement, depth_m)
         return machine
 
     def following(self, scans: Iterable[Scan]) -> Iterator[Scan]:
         """The scans of the second reading, looked at on their way."""
         for scan in scans:
-            if self._heights is not None:
-                self._heights.add(scan)
+            for tool in self._tools:
+                if tool.heights is not None:
+                    tool.heights.add(scan)
             yield scan
 
     def work(
@@ -157,31 +196,66 @@ class ImplementTracker:
         trajectory: Trajectory,
         frame: MapFrame,
         boundary: BaseGeometry | None,
-        external: ToolStates | None = None,
+        external: Sequence[ToolStates | None] = (),
     ) -> FieldWork:
-        """What the tool did and which ground it worked, after the second reading.
+        """What the tools did and which ground they worked, after the second reading.
 
         Args:
             trajectory: of the vehicle.
             frame: the map.
             boundary: of the field, if known.
-            external: states from another source, such as a machine log.
+            external: states of each tool from another source, such as a machine log.
         """
-        seen, stated = self._learned.implement, self._session.implement
-        found = FieldWork(boundary=boundary, notices=(*self._learned.notices, *self._notices))
-        if seen is not None and self._heights is not None:
-            depth_m = stated.working_depth_m if stated is not None else None
-            history = tool_history(self._heights.heights(), seen, depth_m)
-            found = replace(found, seen=seen, history=history, notices=(*found.notices, *history.notices))
-        if external is not None:
-            found = with_external_states(found, external, self._session)
-        return with_ground(found, trajectory, frame, stated)
+        pairs = list(zip_longest(self._tools, external[: len(self._tools)]))
+        from_scans = [
+            tool for tool, told in pairs if tool.stated and (told is None or tool.stated.states_use != REPLACE)
+        ]
+        found = [tool.found(boundary, told) for tool, told in pairs]
+        found[0] = replace(found[0], notices=(*found[0].notices, *self._notices))
+        work = with_grounds(found, trajectory, frame, [tool.stated for tool in self._tools])
+        return replace(work, notices=(*work.notices, *_not_separated(from_scans)))
 
 
-def with_external_states(found: FieldWork, external: ToolStates, session: Session) -> FieldWork:
+def _not_separated(tools: Sequence[_Followed]) -> Iterator[Notice]:
+    """Tools that are looked for in the same place."""
+    for one, other in combinations(tools, 2):
+        assert one.hint is not None
+        assert other.hint is not None
+        (a0, a1, b0, b1), (c0, c1, d0, d1) = one.hint.region_m, other.hint.region_m
+        if max(a0, c0) < min(a1, c1) and max(b0, d0) < min(b1, d1):
+            yield Notice(
+                "implements-overlap",
+                f"{one.name} and {other.name} are looked for in regions that overlap: what moves there "
+                "may be taken for either. State [[implement]] region_m of both, or their states in files.",
+            )
+
+
+def with_grounds(
+    found: Sequence[FieldWork], trajectory: Trajectory, frame: MapFrame, implements: Sequence[Implement | None]
+) -> FieldWork:
+    """The work of the first tool, which moves the soil, with the grounds of all and the others beside it.
+
+    Args:
+        found: states of each tool.
+        trajectory: of the vehicle.
+        frame: the map.
+        implements: each tool as the session states it.
+    """
+    first, *others = (with_ground(*pair, trajectory, frame) for pair in zip(found, implements, strict=True))
+    if not others:
+        return first
+    depthless = [replace(work, depths=tuple(UNKNOWN_DEPTH for _ in work.depths)) for work in others]
+    notices = [
+        notice if notice is _NO_MACHINE else Notice(notice.code, f"{work.tool}: {notice.text}")
+        for work in (first, *others)
+        for notice in work.notices
+    ]
+    return replace(first, others=tuple(depthless), notices=tuple(notices))
+
+
+def with_external_states(found: FieldWork, external: ToolStates, implement: Implement) -> FieldWork:
     """The work with states from elsewhere beside those seen, or in their place: as the session says."""
-    assert session.implement is not None
-    replaces = session.implement.states_use == REPLACE
+    replaces = implement.states_use == REPLACE
     if found.history is None:
         return replace(found, external=external if replaces else None)
     agreed = compare_states(found.history.states, external)
@@ -189,7 +263,7 @@ def with_external_states(found: FieldWork, external: ToolStates, session: Sessio
     return replace(found, external=external if replaces else None, state_comparison=agreed, notices=notices)
 
 
-def with_ground(found: FieldWork, trajectory: Trajectory, frame: MapFrame, implement: Implement | None) -> FieldWork:
+def with_ground(found: FieldWork, implement: Implement | None, trajectory: Trajectory, frame: MapFrame) -> FieldWork:
     """The work with the ground that its states make; as it was where no state is known, or not the tool's width."""
     states, history = found.states, found.history
     if states is None or not _known(states):

@@ -159,7 +159,7 @@ def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
 def _work(task: LoggedTask, frame: MapFrame, implement: Implement) -> TaskWork:
     course = trajectory_from_course(task.track, frame)
     boundary, area_m2 = _boundary(task, frame)
-    work = with_ground(FieldWork(boundary=boundary, external=task.states), course.trajectory, frame, implement)
+    work = with_ground(FieldWork(boundary=boundary, external=task.states), implement, course.trajectory, frame)
     swept, notices = _logged_swept(task, course, implement)
     if work.ground is None:
         notices.append(Notice("state-unknown", f"{task.track.source}: no record says whether the machine worked."))

@@ -47,8 +47,7 @@ def fix_colour(fix: int) -> str:
 def map_box(poses: ScanPoses, work: FieldWork) -> Box:
     """Bounds of the vehicle's path, the worked ground and the boundary."""
     shapes: list[BaseGeometry] = [shapely.MultiPoint(poses.xyz_m[:, :2])]
-    if work.ground is not None:
-        shapes.append(work.ground.coverage)
+    shapes += [one.ground.coverage for one in work.each if one.ground is not None]
     if work.boundary is not None:
         shapes.append(work.boundary)
     west, south, east, north = shapely.total_bounds(shapes)

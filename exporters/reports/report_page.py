@@ -27,7 +27,7 @@ from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
-from furrowmap.exporters.rasters.relief import Relief, shaded_ground
+from furrowmap.exporters.rasters.relief import Box, Relief, shaded_ground
 from furrowmap.exporters.reports.area_units import area, filled_in, work_rate
 from furrowmap.exporters.reports.drawings import (
     ACTIVITIES,
@@ -100,18 +100,19 @@ def write_page(
     box_m = map_box(poses, work)
     relief = shaded_ground(cloud, summary.points_by_level, box_m) if summary is not None else None
     sections = [
-        section("Map", f'<div class="maps">{work_map(box_m, poses, work, relief)}</div>' + _map_key(work, relief)),
+        *_maps(found, box_m, relief),
+        *_tools(work),
         *parcel_sections(parcels),
         *_features(features),
-        *_tool(work),
+        *(part for one in work.each for part in _tool(one, alone=not work.others)),
         *_activity(poses, work),
-        *_passes(work, found.zone),
+        *(part for one in work.each for part in _passes(one, found.zone, alone=not work.others)),
         section("GNSS", _quality(poses, found.frame)),
         section("Accuracy and warnings", _accuracy(found)),
         *image_sections(found.image_aid),
         *(flight_sections(rasters.strips, found) if rasters is not None and rasters.strips else ()),
         *_swaths(rasters.swaths if rasters is not None else None),
-        *_views(work),
+        *(part for one in work.each for part in _views(one, alone=not work.others)),
         *_classes(summary),
     ]
     page = filled(
@@ -127,6 +128,40 @@ def write_page(
     page = in_language(filled_in(page, report.area_unit), language_of_user(report.language))
     with atomic_output(path) as unfinished:
         unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+
+
+def _maps(found: RunResult, box_m: Box, relief: Relief | None) -> Iterator[str]:
+    """A map of the ground that each tool worked."""
+    for work in found.work.each:
+        sheet = f'<div class="maps">{work_map(box_m, found.placement.poses, work, relief)}</div>'
+        yield section(_of("Map", work, alone=not found.work.others), sheet + _map_key(work, relief))
+
+
+def _tools(work: FieldWork) -> Iterator[str]:
+    """The tools side by side, where there are several."""
+    if not work.others:
+        return
+    head = ("tool", "worked", "±", "worked twice", "missed", "passes", "states")
+    rows = []
+    for one in work.each:
+        states = "unknown" if one.states is None else "from files" if one.external is not None else "from the scans"
+        figures = one.ground.figures if one.ground is not None else None
+        areas = ["unknown"] * 5
+        if figures is not None:
+            measured = (area(found.grid_m2) for found in (figures.overlap, figures.missed))
+            worked = (area(figures.worked.grid_m2), area(2.0 * figures.worked.sigma_m2))
+            areas = [*worked, *measured, str(figures.passes)]
+        rows.append((one.tool, *areas, states))
+    note = (
+        "Each tool works with its own width and place, and is lowered and lifted at its own times. The first moves the "
+        "soil: change, depth and the figures at the top of the page are of it."
+    )
+    yield section("Tools", f'<div class="scroll">{table(head, rows)}</div>{remark(note)}')
+
+
+def _of(title: str, work: FieldWork, *, alone: bool) -> str:
+    """The title of a section, with the name of the tool where there are several."""
+    return title if alone else f"{title}: {work.tool}"
 
 
 def _features(counts: Mapping[str, int] | None) -> Iterator[str]:
@@ -204,7 +239,7 @@ def _map_key(work: FieldWork, relief: Relief | None) -> str:
     return key(rows) + remark(note)
 
 
-def _tool(work: FieldWork) -> Iterable[str]:
+def _tool(work: FieldWork, *, alone: bool) -> Iterable[str]:
     """The implement over time."""
     history = work.history
     if history is None or not len(history.t_s):
@@ -214,7 +249,7 @@ def _tool(work: FieldWork) -> Iterable[str]:
         f"({100 * history.threshold_m:.0f} cm) it is in the ground; lifted, it is {100 * history.lifted_m:.0f} cm up. "
         "Brown: in the ground. Blue: lifted. Grey: unknown. Numbers: passes."
     )
-    yield section("The implement", figure(tool_graph(work), note))
+    yield section(_of("The implement", work, alone=alone), figure(tool_graph(work), note))
 
 
 def _activity(poses: ScanPoses, work: FieldWork) -> Iterable[str]:
@@ -227,7 +262,7 @@ def _activity(poses: ScanPoses, work: FieldWork) -> Iterable[str]:
     yield section("Activity", figure(activity_graph(poses, work), note) + key(rows))
 
 
-def _passes(work: FieldWork, zone: ZoneInfo) -> Iterable[str]:
+def _passes(work: FieldWork, zone: ZoneInfo, *, alone: bool) -> Iterable[str]:
     """The table of passes."""
     ground = work.ground
     if ground is None or not ground.passes:
@@ -254,7 +289,7 @@ def _passes(work: FieldWork, zone: ZoneInfo) -> Iterable[str]:
     )
     if more:
         note = f"{more} more passes are in the layer passes of field.gpkg. {note}"
-    yield section("Passes", f'<div class="scroll">{table(head, rows)}</div>{remark(note)}')
+    yield section(_of("Passes", work, alone=alone), f'<div class="scroll">{table(head, rows)}</div>{remark(note)}')
 
 
 def _classes(cloud: CopcSummary | None) -> Iterable[str]:
@@ -338,7 +373,7 @@ def _swaths(swaths: SwathDifferences | None) -> Iterable[str]:
     yield section("The same ground seen again", table(("later minus earlier", ""), rows) + graph + remark(note))
 
 
-def _views(work: FieldWork) -> Iterable[str]:
+def _views(work: FieldWork, *, alone: bool) -> Iterable[str]:
     """Range images of the implement and of the vehicle itself."""
     seen = work.seen
     if seen is None:
@@ -347,7 +382,7 @@ def _views(work: FieldWork) -> Iterable[str]:
         "Range images: a row for each laser, the highest on top, azimuth from left to right. Yellow is near, violet "
         "far; everything but the implement is pale."
     )
-    yield section("What the scanner sees of the implement", range_images(seen) + remark(note))
+    yield section(_of("What the scanner sees of the implement", work, alone=alone), range_images(seen) + remark(note))
 
 
 def _provenance(found: RunResult) -> str:

@@ -240,7 +240,14 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
         "bounds_m": [[round(v, 3) for v in corner] for corner in _bounds(found, cloud)],
         "implement": _implement(found.work),
         **(_worked(found.work.ground) if found.work.ground is not None else {}),
+        **({"tools": [_tool(work) for work in found.work.each]} if found.work.others else {}),
     }
+
+
+def _tool(work: FieldWork) -> dict[str, Any]:
+    """Figures of one of several tools; those of the first are among the figures of the run as well."""
+    worked = _worked(work.ground) if work.ground is not None else {}
+    return {"name": work.tool, "implement": _implement(work), **worked}
 
 
 def points_by_class(cloud: CopcSummary) -> dict[str, int]:

@@ -18,11 +18,20 @@ from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.core.work.strip_differences import StripDifferences
 from furrowmap.core.work.strip_outlines import StripGround
-from furrowmap.core.work.track import Event, ToolPath
+from furrowmap.core.work.track import ToolPath
 
 ObjectArray = NDArray[np.object_]
 Columns = dict[str, NDArray[Any]]
 
+TOOL_COLUMNS: Final = {
+    "implement": "implement_{}",
+    "implement_confidence": "implement_{}_confidence",
+    "tool_height_m": "tool_{}_height_m",
+    "pass": "pass_{}",
+}
+"""Names of the columns of a further tool in `trajectory`, by those of the first."""
+_OF_TOOL: Final = ("down", "up")
+"""Events of the tool; the others are of the vehicle."""
 _TRAJECTORY: Final = "The vehicle frame's origin (on the ground below the rear axle) in the middle of each scan"
 
 
@@ -75,9 +84,20 @@ def field_layers(poses: ScanPoses, work: FieldWork) -> list[Layer]:
     trajectory = Layer(
         "trajectory", "2.5D Point", _TRAJECTORY, geometry_array(shapely.points(poses.xyz_m)), _of_scans(poses, work)
     )
-    if work.ground is None:
+    known = [one for one in work.each if one.ground is not None]
+    if not known:
         return [trajectory]
-    return [_of_events(work.events), trajectory, _of_paths(work.paths), *_of_ground(work.ground, work)]
+    # What the vehicle did is told once.
+    tools = [[_of_events(one, drive=one is known[0]), _of_paths(one.paths), *_of_ground(one)] for one in known]
+    if work.others:
+        tools = [[_with_tool(layer, one.tool) for layer in tool] for one, tool in zip(known, tools, strict=True)]
+    events, *others = (concatenated(layers) for layers in zip(*tools, strict=True))
+    return [events, trajectory, *others]
+
+
+def _with_tool(layer: Layer, name: str) -> Layer:
+    """The layer with a column that names the tool."""
+    return replace(layer, columns={"tool": np.full(len(layer.shapes), name, object), **layer.columns})
 
 
 def strip_layers(grounds: Sequence[StripGround], differences: StripDifferences | None) -> list[Layer]:
@@ -130,6 +150,15 @@ def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:
         **{f"sigma_{name}": poses.sigma[:, i] for i, name in enumerate(SIGMAS)},
         **{name: getattr(poses, name).astype(object) for name in SOURCES},
     }
+    columns |= _of_tool(poses, work)
+    for number, other in enumerate(work.others, start=2):
+        columns |= {f"tool_{number}": np.full(len(poses), other.tool, object)}
+        columns |= {TOOL_COLUMNS[name].format(number): values for name, values in _of_tool(poses, other).items()}
+    return columns
+
+
+def _of_tool(poses: ScanPoses, work: FieldWork) -> Columns:
+    """A tool over the scans."""
     n = len(poses)
     state, confidence, height = np.full(n, ToolState.UNKNOWN, np.int8), np.zeros(n), np.full(n, np.nan)
     history = work.history
@@ -138,7 +167,7 @@ def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:
         state, confidence, height = history.state[row], history.confidence[row], history.tool_height_m[row]
     if work.external is not None:
         state, confidence = work.external.at(poses.t_s)
-    return columns | {
+    return {
         "implement": _labels(state, {int(state): state.label for state in ToolState}),
         "implement_confidence": confidence,
         "tool_height_m": height,
@@ -146,7 +175,9 @@ def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:
     }
 
 
-def _of_ground(ground: WorkedGround, work: FieldWork) -> list[Layer]:
+def _of_ground(work: FieldWork) -> list[Layer]:
+    ground = work.ground
+    assert ground is not None
     starts = {p.number: p.times.begin_s for p in ground.passes}
     return [
         Layer(
@@ -243,7 +274,8 @@ def _of_paths(paths: Sequence[ToolPath]) -> Layer:
     )
 
 
-def _of_events(found: Sequence[Event]) -> Layer:
+def _of_events(work: FieldWork, *, drive: bool) -> Layer:
+    found = work.events if drive else [event for event in work.events if event.kind in _OF_TOOL]
     return Layer(
         "events",
         "2.5D Point",

@@ -37,6 +37,17 @@ ALIASES: Final = {
     "implement": "tool",
     "implement_confidence": "confidence of the tool's state",
     "tool_height_m": "height of the tool (m)",
+    "tool": "name of the tool",
+    "tool_2": "name of the second tool",
+    "implement_2": "second tool",
+    "implement_2_confidence": "confidence of the second tool's state",
+    "tool_2_height_m": "height of the second tool (m)",
+    "pass_2": "pass of the second tool",
+    "tool_3": "name of the third tool",
+    "implement_3": "third tool",
+    "implement_3_confidence": "confidence of the third tool's state",
+    "tool_3_height_m": "height of the third tool (m)",
+    "pass_3": "pass of the third tool",
     "scan": "scan",
     "roll_deg": "roll (°)",
     "pitch_deg": "pitch (°)",
@@ -67,8 +78,11 @@ ALIASES: Final = {
 """Names of fields for people, by name of the field."""
 DIGITS: Final = {"m": 2, "m2": 1, "mps": 2, "deg": 2, "s": 3, "share": 3, "confidence": 2}
 """Decimals of a field by its unit, the end of its name."""
+_STATES: Final = {"down": "tool down", "up": "tool up", "unknown": "unknown"}
 VALUES: Final[Mapping[str, Mapping[str, str]]] = {
-    "implement": {"down": "tool down", "up": "tool up", "unknown": "unknown"},
+    "implement": _STATES,
+    "implement_2": _STATES,
+    "implement_3": _STATES,
     "motion": {"forward": "drives forward", "reverse": "drives backwards", "standing": "stop"},
     "zone": {"headland": "headland", "body": "body of the field"},
     "kind": {
