@@ -42,6 +42,7 @@ from furrowmap.exporters.files.result_folder import (
     RUN_PRODUCTS,
     SESSION,
     STATES,
+    of_tool,
 )
 from furrowmap.exporters.rasters.field_rasters import RasterFigures, write_rasters
 from furrowmap.exporters.reports.report_page import write_page
@@ -160,10 +161,11 @@ def write_products(
             _more_layers(made),
             found.zone,
         )
-    if found.work.states is not None:
-        write_states(staging / STATES, found.work.states)
-    if found.work.seen is not None:
-        save_implement(staging / LEARNED, found.work.seen)
+    for number, work in enumerate(found.work.each, start=1):
+        if work.states is not None:
+            write_states(staging / of_tool(STATES, number), work.states)
+        if work.seen is not None:
+            save_implement(staging / of_tool(LEARNED, number), work.seen)
     crops = made.parcels.found if made.parcels is not None else ()
     features = made.features.account if made.features is not None else None
     counts = features["figures"] if features is not None else None

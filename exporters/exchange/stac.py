@@ -23,6 +23,7 @@ from furrowmap.exporters.files.atomic import relative_path
 from furrowmap.exporters.files.result_folder import (
     CLOUD,
     FIELD,
+    FURTHER_TOOLS,
     LEARNED,
     ORTHOPHOTO,
     PAGE,
@@ -30,6 +31,7 @@ from furrowmap.exporters.files.result_folder import (
     SESSION,
     STATES,
     ResultFolder,
+    of_tool,
     result_origin,
 )
 
@@ -48,6 +50,8 @@ _KINDS: Final = {  # media type, title, roles
     PAGE: ("text/html", "Report to read", ["overview"]),
     LEARNED: ("application/octet-stream", "What was learned of the implement, for the next session", ["data"]),
     STATES: ("text/csv", "When the tool went down and up", ["data"]),
+    **{of_tool(LEARNED, n): ("application/octet-stream", f"Learned of implement {n}", ["data"]) for n in FURTHER_TOOLS},
+    **{of_tool(STATES, n): ("text/csv", f"When implement {n} went down and up", ["data"]) for n in FURTHER_TOOLS},
     SESSION: ("application/toml", "Session as it was understood", ["metadata"]),
 }
 _COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"

@@ -99,7 +99,7 @@ def _content(result: ResultFolder) -> tuple[dict[str, bytes], list[Notice]]:
             code="no-ground",
         )
     t_s, state, fix, tool = _tool_records(result, implement)
-    outline, notices = _boundary(result, float(implement["width_m"]))
+    outline, notices = _boundary(result, implement)
     layers, changed = changed_crs({"tool": tool}, CRS("EPSG:4326"))
     place = shapely.get_coordinates(layers["tool"].geometry.to_numpy(), include_z=True)
     log = _log(t_s, place, state, fix, round(1000.0 * float(implement["width_m"])))
@@ -113,7 +113,7 @@ def _tool_records(
     """(t_s, state, fix, place) of the records: the poses, and the times at which the tool was lowered or lifted."""
     import geopandas as gpd
 
-    poses, passes = result.layer(TRAJECTORY), result.layer("passes")
+    poses, passes = result.layer(TRAJECTORY), _of_tool(result.layer("passes"), implement)
     t_s = poses["t_s"].to_numpy(np.float64)
     attitude = (poses[f"{name}_deg"].to_numpy(np.float64) for name in ("roll", "pitch", "heading"))
     turn = quaternion_to_matrix(attitude_to_quaternion(*attitude))
@@ -141,7 +141,12 @@ def _posix(times: Any) -> FloatArray:
     return seconds
 
 
-def _boundary(result: ResultFolder, width_m: float) -> tuple[BaseGeometry, list[Notice]]:
+def _of_tool(layer: gpd.GeoDataFrame, implement: dict[str, Any]) -> gpd.GeoDataFrame:
+    """The features of the tool that moves the soil, where a layer has those of several."""
+    return layer[layer["tool"] == implement["name"]] if "tool" in layer else layer
+
+
+def _boundary(result: ResultFolder, implement: dict[str, Any]) -> tuple[BaseGeometry, list[Notice]]:
     """The field's boundary in longitude and latitude: the session's, or the outline of the worked ground."""
     import geopandas as gpd
 
@@ -149,8 +154,8 @@ def _boundary(result: ResultFolder, width_m: float) -> tuple[BaseGeometry, list[
         changed, _ = changed_crs({BOUNDARY: result.layer(BOUNDARY)}, CRS("EPSG:4326"))
         return shapely.union_all(changed[BOUNDARY].geometry.to_numpy()), []
     notice = Notice("boundary-from-work", "The session has no boundary: the outline of the worked ground is used.")
-    coverage = result.layer("coverage")
-    half = 0.5 * width_m
+    coverage = _of_tool(result.layer("coverage"), implement)
+    half = 0.5 * float(implement["width_m"])
     whole = shapely.union_all(coverage.geometry.to_numpy())
     closed = shapely.buffer(shapely.buffer(whole, half, join_style="mitre"), -half, join_style="mitre")
     outline = gpd.GeoDataFrame(geometry=[shapely.simplify(closed, OUTLINE_TOLERANCE_M)], crs=coverage.crs)

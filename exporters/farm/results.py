@@ -141,7 +141,9 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
 
 def _session_result(result: ResultFolder, zone: ZoneInfo | None) -> SessionResult:
     folder, path = result.folder, result.folder / FIELD
-    layers = {name: read_layer(path, name) for name in result.layer_names if _LAYER_NAME.fullmatch(name)}
+    names = (name for name in result.layer_names if _LAYER_NAME.fullmatch(name))
+    tool = (result.report["session"].get("implement") or {}).get("name")
+    layers = {name: _of_tool(read_layer(path, name), tool) for name in names}
     driven = layers.pop(TRAJECTORY)
     crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
     start, end = driven.columns["time"][[0, -1]]
@@ -225,6 +227,15 @@ def one_row(values: Mapping[str, Any]) -> Columns:
 
 
 _PLAIN: Final = (np.generic, float, int)
+
+
+def _of_tool(layer: Layer, name: str | None) -> Layer:
+    """The features of one tool, where a layer has those of several: of that which moves the soil, as the figures."""
+    if "tool" not in layer.columns:
+        return layer
+    mine = layer.columns["tool"] == name
+    columns = {key: values[mine] for key, values in layer.columns.items() if key != "tool"}
+    return replace(layer, shapes=layer.shapes[mine], columns=columns)
 
 
 def _facts(result: ResultFolder) -> dict[str, Any]:

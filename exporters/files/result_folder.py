@@ -82,6 +82,16 @@ BOUNDARY: Final = "boundary"
 """The layer of `field.gpkg` with the field, where the session names its boundary."""
 
 
+FURTHER_TOOLS: Final = (2, 3)
+"""Numbers of the implements of a machine beside that which moves the soil."""
+
+
+def of_tool(product: str, number: int) -> str:
+    """Name of a product of one of several implements: the first has that of the only one."""
+    stem, _, kind = product.partition(".")
+    return product if number == 1 else f"{stem}_{number}.{kind}"
+
+
 def style_of(raster: str) -> str:
     """Name of the style file beside a raster, which QGIS loads with it."""
     return str(Path(raster).with_suffix(".qml"))
@@ -120,6 +130,8 @@ RUN_PRODUCTS: Final = {
     LEARNED: "model of the implement, for `[implement] learned` of later [sessions](session.md) of the machine",
     STATES: "times at which the tool was lowered and lifted: [a table](readers.md#implement-states-in-csv) that a "
     "session can read under `[implement] states`",
+    **{of_tool(LEARNED, number): f"the same of implement {number} of several" for number in FURTHER_TOOLS},
+    **{of_tool(STATES, number): f"the times of implement {number} of several" for number in FURTHER_TOOLS},
     REPORT: "figures, clocks, warnings, inputs with their SHA-256, timings",
     PAGE: "the same as a page: map, figures, the implement over time, GNSS quality, accuracy and warnings; it needs no "
     "other files and no network",

@@ -182,6 +182,7 @@ _FIELDS: Final[Mapping[str, tuple[str, Format]]] = {
     "strip_a": ("Strip", lambda value, row: f"{row.get('strip_b', '')} − {value}"),
     "scan": ("Scan", _text),
     "implement": ("Tool", _text),
+    "tool": ("Name of the tool", _text),
     "motion": ("Motion", _text),
     "fix": ("Positioning", _text),
     "area_m2": ("Area", _area),

@@ -119,6 +119,7 @@ JAPANESE: Final = {
     "Positioning": "測位",
     "Motion": "動き",
     "Tool": "作業機",
+    "Name of the tool": "作業機の名前",
     "Scan": "スキャン",
     "Worked share": "作業済みの割合",
     "Mean height": "平均の高さ",

@@ -2,13 +2,14 @@
 """A session file as lines, some of which the form edits; comments and all other lines are kept.
 
 QGIS may have a Python without `tomllib`, which cannot write either. So the form reads the part of TOML that
-`furrowmap init` writes: tables with one value per line. It does not edit files with anything else.
+`furrowmap init` writes: tables with one value per line. It does not edit files with anything else. Of several tables of
+one name, such as `[[implement]]`, it edits the first.
 """
 
 import json
 import re
 
-_HEADER = re.compile(r"\[([A-Za-z0-9_-]+)\]\s*(#.*)?")
+_HEADER = re.compile(r"(\[?)\[([A-Za-z0-9_-]+)\](\]?)\s*(#.*)?")
 _ENTRY = re.compile(r"([A-Za-z0-9_-]+)\s*=\s*(.*)")
 _LITERAL = re.compile(r"'[^'\n]*'")
 
@@ -32,7 +33,7 @@ class SessionLines:
         text: of the file.
 
     Raises:
-        NotSimpleError: at a line that is not a comment, a `[table]` or a `key = value` on one line.
+        NotSimpleError: at a line that is not a comment, a `[table]`, a `[[table]]` or a `key = value` on one line.
     """
 
     def __init__(self, text):
@@ -47,6 +48,10 @@ class SessionLines:
     def has(self, table):
         """Whether there is such a table."""
         return table in self._ends
+
+    def several(self, table):
+        """Whether there are several tables of this name."""
+        return f"{table}[1]" in self._ends
 
     def set(self, table, key, value):
         """Set the value of a key, in its line or in a new one at the end of its table."""
@@ -64,9 +69,9 @@ class SessionLines:
         self._index()
 
     def drop(self, table):
-        """Remove a table, except the comments in it."""
+        """Remove a table, except the comments in it; of several of this name, the first."""
         gone = {place[0] for (name, _), place in self._places.items() if name == table}
-        gone |= {number for number, line in enumerate(self._lines) if _table_of(line) == table}
+        gone.add(self._headers.get(table))
         self._lines = [line for number, line in enumerate(self._lines) if number not in gone]
         self._index()
 
@@ -78,15 +83,17 @@ class SessionLines:
     def _index(self):
         self._places = {}  # (table, key): number of the line, value, comment
         self._ends = {"": 0}  # table: number of the line behind its last entry
+        self._headers = {}  # table: number of its line; further ones of a name are told apart by a number
         table = ""
         for number, line in enumerate(self._lines):
             stripped = line.strip()
             if not stripped or stripped.startswith("#"):
                 continue
-            name = _table_of(line)
+            name = self._new_table(line)
             entry = _ENTRY.fullmatch(stripped)
             if name is not None and name not in self._ends:
                 table = name
+                self._headers[table] = number
             elif entry is not None and (table, entry[1]) not in self._places:
                 value, comment = _read(entry[2], number)
                 self._places[table, entry[1]] = (number, value, comment)
@@ -94,10 +101,13 @@ class SessionLines:
                 raise NotSimpleError(number + 1)
             self._ends[table] = number + 1
 
-
-def _table_of(line):
-    header = _HEADER.fullmatch(line.strip())
-    return None if header is None else header[1]
+    def _new_table(self, line):
+        """The name of the table that a line begins, None for another line."""
+        header = _HEADER.fullmatch(line.strip())
+        if header is None or len(header[1]) != len(header[3]):
+            return None
+        name, count = header[2], sum(known == header[2] or known.startswith(f"{header[2]}[") for known in self._ends)
+        return f"{name}[{count}]" if header[1] and count else name
 
 
 def _read(text, number):

@@ -147,8 +147,9 @@ class SessionPage(QWidget):
         }
 
     def use_places(self, places):
-        """Fill in the places of a machine; what it does not have stays as it is."""
-        known = {place: value for place, value in places.items() if value not in (None, "")}
+        """Fill in the places of a machine; what it does not have stays as it is, and so do several implements."""
+        kept = "implement" if self._lines.several("implement") else ""
+        known = {place: value for place, value in places.items() if value not in (None, "") and place[0] != kept}
         self._fill_places(self.places() | known)
         self._draw()
         self.findings.setText(findings_html(self._found, self.missing()))
@@ -285,6 +286,10 @@ class SessionPage(QWidget):
     def _save_implement(self, lines):
         if not self.implement_group.isChecked():
             lines.drop("implement")
+            if lines.has("implement"):  # another one, which is now the first
+                self._fill_places(
+                    self.places() | {place: lines.get(*place) for place in PLACES if "implement" in place}
+                )
             return
         lines.set("implement", "width_m", self.width_m.value())
         lines.set("implement", "xy_m", values_of(self.implement_xy))

@@ -285,7 +285,7 @@ def test_recordings__without_returns_and_states_of_another_kind(tmp_path: Path) 
     log = tmp_path / "gnss.nmea"
     log.write_bytes(2 * sentence("GNGGA,120000.00,3530.0,N,13900.0,E,4,12,0.8,100.0,M,40.0,M,,"))
     with refusal("wrong-kind-of-file", "which gives no tool states"):
-        external_states([log], session, still)
+        external_states([log], session.implement, None, still)
 
 
 def test_evaluation__of_one_position_beside_a_log(tmp_path: Path) -> None:

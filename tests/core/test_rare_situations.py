@@ -298,7 +298,7 @@ def test_states__that_are_all_unknown(tmp_path: Path) -> None:
     path = csv(tmp_path, "2026-06-11T08:00:00Z,unknown", "2026-06-11T08:10:00Z,unknown", head="time,state")
     session = parse_session(SESSION + "[implement]\nwidth_m = 1.7\nxy_m = [-1.4, 0.0]\n")
     course = trajectory_from_gnss(track(), map_frame(session.crs), (0.0, 0.0, 1.0), None).trajectory
-    assert code_of(lambda: external_states([path], session, course)) == "no-states"
+    assert code_of(lambda: external_states([path], session.implement, None, course)) == "no-states"
 
 
 def test_surveyed_points__without_all_coordinates(tmp_path: Path) -> None:

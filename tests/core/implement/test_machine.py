@@ -37,7 +37,9 @@ def machine(scans: list[Scan]) -> Machine:
     for scan in scans:
         near.add(scan)
     moving = np.ones(len(near.scans), bool)
-    found = learn_machine(near.scans, moving, MOUNTING, learn_implement(near.scans, HINT).implement)
+    seen = learn_implement(near.scans, HINT).implement
+    assert seen is not None
+    found = learn_machine(near.scans, moving, MOUNTING, [seen])
     assert found is not None
     return found
 
@@ -63,4 +65,4 @@ def test_machine__is_not_known_at_a_stand(scans: list[Scan]) -> None:
     near = NearScans(MOUNTING)
     for scan in scans[:60]:
         near.add(scan)
-    assert learn_machine(near.scans, np.zeros(len(near.scans), bool), MOUNTING, None) is None
+    assert learn_machine(near.scans, np.zeros(len(near.scans), bool), MOUNTING, ()) is None

@@ -34,7 +34,7 @@ def session() -> Session:
 
 
 def seen_through(session: Session, scene: Scene, path: Path | None) -> ImplementTracker:
-    watch = ImplementTracker(session, load_implement(path) if path is not None else None)
+    watch = ImplementTracker(session, [load_implement(path)] if path is not None else [])
     scans = [scan for scan in scene.scans() if scan.t_s[0] > T0_S + 7.9]
     for scan in scans:
         watch.add_scan(scan)
@@ -53,13 +53,13 @@ def test_saved_implement__tells_a_session_without_transitions_what_the_tool_does
     save_implement(tmp_path / "implement.npz", learned)
     scene = replace(Scene(), duration_s=16.0, lowered_s=(2.0,), lifted_s=(30.0,))  # at work all along
     assert MOUNTING.rpy_deg == session.lidar.rpy_deg
-    alone = seen_through(session, scene, None)._learned
+    alone = seen_through(session, scene, None)._tools[0].learned
     assert alone.implement is None
     assert [notice.code for notice in alone.notices] == ["implement-never-moves"]
     found = seen_through(session, scene, tmp_path / "implement.npz")
-    assert [notice.code for notice in found._learned.notices] == ["implement-from-earlier"]
-    assert found._heights is not None
-    heights = found._heights.heights()
+    assert [notice.code for notice in found._tools[0].learned.notices] == ["implement-from-earlier"]
+    assert found._tools[0].heights is not None
+    heights = found._tools[0].heights.heights()
     assert np.abs(heights.height_m[np.isfinite(heights.height_m)]).max() < 0.05
     assert np.isfinite(heights.height_m).mean() > 0.95
 

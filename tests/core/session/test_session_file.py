@@ -11,6 +11,7 @@ import pytest
 
 from furrowmap.core.session import file as module
 from furrowmap.core.session.file import load_session, parse_session
+from furrowmap.core.session.implements import FURTHER
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.values import session as values
 from furrowmap.core.values.errors import InputError
@@ -42,7 +43,8 @@ def keys() -> list[tuple[str, str]]:
         for part in vars(values).values()
         if isinstance(part, type) and issubclass(part, msgspec.Struct) and f"`[{name}]`" in (part.__doc__ or "")
     }
-    return [(name, key) for name, part in tables.items() for key in part.__struct_encode_fields__]
+    found = [(name, key) for name, part in tables.items() for key in part.__struct_encode_fields__]
+    return [one for one in found if one != ("", FURTHER)]
 
 
 def test_least__the_rest_has_its_defaults() -> None:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.session import Crs, Implement, Recording, Session
+from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.external_states import compare_states, external_states
 from furrowmap.core.work.field_work import with_external_states, with_ground
@@ -25,12 +25,7 @@ TRAJECTORY = trajectory_of(drive(*LEGS), sigma=(0.01, 0.01, 0.02, 0.1, 0.1, 0.2)
 BEGIN_S = TRAJECTORY.span_s[0]
 
 
-def session(use: str = "replace", ahead_s: float = 0.0) -> Session:
-    implement = tiller(use, ahead_s)
-    return Session(furrowmap=1, recording=Recording(lidar=("a.pcap",)), crs=Crs(map="EPSG:6677"), implement=implement)
-
-
-def tiller(use: str, ahead_s: float) -> Implement:
+def tool(use: str = "replace", ahead_s: float = 0.0) -> Implement:
     return Implement(
         width_m=TILLER.width_m,
         xy_m=TILLER.xy_m,
@@ -58,7 +53,7 @@ def test_table__gives_back_the_states_it_was_written_from(
     states = replace(states_of(TRAJECTORY, *spans, sigma_s=sigma_s, unknown_s=unknown), common_share=0.3)
     path = tmp_path_factory.mktemp("table") / "states.csv"
     write_states(path, states)
-    found = external_states([path], session(), TRAJECTORY)
+    found = external_states([path], tool(), None, TRAJECTORY)
     assert found[0] is not None
     known = states.state != ToolState.UNKNOWN
     assert found[0].common_share == 0.3
@@ -71,10 +66,10 @@ def test_table__gives_the_same_polygons_as_the_states_seen(tmp_path: Path) -> No
     assert work.ground is not None
     assert work.states is not None
     write_states(tmp_path / "states.csv", work.states)
-    found = external_states([tmp_path / "states.csv"], session(), TRAJECTORY)
+    found = external_states([tmp_path / "states.csv"], tool(), None, TRAJECTORY)
     assert found[0] is not None
     unseen = replace(work, seen=None, history=None, ground=None)
-    again = with_ground(replace(unseen, external=found[0]), TRAJECTORY, FRAME, TILLER).ground
+    again = with_ground(replace(unseen, external=found[0]), TILLER, TRAJECTORY, FRAME).ground
     assert again is not None
     assert shapely.equals_exact(again.coverage, work.ground.coverage)
     assert [p.ground.wkb for p in again.passes] == [p.ground.wkb for p in work.ground.passes]
@@ -88,7 +83,7 @@ def test_table__gives_the_same_polygons_as_the_states_seen(tmp_path: Path) -> No
 def test_last_state__ends_with_the_drive(tmp_path: Path) -> None:
     path = tmp_path / "states.csv"
     path.write_text(f"t_s,state\n{BEGIN_S + 5.0!r},down\n")
-    found = external_states([path], session(), TRAJECTORY)
+    found = external_states([path], tool(), None, TRAJECTORY)
     assert found[0] is not None
     assert found[0].end_s.tolist() == [TRAJECTORY.span_s[1]]
 
@@ -116,8 +111,8 @@ def test_agreement__tells_when_they_differ() -> None:
 def test_use__says_which_states_the_ground_comes_from() -> None:
     _, work = worked_field()
     told = states_of(TRAJECTORY, (5.0, 15.0))
-    replaced = with_external_states(work, told, session())
-    checked = with_external_states(work, told, session("check"))
+    replaced = with_external_states(work, told, tool())
+    checked = with_external_states(work, told, tool("check"))
     assert (replaced.states, checked.states) == (told, work.states)
     assert replaced.state_comparison is not None
     assert checked.state_comparison is not None
@@ -128,10 +123,10 @@ def test_a_clock_that_is_off__is_refused_with_what_would_fit(tmp_path: Path) -> 
     path = tmp_path / "states.csv"
     write_states(path, shifted(states_of(TRAJECTORY, *DOWN_S), 9 * 3600.0))
     with pytest.raises(InputError) as error:
-        external_states([path], session(), TRAJECTORY)
+        external_states([path], tool(), None, TRAJECTORY)
     assert error.value.code == "no-common-time"
     assert "states_minus_gnss_s = 32400.0" in error.value.remedy
-    found = external_states([path], session(ahead_s=32_400.0), TRAJECTORY)
+    found = external_states([path], tool(ahead_s=32_400.0), None, TRAJECTORY)
     assert found[0] is not None
     assert found[0].begin_s == pytest.approx(states_of(TRAJECTORY, *DOWN_S).begin_s, abs=1e-5)
 
@@ -140,5 +135,5 @@ def test_a_file_without_states__is_refused(tmp_path: Path) -> None:
     path = tmp_path / "gnss.nmea"
     path.write_bytes(b"$GPGGA,120000.00,3500.0,N,13500.0,E,4,12,0.8,10.0,M,37.0,M,,*5A\r\n" * 20)
     with pytest.raises(InputError) as error:
-        external_states([path], session(), TRAJECTORY)
+        external_states([path], tool(), None, TRAJECTORY)
     assert error.value.code in ("wrong-kind-of-file", "unknown-format")

@@ -63,7 +63,8 @@ def test_get__gives_what_tomllib_gives_or_refuses(session_lines: ModuleType, tab
         'a = """x',
         "a = {b = 1}",
         "[a.b]",
-        "[[a]]",
+        "[[a]",
+        "[[a.b]]",
         "a = 2026-06-11",
         '"a" = 1',
         "a = nan",
@@ -99,3 +100,33 @@ def test_lines__read_what_init_proposes(session_lines: ModuleType, shared_data: 
     assert lines.get("crs", "map") == tomllib.loads(text)["crs"]["map"]
     lines.set("antenna", "xyz_m", [1.0, 2.0, 3.0])
     assert tomllib.loads(lines.text)["antenna"] == {"xyz_m": [1.0, 2.0, 3.0]}
+
+
+SEVERAL = """\
+furrowmap = 1
+[[implement]]
+# in front
+name = "front roller"
+width_m = 2.2
+[[implement]]
+name = "rear tiller"   # kept
+width_m = 1.7
+[field]
+name = "North"
+"""
+
+
+def test_several_tables_of_one_name__the_first_is_edited_and_the_others_stay(session_lines: ModuleType) -> None:
+    lines = session_lines.SessionLines(SEVERAL)
+    assert lines.several("implement")
+    assert not lines.several("field")
+    lines.set("implement", "width_m", 2.5)
+    lines.set("implement", "kind", "roller")
+    front, rear = tomllib.loads(lines.text)["implement"]
+    assert front == {"name": "front roller", "width_m": 2.5, "kind": "roller"}
+    assert rear == {"name": "rear tiller", "width_m": 1.7}
+    assert "# kept" in lines.text
+    lines.drop("implement")
+    assert tomllib.loads(lines.text)["implement"] == [rear]
+    assert lines.get("implement", "name") == "rear tiller"
+    assert lines.get("field", "name") == "North"
