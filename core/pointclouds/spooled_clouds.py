@@ -15,7 +15,7 @@ from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.progress import Progress, silent
 
-CELLS_M: Final = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+CELLS_M: Final = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 POINTS_A_CELL: Final = 4.0
 ALMOST: Final = 0.9
 """A round size down to this share of the computed one is accepted."""
@@ -65,7 +65,7 @@ def cell_for(
         covered = np.union1d(covered, (column << 32) + row)
         count += len(batch.xyz_m)
     wanted_m = math.sqrt(POINTS_A_CELL * len(covered) * PATCH_M**2 / max(count, 1))
-    return next((cell_m for cell_m in CELLS_M if cell_m >= ALMOST * wanted_m), CELLS_M[-1])
+    return next(cell_m for cell_m in CELLS_M if cell_m >= ALMOST * wanted_m)  # a point a patch wants 4 m
 
 
 def spool_clouds(

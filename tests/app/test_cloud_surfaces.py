@@ -317,6 +317,19 @@ def test_cell__is_chosen_by_the_density_where_there_are_points(tmp_path: Path) -
     assert cell_for(open_clouds([path])) == 0.2
 
 
+@pytest.mark.parametrize(
+    ("points_in_4_m2", "cell_m"),
+    [(6400, 0.05), (1600, 0.1), (400, 0.2), (64, 0.5), (16, 1.0), (13, 1.0), (12, 2.0), (4, 2.0), (3, 5.0), (1, 5.0)],
+)
+def test_cell__is_the_round_size_with_four_points_or_a_little_fewer(
+    points_in_4_m2: int, cell_m: float, tmp_path: Path
+) -> None:
+    """Cells a tenth smaller than four points want are taken: 13 points are 3.25 a cell of 1 m."""
+    corners = np.array([[2.0 * column, 2.0 * row, 0.0] for column in range(4) for row in range(3)])
+    xyz = np.repeat(corners, points_in_4_m2, axis=0) + np.array([16_600.5, 96_500.5, 10.0])
+    assert cell_for(open_clouds([write(tmp_path / "cloud.las", xyz)])) == cell_m
+
+
 def test_folder__is_not_overwritten_unasked(made: Path, clouds: list[Path], tmp_path: Path) -> None:
     before = {path.name: path.read_bytes() for path in made.iterdir()}
     with pytest.raises(RefusedError, match=r"dsm\.tif"):

@@ -12,6 +12,9 @@ from pyproj import CRS
 import furrowmap
 from furrowmap.core.pointclouds.clouds import open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.values.progress import silent
+from furrowmap.core.values.session import FeatureSearch
+from furrowmap.workflows.run_features import run_features
 
 
 def cloud(path: Path, far_m: list[float], points: int = 20_000, side_m: float = 30.0) -> Path:
@@ -48,3 +51,8 @@ def test_far_points__are_few_and_behind_a_wide_gap(far_m: list[float], left_out:
     box, notices = near_box(clouds)
     assert [notice.text.split()[0] for notice in notices] == ([str(left_out)] if left_out else [])
     assert box == ((0.0, 0.0, 100.0, 100.0) if left_out else None)
+
+
+def test_features_of_a_run__are_looked_for_where_the_points_are(tmp_path: Path) -> None:
+    found = run_features(cloud(tmp_path / "far.laz", [5_000_000.0]), FeatureSearch(ground="class"), silent)
+    assert [notice.code for notice in found.notices] == ["points-far"]

@@ -19,7 +19,10 @@ import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.errors import FurrowmapError, UsageError
+from furrowmap.core.values.parcel import SOIL_METHODS, SoilMethod
+from furrowmap.core.values.progress import silent
 from furrowmap.workflows.parcels import parcel_settings
+from furrowmap.workflows.soil_source import soil_source
 
 CRS = "EPSG:25832"
 EAST, NORTH = 651_500.0, 6_133_880.0
@@ -166,6 +169,12 @@ def test_parcel_settings__refuse_what_is_not_known(tmp_path: Path) -> None:
         with pytest.raises(FurrowmapError, match=words) as refused:
             furrowmap.ParcelSettings(soil=soil)
         assert refused.value.code == "soil-missing"
+
+
+@pytest.mark.parametrize("method", SOIL_METHODS)
+def test_soil__is_taken_by_the_method_that_is_named(method: SoilMethod, tmp_path: Path) -> None:
+    with soil_source(method, pyproj.CRS(CRS), (0.0, 0.0, 1.0, 1.0), tmp_path, silent) as found:
+        assert found == method
 
 
 @pytest.mark.parametrize("kind", ["cloud", "folder"])

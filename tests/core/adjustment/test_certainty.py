@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.precision import AROUND_S, information_of, sigmas, sources_of
@@ -116,3 +118,22 @@ def test_held_by__names_what_holds_most_firmly() -> None:
     assert set(blind.heading) == {"gnss"}
     assert set(blind.position[150:]) == set(blind.height[150:]) == {"carried"}
     assert set(blind.level) == {"assumed"}
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.5, 2.0).filter(lambda ratio: abs(ratio - 1.0) > 0.01), st.floats(0.01, 5.0))
+def test_held_by__changes_where_the_returns_know_more_than_what_was_known_before(
+    ratio: float, sigma_deg: float
+) -> None:
+    """The returns' own standard deviation is `ratio` of that of the heading before, and of 5 cm in place."""
+    n = 60
+    within = 2 * round(AROUND_S / STEP_S) + 1  # slices about a knot in the middle
+    known = np.diag([(ratio * 0.05) ** -2, (ratio * 0.05) ** -2, 1e6, 1e9, 1e9, (ratio * np.radians(sigma_deg)) ** -2])
+    normals = np.tile(known[np.triu_indices(6)] / within, (n, 1))
+    middle = slice(within // 2, n - within // 2)
+    sigma, before, nowhere = np.full(n, sigma_deg), np.full(n, "course"), np.zeros(n, dtype=bool)
+    firmer = ratio < 1.0
+    for ground, walls, name in ((normals, 0 * normals, "relief"), (1e-6 * normals, normals, "walls")):
+        held = sources_of(ground, walls, sigma, before, nowhere)
+        assert set(held.heading[middle]) == {name if firmer else "course"}
+        assert set(held.position[middle]) == {name if firmer else "carried"}

@@ -96,6 +96,26 @@ def test_pair_tie__of_smooth_ground_leaves_the_place_to_the_positions() -> None:
     assert np.abs(tie.move[:2]).max() < 3 * 0.03
 
 
+@pytest.mark.parametrize(("side_m", "farthest_m"), [((4, 5), 2.5), ((3, 4), 1.8)])
+def test_pair_tie__a_dozen_patches_of_one_relief_show_a_shift(side_m: tuple[int, int], farthest_m: float) -> None:
+    """Sums of like patches are √n times those of chance: 3.5 times for 12 patches, where three suffice."""
+    cell_m = 0.05
+    steps = [np.arange(round(side / cell_m)) for side in side_m]
+    north, east = np.meshgrid(-cell_m * steps[0], cell_m * steps[1], indexing="ij")
+
+    def waves(east_m: FloatArray, north_m: FloatArray) -> NDArray[np.float32]:
+        return (0.01 * (np.sin(2 * np.pi * east_m) + np.sin(2 * np.pi * north_m))).astype(np.float32)
+
+    pair = GroundPair(0.0, side_m[0], cell_m, waves(east, north), waves(east + 0.02, north - 0.03))
+    tie = pair_tie([pair], np.array([0.5 * side_m[1], 0.5 * side_m[0]]), np.array([0.5, 0.5, 0.05]))
+    assert tie is not None
+    assert tie.patches == side_m[0] * side_m[1]
+    assert tie.move[PLACE] == pytest.approx([0.02, -0.03, 0.0], abs=1e-3)
+    # What is left are the cells: a millimetre in place, and as much at the farthest patch for the turn.
+    sigma = np.sqrt(np.diag(np.linalg.inv(tie.information[np.ix_(PLACE, PLACE)])))
+    assert sigma == pytest.approx([1e-3, 1e-3, 1e-3 / farthest_m], rel=0.05)
+
+
 def known(move: FloatArray, sigma: float) -> PairTie:
     none = SoilCells(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
     return PairTie(move, np.eye(6) / sigma**2, 100, 10, none, Relief(0.0, 1.0, 0.0), 0.01)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import threading
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -10,7 +14,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.passage import Passages, Track
 from furrowmap.core.surfaces.spool import TILE, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN
-from furrowmap.core.work.field_surfaces import BESIDE_M, FieldTile, field_tile
+from furrowmap.core.work.field_surfaces import BESIDE_M, FieldPoints, FieldTile, field_tile
 from furrowmap.core.work.soil_moved import SoilSums
 
 GRID = Grid(0.05, 0, TILE, (TILE, TILE))
@@ -38,6 +42,23 @@ def looks(t_s: float, height_m: float, where: NDArray[np.bool_], each: int = 3) 
 def tile(*seen: tuple[NDArray[np.generic], ...]) -> FieldTile:
     cell, height, t_s = (np.concatenate(arrays) for arrays in zip(*seen, strict=True))
     return field_tile(TilePoints(GRID, cell, height, t_s, 0.0, 0.0), passages(), MEDIAN)
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="the system does not list the files a process has open")
+def test_points__are_given_up_at_the_end_begun_or_not(tmp_path: Path) -> None:
+    """The scratch file is closed, and no thread is left that would write to it."""
+
+    def held() -> tuple[int, int]:
+        links = [link for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
+        return sum(str(tmp_path) in os.path.realpath(link) for link in links), threading.active_count()
+
+    _, before = held()
+    with FieldPoints(tmp_path):
+        pass
+    with FieldPoints(tmp_path) as points:
+        points.begin((0.0, 0.0, 0.0))
+        assert held()[0] == 1
+    assert held() == (0, before)
 
 
 EVERYWHERE = np.ones(TILE * TILE, bool)
