@@ -5,6 +5,7 @@ from pathlib import Path
 
 from qgis.core import QgsLayerTreeLayer, QgsProject, QgsVectorLayer
 
+from .legends import name_node
 from .processing.loading import sources
 
 FARM_PROPERTY = "furrowmap/farmMap"
@@ -29,5 +30,7 @@ def open_farm_map(path, project=None):
     for layer in layers:
         layer.loadDefaultStyle()
         project.addMapLayer(layer, addToLegend=False)
-        group.addChildNode(QgsLayerTreeLayer(layer))
+        node = QgsLayerTreeLayer(layer)
+        name_node(node)
+        group.addChildNode(node)
     return layers

@@ -30,6 +30,7 @@ def figure_rows(report):
         (tr("Vertical accuracy"), _sigma(accuracy, ("sigma_h_m",), 100.0, "± {:.1f} cm")),
         (tr("Heading accuracy"), _sigma(accuracy, ("sigma_heading_deg",), 1.0, "± {:.2f}°")),
         (tr("Accuracy"), _conditions(accuracy)),
+        (tr("Positions"), _fixes(figures.get("fix"))),
         (tr("CRS"), figures.get("crs")),
     ]
     return [(label, str(value)) for label, value in rows if value]
@@ -49,6 +50,29 @@ def _local_time(figures):
     text = str(figures.get("start_local" if zone else "start"))
     moment = QDateTime.fromString(text, Qt.DateFormat.ISODateWithMs)
     return f"{moment.toString('yyyy-MM-dd HH:mm')} ({zone or 'UTC'})" if moment.isValid() else None
+
+
+def _fixes(shares):
+    """How much of the time the receiver had each quality of position, the most frequent first."""
+    if not isinstance(shares, dict):
+        return None
+    known = sorted(((share, fix) for fix, share in shares.items() if isinstance(share, (int, float))), reverse=True)
+    words = {
+        "fixed": tr("RTK fixed"),
+        "float": tr("RTK float"),
+        "ppp": tr("PPP"),
+        "dgps": tr("differential"),
+        "single": tr("single"),
+        "none": tr("no position"),
+    }
+    return ", ".join(f"{words.get(fix, tr('other'))} {_percent(share)}" for share, fix in known)
+
+
+def _percent(share):
+    """A share that is neither rounded up to all nor down to nothing."""
+    if 0.0 < share < 0.001:
+        return "< 0.1 %"
+    return "> 99.9 %" if 0.999 < share < 1.0 else f"{100.0 * share:.{0 if share in (0.0, 1.0) else 1}f} %"
 
 
 def _number(value, form):

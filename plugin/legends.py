@@ -73,6 +73,13 @@ NAMES = {
     "density": QT_TRANSLATE_NOOP("Legends", "Point density"),
     "strip_overlap": QT_TRANSLATE_NOOP("Legends", "Overlap of strips"),
     "crop_height": QT_TRANSLATE_NOOP("Legends", "Height of the crop"),
+    "fields": QT_TRANSLATE_NOOP("Legends", "Fields"),
+    "visits": QT_TRANSLATE_NOOP("Legends", "Work of each session"),
+    "seasons": QT_TRANSLATE_NOOP("Legends", "Work of each season"),
+    "machines": QT_TRANSLATE_NOOP("Legends", "Machines"),
+    "sessions": QT_TRANSLATE_NOOP("Legends", "Sessions"),
+    "tracks": QT_TRANSLATE_NOOP("Legends", "Paths of the vehicle"),
+    "provenance": QT_TRANSLATE_NOOP("Legends", "Reports and settings of the sessions"),
 }
 """Names in the layer panel; the layers keep those of the products."""
 

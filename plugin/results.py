@@ -32,7 +32,7 @@ SURFACES = (
 )
 PICTURE = "orthophoto"
 COLOURED = ("change", "swaths", "height_above_ground", "strip_overlap", "density")
-"""Rasters in colours, which blend with the hillshade below."""
+"""Rasters in colours, which lie above the hillshade."""
 SHOWN = (
     *("events", "misses", "unworked", "boundary", "overlaps", "tool_path", "coverage", "passes", "zones"),
     *("plants", "lines", "planes", "trajectory", "change", "orthophoto", "dsm"),

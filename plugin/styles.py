@@ -12,7 +12,7 @@ from qgis.core import (
     QgsSingleBandPseudoColorRenderer,
 )
 from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication, Qt
-from qgis.PyQt.QtGui import QColor, QPainter
+from qgis.PyQt.QtGui import QColor
 
 LIGHT_FROM_DEG, LIGHT_ABOVE_DEG = 315.0, 40.0
 EXAGGERATION = 1.0
@@ -55,8 +55,7 @@ def show_as_surface(layer, *, styled=False):
 
 
 def show_as_change(layer, *, styled=False):
-    """Blend a layer with the hillshade below; without a style it gets the colours of :data:`CHANGES`."""
-    layer.setBlendMode(QPainter.CompositionMode.CompositionMode_Multiply)
+    """Draw a layer in the very colours of its legend; without a style it gets those of :data:`CHANGES`."""
     if styled:
         return
     ramp = QgsColorRampShader(-CHANGE_M, CHANGE_M)

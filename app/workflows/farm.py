@@ -17,6 +17,8 @@ from pyproj import CRS
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
+from furrowmap.core.values.languages.choice import language_of_user
+from furrowmap.core.values.languages.translation import translated
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.edit import FarmEdit, KnownSession
 from furrowmap.exporters.farm.geopackage import geopackage_edit
@@ -28,6 +30,7 @@ from furrowmap.exporters.farm.project import (
     RASTER,
     SURFACE,
     background_layer,
+    layer_title,
     project_archive,
 )
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, SessionResult, drawing_order, read_result
@@ -325,7 +328,7 @@ def _update_project(edit: FarmEdit) -> tuple[Notice, ...]:
     layers = []
     for name in drawing_order(list(kinds)):
         provider, source = edit.source(name, kinds[name])
-        layers.append(ProjectLayer(name, kinds[name], source, provider, own.get(name)))
+        layers.append(ProjectLayer(name, kinds[name], source, provider, own.get(name), layer_title(name)))
     layers += _ground_layers(edit, sessions, crs)
     layers.append(background_layer(crs, edit.bounds()))
     now = dt.datetime.now(dt.UTC)
@@ -343,12 +346,26 @@ def _ground_layers(edit: FarmEdit, sessions: Sequence[KnownSession], crs: CRS) -
     reports = dict(zip(told.columns["session"], map(report_of, told.columns["report"]), strict=True))
     results = [(Path(s.folder), reports[s.session]) for s in sessions if reports.get(s.session)]
     written = write_ground_files(path, results, crs)
+    language = language_of_user()
     layers = []
     if written.clouds is not None:
-        layers.append(ProjectLayer(CLOUDS, POINT_CLOUD, f"./{written.clouds.name}", "vpc", None, "Clouds"))
+        layers.append(
+            ProjectLayer(
+                CLOUDS, POINT_CLOUD, f"./{written.clouds.name}", "vpc", None, translated("Point clouds", language)
+            )
+        )
     if written.surface is not None:
-        style = packaged_style("dsm.qml")
-        layers.append(ProjectLayer(SURFACE, RASTER, f"./{written.surface.name}", "gdal", style, "Surface"))
+        style = packaged_style("dsm.qml").replace('opacity="1"', 'opacity="0.6"')  # the background shows through
+        layers.append(
+            ProjectLayer(
+                SURFACE,
+                RASTER,
+                f"./{written.surface.name}",
+                "gdal",
+                style,
+                translated("Surface, the latest on top", language),
+            )
+        )
     return layers
 
 

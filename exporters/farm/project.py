@@ -5,13 +5,17 @@ from __future__ import annotations
 import datetime as dt
 import io
 import json
+import re
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 from xml.etree import ElementTree as ET
 
 from pyproj import CRS, Transformer
 
+from furrowmap.core.values.languages.choice import language_of_user
+from furrowmap.core.values.languages.translation import translated
 from furrowmap.exporters.farm.memory import DERIVED, FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, TRACKS
 from furrowmap.exporters.files.qgis_project import (
@@ -24,23 +28,38 @@ from furrowmap.exporters.files.qgis_project import (
     put_vector_layer,
     put_view,
 )
+from furrowmap.exporters.share.points import CLASSES
+from furrowmap.exporters.vectors.layer_words import NAMES
 
 PROJECT: Final = "furrowmap"
 """Its name in the farm map."""
 _TITLE: Final = "Farm map"
+_OTHERS: Final = "Boundaries and zones"
+"""The group of all other layers, too."""
+_DETAILS: Final = "Work in detail"
+"""A group that is hidden at first: what one session missed, another one may have worked."""
 _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Fields": (FIELDS, VISITS, SEASONS, MACHINES),
     "Sessions": (SESSIONS, TRACKS),
-    "Work in detail": ("events", "tool_path", "misses", "unworked", "overlaps", "passes"),
+    _DETAILS: ("events", "tool_path", "misses", "unworked", "overlaps", "passes"),
     "Worked ground by day": ("coverage",),
     "Features": ("plants", "lines", "planes"),
-    "Field": ("boundary", "zones"),
+    _OTHERS: ("boundary", "zones"),
     "Tables": (PROVENANCE,),
     "Ground": ("clouds", "surface"),
     "Background": ("background map",),
 }
-_OTHERS: Final = "Field"
-"""The group of all other layers."""
+_NAMES: Final[Mapping[str, str]] = {
+    **NAMES,
+    FIELDS: "fields",
+    VISITS: "work of each session",
+    SEASONS: "work of each season",
+    MACHINES: "machines",
+    SESSIONS: "sessions",
+    TRACKS: "paths of the vehicle",
+    PROVENANCE: "reports and settings of the sessions",
+}
+"""Names of layers for people."""
 SURFACE: Final = "surface"
 CLOUDS: Final = "clouds"
 BACKGROUND: Final = "background map"
@@ -50,8 +69,29 @@ POINT_CLOUD: Final = "point cloud"
 WEB_MERCATOR: Final = CRS("EPSG:3857")
 _HIDDEN_AT_FIRST: Final = frozenset({TRACKS, VISITS, SEASONS, "zones", CLOUDS, BACKGROUND})
 """Among them the background map: only who shows it asks the network."""
-_GSI: Final = "https://cyberjapandata.gsi.go.jp/xyz/seamlessphoto/{z}/{x}/{y}.jpg", "GSI aerial photo", 18
-_OSM: Final = "https://tile.openstreetmap.org/{z}/{x}/{y}.png", "OpenStreetMap", 19
+
+
+@dataclass(frozen=True)
+class _BackgroundMap:
+    """Tiles. The QGIS plugin knows the map by its key, shows its source, and tells if it cannot be reached."""
+
+    key: str
+    title: str
+    url: str
+    zmax: int
+    attribution: str
+
+
+_GSI: Final = _BackgroundMap(
+    "gsi-photo",
+    "GSI aerial photo",
+    "https://cyberjapandata.gsi.go.jp/xyz/seamlessphoto/{z}/{x}/{y}.jpg",
+    18,
+    "Geospatial Information Authority of Japan (GSI) tiles",
+)
+_OSM: Final = _BackgroundMap(
+    "osm", "OpenStreetMap", "https://tile.openstreetmap.org/{z}/{x}/{y}.png", 19, "© OpenStreetMap contributors"
+)
 _JAPAN_DEG: Final = (122.0, 20.0, 154.0, 46.0)
 
 
@@ -75,13 +115,14 @@ def project_archive(
         bounds: west, south, east and north of the first view.
         span: of the temporal controller, in steps of a day.
     """
-    root = project_root(_TITLE, crs)
-    _put_tree(root, layers)
+    root = project_root(translated(_TITLE, language_of_user()), crs)
+    _put_tree(root, layers, language_of_user())
     _put_relations(root, layers)
     within = ET.SubElement(root, "projectlayers")
+    classes = [(code, colour, translated(name, language_of_user())) for code, colour, name in CLASSES]
     for layer in layers:
         if layer.kind == POINT_CLOUD:
-            put_point_cloud_layer(within, layer, crs)
+            put_point_cloud_layer(within, layer, crs, classes)
         elif layer.kind == RASTER:
             put_raster_layer(within, layer, WEB_MERCATOR if layer.name == BACKGROUND else crs)
         else:
@@ -99,27 +140,54 @@ def project_archive(
     return archive.getvalue()
 
 
+def layer_title(name: str) -> str:
+    """The name of a layer for people, in the user's language; a layer of others keeps its own."""
+    words = translated(_NAMES[name], language_of_user()) if name in _NAMES else name
+    return words[:1].upper() + words[1:] if name in _NAMES else name
+
+
 def background_layer(crs: CRS, bounds: tuple[float, float, float, float]) -> ProjectLayer:
     """Tiles for a place: aerial photos of the Geospatial Information Authority in Japan, else OpenStreetMap."""
     to_lon_lat = Transformer.from_crs(crs.to_2d(), "EPSG:4326", always_xy=True)
     longitude, latitude = to_lon_lat.transform(0.5 * (bounds[0] + bounds[2]), 0.5 * (bounds[1] + bounds[3]))
     west, south, east, north = _JAPAN_DEG
-    url, title, finest = _GSI if west < longitude < east and south < latitude < north else _OSM
-    source = f"type=xyz&url={url}&zmax={finest}&zmin=0"
-    return ProjectLayer(BACKGROUND, RASTER, source, "wms", None, title)
+    tiles = _GSI if west < longitude < east and south < latitude < north else _OSM
+    language = language_of_user()
+    attribution = translated(tiles.attribution, language)
+    return ProjectLayer(
+        BACKGROUND,
+        RASTER,
+        f"type=xyz&url={tiles.url}&zmax={tiles.zmax}&zmin=0",
+        "wms",
+        None,
+        translated(tiles.title, language),
+        properties=(
+            ("furrowmap/basemap", tiles.key),
+            ("furrowmap/attribution", attribution),
+            ("furrowmap/probe", re.sub(r"\{[xyz]\}", "0", tiles.url)),
+        ),
+        attribution=attribution,
+    )
 
 
-def _put_tree(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
+def _put_tree(root: ET.Element, layers: Sequence[ProjectLayer], language: str) -> None:
     tree = ET.SubElement(root, "layer-tree-group")
     named = {name for names in _GROUPS.values() for name in names}
     for title, names in _GROUPS.items():
         inside = [x for x in layers if x.name in names or (title == _OTHERS and x.name not in named)]
         if not inside:
             continue
-        group = ET.SubElement(tree, "layer-tree-group", {"name": title, "checked": "Qt::Checked", "expanded": "1"})
+        shown = "Qt::Unchecked" if title == _DETAILS else "Qt::Checked"
+        named_so = {"name": translated(title, language), "checked": shown, "expanded": str(int(title != _DETAILS))}
+        group = ET.SubElement(tree, "layer-tree-group", named_so)
         for layer in inside:
             checked = "Qt::Unchecked" if layer.name in _HIDDEN_AT_FIRST else "Qt::Checked"
-            attributes = {"id": layer.id, "name": layer.name, "source": layer.source, "providerKey": layer.provider}
+            attributes = {
+                "id": layer.id,
+                "name": layer.title or layer.name,
+                "source": layer.source,
+                "providerKey": layer.provider,
+            }
             expanded = "1" if layer.name == "coverage" else "0"
             ET.SubElement(group, "layer-tree-layer", attributes | {"checked": checked, "expanded": expanded})
 
@@ -133,7 +201,7 @@ def _put_relations(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
             continue
         attributes = {
             "id": f"furrowmap_{layer.name}_of_session",
-            "name": layer.name,
+            "name": layer.title or layer.name,
             "referencingLayer": layer.id,
             "referencedLayer": sessions.id,
             "strength": "Association",

@@ -7,13 +7,14 @@ import copy
 import datetime as dt
 from collections.abc import Iterable, Sequence
 from importlib.resources import files
+from itertools import groupby
 from typing import Final
 from xml.etree import ElementTree as ET
 from zoneinfo import ZoneInfo
 
 from furrowmap.exporters.farm.edit import KnownSession
 from furrowmap.exporters.files.qgis_project import DOCTYPE
-from furrowmap.exporters.vectors.map_tip_times import in_local_time
+from furrowmap.exporters.vectors.map_tip_times import Clock, in_local_times
 
 _BY_DATE: Final = "coverage"
 _HUES: Final = (0.14, 0.62)
@@ -23,7 +24,7 @@ _HUES: Final = (0.14, 0.62)
 def styles(layers: Iterable[str], sessions: Sequence[KnownSession]) -> dict[str, str]:
     """The styles (QML) of those layers that have one.
 
-    Map tips show the local time of the sessions' zone; UTC, which they name, where the zones of sessions differ.
+    Map tips show the local time of each session, and name its zone.
 
     Args:
         layers: by name.
@@ -32,12 +33,21 @@ def styles(layers: Iterable[str], sessions: Sequence[KnownSession]) -> dict[str,
     found = {name: text for name in layers if (text := _packaged(name)) is not None}
     if _BY_DATE in found:
         found[_BY_DATE] = _by_date(found[_BY_DATE], [session.date for session in sessions])
-    zones = {session.time_zone for session in sessions}
-    if len(zones) == 1:
-        first, last = min(session.start for session in sessions), max(session.end for session in sessions)
-        span = (first.timestamp(), last.timestamp())
-        found = {name: in_local_time(text, ZoneInfo(*zones), *span) for name, text in found.items()}
+    clocks = _clocks(sessions)
+    if clocks:
+        found = {name: in_local_times(text, clocks) for name, text in found.items()}
     return found
+
+
+def _clocks(sessions: Sequence[KnownSession]) -> list[Clock]:
+    """The zones of the sessions, that of most sessions first."""
+    ordered = sorted(sessions, key=lambda session: session.time_zone)
+    clocks = []
+    for zone, group in groupby(ordered, lambda session: session.time_zone):
+        of_zone = list(group)
+        first_s, last_s = min(one.start.timestamp() for one in of_zone), max(one.end.timestamp() for one in of_zone)
+        clocks.append(Clock(ZoneInfo(zone), first_s, last_s, tuple(sorted(one.session for one in of_zone))))
+    return sorted(clocks, key=lambda clock: -len(clock.sessions))
 
 
 def _packaged(name: str) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 from xml.etree import ElementTree as ET
@@ -27,6 +28,8 @@ class ProjectLayer:
         style: QML; None for QGIS's default.
         title: for people; empty for the name.
         read_only: whether the features may not be edited.
+        properties: custom properties, which plugins read.
+        attribution: that a map has to show.
     """
 
     name: str
@@ -36,6 +39,8 @@ class ProjectLayer:
     style: str | None
     title: str = ""
     read_only: bool = False
+    properties: tuple[tuple[str, str], ...] = ()
+    attribution: str = ""
 
     @property
     def id(self) -> str:
@@ -96,26 +101,39 @@ def put_vector_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
     element.set("labelsEnabled", "0" if style.find("labeling") is None else "1")
 
 
-def put_raster_layer(within: ET.Element, layer: ProjectLayer, crs: CRS, *, multiply: bool = False) -> None:
+def put_raster_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
     """A raster in the CRS of the map.
 
     Args:
         within: the element of the project's layers.
         layer: of which the style is a pipe.
         crs: of the raster.
-        multiply: whether its colours blend with the layers below.
     """
     element = _put_layer(within, layer, crs, {"type": "raster", "styleCategories": "AllStyleCategories"})
     pipe = ET.fromstring(layer.style).find("pipe") if layer.style else None  # noqa: S314 (of this package)
     if pipe is not None:
         element.append(pipe)
-    put_text(element, "blendMode", "6" if multiply else "0")
+    put_text(element, "blendMode", "0")
 
 
-def put_point_cloud_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
-    """A point cloud in the CRS of the map, with QGIS's colours of classes."""
+def put_point_cloud_layer(
+    within: ET.Element, layer: ProjectLayer, crs: CRS, classes: Sequence[tuple[int, str, str]]
+) -> None:
+    """A point cloud in the CRS of the map, in the colours of its classes.
+
+    Args:
+        within: the element of the project's layers.
+        layer: of a point cloud.
+        crs: of the map.
+        classes: code, colour and name of each class that is shown.
+    """
     element = _put_layer(within, layer, crs, {"type": "point-cloud", "styleCategories": "AllStyleCategories"})
-    ET.SubElement(element, "renderer", {"type": "classified", "attribute": "Classification", "pointSize": "1"})
+    renderer = {"type": "classified", "attribute": "Classification", "pointSize": "1"}
+    categories = ET.SubElement(ET.SubElement(element, "renderer", renderer), "categories")
+    for code, colour, name in classes:  # without them QGIS draws nothing
+        red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+        values = {"value": str(code), "color": f"{red},{green},{blue},255", "label": name, "pointSize": "0"}
+        ET.SubElement(categories, "category", {**values, "render": "true"})
 
 
 def _put_layer(within: ET.Element, layer: ProjectLayer, crs: CRS, attributes: dict[str, str]) -> ET.Element:
@@ -126,6 +144,12 @@ def _put_layer(within: ET.Element, layer: ProjectLayer, crs: CRS, attributes: di
     if layer.kind:
         put_crs(ET.SubElement(element, "srs"), crs)
     put_text(element, "provider", layer.provider, encoding="UTF-8")
+    if layer.properties:
+        within_map = ET.SubElement(ET.SubElement(element, "customproperties"), "Option", {"type": "Map"})
+        for name, value in layer.properties:
+            ET.SubElement(within_map, "Option", {"name": name, "type": "QString", "value": value})
+    if layer.attribution:
+        put_text(ET.SubElement(element, "resourceMetadata"), "rights", layer.attribution)
     return element
 
 

@@ -36,7 +36,7 @@ from furrowmap.exporters.files.result_folder import (
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import window, windows
 from furrowmap.exporters.share.features import HIDDEN_AT_FIRST
-from furrowmap.exporters.share.rasters import COLOURED, RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
+from furrowmap.exporters.share.rasters import RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
 
 PROJECT: Final = "field.qgs"
@@ -87,7 +87,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         layer = ProjectLayer(
             Path(name).stem, "raster", f"./{name}", "gdal", _style(raster_style(name), language), title
         )
-        put_raster_layer(within, layer, crs, multiply=name in COLOURED)
+        put_raster_layer(within, layer, crs)
         _put_leaf(tree, layer, shown=name in SHOWN_AT_FIRST)
     put_view(root, crs, bounds)
     (staging / PROJECT).write_text(project_text(root), encoding="utf-8")

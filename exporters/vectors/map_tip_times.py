@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import datetime as dt
 import re
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 from zoneinfo import ZoneInfo
 
@@ -11,6 +13,23 @@ from furrowmap.core.geodesy.local_time import local_time
 
 DAY_S: Final = 86_400.0
 _FORMATTED: Final = re.compile(r'format_date\("(start|end|time)",')
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The clocks of a place over some time.
+
+    Attributes:
+        zone: of the place.
+        first_s: UTC of the first of the times.
+        last_s: UTC of the last.
+        sessions: identities of those that have these times, in the field `session` of their features.
+    """
+
+    zone: ZoneInfo
+    first_s: float
+    last_s: float
+    sessions: tuple[str, ...] = ()
 
 
 def in_local_time(style: str, zone: ZoneInfo, first_s: float, last_s: float) -> str:
@@ -22,22 +41,54 @@ def in_local_time(style: str, zone: ZoneInfo, first_s: float, last_s: float) -> 
         first_s: UTC of the first of the times.
         last_s: UTC of the last.
     """
-    changes = offset_changes(zone, first_s, last_s)
-    offset_s = offset_at(zone, first_s)
+    return in_local_times(style, [Clock(zone, first_s, last_s)])
+
+
+def in_local_times(style: str, clocks: Sequence[Clock]) -> str:
+    """The same where sessions have clocks of different zones: each feature shows and names that of its session.
+
+    Args:
+        style: QML, in whose map tips `format_date` formats the fields `start`, `end` and `time`.
+        clocks: a zone each. Features of sessions that none of the others names have the first one.
+    """
+    usual, *others = clocks
+
+    def of_session(values: Sequence[str], usual_value: str) -> str:
+        if not others:
+            return usual_value
+        cases = "".join(
+            f' WHEN "session" IN ({", ".join(map(_quoted, clock.sessions))}) THEN {value}'
+            for clock, value in zip(others, values, strict=True)
+        )
+        return f"(CASE{cases} ELSE {usual_value} END)"
 
     def shifted(found: re.Match[str]) -> str:
         field = found[1]
-        shift = f"to_interval('{offset_s} seconds')"
-        if changes:
-            # The last change before a time is the one that counts, so the latest stands first.
-            cases = "".join(
-                f" WHEN epoch(\"{field}\") &gt;= {1000.0 * at_s:.0f} THEN to_interval('{after_s} seconds')"
-                for at_s, after_s in reversed(changes)
-            )
-            shift = f"(CASE{cases} ELSE {shift} END)"
+        shift = of_session([_shift(clock, field) for clock in others], _shift(usual, field))
         return f'format_date("{field}" + {shift},'
 
-    return _FORMATTED.sub(shifted, style).replace(" UTC", f" ({zone.key})")
+    names = of_session([_quoted(clock.zone.key) for clock in others], _quoted(usual.zone.key))
+    name = f"[% {names} %]" if others else usual.zone.key
+    return _FORMATTED.sub(shifted, style).replace(" UTC", f" ({name})")
+
+
+def _shift(clock: Clock, field: str) -> str:
+    """Expression of QGIS: what a clock is ahead of the UTC in a field."""
+    shift = f"to_interval('{offset_at(clock.zone, clock.first_s)} seconds')"
+    changes = offset_changes(clock.zone, clock.first_s, clock.last_s)
+    if not changes:
+        return shift
+    # The last change before a time is the one that counts, so the latest stands first.
+    cases = "".join(
+        f" WHEN epoch(\"{field}\") &gt;= {1000.0 * at_s:.0f} THEN to_interval('{after_s} seconds')"
+        for at_s, after_s in reversed(changes)
+    )
+    return f"(CASE{cases} ELSE {shift} END)"
+
+
+def _quoted(text: str) -> str:
+    """A text in an expression of QGIS; identities and zones have no quotes."""
+    return f"'{text}'"
 
 
 def offset_at(zone: ZoneInfo, t_s: float) -> int:

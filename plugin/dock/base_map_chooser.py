@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The choice of a base map: a row of the dock."""
 
-from qgis.core import QgsNetworkContentFetcher, QgsProject
+from qgis.core import QgsLayerTree, QgsNetworkContentFetcher, QgsProject
 from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtNetwork import QNetworkReply, QNetworkRequest
 from qgis.PyQt.QtWidgets import (
@@ -61,6 +61,7 @@ class BaseMapChooser(QWidget):
         form.addRow(self.inputs)
         self.box.activated.connect(self._chosen)
         QgsProject.instance().readProject.connect(self.follow_project)
+        QgsProject.instance().layerTreeRoot().visibilityChanged.connect(self._seen)
         self.follow_project()
 
     def _own_inputs(self):
@@ -97,7 +98,7 @@ class BaseMapChooser(QWidget):
         self.inputs.setVisible(key == OWN)
         for layer in layers:
             if layer.isValid():
-                self._try(layer)
+                self._try_seen(layer)
             else:
                 self._report(self.tr("The base map {name} cannot be opened.").format(name=layer.name()))
 
@@ -164,6 +165,17 @@ class BaseMapChooser(QWidget):
         remember(key, own, attribution)
         if layer is not None:
             self.attribution.setToolTip(attribution_of([layer]))
+            self._try(layer)
+
+    def _seen(self, node):
+        """A base map of a project, such as a farm map's, may be hidden at first; then it asks nothing."""
+        for layer in base_map_layers(QgsProject.instance()):
+            if layer.id() in ([node.layerId()] if QgsLayerTree.isLayer(node) else node.findLayerIds()):
+                self._try_seen(layer)
+
+    def _try_seen(self, layer):
+        shown = QgsProject.instance().layerTreeRoot().findLayer(layer.id())
+        if shown is not None and shown.isVisible():
             self._try(layer)
 
     def _try(self, layer):

@@ -475,13 +475,21 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Missed</source><translation>作業残し</translation></message>
   <message><source>Not worked</source><translation>未作業</translation></message>
   <message><source>Overlap</source><translation>重複</translation></message>
+  <message><source>PPP</source><translation>PPP</translation></message>
   <message><source>Passes</source><translation>行程</translation></message>
   <message><source>Path length</source><translation>走行距離</translation></message>
   <message><source>Points</source><translation>点数</translation></message>
+  <message><source>Positions</source><translation>測位</translation></message>
+  <message><source>RTK fixed</source><translation>RTK FIX</translation></message>
+  <message><source>RTK float</source><translation>RTK FLOAT</translation></message>
   <message><source>Start</source><translation>開始</translation></message>
   <message><source>Vertical accuracy</source><translation>鉛直精度</translation></message>
   <message><source>Worked</source><translation>作業面積</translation></message>
+  <message><source>differential</source><translation>ディファレンシャル</translation></message>
   <message><source>if {keys} is right, which the recording does not show</source><translation>{keys} が正しい場合の値（記録からは確認できません）</translation></message>
+  <message><source>no position</source><translation>測位なし</translation></message>
+  <message><source>other</source><translation>その他</translation></message>
+  <message><source>single</source><translation>単独測位</translation></message>
   <message><source>unknown, because the session leaves out {keys}</source><translation>不明（セッションに {keys} の記入がありません）</translation></message>
   <message><source>{area}, {share:.0f} % of it worked</source><translation>{area}、うち {share:.0f} % を作業済み</translation></message>
 </context>
@@ -566,6 +574,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Differences of strips</source><translation>ストリップ間の差</translation></message>
   <message><source>Differences of swaths</source><translation>スワス間の差</translation></message>
   <message><source>Events of the drive</source><translation>走行中のイベント</translation></message>
+  <message><source>Fields</source><translation>圃場</translation></message>
   <message><source>Ground not worked</source><translation>未作業の範囲</translation></message>
   <message><source>Ground worked twice</source><translation>重複した範囲</translation></message>
   <message><source>Headland and body</source><translation>枕地と本体</translation></message>
@@ -573,6 +582,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Height change (m)</source><translation>高さの変化（m）</translation></message>
   <message><source>Height difference of swaths (m)</source><translation>スワス間の高さの差（m）</translation></message>
   <message><source>Height of the crop</source><translation>作物の高さ</translation></message>
+  <message><source>Machines</source><translation>機械</translation></message>
   <message><source>Missed ground</source><translation>作業残し</translation></message>
   <message><source>Number of strips</source><translation>ストリップの数</translation></message>
   <message><source>Orthophoto</source><translation>オルソ画像</translation></message>
@@ -580,6 +590,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>PPP</source><translation>PPP</translation></message>
   <message><source>Parcels of the trial</source><translation>区画</translation></message>
   <message><source>Passes of the tool</source><translation>行程</translation></message>
+  <message><source>Paths of the vehicle</source><translation>車両の経路</translation></message>
   <message><source>Point cloud of the run</source><translation>点群</translation></message>
   <message><source>Point density</source><translation>点密度</translation></message>
   <message><source>Points a square metre</source><translation>1 m²あたりの点数</translation></message>
@@ -589,9 +600,13 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Relief after the work</source><translation>作業後の起伏</translation></message>
   <message><source>Relief before the work</source><translation>作業前の起伏</translation></message>
   <message><source>Relief of the ground</source><translation>地面の起伏</translation></message>
+  <message><source>Reports and settings of the sessions</source><translation>セッションのレポートと設定</translation></message>
+  <message><source>Sessions</source><translation>セッション</translation></message>
   <message><source>Strips of the flight</source><translation>飛行のストリップ</translation></message>
   <message><source>Surface after the work</source><translation>作業後の地表面</translation></message>
   <message><source>Surface before the work</source><translation>作業前の地表面</translation></message>
+  <message><source>Work of each season</source><translation>シーズンごとの作業</translation></message>
+  <message><source>Work of each session</source><translation>セッションごとの作業</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>body of the field</source><translation>圃場の本体</translation></message>
   <message><source>differential</source><translation>ディファレンシャル</translation></message>

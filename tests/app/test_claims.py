@@ -135,3 +135,10 @@ def test_promise__what_was_not_filled_in_claims_nothing(wrong: furrowmap.Result)
     assert item["properties"]["furrowmap:unstated"] == report["accuracy"]["unstated"]
     with rasterio.open(wrong.path / "dsm.tif") as dsm:
         assert "antenna.xyz_m" in dsm.tags()["NOT_STATED"]
+
+
+def test_dock__shows_the_shares_of_positions_without_rounding_any_away() -> None:
+    shares = {"fixed": 0.9996, "float": 0.0, "none": 0.0004}
+    shown = dock_rows({"figures": {"fix": shares}})["Positions"]
+    assert shown == "RTK fixed > 99.9 %, no position < 0.1 %, RTK float 0 %"
+    assert dock_rows({"figures": {"fix": {"fixed": 1.0}}})["Positions"] == "RTK fixed 100 %"

@@ -16,7 +16,7 @@ import pytest
 
 import furrowmap
 from furrowmap.exporters.share.features import shared_layer
-from furrowmap.exporters.vectors.map_tip_times import in_local_time, offset_changes
+from furrowmap.exporters.vectors.map_tip_times import Clock, in_local_time, in_local_times, offset_changes
 from furrowmap.workflows.export import export
 from furrowmap.workflows.farm import add_to_farm_map, farm_map_sessions
 
@@ -97,3 +97,16 @@ def test_clocks_that_change_within_a_season__are_followed_in_map_tips() -> None:
     assert f'WHEN epoch("start") &gt;= {1000 * int(change.timestamp())} THEN' in tip
     assert "ELSE to_interval('7200 seconds') END" in tip
     assert "(Europe/Berlin)" in tip
+
+
+def test_map_tips__of_sessions_in_different_zones_show_the_clock_of_each() -> None:
+    june_s = dt.datetime(2026, 6, 11, tzinfo=dt.UTC).timestamp()
+    clocks = [
+        Clock(TOKYO, june_s, june_s + 1.0, ("a", "c")),
+        Clock(ZoneInfo("Europe/Berlin"), june_s, june_s + 1.0, ("b",)),
+    ]
+    tip = in_local_times("""[% format_date("start", 'HH:mm') %] UTC""", clocks)
+    of_b = """(CASE WHEN "session" IN ('b') THEN {} ELSE {} END)"""
+    hours = of_b.format("to_interval('7200 seconds')", HOURS)
+    zone = of_b.format("'Europe/Berlin'", "'Asia/Tokyo'")
+    assert tip == f"""[% format_date("start" + {hours}, 'HH:mm') %] ([% {zone} %])"""

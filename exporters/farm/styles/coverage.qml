@@ -1,6 +1,6 @@
 <!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>
 <!-- Ground worked, a colour for each day; the categories are filled in by furrowmap. -->
-<qgis version="3.34.0" styleCategories="Symbology|MapTips|Temporal|Rendering">
+<qgis version="3.34.0" styleCategories="Symbology|Labeling|MapTips|Temporal|Rendering">
  <temporal enabled="1" mode="1" startField="start" endField="" startExpression="" endExpression="" durationField="" durationUnit="ms" fixedDuration="0" limitMode="0" accumulate="1">
   <fixedRange>
    <start></start>
@@ -25,5 +25,14 @@
   </symbols>
  </renderer-v2>
  <layerOpacity>0.6</layerOpacity>
+ <labeling type="simple">
+  <settings calloutType="simple">
+   <text-style fieldName="format_date(&quot;date&quot;, 'yyyy-MM-dd')" isExpression="1" fontSize="9" fontSizeUnit="Point" fontFamily="Sans" textColor="40,40,40,255">
+    <text-buffer bufferDraw="1" bufferSize="1" bufferSizeUnits="MM" bufferColor="255,255,255,220"/>
+   </text-style>
+   <placement placement="4" fitInPolygonOnly="1"/>
+   <rendering scaleVisibility="1" scaleMin="1" scaleMax="2000" labelPerPart="1"/>
+  </settings>
+ </labeling>
  <mapTip enabled="1">&lt;b&gt;[% "name" %]&lt;/b&gt;, [% format_date("date", 'yyyy-MM-dd') %]&lt;br&gt;worked [% format_number("area_m2", 1) %] m² [% coalesce('± ' || format_number(2 * "area_sigma_m2", 1) || ' m²', '') %]</mapTip>
 </qgis>

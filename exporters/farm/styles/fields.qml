@@ -19,7 +19,7 @@
  </renderer-v2>
  <labeling type="simple">
   <settings calloutType="simple">
-   <text-style fieldName="&quot;name&quot; || '\n' || format_number(&quot;area_m2&quot; / 10000, 2) || ' ha'" isExpression="1" fontSize="10" fontSizeUnit="Point" fontFamily="Sans" textColor="30,30,30,255">
+   <text-style fieldName="&quot;name&quot; || '\n' || if(&quot;area_m2&quot; &lt; 1000, format_number(&quot;area_m2&quot;, 0) || ' m²', format_number(&quot;area_m2&quot; / 10000, 2) || ' ha')" isExpression="1" fontSize="10" fontSizeUnit="Point" fontFamily="Sans" textColor="30,30,30,255">
     <text-buffer bufferDraw="1" bufferSize="1" bufferSizeUnits="MM" bufferColor="255,255,255,220"/>
    </text-style>
   </settings>

@@ -1,6 +1,6 @@
 <!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>
-<!-- Dashed outline of each session, with its day and name where there is room. -->
-<qgis version="3.34.0" styleCategories="Symbology|Labeling|MapTips|Temporal" labelsEnabled="1">
+<!-- Dashed outline of each session. -->
+<qgis version="3.34.0" styleCategories="Symbology|MapTips|Temporal" labelsEnabled="0">
  <temporal enabled="1" mode="1" startField="start" endField="" startExpression="" endExpression="" durationField="" durationUnit="ms" fixedDuration="0" limitMode="0" accumulate="1">
   <fixedRange>
    <start></start>
@@ -23,12 +23,5 @@
    </symbol>
   </symbols>
  </renderer-v2>
- <labeling type="simple">
-  <settings calloutType="simple">
-   <text-style fieldName="format_date(&quot;date&quot;, 'yyyy-MM-dd') || '\n' || &quot;name&quot;" isExpression="1" fontSize="9" fontSizeUnit="Point" fontFamily="Sans" textColor="40,40,40,255">
-    <text-buffer bufferDraw="1" bufferSize="1" bufferSizeUnits="MM" bufferColor="255,255,255,220"/>
-   </text-style>
-  </settings>
- </labeling>
  <mapTip enabled="1">&lt;b&gt;[% "name" %]&lt;/b&gt;, [% format_date("date", 'yyyy-MM-dd') %]&lt;br&gt;[% coalesce("implement", '') %] [% coalesce(format_number("worked_area_m2", 0), '?') %] m² worked in [% "passes" %] passes, [% coalesce(format_number("overlap_area_m2", 0), '?') %] m² twice, [% coalesce(format_number("missed_area_m2", 0), '?') %] m² missed&lt;br&gt;[% coalesce(format_number("work_rate_ha_h", 2), '?') %] ha/h&lt;br&gt;[% "folder" %]</mapTip>
 </qgis>

@@ -59,8 +59,13 @@ def describe(layer: QgsVectorLayer) -> dict[str, Any]:
     return answer
 
 
+def table(layer_id: str) -> str:
+    """Name of the table; the layer has one for people."""
+    return layer_id.removeprefix("furrowmap_")
+
+
 def groups(group: QgsLayerTreeGroup) -> dict[str, list[str]]:
-    return {g.name(): [layer.name() for layer in g.findLayers()] for g in group.findGroups()}
+    return {g.name(): [table(layer.layerId()) for layer in g.findLayers()] for g in group.findGroups()}
 
 
 def main(address: str) -> None:
@@ -79,7 +84,7 @@ def main(address: str) -> None:
                 "crs": project.crs().authid(),
                 "groups": groups(project.layerTreeRoot()),
                 "layers": {
-                    layer.name(): describe(layer)
+                    table(layer.id()): describe(layer)
                     for layer in project.mapLayers().values()
                     if isinstance(layer, QgsVectorLayer)
                 },

@@ -443,7 +443,7 @@ def test_qgis__opens_the_project_in_the_base(two: Path, base: Path, results: dic
         "Sessions",
         "Work in detail",
         "Worked ground by day",
-        "Field",
+        "Boundaries and zones",
         "Tables",
         "Background",
     ]
@@ -457,7 +457,8 @@ def test_qgis__opens_the_project_in_the_base(two: Path, base: Path, results: dic
             assert (layer["crs"], layer["renderer"]) == ("EPSG:6677", layer["own_style"])
             assert layer["map_tip"]
             assert (layer["time"] is not None) == layer["own_time"] == (name not in TIMELESS)
-    assert told["layers"]["sessions"]["labels"]
+    assert told["layers"]["coverage"]["labels"]
+    assert told["layers"]["fields"]["labels"]
     colours = told["layers"]["coverage"]["colours"]
     assert len(set(colours)) == len(colours) == 2  # a colour for each day
     west, south, east, north = told["extent"]
