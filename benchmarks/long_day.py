@@ -6,6 +6,7 @@ kept, so that eight hours are gigabytes and still show the ground well enough to
 (poses, positions, equations, windows, layers) is that of a full day, what grows with the points alone is not.
 
     long_day.py FOLDER MINUTES ...      FOLDER: a recording of `furrowmap simulate` or of the samples
+    THIN=1 long_day.py FOLDER 10    all packets: what is bounded by a number of points is filled within ten minutes
     long_day.py FOLDER --runs 50        runs of one turn after another in one process, as a program of the user has them
 
 Each length is a process of its own, whose resident memory is read ten times a second: anonymous memory, which it
@@ -32,7 +33,7 @@ import tomli_w
 
 from furrowmap import run
 
-THIN = 29
+THIN = int(os.environ.get("THIN", "29"))
 """Of a VLP-16's 75.4 packets a turn; no divisor, so that all directions are kept in turn."""
 PERIOD_S = 61.0
 """Of a turn; longer than the recording."""
