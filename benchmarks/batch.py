@@ -159,7 +159,7 @@ def verdict(sessions: Path, results: Path) -> str:
     whole = [name for name in reports if len(furrowmap.open_result(results / name).layers) > 0]
     different = {json.dumps(report["figures"], sort_keys=True) for report in reports.values()}
     failed = [name for name, outcome in outcomes.items() if outcome.failure is not None]
-    left = [path.name for path in results.glob("*/.furrowmap-*")]
+    left = [path.name for path in results.glob("**/.furrowmap-*")]
     return (
         f"{len(whole)} whole results of {len(wanted)} sessions, lost {sorted(wanted - set(whole))}, failed {failed}, "
         f"{len(different)} different sets of figures, left behind: {left}"

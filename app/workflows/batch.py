@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shutil
 import statistics
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
@@ -18,7 +19,7 @@ from furrowmap.core.values.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.values.languages.choice import language_of_user
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.batch_state import STATE, BatchState, Failure, Outcome, Stamp, batch_state, same_files
-from furrowmap.exporters.files.lease import leased
+from furrowmap.exporters.files.lease import leased, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row, write_layers, write_table
@@ -157,7 +158,9 @@ class _Batch:
             with batch_state(path if path.is_file() else None) as state:
                 return self.planned(sources, state)
         self.results.mkdir(parents=True, exist_ok=True)
-        with leased(self.results), batch_state(path) as state:
+        with leased(self.results) as own, batch_state(path) as state:
+            for ended in refuse_leased(self.results, own):  # of batches that were killed
+                shutil.rmtree(ended, ignore_errors=True)
             try:
                 return self.done(sources, state)
             finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from secrets import token_hex
 from time import monotonic
@@ -97,10 +98,12 @@ class DaskWorkers:
                     continue
                 for future in done:
                     name, item = in_hand.pop(future)
-                    if future.status in ("cancelled", "lost"):
+                    try:
+                        found = _found(future)
+                    except (OSError, TimeoutError, CancelledError):
                         waiting.append((name, item))
                     else:
-                        yield name, _found(future)
+                        yield name, found
         finally:
             with suppress(Exception):
                 self._client.cancel(list(in_hand), force=True)
@@ -115,7 +118,7 @@ class DaskWorkers:
             in_hand[future] = waiting.pop()
 
     def _some_done(self, in_hand: dict[Any, tuple[str, Item]]) -> list[Any]:
-        with suppress(TimeoutError):
+        with suppress(TimeoutError, CancelledError):  # what a lost scheduler had is cancelled
             wait(list(in_hand), timeout=_TICK_S, return_when="FIRST_COMPLETED")
         return [future for future in in_hand if future.status != "pending"]
 
@@ -134,7 +137,7 @@ class DaskWorkers:
             tick()
             try:
                 self._client = self._connected()
-            except (OSError, TimeoutError, RuntimeError):
+            except (OSError, TimeoutError, RuntimeError, CancelledError):
                 if monotonic() > until:
                     raise _lost_scheduler() from None
             else:
@@ -198,10 +201,13 @@ def _found(future: Any) -> Any:
 
     Raises:
         FurrowmapError: if the worker could not begin with it.
+        OSError, TimeoutError, CancelledError: if the scheduler is lost with it.
     """
+    if future.status in ("cancelled", "lost"):
+        raise CancelledError
     if future.status == "finished":
-        return future.result()
-    error = future.exception()
+        return future.result(RECONNECT_S)
+    error = future.exception(RECONNECT_S)
     if isinstance(error, KilledWorker):
         return Lost()
     raise _unusable(error)
