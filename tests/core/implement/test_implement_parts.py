@@ -117,7 +117,7 @@ def test_by_travel__positions_that_were_laid_over_each_other_wrongly_are_set_rig
     near = NearScans(scene.mounting)
     for scan in scene.scans():
         near.add(scan)
-    views = learning.views_of(near.scans, (0.0, 0.0, 0.0), learning._hinted(HINT))
+    views = learning.views_of(near.scans, (0.0, 0.0, 0.0), HINT.region_m)
     right = learning._find(views)
     assert right is not None
     heights, levels = right.outcome.heights, right.levels
@@ -134,8 +134,8 @@ def test_by_travel__positions_that_were_laid_over_each_other_wrongly_are_set_rig
 
 def test_region__is_the_stated_one_or_lies_around_the_tool() -> None:
     box = (-4.0, -1.0, -2.0, 2.0)
-    assert learning._hinted(Hint((-2.0, 0.1), 1.7, box)) == box
-    assert learning._hinted(Hint((-2.0, 0.1), 1.7)) == pytest.approx((-4.0, -0.8, 0.1 - 1.35, 0.1 + 1.35))
+    assert Hint((-2.0, 0.1), 1.7, box).region_m == box
+    assert Hint((-2.0, 0.1), 1.7).region_m == pytest.approx((-4.0, -0.8, 0.1 - 1.35, 0.1 + 1.35))
 
 
 @pytest.mark.parametrize(
@@ -158,7 +158,7 @@ def test_too_few_scans__show_no_tool_and_no_ground(count: int) -> None:
     near = NearScans(Mounting((0.0, 0.0, 2.0)))
     for number in range(count):
         near.add(_scan(number))
-    views = learning.views_of(near.scans, (0.0, 0.0, 0.0), learning._hinted(HINT))
+    views = learning.views_of(near.scans, (0.0, 0.0, 0.0), HINT.region_m)
     assert learning._find(views) is None
     learned = learning.learn_implement(near.scans, HINT)
     assert learned.implement is None
