@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Final
 
 from furrowmap.core.values.errors import FurrowmapError, Notice
-from furrowmap.core.values.languages.catalogue import ENGLISH, catalogue
+from furrowmap.core.values.languages.catalogue import ENGLISH, HOLE, catalogue
 
 DEEPEST: Final = 5
 """Texts in holes of texts in holes: a cause within a warning within a list."""
@@ -63,6 +63,18 @@ def _translated(text: str, language: str, code: str, depth: int) -> str:
     return text
 
 
+def _begins_with_list(source: str, values: tuple[str, ...]) -> bool:
+    """Whether the first hole of a template, at its beginning, took in more than one entry of a list."""
+    return source.startswith(HOLE) and ", " in values[0]
+
+
+def _listed(text: str, language: str, depth: int) -> str | None:
+    """A list of which each entry has a translation of its own."""
+    parts = text.split(", ")
+    found = [_translated(part, language, "", depth - 1) for part in parts] if depth else parts
+    return "、".join(found) if all(part != new for part, new in zip(parts, found, strict=True)) else None
+
+
 def _left(parts: list[str], found: list[str]) -> bool:
     """Whether words of English are left in a list; half a translation is worse than none."""
     return any(part == same and _WORDS.search(part) for part, same in zip(parts, found, strict=True))
@@ -95,5 +107,8 @@ def _whole(text: str, language: str, code: str, depth: int) -> str | None:
     for template in known.templates(code):
         values = template.values(text)
         if values is not None:
-            return template.filled(_translated(value, language, "", depth - 1) if depth else value for value in values)
+            listed = _listed(text, language, depth) if _begins_with_list(template.source, values) else None
+            return listed or template.filled(
+                _translated(value, language, "", depth - 1) if depth else value for value in values
+            )
     return None

@@ -8,6 +8,7 @@ import re
 
 import pytest
 
+from furrowmap.core.values.languages.translation import translated
 from furrowmap.exporters.reports.area_units import ACRE_M2, UNITS, area, area_words, filled_in, rate_words, work_rate
 from furrowmap.exporters.reports.page_language import in_language, language_of, texts
 from furrowmap.exporters.reports.page_parts import escape, figure, filled, key, key_figure, section, table
@@ -44,6 +45,17 @@ def test_page__in_japanese_has_no_english_but_names() -> None:
     }
     assert '3 行程で <data class="area" value="5421.3">0.542 ha</data> を作業、うち 3.1% は重複' in page
     assert 'aria-label="作業した範囲の地図"' in page
+
+
+def test_summary__of_a_field_is_translated_part_by_part() -> None:
+    """Its last part is a sentence that the catalogue has; what is before it is not a part of that."""
+    said = "34.2 m² worked in 3 passes, 3.1% of it twice, 2.77 m² missed between, 10.0% of the field (341 m²) worked"
+    worked = "3 行程で 34.2 m² を作業、うち 3.1% は重複、行程間の作業残し 2.77 m²、圃場（341 m²）の 10.0% を作業"
+    assert translated(f"{said}, 304 m² of it not worked yet.", "ja") == f"{worked}、未作業 304 m²。"
+    assert translated(f"{said}.", "ja") == f"{worked}。"
+    assert translated("9 m² worked in 1 pass, 0.1 m² missed between.", "ja") == (
+        "1 行程で 9 m² を作業、行程間の作業残し 0.1 m²。"
+    )
 
 
 def test_page__in_japanese_becomes_the_english_one_again() -> None:
