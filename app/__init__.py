@@ -109,6 +109,9 @@ if TYPE_CHECKING:
     from furrowmap.workflows.response import ResponseSettings as ResponseSettings
     from furrowmap.workflows.response import response as response
     from furrowmap.workflows.run import run as run
+    from furrowmap.workflows.season import Season as Season
+    from furrowmap.workflows.season import SeasonSettings as SeasonSettings
+    from furrowmap.workflows.season import season as season
     from furrowmap.workflows.share import Shared as Shared
     from furrowmap.workflows.share import share as share
     from furrowmap.workflows.simulate import simulate as simulate
@@ -165,6 +168,8 @@ _HOMES = {
     "ResponseSettings": "workflows.response",
     "Result": "results",
     "Scan": "core.values.scan",
+    "Season": "workflows.season",
+    "SeasonSettings": "workflows.season",
     "Shared": "workflows.share",
     "Simulated": "core.simulator.simulate",
     "SiteCoordinates": "core.session.site_coordinates",
@@ -212,6 +217,7 @@ _HOMES = {
     "response": "workflows.response",
     "run": "workflows.run",
     "save_machine": "workflows.machines",
+    "season": "workflows.season",
     "share": "workflows.share",
     "simulate": "workflows.simulate",
     "site_coordinates": "core.session.site_coordinates",

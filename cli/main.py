@@ -28,6 +28,7 @@ COMMANDS: Final = (
     "inspect",
     "run",
     "batch",
+    "season",
     "surface",
     "cloud",
     "colour",

@@ -19,6 +19,7 @@ from furrowmap.cli.main import COMMANDS, furrowmap
 FILE = Path(__file__).resolve().parents[1] / "plugin" / "processing" / "commands.json"
 NOT_IN_QGIS = {
     "batch": "it works for hours on many sessions, with processes of its own or on a cluster",
+    "season": "it works on the results of a batch, with processes of its own or on a cluster",
     "qgis install": "it installs the plugin that would run it",
     "worker": "the plugin starts it and speaks its protocol",
     "report": "the dock opens the report, which a run writes in the language of QGIS",

@@ -73,6 +73,7 @@ PUBLISHED: Final = {
 OWN: Final = {
     "app/workflows/canopy.py CanopySettings.ground_m": 0.2,  # the roughness of ground, and noise
     "app/workflows/canopy.py CanopySettings.layer_m": 0.5,
+    "app/workflows/season.py SeasonSettings.most_rows": 5_000_000,  # files of a hundred megabytes
     "app/workflows/solve_gnss.py SolveSettings.mask_deg": 15.0,
     "app/workflows/check.py CheckSettings.diameter_m": 0.3,
     "core/checking/check.py check_product(diameter_m)": 0.3,

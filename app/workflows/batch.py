@@ -14,16 +14,14 @@ from typing import Final
 
 import msgspec
 
-from furrowmap.core.values.allowances import ALL, allows
 from furrowmap.core.values.errors import FurrowmapError, InputError, Notice
-from furrowmap.core.values.languages.choice import language_of_user
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.batch_state import STATE, BatchState, Failure, Outcome, Stamp, batch_state, same_files
 from furrowmap.exporters.files.lease import leased, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row, write_layers, write_table
-from furrowmap.workflows.batch_engine import ATTEMPTS, Found, Item, Lost, Workforce
+from furrowmap.workflows.batch_engine import ATTEMPTS, Found, Item, Lost, Manner, Workforce
 from furrowmap.workflows.batch_jobs import Job, Prepared, Request, identity, key_of, open_job, own_version, prepare
 from furrowmap.workflows.batch_places import Store, find_remote, is_url, scratch
 from furrowmap.workflows.batch_sources import Source, find_sources, named, stamp
@@ -228,6 +226,7 @@ class _Batch:
         names = named(wanted, state.sources())
         if keep:
             state.keep_names(names)
+        manner = Manner.of_user(force.threads)
         for key, (source, found, visit) in made.items():
             if found.failure is not None:
                 plan.failures[names[key]] = (source.place, found.failure)
@@ -239,9 +238,9 @@ class _Batch:
                 results=str(self.results.resolve()),
                 visit=visit,
                 overwrite=self.overwrite or names[key] in outcomes,
-                threads=force.threads,
-                language=language_of_user(),
-                allowed=tuple(what for what in ALL if allows(what)),
+                threads=manner.threads,
+                language=manner.language,
+                allowed=manner.allowed,
                 url=source.url,
                 stamps=source.stamps if source.url else (),
                 results_url=self.url,

@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from importlib.util import find_spec
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Any, Final, Protocol, Self, TypeVar
 
-from furrowmap.core.values.allowances import free_memory_bytes
+from furrowmap.core.values.allowances import ALL, allowing, allows, free_memory_bytes
 from furrowmap.core.values.errors import RefusedError
-from furrowmap.core.values.threads import asked_threads, available_processors
+from furrowmap.core.values.languages.choice import language_of_user, using_language
+from furrowmap.core.values.threads import asked_threads, available_processors, using_threads
 from furrowmap.process import prepare_process
 
 Item = TypeVar("Item")
@@ -27,6 +29,36 @@ BYTES_A_WORKER: Final = 3 << 30
 SESSIONS_A_PROCESS: Final = 200
 """Then a process makes room for a new one."""
 _TICK_S: Final = 0.2
+
+
+@dataclass(frozen=True)
+class Manner:
+    """What the user has chosen for all work, as another process needs it.
+
+    Attributes:
+        threads: of the work; None for the default.
+        allowed: what is allowed (`core/values/allowances.py`).
+        language: of messages; empty for the default.
+    """
+
+    threads: int | None
+    allowed: tuple[str, ...]
+    language: str
+
+    @classmethod
+    def of_user(cls, threads: int | None) -> Self:
+        """As chosen in this process."""
+        return cls(threads, tuple(what for what in ALL if allows(what)), language_of_user())
+
+    @contextmanager
+    def applied(self) -> Iterator[None]:
+        """Within it, this process works in that manner."""
+        with ExitStack() as stack:
+            stack.enter_context(using_threads(self.threads))
+            stack.enter_context(allowing(*(what for what in ALL if what in self.allowed)))
+            if self.language:
+                stack.enter_context(using_language(self.language))
+            yield
 
 
 class Lost:

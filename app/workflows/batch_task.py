@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
@@ -15,16 +14,14 @@ from typing import Any, Final
 import msgspec
 
 from furrowmap.core.session.opened import OpenSession
-from furrowmap.core.values.allowances import ALL, allowing
 from furrowmap.core.values.errors import FurrowmapError, RefusedError
 from furrowmap.core.values.json_text import plain
-from furrowmap.core.values.languages.choice import using_language
-from furrowmap.core.values.threads import using_threads
 from furrowmap.exporters.files.batch_state import Failure, Outcome, Stamp
 from furrowmap.exporters.files.file_records import file_records, files_in
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.vectors.batch_table import FIGURES, outlines
 from furrowmap.results import Result, open_result
+from furrowmap.workflows.batch_engine import Manner
 from furrowmap.workflows.batch_jobs import Job, key_of, open_job
 from furrowmap.workflows.batch_places import earlier_in_store, put_result, scratch, staged, store_failure
 from furrowmap.workflows.batch_sources import stamp
@@ -113,25 +110,16 @@ def peak_memory_mb() -> float:
 
 def _looked_at(job: Job) -> tuple[str, tuple[Stamp, ...], OpenSession]:
     """The key of a job, the files of its session, and that."""
-    with _settings(job):
+    with Manner(job.threads, job.allowed, job.language).applied():
         opened = open_job(job)
         return key_of(job), input_stamps(opened), opened
 
 
 def _ran(job: Job, key: str, stamps: tuple[Stamp, ...], opened: OpenSession) -> Outcome:
     """What became of a job that could be opened."""
-    with _settings(job):
+    with Manner(job.threads, job.allowed, job.language).applied():
         result, repeated = _result(job, opened)
         return replace(_finished(key, stamps, result, opened), repeated=repeated)
-
-
-def _settings(job: Job) -> ExitStack:
-    stack = ExitStack()
-    stack.enter_context(using_threads(job.threads))
-    stack.enter_context(allowing(*(what for what in ALL if what in job.allowed)))
-    if job.language:
-        stack.enter_context(using_language(job.language))
-    return stack
 
 
 def _result(job: Job, opened: OpenSession) -> tuple[Result, bool]:

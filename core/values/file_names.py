@@ -33,6 +33,11 @@ def is_file_name(name: str) -> bool:
     )
 
 
+def is_relative_name(name: str) -> bool:
+    """Whether `name` is the path of one file below a folder, with slashes: each part is :func:`is_file_name`."""
+    return all(is_file_name(part) for part in name.split("/"))
+
+
 def leads_out(path: Path, folder: Path) -> bool:
     """Whether `path`, after following links, is outside `folder`, or cannot be followed."""
     try:

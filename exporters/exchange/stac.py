@@ -54,7 +54,7 @@ _KINDS: Final = {  # media type, title, roles
     **{of_tool(STATES, n): ("text/csv", f"When implement {n} went down and up", ["data"]) for n in FURTHER_TOOLS},
     SESSION: ("application/toml", "Session as it was understood", ["metadata"]),
 }
-_COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"
+COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"
 _EDGE_POINTS: Final = 6
 _DIGITS_DEG: Final = 7
 _NAME_BYTES: Final = 200
@@ -74,10 +74,10 @@ def run_item(report: dict[str, Any]) -> pystac.Item:
     figures = report["figures"]
     (west, south, low), (east, north, high) = figures["bounds_m"]
     crs, origin = _crs(report), result_origin(report)
-    ring = _footprint(crs, (west, south, east, north))
+    ring = footprint(crs, (west, south, east, north))
     lon, lat = zip(*ring, strict=True)
     item = pystac.Item(
-        id=_identifier(report),
+        id=session_identifier(report),
         geometry={"type": "Polygon", "coordinates": [ring]},
         bbox=[min(lon), min(lat), max(lon), max(lat)],
         datetime=None,
@@ -147,7 +147,7 @@ def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path
     for result in results:
         item = run_item(result.report)
         for asset in item.assets.values():
-            asset.href = _link(result.folder / asset.href, target)
+            asset.href = link(result.folder / asset.href, target)
         items.append(item)
     names = [item.id for item in items]
     for name in names:
@@ -191,18 +191,19 @@ def _crs(report: dict[str, Any]) -> CRS:
     return stated.map_crs(flat) if stated is not None else flat
 
 
-def _link(path: Path, start: Path) -> str:
+def link(path: Path, start: Path) -> str:
+    """The link to a file from a folder: relative, or a URI where it is on another drive of Windows."""
     return relative_path(path, start) or path.resolve().as_uri()
 
 
-def _identifier(report: dict[str, Any]) -> str:
+def session_identifier(report: dict[str, Any]) -> str:
     """The session's name in characters that a file name may have, and its start."""
     name = "".join(c if c.isalnum() else "-" for c in str(report["session"]["name"] or "session")).strip("-")
     words = "-".join(part for part in name.split("-") if part)[:80].encode()[:_NAME_BYTES].decode(errors="ignore")
     return f"{words or 'session'}-{datetime.fromisoformat(report['figures']['start']):%Y%m%dT%H%M%SZ}"
 
 
-def _footprint(crs: CRS, bounds: tuple[float, float, float, float]) -> list[list[float]]:
+def footprint(crs: CRS, bounds: tuple[float, float, float, float]) -> list[list[float]]:
     """The box in longitude and latitude, counter-clockwise, with points along its edges."""
     west, south, east, north = bounds
     share = np.linspace(0.0, 1.0, _EDGE_POINTS)[:-1]
@@ -217,9 +218,9 @@ def _footprint(crs: CRS, bounds: tuple[float, float, float, float]) -> list[list
 
 def _kind(name: str) -> tuple[str, str, list[str]] | None:
     if name == ORTHOPHOTO:
-        return _COG, "Orthophoto", ["visual"]
+        return COG, "Orthophoto", ["visual"]
     if name.endswith(".tif"):
-        return _COG, Path(name).stem.replace("_", " ").upper(), ["data"]
+        return COG, Path(name).stem.replace("_", " ").upper(), ["data"]
     return _KINDS.get(name)
 
 

@@ -113,7 +113,7 @@ def write_mosaic(
             "Choose another name with -o.",
             code="output-is-input",
         )
-    target, cell_m = _target_crs(surfaces, optional_crs(settings.crs)), settings.cell_m or surfaces[-1].cell_m
+    target, cell_m = common_crs(surfaces, optional_crs(settings.crs)), settings.cell_m or surfaces[-1].cell_m
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)
     notices = [] if exact else _check_changes(surfaces, target)
     if output.suffix == VIRTUAL and (settings.mean or not exact):
@@ -134,9 +134,8 @@ def write_mosaic(
     else:
         count = 1 if settings.mean else min(len(surface.bands) for surface in surfaces)
         bands = (*surfaces[-1].bands[:count], *([Band("sessions", "1", 0)] if settings.mean else []))
-        with ExitStack() as stack:
-            opened = stack.enter_context(closing(_OpenSurfaces(surfaces, target, cell_m, count)))
-            put = stack.enter_context(cog_output(output, grid, target, bands, origin))
+        opened = _OpenSurfaces(surfaces, target, cell_m, [range(1, count + 1)] * len(surfaces))
+        with closing(opened), cog_output(output, grid, target, bands, origin) as put:
             tiles = [tile for tile, _ in windows(grid, 0)]
             for i, tile in enumerate(tiles):
                 progress("writing the mosaic", i / len(tiles))
@@ -144,8 +143,54 @@ def write_mosaic(
     return Mosaic(output, name_of(target), cell_m, grid.columns, grid.rows, len(surfaces), tuple(notices))
 
 
-def _target_crs(surfaces: Sequence[SurfaceFile], wanted: CRS | None) -> CRS:
-    """The CRS of the mosaic, with the heights of the surfaces."""
+def write_mosaic_part(
+    surfaces: Sequence[SurfaceFile], output: Path, grid: Grid, crs: CRS, bands: Sequence[str], origin: Origin
+) -> NDArray[np.float64] | None:
+    """Write a part of a mosaic as a cloud-optimised GeoTIFF, as :func:`write_mosaic` would fill its cells.
+
+    Args:
+        surfaces: in the order of their sessions; the last one is on top.
+        output: of the raster.
+        grid: of the part.
+        crs: of the mosaic: what :func:`common_crs` gives.
+        bands: descriptions of the bands to write, which all surfaces have; their places in the files may differ.
+        origin: provenance.
+
+    Returns:
+        (bands, 3) least value, greatest value and number of known cells; None if no cell is known, and no file written.
+
+    Raises:
+        InputError: if a surface is damaged.
+        OSError: if the raster cannot be written.
+    """
+    names = [[band.description for band in surface.bands] for surface in surfaces]
+    indexes = [[own.index(name) + 1 for name in bands] for own in names]
+    told = [surfaces[-1].bands[i - 1] for i in indexes[-1]]
+    figures = np.array([[np.inf, -np.inf, 0.0]] * len(bands))
+    opened = _OpenSurfaces(surfaces, crs, grid.cell_m, indexes)
+    with closing(opened), cog_output(output, grid, crs, told, origin) as put:
+        for tile, _ in windows(grid, 0):
+            arrays = _latest(opened, tile, len(bands))
+            for row, array in zip(figures, arrays, strict=True):
+                row[0], row[1] = (
+                    np.fmin(row[0], np.fmin.reduce(array, None)),
+                    np.fmax(row[1], np.fmax.reduce(array, None)),
+                )
+                row[2] += np.isfinite(array).sum()
+            if np.isfinite(arrays[0]).any():
+                put(tile, arrays)
+    if figures[0, 2]:
+        return figures
+    output.unlink()
+    return None
+
+
+def common_crs(surfaces: Sequence[SurfaceFile], wanted: CRS | None) -> CRS:
+    """The CRS of a mosaic, with the heights of the surfaces.
+
+    Raises:
+        RefusedError: if the surfaces have several height systems, or several CRSs where none is `wanted`.
+    """
     kinds = {heights_of(surface.crs) for surface in surfaces}
     if len(kinds) > 1:
         raise RefusedError(
@@ -188,15 +233,15 @@ def _check_changes(surfaces: Sequence[SurfaceFile], target: CRS) -> list[Notice]
 
 
 def _whole_grid(surfaces: Sequence[SurfaceFile], crs: CRS, cell_m: float) -> Grid:
-    grids = [_grid_in(surface, crs, cell_m) for surface in surfaces]
+    grids = [grid_in(surface, crs, cell_m) for surface in surfaces]
     west, north = min(grid.west for grid in grids), max(grid.north for grid in grids)
     east = max(grid.west + grid.columns for grid in grids)
     south = min(grid.north - grid.rows for grid in grids)
     return Grid(cell_m, west, north, (north - south, east - west))
 
 
-def _grid_in(surface: SurfaceFile, crs: CRS, cell_m: float) -> Grid:
-    """The cells of the mosaic that a surface may contribute to."""
+def grid_in(surface: SurfaceFile, crs: CRS, cell_m: float) -> Grid:
+    """The cells of a mosaic that a surface may contribute to."""
     if surface.grid is not None and _fits(surface, crs, cell_m):
         return surface.grid
     bounds = surface.bounds_m
@@ -227,7 +272,7 @@ class _Source:
     raster: Any
     nearest: Any
     grid: Grid
-    bands: int
+    indexes: Sequence[int]
     path: Path
 
     def read(self, tile: Grid) -> tuple[tuple[slice, slice], NDArray[np.float32]] | None:
@@ -241,26 +286,26 @@ class _Source:
             return None
         part = window(shared, self.grid)
         try:
-            values = _values(self.raster, self.bands, part)
+            values = _values(self.raster, self.indexes, part)
             if self.nearest is not None:
-                values[:, np.isnan(_values(self.nearest, 1, part)[0])] = np.nan
+                values[:, np.isnan(_values(self.nearest, self.indexes[:1], part)[0])] = np.nan
         except RasterioError as error:
             raise unusable(self.path, f"is damaged ({error})") from None
         return shared.window_in(tile), values
 
 
-def _values(raster: Any, bands: int, part: Window) -> NDArray[np.float32]:
-    read = raster.read(list(range(1, bands + 1)), window=part, masked=True, out_dtype="float32")
+def _values(raster: Any, indexes: Sequence[int], part: Window) -> NDArray[np.float32]:
+    read = raster.read(list(indexes), window=part, masked=True, out_dtype="float32")
     values: NDArray[np.float32] = read.filled(np.nan)
     return values
 
 
 @contextmanager
-def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, bands: int) -> Iterator[_Source]:
-    grid = _grid_in(surface, crs, cell_m)
+def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, indexes: Sequence[int]) -> Iterator[_Source]:
+    grid = grid_in(surface, crs, cell_m)
     with rasterio.open(surface.path, driver="GTiff") as raster:
         if _fits(surface, crs, cell_m):
-            yield _Source(raster, None, grid, bands, surface.path)
+            yield _Source(raster, None, grid, indexes, surface.path)
             return
         coarser = cell_m > COARSER * surface.cell_m
         options = {
@@ -278,15 +323,17 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, bands: int) -> Iterat
             WarpedVRT(raster, resampling=Resampling.average if coarser else Resampling.bilinear, **options) as warped,
             WarpedVRT(raster, resampling=Resampling.nearest, **options) as nearest,
         ):
-            yield _Source(warped, None if coarser else nearest, grid, bands, surface.path)
+            yield _Source(warped, None if coarser else nearest, grid, indexes, surface.path)
 
 
 class _OpenSurfaces:
     """Surfaces that are opened where a tile needs them; the number of open files is limited, however many there are."""
 
-    def __init__(self, surfaces: Sequence[SurfaceFile], crs: CRS, cell_m: float, bands: int) -> None:
-        self._surfaces, self._how = surfaces, (crs, cell_m, bands)
-        self._tree = shapely.STRtree([shapely.box(*_grid_in(surface, crs, cell_m).bounds_m) for surface in surfaces])
+    def __init__(
+        self, surfaces: Sequence[SurfaceFile], crs: CRS, cell_m: float, indexes: Sequence[Sequence[int]]
+    ) -> None:
+        self._surfaces, self._crs, self._cell_m, self._indexes = surfaces, crs, cell_m, indexes
+        self._tree = shapely.STRtree([shapely.box(*grid_in(surface, crs, cell_m).bounds_m) for surface in surfaces])
         self._open: OrderedDict[int, tuple[ExitStack, _Source]] = OrderedDict()
 
     def over(self, tile: Grid, *, latest_first: bool) -> Iterator[_Source]:
@@ -299,7 +346,8 @@ class _OpenSurfaces:
                 if len(self._open) >= MOST_OPEN:
                     self._open.popitem(last=False)[1][0].close()
                 stack = ExitStack()
-                self._open[row] = stack, stack.enter_context(_opened(self._surfaces[row], *self._how))
+                source = _opened(self._surfaces[row], self._crs, self._cell_m, self._indexes[row])
+                self._open[row] = stack, stack.enter_context(source)
             yield self._open[row][1]
 
     def close(self) -> None:

@@ -110,6 +110,32 @@ def write_traffic(
     return grid
 
 
+def write_worked(path: Path, passes: ShapeArray, grid: Grid, crs: CRS, origin: Origin) -> int:
+    """Write how often each cell was worked, as the first band of :func:`write_traffic`.
+
+    Args:
+        path: of the raster: a cloud-optimised GeoTIFF of 16-bit numbers.
+        passes: (n,) polygons; each counts its ground as worked once.
+        grid: of the raster.
+        crs: of the map.
+        origin: provenance.
+
+    Returns:
+        The greatest number.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    most, tree, days = 0, shapely.STRtree(passes), np.zeros(len(passes), np.int64)
+    with cog_output(path, grid, crs, (WORKED,), origin, counts=True) as put:
+        for tile, _ in windows(grid, 0):
+            rows = np.sort(tree.query(shapely.box(*tile.bounds_m)))
+            times, _ = _worked(tile, passes[rows], days[rows])
+            most = max(most, int(times.max()))
+            put(tile, [times])
+    return most
+
+
 def _worked(tile: Grid, passes: ShapeArray, day: NDArray[np.int64]) -> list[NDArray[np.uint16]]:
     """Times worked and the last day of it; the passes are in order of time."""
     times, last = np.zeros(tile.shape, np.uint16), np.zeros(tile.shape, np.uint16)

@@ -119,6 +119,14 @@ def remove_abandoned(folder: Path) -> None:
                 left.unlink()
 
 
+def remove_unfinished(folder: Path) -> None:
+    """Remove what ended processes, of any machine, left in a folder and those below; nothing may be writing there."""
+    for left in folder.rglob(".furrowmap-*"):
+        if _UNFINISHED.fullmatch(left.name):
+            with suppress(OSError):
+                left.unlink()
+
+
 def flush(path: Path) -> None:
     """Let the content of a file survive a loss of power."""
     with path.open("rb+") as file:

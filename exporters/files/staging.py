@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from furrowmap.core.values.errors import InputError, RefusedError
-from furrowmap.core.values.file_names import is_file_name
+from furrowmap.core.values.file_names import is_relative_name
 from furrowmap.exporters.files.atomic import flush, flush_folder, flush_together
 from furrowmap.exporters.files.lease import PRODUCTS, is_real_folder, is_revoked, leased, read_small, refuse_leased
 
@@ -42,14 +42,14 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
 
     If the work is interrupted, `folder` is unchanged. If the process is killed while it moves the finished products,
     the next run or :func:`recover` completes that. Products that an earlier report of the same name lists, and that
-    have no successor, are removed.
+    neither have a successor nor are in the new reports' lists, are removed.
 
     Args:
         folder: of the products, made if it does not exist.
         resume: take over the file :func:`kept` of a run that was killed.
 
     Yields:
-        The folder to write to; every file in it, and in the folders in it, becomes a product under its own name.
+        The folder to write to; every file in it, and in the folders below, becomes a product under its own name.
 
     Raises:
         InputError: if `folder` cannot be written to.
@@ -126,7 +126,8 @@ def _commit(lease: Path, folder: Path) -> None:
     names = {path.as_posix() for path in products}
     _refuse_taken(folder, products)
     flush_together([staging / path for path in products])
-    content = json.dumps({"products": sorted(names), "gone": sorted(_earlier(folder, names) - names)})
+    stays = names | _listed(staging, names)
+    content = json.dumps({"products": sorted(names), "gone": sorted(_earlier(folder, names) - stays)})
     unfinished = lease / f"{_COMPLETE}.part"
     unfinished.write_text(content, encoding="utf-8")
     flush(unfinished)
@@ -150,23 +151,49 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
     leaving.mkdir()
     gone = complete.get("gone")
     for name in gone if isinstance(gone, list) else ():
-        if isinstance(name, str) and is_file_name(name) and (folder / name).is_file():
+        if isinstance(name, str) and _is_product(folder, name):
             with suppress(FileNotFoundError):
-                (folder / name).replace(leaving / name)
+                (folder / name).replace(leaving / secrets.token_hex(8))
+            _remove_empty(folder, Path(name))
     staging = lease / PRODUCTS
     for path in _products(staging):
-        inner = folder / path.parent
-        with suppress(FileExistsError):
-            inner.mkdir()
-        if inner == folder or is_real_folder(inner):
+        if all(_made(folder / part) for part in reversed(_folders(path))):
             with suppress(FileNotFoundError):  # another process completes the same
                 (staging / path).replace(folder / path)
     return True
 
 
+def _made(inner: Path) -> bool:
+    """Make a folder if it does not exist; whether there is one, and no link to one, afterwards."""
+    with suppress(FileExistsError):
+        inner.mkdir()
+    return is_real_folder(inner)
+
+
+def _folders(path: Path) -> list[Path]:
+    """The folders that a relative path leads through."""
+    return [part for part in path.parents if part != Path()]
+
+
+def _is_product(folder: Path, name: str) -> bool:
+    """Whether a name in a report is that of a file of the folder; links are not followed."""
+    return (
+        is_relative_name(name)
+        and all(is_real_folder(folder / part) for part in _folders(Path(name)))
+        and (folder / name).is_file()
+    )
+
+
+def _remove_empty(folder: Path, path: Path) -> None:
+    """Remove the folders that a product has left empty."""
+    for part in _folders(path):
+        with suppress(OSError):  # not empty
+            (folder / part).rmdir()
+
+
 def _refuse_taken(folder: Path, products: Iterable[Path]) -> None:
     for path in products:
-        inner, place = folder / path.parent, folder / path
+        place = folder / path
         if place.is_dir():
             raise InputError(
                 f"{place} is a folder.",
@@ -174,28 +201,35 @@ def _refuse_taken(folder: Path, products: Iterable[Path]) -> None:
                 "Choose another folder with -o, or rename that one.",
                 code="output-is-folder",
             )
-        if inner != folder and os.path.lexists(inner) and not is_real_folder(inner):
-            raise InputError(
-                f"{inner} is no folder.",
-                "The products in the folder of that name cannot be written.",
-                "Choose another folder with -o, or rename that file or link.",
-                code="output-no-folder",
-            )
+        for inner in (folder / part for part in _folders(path)):
+            if os.path.lexists(inner) and not is_real_folder(inner):
+                raise InputError(
+                    f"{inner} is no folder.",
+                    "The products in the folder of that name cannot be written.",
+                    "Choose another folder with -o, or rename that file or link.",
+                    code="output-no-folder",
+                )
 
 
 def _earlier(folder: Path, names: set[str]) -> set[str]:
     """The products that an earlier report with the name of a new one lists under "products"."""
-    reports = [_read(folder / name) for name in names if name.endswith(".json")]
+    return {name for name in _listed(folder, names) if _is_product(folder, name)}
+
+
+def _listed(folder: Path, names: set[str]) -> set[str]:
+    """What the reports of these names in a folder list under "products"."""
+    reports = [_read(folder / name) for name in names if name.endswith(".json") and "/" not in name]
     listed = [report.get(key) for report in reports for key in ("products", "furrowmap:products")]
-    found = [name for products in listed if isinstance(products, list) for name in products]
-    return {name for name in found if isinstance(name, str) and is_file_name(name) and (folder / name).is_file()}
+    return {name for products in listed if isinstance(products, list) for name in products if isinstance(name, str)}
 
 
 def _products(staging: Path) -> list[Path]:
-    """The regular files in a folder and in the folders in it, relative to it."""
-    inner = [path for path in staging.iterdir() if is_real_folder(path)]
-    files = [path for place in (staging, *inner) for path in place.iterdir() if _is_regular_file(path)]
-    return sorted(path.relative_to(staging) for path in files)
+    """The regular files in a folder and in those below, relative to it."""
+    found = []
+    for place, folders, files in os.walk(staging):
+        folders[:] = [name for name in folders if is_real_folder(Path(place, name))]
+        found += [path for path in (Path(place, name) for name in files) if _is_regular_file(path)]
+    return sorted(path.relative_to(staging) for path in found)
 
 
 def _is_regular_file(path: Path) -> bool:

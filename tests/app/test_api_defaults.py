@@ -28,7 +28,7 @@ FLAGS = {
     },
     **{
         name: {"overwrite"}
-        for name in ("parcels", "plots", "propose_session", "response", "save_machine", "simulate", "surface")
+        for name in ("parcels", "plots", "propose_session", "response", "save_machine", "season", "simulate", "surface")
     },
 }
 """What a function does only if asked to."""
@@ -49,6 +49,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "growth": {"net_inset_m": (0.0, 0.0)},
     "mosaic": {"mean": False},
     "parcels": {"net_inset_m": (0.0, 0.0), "method": "canopy-top", "soil": "surface", "compare": False},
+    "season": {"content": (), "spacing_m": 0.0, "most_rows": 5_000_000},
     "tie": {"reference_sigma_m": 0.0},
     "surface": {"statistic": "median", "ground": "auto", "outliers": "none", "every": 1, "fill_m": 0.0},
 }  # fmt: skip

@@ -76,6 +76,38 @@ def test_a_product_without_successor_goes(tmp_path: Path) -> None:
     assert texts(tmp_path / "out").keys() == set(NAMES)
 
 
+def test_products_in_folders_below__stay_or_go_by_the_list_of_the_report(tmp_path: Path) -> None:
+    def put(written: tuple[str, ...], listed: tuple[str, ...]) -> None:
+        with staged_folder(tmp_path) as staging:
+            for name in written:
+                (staging / name).parent.mkdir(parents=True, exist_ok=True)
+                (staging / name).write_text("new")
+            (staging / "report.json").write_text(json.dumps({"products": listed}))
+
+    first = ("points/date=1/a.parquet", "points/date=2/b.parquet", "points/date=2/c.parquet")
+    put(first, first)
+    (tmp_path / "points/date=2/b.parquet").write_text("kept")
+    (tmp_path / "notes.txt").write_text("mine")
+    put(("points/date=3/d.parquet",), ("points/date=3/d.parquet", "points/date=2/b.parquet", "../x", "/etc/hosts"))
+    left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")}
+    assert left == {
+        "points", "points/date=2", "points/date=3", "points/date=2/b.parquet", "points/date=3/d.parquet",
+        "report.json", "notes.txt",
+    }  # fmt: skip
+    assert (tmp_path / "points/date=2/b.parquet").read_text() == "kept"
+
+
+def test_a_link_in_the_way_to_a_product_is_not_followed(tmp_path: Path) -> None:
+    folder, other = tmp_path / "out", tmp_path / "other"
+    (other / "date=1").mkdir(parents=True)
+    folder.mkdir()
+    (folder / "points").symlink_to(other)
+    with pytest.raises(InputError, match="is no folder"), staged_folder(folder) as staging:
+        (staging / "points" / "date=1").mkdir(parents=True)
+        (staging / "points" / "date=1" / "a.parquet").write_text("new")
+    assert not list((other / "date=1").iterdir())
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
 def test_an_interruption_leaves_the_old_products_and_nothing_else(tmp_path: Path, error: type[BaseException]) -> None:
     write(tmp_path / "out", "old")

@@ -1,0 +1,218 @@
+"""The sessions of a season: results of runs below some folders, with the surfaces that ties of dates have moved."""
+
+from __future__ import annotations
+
+import datetime as dt
+import hashlib
+import json
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from pyproj import CRS
+
+from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.values.file_names import is_file_name
+from furrowmap.exporters.exchange.stac import session_identifier
+from furrowmap.exporters.farm.results import local_date, zone_of
+from furrowmap.exporters.farm.surface_file import horizontal, same_map
+from furrowmap.exporters.files.ogr import pyogrio
+from furrowmap.exporters.files.result_folder import (
+    CHANGE,
+    CLOUD,
+    DSM,
+    FIELD,
+    REPORT,
+    TIE_REPORT,
+    TRAJECTORY,
+    ResultFolder,
+    open_result,
+    reading_result,
+)
+
+PASSES: Final = "passes"
+Box = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class SeasonSession:
+    """A result of a run, as a season takes it.
+
+    Attributes:
+        name: its identifier, also in names of files.
+        folder: of the products, absolute.
+        report: content of `report.json`.
+        digest: SHA-256 of `report.json`.
+        date: the day at the place where it began.
+        span: start and end.
+        crs: of all its coordinates, without heights.
+        heights: name of the height system.
+        surfaces: the file of each surface that it has, by product.
+        passes: bounds of the worked ground in its CRS; None where none is known.
+        cloud: its points; None without.
+    """
+
+    name: str
+    folder: Path
+    report: Mapping[str, Any]
+    digest: str
+    date: dt.date
+    span: tuple[dt.datetime, dt.datetime]
+    crs: CRS
+    heights: str
+    surfaces: Mapping[str, Path]
+    passes: Box | None
+    cloud: Path | None
+
+
+def find_sessions(sources: Sequence[Path], out: Path) -> tuple[list[SeasonSession], list[Notice]]:
+    """The results of runs in folders and below them, in the order of their times.
+
+    Args:
+        sources: results, or folders with results in them; surfaces that a `furrowmap tie` in them has moved replace
+            those of their results.
+        out: of the season; nothing in it is a result.
+
+    Raises:
+        InputError: if a source does not exist or has no results, one cannot be read, or two are of one session.
+        RefusedError: if a run is writing to one, or their height systems differ.
+    """
+    folders: dict[Path, None] = {}
+    ties: dict[Path, None] = {}
+    for source in sources:
+        found = list(_folders(source, out.resolve()))
+        results = [folder for folder, names in found if REPORT in names]
+        ties |= {folder: None for folder, names in found if TIE_REPORT in names}
+        if not found or not (results or TIE_REPORT in found[0][1]):
+            raise _nothing(source)
+        folders |= dict.fromkeys(results)
+    if not folders:
+        raise _nothing(sources[0])
+    moved = {place: path for tie in ties for place, path in _moved(tie)}
+    sessions = [_session(open_result(folder), moved.get(folder)) for folder in folders]
+    _expect_different(sessions)
+    sessions.sort(key=lambda session: (session.span[1], session.name))
+    heights = sorted({session.heights for session in sessions})
+    if len(heights) > 1:
+        raise RefusedError(
+            f"The sessions have several height systems: {', '.join(heights)}.",
+            "Their heights may differ by tens of metres.",
+            "Run the sessions with the same heights, or make a season for each height system.",
+            code="season-heights",
+        )
+    notices = []
+    if ties:
+        used = sum(session.folder in moved for session in sessions)
+        text = (
+            f"Of {used} of {len(sessions)} sessions the surface as its tie moved it was taken; "
+            "points and trajectories are as measured."
+        )
+        notices.append(Notice("season-ties", text))
+    return sessions, notices
+
+
+def season_crs(sessions: Sequence[SeasonSession], wanted: CRS | None) -> tuple[CRS, list[Notice]]:
+    """The CRS of a season, without heights, and notices on the changes to it.
+
+    Raises:
+        RefusedError: if the sessions have several and none is wanted, or PROJ has no reliable change of one.
+    """
+    crs = horizontal(wanted) if wanted is not None else sessions[-1].crs
+    notices: dict[Notice, None] = {}
+    for session in sessions:
+        if same_map(session.crs, crs):
+            continue
+        if wanted is None:
+            raise RefusedError(
+                f"{sessions[-1].folder} is in {name_of(crs)}, {session.folder} in {name_of(session.crs)}.",
+                "A season has one CRS.",
+                "Choose it with --dst-crs.",
+                code="season-crs",
+            )
+        (west, south, _), (east, north, _) = session.report["figures"]["bounds_m"]
+        change = crs_change(session.crs, crs, (west, south, east, north))
+        notices |= dict.fromkeys(change.notices)
+    return crs, list(notices)
+
+
+def _folders(source: Path, out: Path) -> Iterator[tuple[Path, list[str]]]:
+    """The folders below one that is named, with their files; hidden ones and those below a result are left out."""
+    for place, inner, names in os.walk(source.resolve()):
+        inner[:] = sorted(name for name in inner if not name.startswith(".") and Path(place, name) != out)
+        if REPORT in names or TIE_REPORT in names:
+            inner.clear()
+        yield Path(place), names
+
+
+def _moved(tie: Path) -> Iterator[tuple[Path, Path]]:
+    """The result that each surface of a tie belongs to, and the surface.
+
+    Raises:
+        InputError: if `tie.json` is damaged.
+    """
+    with reading_result(tie / TIE_REPORT):
+        dates = json.loads((tie / TIE_REPORT).read_bytes())["dates"]
+        for row in dates:
+            if row["surface"] and is_file_name(row["surface"]):
+                yield Path(row["folder"]).resolve(), tie / row["surface"]
+
+
+def _session(result: ResultFolder, moved: Path | None) -> SeasonSession:
+    path = result.folder / FIELD
+    with reading_result(path):
+        crs = horizontal(CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"]))
+        figures = result.report["figures"]
+        start, end = (dt.datetime.fromisoformat(figures[key]) for key in ("start", "end"))
+        low, high = np.array(figures["bounds_m"], np.float64)
+        zone = zone_of(result.report, shapely.Point(0.5 * (low + high)), crs)
+        passes = None
+        if PASSES in result.layer_names:
+            found = pyogrio.read_info(path, layer=PASSES, force_total_bounds=True)["total_bounds"]
+            if found is not None and np.isfinite(found).all():  # None of a layer without rows
+                passes = (float(found[0]), float(found[1]), float(found[2]), float(found[3]))
+    surfaces = {Path(name).stem: result.folder / name for name in (DSM, CHANGE) if (result.folder / name).is_file()}
+    if moved is not None:
+        surfaces[Path(DSM).stem] = moved
+    cloud = result.folder / CLOUD
+    return SeasonSession(
+        name=session_identifier(result.report),
+        folder=result.folder,
+        report=result.report,
+        digest=hashlib.sha256((result.folder / REPORT).read_bytes()).hexdigest(),
+        date=local_date(np.datetime64(start.astimezone(dt.UTC).replace(tzinfo=None), "ms"), zone),
+        span=(start, end),
+        crs=crs,
+        heights=str(result.report["session"]["crs"]["heights"]),
+        surfaces=surfaces,
+        passes=passes,
+        cloud=cloud if cloud.is_file() else None,
+    )
+
+
+def _expect_different(sessions: Sequence[SeasonSession]) -> None:
+    places: dict[str, Path] = {}
+    for session in sessions:
+        other = places.setdefault(session.name.casefold(), session.folder)
+        if other != session.folder:
+            raise InputError(
+                f"{other} and {session.folder} contain results of the same session, '{session.name}'.",
+                "A season has each session once.",
+                "Name one folder for each session.",
+                code="session-twice",
+            )
+
+
+def _nothing(source: Path) -> InputError:
+    exists = source.is_dir()
+    return InputError(
+        f"{source} {'holds no result of a run' if exists else 'does not exist'}.",
+        "A season is made of results: folders with a report.json.",
+        "Name the folder of results of a `furrowmap batch`, or the folders that runs wrote.",
+        code="season-nothing",
+    )
