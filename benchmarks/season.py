@@ -22,7 +22,7 @@ import rasterio
 
 import furrowmap
 
-SESSIONS: Final = (3, 12)
+SESSIONS: Final = (3, 12, 30)
 A_DAY: Final = 10
 SPACING_M: Final = 32.0
 
