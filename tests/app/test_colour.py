@@ -87,7 +87,17 @@ def test_command__writes_what_the_function_writes(
     words = ["colour", str(folder / "cloud.laz"), str(folder / "session.toml"), "-o", str(out)]
     assert command_line([*words, "--json"]) == 0
     answer = json.loads(capfd.readouterr().out)
-    by_function = furrowmap.colour(folder / "cloud.laz", folder / "session.toml", tmp_path / "same.copc.laz")
+    shares: dict[str, list[float]] = {}
+
+    def told(stage: str, share: float) -> None:
+        shares.setdefault(stage, []).append(share)
+
+    same = tmp_path / "same.copc.laz"
+    by_function = furrowmap.colour(folder / "cloud.laz", folder / "session.toml", same, progress=told)
+    assert "reading images" in shares
+    for each in shares.values():
+        assert each == sorted(each)
+        assert 0.0 <= each[0] <= each[-1] <= 1.0
     assert answer["figures"] == by_function["figures"]
     assert np.array_equal(laspy.read(out).points.array, laspy.read(tmp_path / "same.copc.laz").points.array)
     assert command_line(words) == 4, "the file exists"

@@ -122,6 +122,22 @@ def test_threshold__is_the_working_depth_but_where_the_tool_is_not_lifted_so_far
     assert at == pytest.approx(20.0 + threshold / 0.1, abs=0.03)
 
 
+@pytest.mark.parametrize("up", [True, False])
+@pytest.mark.parametrize("late_s", [0.0, 0.03, 0.05, 0.08])
+def test_transition__at_a_working_depth_is_found_where_the_lift_speeds_up(late_s: float, *, up: bool) -> None:
+    """A line between two heights would be up to 3 ms off."""
+    depth_m, speed_mps, middle_s = 0.1, 0.6, 20.0 + late_s
+
+    def height(t: FloatArray) -> FloatArray:
+        since = np.clip((t - middle_s) * speed_mps / LIFT_M * (1.0 if up else -1.0), -0.5, 0.5)
+        return np.asarray(LIFT_M * (0.5 + 1.5 * since - 2.0 * since**3), np.float64)
+
+    roots = np.roots([-2.0, 0.0, 1.5, 0.5 - depth_m / LIFT_M])
+    share = float(next(root for root in roots.real if -0.5 < root < 0.5))
+    (_, crossed, _), _ = rows(tool_history(tool(height, 40.0), TILLER, depth_m))
+    assert crossed == pytest.approx(middle_s + share * LIFT_M / speed_mps * (1.0 if up else -1.0), abs=5e-4)
+
+
 @given(st.floats(0.4, 0.7), st.floats(0.02, 0.1), st.floats(0.0, 0.09))
 def test_transition__of_a_tool_that_leaves_the_view_goes_on_at_its_speed(
     speed_mps: float, edge_m: float, begin_s: float

@@ -624,3 +624,14 @@ def test_scan__bytes_of_sentences_include_two_of_a_line_end(line_end: bytes) -> 
     scan_bytes(cut + line_end + bare, of_cut)
     assert of_cut.cut == 1
     assert of_cut.message_bytes == len(cut) + min(len(line_end), 2) + len(bare)
+
+
+@pytest.mark.parametrize(("others", "least", "most"), [(0, 0.9, 1.0), (80, 0.5, 0.7), (95, 0.5, 0.7), (99, 0.0, 0.0)])
+def test_recognise__is_less_certain_of_a_log_that_has_more_of_something_else(
+    others: int, least: float, most: float, tmp_path: Path
+) -> None:
+    """Whoever knows the other bytes, of which these are per cent, is surer: certainties go from 0 to 1."""
+    epochs = b"".join(gga(f"1200{k:02}.00") for k in range(20))
+    path = tmp_path / "mixed.log"
+    path.write_bytes(bytes([0xD3]) * (len(epochs) * others // (100 - others)) + b"\r\n" + epochs)
+    assert least <= NmeaLog.recognise(look(path)) <= most

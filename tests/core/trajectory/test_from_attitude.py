@@ -20,7 +20,7 @@ from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, UNSTATED, Attit
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.rotation import mounting_rotation, quaternion_to_attitude, wrap_deg
 from furrowmap.core.values.session import Crs
-from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.values.trajectory import Motion, Trajectory
 from tests.core.trajectory.flights import BEGIN_S, LEVER_M, Flight, frame
 
 FloatArray = NDArray[np.float64]
@@ -176,3 +176,22 @@ def _with_attitude(opened, attitude, folder):  # type: ignore[no-untyped-def]
 
     session = msgspec.structs.replace(opened.session, imu=None, attitude=Attitude(**attitude))
     return replace(opened, session=session, inputs=Inputs.of(folder / "session.toml", session))
+
+
+def test_hovering__has_no_speed_at_all_though_positions_scatter() -> None:
+    track, random = FLIGHT.track(), np.random.default_rng(4)
+    n = len(track)
+    place = {
+        "lon_deg": track.lon_deg[0] + 1e-8 * random.normal(size=n),  # some millimetre
+        "lat_deg": track.lat_deg[0] + 1e-8 * random.normal(size=n),
+        "height_m": np.full(n, track.height_m[0]),
+    }
+    still = replace(
+        log(), roll_deg=np.zeros(len(log())), pitch_deg=np.zeros(len(log())), heading_deg=np.zeros(len(log()))
+    )
+    hovering = replace(track, **place)
+    trajectory = trajectory_from_attitude_logs(hovering, AttitudeLogs(still, still), frame(), LEVER_M, None).trajectory
+    standing = trajectory.motion == Motion.STANDING
+    assert standing.mean() > 0.9
+    assert (trajectory.speed_mps[standing] == 0.0).all()
+    assert (trajectory.speed_mps[~standing] != 0.0).all()

@@ -76,3 +76,13 @@ def test_too_few_positions__make_no_way() -> None:
     with pytest.raises(InputError) as error:
         trajectory_from_course(track(np.zeros(1), np.zeros((1, 2))), FRAME)
     assert error.value.code == "gnss-no-positions"
+
+
+def test_two_positions__are_a_line_and_one_is_refused() -> None:
+    pair = track(np.array([0.0, 2.0]), np.array([[0.0, 0.0], [3.0, 4.0]]))
+    found = trajectory_from_course(pair, FRAME).trajectory
+    assert found.speed_mps == pytest.approx(2.5, abs=1e-3)
+    assert found.attitude_deg()[2] == pytest.approx(np.degrees(np.arctan2(3.0, 4.0)), abs=0.01)
+    with pytest.raises(InputError, match="1 of its 1 positions") as refused:
+        trajectory_from_course(pair[:1], FRAME)
+    assert refused.value.code == "gnss-no-positions"

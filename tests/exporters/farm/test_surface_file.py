@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import geopandas as gpd
 import numpy as np
 import pytest
 import rasterio
+import shapely
 from pyproj import CRS
 
 from furrowmap.core.surfaces.grid import Grid
@@ -110,3 +112,14 @@ def test_layer__that_a_result_does_not_have(tmp_path: Path) -> None:
         result.layer("tracks")
     assert refused.value.code == "no-such-layer"
     assert refused.value.lines[2] == "Layers: trajectory, passes."
+
+
+def test_result__layer_without_a_crs_or_with_infinite_places_is_refused(tmp_path: Path) -> None:
+    folder = ResultFolder(tmp_path, {}, ("good", "nowhere", "infinite"))
+    for name, easting, crs in (("good", 1.0, "EPSG:6677"), ("nowhere", 1.0, None), ("infinite", np.inf, "EPSG:6677")):
+        shape = shapely.Point(easting, 2.0)
+        gpd.GeoDataFrame({"k": [1]}, geometry=[shape], crs=crs).to_file(tmp_path / "field.gpkg", layer=name)
+    assert len(folder.layer("good")) == 1
+    for name in ("nowhere", "infinite"):
+        with pytest.raises(InputError, match="has no CRS, or coordinates that are not finite"):
+            folder.layer(name)
