@@ -16,10 +16,11 @@ import sys
 import tempfile
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import geopandas as gpd
 import msgspec
 import numpy as np
 import rasterio
@@ -48,6 +49,9 @@ class Judged:
         tilt_deg: of a plane through these errors.
         true_m, found_m, sigma_m: mean change of the ground worked in between.
         level_sigmas: error of the tie over its sigmas: offset in the middle, tilts.
+        place_m: error of the shift in place, by the mean errors of the two trajectories (the slow error of the
+            receivers during a session leaves that open to some millimetres).
+        upright: pieces of walls, and posts, that took part.
     """
 
     offset_m: float
@@ -57,6 +61,8 @@ class Judged:
     found_m: float
     sigma_m: float
     level_sigmas: FloatArray
+    place_m: FloatArray
+    upright: int
 
 
 def main() -> int:
@@ -65,7 +71,10 @@ def main() -> int:
     parser.add_argument("fields", nargs="*", default=list(fields))
     ratios: list[float] = []
     moved: list[float] = []
-    print("field, dates               before   untouched     tilt | soil moved: true    found        error  over sigma")
+    print(
+        "field, dates               before   untouched     tilt | soil moved: true    found        error  over sigma"
+        " | place, walls and posts"
+    )
     for name in parser.parse_args().fields:
         for words, found in judged_field(results(name, fields[name])):
             error = found.found_m - found.true_m
@@ -74,7 +83,8 @@ def main() -> int:
             print(
                 f"{name:16} {words:8} {1e3 * found.offset_m:+8.1f} mm {1e3 * found.untouched_m:+6.2f} mm "
                 f"{found.tilt_deg:8.4f}° | {1e3 * found.true_m:+8.2f} {1e3 * found.found_m:+8.2f} ± "
-                f"{1e3 * found.sigma_m:4.2f} mm {100 * error / found.true_m:+7.1f} %  {error / found.sigma_m:+.1f}",
+                f"{1e3 * found.sigma_m:4.2f} mm {100 * error / found.true_m:+7.1f} %  {error / found.sigma_m:+.1f} "
+                f"        | {1e3 * found.place_m[0]:+5.1f} {1e3 * found.place_m[1]:+5.1f} mm {found.upright}",
                 flush=True,
             )
     print(f"error over sigma (RMS): ties {rms(ratios):.2f} ({len(ratios)}), soil moved {rms(moved):.2f} ({len(moved)})")
@@ -124,8 +134,23 @@ def judged_field(folders: Sequence[Path]) -> list[tuple[str, Judged]]:
             pair = (change["date_a"], change["date_b"])
             tie = next((row for row in account["ties"] if (row["date_a"], row["date_b"]) == pair), None)
             found = _judged(Path(made) / "tie" / change["raster"], truth(one), truth(other), change, tie, account)
+            place = np.full(2, np.nan)
+            if tie:
+                moved = np.array([tie["east_m"], tie["north_m"]])
+                place = moved + place_error(other) - place_error(one)
+            found = replace(found, place_m=place, upright=tie["upright"] if tie else 0)
             rows.append((f"{pair[0]} to {pair[1]}", found))
     return rows
+
+
+def place_error(recording: Path) -> FloatArray:
+    """Mean error (2,) of the positions of a run, east and north."""
+    found = gpd.read_file(CACHE / "results" / recording.name / "field.gpkg", layer="trajectory")
+    true = np.genfromtxt(recording / "truth" / "trajectory.csv", delimiter=",", names=True)
+    t_s = found["time"].dt.tz_convert(None).to_numpy().astype("datetime64[us]").astype(np.int64) / 1e6
+    at = (np.interp(t_s, true["time_unix_s"], true[name]) for name in ("e_m", "n_m"))
+    off = [np.mean(place - truth) for place, truth in zip((found.geometry.x, found.geometry.y), at, strict=True)]
+    return np.array(off)
 
 
 def truth(recording: Path) -> dict[str, FloatArray]:
@@ -171,6 +196,8 @@ def _judged(
         found_m=change["mean_change_m"],
         sigma_m=change["mean_change_sigma_m"],
         level_sigmas=np.atleast_1d(off / sigmas),
+        place_m=np.full(2, np.nan),
+        upright=0,
     )
 
 

@@ -13,10 +13,14 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
+from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.dates.between import left_under
+from furrowmap.core.dates.moved_surface import moved_places
 from furrowmap.core.dates.network import Network, network
 from furrowmap.core.dates.pair_tie import PLACE, PairTie, pair_tie
+from furrowmap.core.dates.upright import Upright
+from furrowmap.core.dates.upright_tie import upright_tie
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.values.json_text import json_text, plain
@@ -25,9 +29,9 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.surface_file import heights_of, same_map
 from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
+from furrowmap.exporters.files.result_folder import CLOUD, TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
-from furrowmap.exporters.rasters.dated_surface import DatedSurface, OpenSurface, dated_surface, opened
+from furrowmap.exporters.rasters.dated_surface import BESIDE_M, DatedSurface, OpenSurface, dated_surface, opened
 from furrowmap.exporters.rasters.tied_surfaces import (
     ChangedGround,
     Mover,
@@ -44,6 +48,7 @@ from furrowmap.exporters.vectors.tie_layers import tie_layers
 from furrowmap.workflows.surface import no_warning
 from furrowmap.workflows.tie_figures import date_rows, moved_figures, tie_rows
 from furrowmap.workflows.tie_reference import Reference, open_reference, reference_tie
+from furrowmap.workflows.tie_upright import outside, what_stands
 
 FloatArray = NDArray[np.float64]
 
@@ -79,6 +84,8 @@ class _Work:
     middle_m: FloatArray
     crs: CRS
     reference: Reference | None = None
+    upright: list[Upright] = field(default_factory=list)
+    """What stands, by date."""
     ties: dict[tuple[int, int], PairTie] = field(default_factory=dict)
 
     @property
@@ -177,13 +184,19 @@ def _opened(dates: list[DatedSurface], settings: TieSettings, stack: ExitStack) 
 def _find_ties(work: _Work, progress: Progress) -> None:
     """Every tie that the ground allows."""
     dates, first = work.dates, work.first
+    for k, date in enumerate(dates):
+        progress("finding walls and posts", k / len(dates))
+        work.upright.append(what_stands(date.folder / CLOUD, date.after.bounds_m))
     pairs = [(i, j) for i in range(len(dates)) for j in range(i + 1, min(i + 1 + MOST_APART, len(dates)))]
     for number, (i, j) in enumerate(pairs):
         progress("tying dates", number / max(len(pairs), 1))
         touched = union([date.touched for date in dates[i:j]])
         pieces = list(ground_pairs(work.surfaces[i][1], work.surfaces[j][1], touched))
         sigma = np.hypot(dates[i].sigma, dates[j].sigma)[PLACE]
-        found = pair_tie(pieces, work.middle_m, sigma)
+        standing = upright_tie(
+            outside(touched, work.upright[i]), outside(touched, work.upright[j]), work.middle_m, sigma
+        )
+        found = pair_tie(pieces, work.middle_m, sigma, standing)
         if found is not None:
             work.ties[first + i, first + j] = found
     if work.reference is not None:
@@ -217,6 +230,15 @@ def _notices(work: _Work, net: Network, prior: FloatArray) -> list[Notice]:
             names = (_name(work, one), _name(work, other))
             text = f"The tie between {names[0]} and {names[1]} contradicts the others by {tension:.1f} of its sigmas."
             found.append(Notice("tie-contradiction", text))
+    for (one, other), tied in work.ties.items():
+        if tied.upright is not None and len(tied.upright.moved_m):
+            moved, count = tied.upright.moved_m, len(tied.upright.used_m) + len(tied.upright.moved_m)
+            east, north = np.median(moved, axis=0).tolist()
+            text = (
+                f"{len(moved)} of {count} pieces of walls and posts are elsewhere on {_name(work, other)} than on "
+                f"{_name(work, one)} (about {east:.1f} E, {north:.1f} N): something moved. They do not count."
+            )
+            found.append(Notice("tie-moved", text))
     unseen = [
         f"{_name(work, one)} and {_name(work, other)}"
         for one, other in work.ties
@@ -279,6 +301,7 @@ def _write(
 def _changes(staging: Path, work: _Work, net: Network, movers: Sequence[Mover], origin: Origin) -> list[dict[str, Any]]:
     """Write the change from each date to the next one that it is tied to; the figures."""
     rows = []
+    worked_by = [_moved(date.worked, mover) for date, mover in zip(work.dates, movers, strict=True)]
     for k in range(len(work.dates)):
         a = work.first + k
         later = [j for j in range(k + 1, len(work.dates)) if net.group[work.first + j] == net.group[a]]
@@ -286,12 +309,10 @@ def _changes(staging: Path, work: _Work, net: Network, movers: Sequence[Mover], 
             continue
         j, b = later[0], work.first + later[0]
         one, other = work.dates[k], work.dates[j]
-        between = work.dates[k + 1 : j + 1]
-        worked = union([date.worked for date in between])
         ground = ChangedGround(
-            worked,
-            before=union([date.worked for date in work.dates[: k + 1]]),
-            touched=union([date.touched for date in work.dates[k : j + 1]]),
+            union(worked_by[k + 1 : j + 1]),
+            before=union(worked_by[: k + 1]),
+            touched=union([shape.buffer(BESIDE_M) for shape in worked_by[k : j + 1]]),
         )
         name = f"change_{k + 1:02d}_{j + 1:02d}.tif"
         own = Origin(f"Change from {one.name} to {other.name}", inputs=origin.inputs)
@@ -304,6 +325,12 @@ def _changes(staging: Path, work: _Work, net: Network, movers: Sequence[Mover], 
             left = left_under(found.places_m, work.middle_m, move, covariance, work.ties.get((a, b)))
         rows.append({"date_a": k + 1, "date_b": j + 1, "raster": name, **moved_figures(found, left)})
     return rows
+
+
+def _moved(shape: BaseGeometry, mover: Mover) -> BaseGeometry:
+    """Ground that a tool worked, moved in place with the surface: two centimetres are a percent of a lane."""
+    moved: BaseGeometry = shapely.transform(shape, lambda xy: moved_places(xy, mover.move, mover.middle_m))
+    return moved
 
 
 def _nothing_common(dates: Sequence[DatedSurface]) -> InputError:

@@ -55,6 +55,7 @@ def tie_rows(ties: Mapping[tuple[int, int], PairTie], net: Network, first: int) 
                 **_values(move, np.sqrt(np.maximum(np.diag(covariance), 0.0)), known=True),
                 "cells": tie.cells,
                 "patches": tie.patches,
+                "upright": 0 if tie.upright is None else len(tie.upright.used_m),
                 "departures_m": round(tie.departure.relief_m, 5),
                 "range_m": round(tie.departure.range_m, 2),
                 "scatter_m": round(tie.scatter_m, 5),
@@ -67,7 +68,7 @@ def tie_rows(ties: Mapping[tuple[int, int], PairTie], net: Network, first: int) 
 def moved_figures(found: ChangeFigures, left: tuple[float, float]) -> dict[str, Any]:
     """Soil moved between two dates: the mean change of what both saw, for all ground worked."""
     off_m, sigma_m = left
-    mean, sigma = found.mean_m - off_m, math.hypot(sigma_m, found.noise_m, found.unseen_m)
+    mean, sigma = found.mean_m - off_m, math.hypot(sigma_m, found.noise_m, found.unseen_m, found.hidden_m)
     still = found.untouched_m
     median = float(np.median(still)) if len(still) else math.nan
     spread = 1.4826 * float(np.median(np.abs(still - median))) if len(still) else math.nan

@@ -41,6 +41,12 @@ def moved(height_m: Float32Array, around: Grid, part: Grid, move: FloatArray, mi
     return out
 
 
+def moved_places(xy_m: FloatArray, move: FloatArray, middle_m: FloatArray) -> FloatArray:
+    """Eastings and northings (n, 2) moved in place; arguments as :func:`moved`."""
+    east, north = (xy_m - middle_m).T
+    return np.column_stack([xy_m[:, 0] + move[0] - move[5] * north, xy_m[:, 1] + move[1] + move[5] * east])
+
+
 @njit(cache=True, nogil=True)
 def _sample(height, offset, west, north, cell, move, out):  # type: ignore[no-untyped-def]
     rows, columns = height.shape

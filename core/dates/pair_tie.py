@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from furrowmap.core.crops.soil import Relief, covariance_factor, fewer, relief_of
 from furrowmap.core.crops.soil_cells import SoilCells
 from furrowmap.core.dates.ground_pair import GroundPair, Patches, patches, smoothed
+from furrowmap.core.dates.upright_tie import UprightTie
 
 FloatArray = NDArray[np.float64]
 
@@ -33,6 +34,8 @@ FLOOR_M: Final = 0.001
 """Standard deviation of a shift in place at least: heights of cells as large as clods are no exact picture of them."""
 SHOWN: Final = 3.0
 """The relief that both dates saw shows a shift if its sum over patches is so many times that of chance."""
+CONTRADICTED: Final = 3.0
+"""Difference from the place that relief shows, over its standard deviation, from which on walls do not count."""
 _WIDEST_M: Final = 0.30
 
 
@@ -48,6 +51,7 @@ class PairTie:
         departures: what the differences of patches depart from the move.
         departure: how they vary with distance.
         scatter_m: standard deviation of the differences of cells within patches.
+        upright: what walls and posts show of the place; None if the dates have none in common.
     """
 
     move: FloatArray
@@ -57,32 +61,41 @@ class PairTie:
     departures: SoilCells
     departure: Relief
     scatter_m: float
+    upright: UprightTie | None = None
 
 
-def pair_tie(pairs: Sequence[GroundPair], middle_m: FloatArray, place_sigma: FloatArray) -> PairTie | None:
+def pair_tie(
+    pairs: Sequence[GroundPair], middle_m: FloatArray, place_sigma: FloatArray, upright: UprightTie | None = None
+) -> PairTie | None:
     """Tie two dates; None if they have too little ground in common.
 
     The shift in place is estimated from the relief within patches by least squares, each patch by itself a witness
     (sandwich covariance). Offset and tilt are those of a plane through the means of patches. What these
     depart from it is correlated from patch to patch, as they show themselves (restricted maximum likelihood): the slow
     errors of receivers bend a surface, and many cells of one neighbourhood say little about the next. The standard
-    deviations of the plane are those of least squares under that correlation.
+    deviations of the plane are those of least squares under that correlation. Walls and posts add what they show of
+    the place, unless they contradict the relief: then they moved, or are others.
 
     Args:
         pairs: pieces of the ground.
         middle_m: (2,) of the field.
         place_sigma: (3,) standard deviations of the shift east and north (m) and of the turn (rad) before; the place is
             looked for within them where the ground shows little.
+        upright: what walls and posts show of the place.
     """
     place: FloatArray = np.zeros(3)
     trend: FloatArray = np.zeros(3)
-    found, limit_m, here = (
+    shown, found, limit_m, here = (
+        place,
         None,
         _WIDEST_M,
         [p for p in pairs if np.isfinite(p.one).any() and np.isfinite(p.other).any()],
     )
     trend[0] = _middle(here)
     reach_m = max((math.dist((p.west_m, p.north_m), middle_m) for p in here), default=1.0)
+    before, aimed = np.diag(1.0 / place_sigma**2), np.zeros(3)
+    if upright is not None:
+        before, aimed = before + upright.information, upright.information @ upright.place
     for cells in SMOOTHED:
         smooth = [smoothed(pair, cells) for pair in here]
         found = patches(smooth, middle_m, place, trend, limit_m)
@@ -91,13 +104,28 @@ def pair_tie(pairs: Sequence[GroundPair], middle_m: FloatArray, place_sigma: Flo
         trend = _plane(found, middle_m)
         limit_m = min(limit_m, max(REJECTED * _scatter(found, middle_m, trend), 0.005))
         step, information = _place(found, middle_m)
-        prior = np.diag(1.0 / place_sigma**2)
-        step = np.asarray(np.linalg.solve(information + prior, information @ step - prior @ place), np.float64)
+        shown = place + step
+        step = np.asarray(
+            np.linalg.solve(information + before, information @ step + aimed - before @ place), np.float64
+        )
         place += step
         if cells == 1 and np.abs(step * [1.0, 1.0, reach_m]).max() < STILL_M:
             break
     assert found is not None
-    return _tie(found, middle_m, place, information)
+    if upright is not None:
+        if _contradiction(shown, information, upright) > CONTRADICTED:
+            without = pair_tie(pairs, middle_m, place_sigma)
+            return None if without is None else replace(without, upright=upright.disbelieved())
+        information = information + upright.information
+    return replace(_tie(found, middle_m, place, information), upright=upright)
+
+
+def _contradiction(shown: FloatArray, information: FloatArray, upright: UprightTie) -> float:
+    """Difference of the places that relief and walls show, where both do, over its standard deviation (RMS)."""
+    both = information @ np.linalg.pinv(information + upright.information, hermitian=True) @ upright.information
+    seen = int(np.linalg.matrix_rank(information, hermitian=True))
+    apart = upright.place - shown
+    return math.sqrt(max(float(apart @ both @ apart), 0.0) / max(seen, 1))
 
 
 def _middle(pairs: Sequence[GroundPair]) -> float:

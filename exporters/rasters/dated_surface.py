@@ -36,6 +36,7 @@ LEAST_SIGMA: Final = np.array([0.01, 0.01, 0.02, 1e-3, 1e-3, 2e-3])
 """Standard deviations of a session's move before any tie at least: east, north, height (m), tilts, turn (rad)."""
 _SIGMAS: Final = ("sigma_e_m", "sigma_n_m", "sigma_h_m", "sigma_pitch_deg", "sigma_roll_deg", "sigma_heading_deg")
 _UNKNOWN: Final = np.array([0.05, 0.05, 0.1, 5e-3, 5e-3, 1e-2])
+_SPREAD: Final = 3
 _STANDARD_ERROR: Final = 4
 
 
@@ -140,9 +141,16 @@ class OpenSurface:
 
     def standard_error(self, part: Grid) -> Float32Array:
         """Standard error of the heights; nan where the file has none."""
-        if self.raster.count < _STANDARD_ERROR:
+        return self._figures(part, _STANDARD_ERROR)
+
+    def spread(self, part: Grid) -> Float32Array:
+        """Standard deviation of the heights of a cell's returns; nan where the file has none."""
+        return self._figures(part, _SPREAD)
+
+    def _figures(self, part: Grid, band: int) -> Float32Array:
+        if self.raster.count < band:
             return np.full(part.shape, np.nan, np.float32)
-        return self._band(part, _STANDARD_ERROR)
+        return self._band(part, band)
 
 
 @contextmanager

@@ -29,6 +29,8 @@ PIECE_CELLS: Final = 500
 """Side of the pieces of ground that ties are made of: 25 m, a whole number of patches."""
 MOST_PIECES: Final = 64
 """Four hectares show a tie as well as forty do."""
+HIDDEN_SHARE: Final = 0.06
+"""Tops of clods are seen more than what lies between: heights are off by this share of the relief within cells."""
 CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR)
 
 
@@ -98,6 +100,7 @@ class ChangeFigures:
         mean_m: mean change of that, upward positive; nan where nothing was compared.
         noise_m: standard deviation of the mean by the noise of the cells.
         unseen_m: standard deviation of the mean of all worked ground by what was not seen on both dates.
+        hidden_m: standard deviation of the mean by what is hidden within the cells that were seen.
         places_m: (n, 2) some cells compared, evenly chosen.
         untouched_m: (k,) changes of some cells that no tool touched.
     """
@@ -107,6 +110,7 @@ class ChangeFigures:
     mean_m: float
     noise_m: float
     unseen_m: float
+    hidden_m: float
     places_m: FloatArray
     untouched_m: FloatArray
 
@@ -148,17 +152,19 @@ def write_change(
     grid = common(one.surface.grid, other.surface.grid)
     if grid is None:
         return None
-    sums, places, calm = np.zeros((2, 5)), [np.zeros((0, 2))], [np.zeros(0, np.float32)]
+    sums, places, calm = np.zeros((2, 6)), [np.zeros((0, 2))], [np.zeros(0, np.float32)]
     with cog_output(path, grid, crs, CHANGE_BANDS, origin) as put:
         for part, _ in windows(grid, 0):
             change = other.heights(part) - one.heights(part)
             error = np.hypot(other.surface.standard_error(part), one.surface.standard_error(part))
             put(part, (change, np.where(np.isfinite(change), error, np.float32(np.nan))))
+            relief = np.hypot(other.surface.spread(part), one.surface.spread(part))
             now, again = inside(ground.worked, part, touched=False), inside(ground.before, part, touched=False)
             for kind, of_kind in zip(sums, (now & ~again, now & again), strict=True):
                 seen = of_kind & np.isfinite(change)
                 moved_m, noise = change[seen].astype(np.float64), error[seen].astype(np.float64)
-                kind += of_kind.sum(), len(moved_m), moved_m.sum(), (moved_m**2).sum(), np.nansum(noise**2)
+                kind[:5] += of_kind.sum(), len(moved_m), moved_m.sum(), (moved_m**2).sum(), np.nansum(noise**2)
+                kind[5] += np.nansum(relief[seen].astype(np.float64) ** 2)
             places.append(part.positions_m()[(now & np.isfinite(change)).ravel()][::20])
             still = np.isfinite(change) & ~inside(ground.touched, part, touched=True)
             calm.append(change[still][::5])
@@ -166,26 +172,28 @@ def write_change(
     return ChangeFigures(*_by_kind(sums, grid.cell_area_m2), np.concatenate(places), still_m)
 
 
-def _by_kind(sums: FloatArray, area_m2: float) -> tuple[float, float, float, float, float]:
-    """The first five of :class:`ChangeFigures`.
+def _by_kind(sums: FloatArray, area_m2: float) -> tuple[float, float, float, float, float, float]:
+    """The first six of :class:`ChangeFigures`.
 
     Args:
-        sums: (kinds, 5) of the cells of each kind: worked, compared, change, its square, square of its standard error.
+        sums: (kinds, 6) of the cells of each kind: worked, compared, change, its square, squares of its standard error
+            and of the spread of returns within cells.
         area_m2: of a cell.
     """
     worked, compared = sums[:, 0].sum() * area_m2, sums[:, 1].sum() * area_m2
     if (sums[:, 1] == 0).any():  # a kind that is not there, or not seen
         sums = sums.sum(axis=0, keepdims=True)
-    cells, count, total, squares, noise = sums.T
+    cells, count, total, squares, noise, relief = sums.T
     if not count.all():
-        return worked, compared, np.nan, np.nan, np.nan
+        return worked, compared, np.nan, np.nan, np.nan, np.nan
     share = cells / cells.sum()
     mean = total / count
     # shadows lie together: about a square metre is one sample of what was not seen
     spread = np.sqrt(np.maximum(squares / count - mean**2, 0.0))
     unseen = (1.0 - count / cells) * spread / np.sqrt(np.maximum(count * area_m2, 1.0))
     off_noise, off_unseen = np.linalg.norm(share * np.sqrt(noise) / count), np.linalg.norm(share * unseen)
-    return worked, compared, float(share @ mean), float(off_noise), float(off_unseen)
+    hidden = HIDDEN_SHARE * float(np.sqrt(share @ (relief / count)))
+    return worked, compared, float(share @ mean), float(off_noise), float(off_unseen), hidden
 
 
 def union(shapes: Sequence[BaseGeometry]) -> BaseGeometry:

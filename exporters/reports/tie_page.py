@@ -54,6 +54,7 @@ def _ties(ties: Any) -> str:
         (
             _pair(tie),
             f"{tie['patches']:,}",
+            f"{tie['upright']:,}",
             f"{1000 * tie['departures_m']:.1f} mm in {tie['range_m']:.0f} m",
             f"{tie['tension']:.1f}",
         )
@@ -61,11 +62,11 @@ def _ties(ties: Any) -> str:
     ]
     note = (
         "Dates by their numbers. What moves the second onto the first, ± its standard deviation. Patches: square "
-        "metres of common ground. Departures: how much the difference of the two surfaces bends from place to place, "
-        "which the standard deviations include. Tension: what a tie departs from all ties together, over its standard "
-        "deviations."
+        "metres of common ground. Upright: pieces of walls, and posts. Departures: how much the difference of "
+        "the two surfaces bends from place to place, which the standard deviations include. Tension: what a tie "
+        "departs from all ties together, over its standard deviations."
     )
-    tables = table(("dates", *_MOVES), moves) + table(("dates", "patches", "departures", "tension"), quality)
+    tables = table(("dates", *_MOVES), moves) + table(("dates", "patches", "upright", "departures", "tension"), quality)
     return f'<div class="scroll">{tables}</div>{remark(note)}'
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import geopandas as gpd
+import laspy
 import numpy as np
 import pytest
 import rasterio
@@ -97,6 +98,25 @@ def season(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return [write_result(folder / f"day{number}", number) for number in range(3)]
 
 
+def write_cloud(folder: Path, number: int, parked_m: float) -> None:
+    """A cloud of a wall, two posts and a parked vehicle, with the date's error: 5 cm to the east on the second."""
+    rng = np.random.default_rng(number)
+    along, up, around = rng.random(4000), 1.8 * rng.random(4000), rng.uniform(0.0, np.pi, 4000)
+    things = [
+        (0.3 + 0.02 * along, 2.0 + 12.0 * along, up),
+        *((at + 0.06 * np.cos(around), 0.8 + 0.06 * np.sin(around), up) for at in (5.0, 13.0)),
+        (14.5 + parked_m + 0.0 * along, 7.0 + 3.0 * along, up),
+        (*rng.uniform(0.0, 16.0, (2, 4000)), np.zeros(4000)),
+    ]
+    xyz = np.concatenate([np.column_stack(thing) for thing in things])
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales, header.offsets = [0.001, 0.001, 0.001], [EAST_M, NORTH_M - 16.0, 271.0]
+    cloud = laspy.LasData(header)
+    cloud.xyz = xyz + [EAST_M + 0.05 * number, NORTH_M - 16.0, 271.0] + 0.005 * rng.standard_normal(xyz.shape)
+    cloud.classification = np.repeat([1, 2], [len(xyz) - 4000, 4000]).astype(np.uint8)
+    cloud.write(folder / "cloud.copc.laz")
+
+
 def band(path: Path) -> NDArray[np.float32]:
     with rasterio.open(path) as raster:
         values: NDArray[np.float32] = raster.read(1)
@@ -184,6 +204,33 @@ def test_tie__says_what_is_not_shown_and_what_contradicts(season: Sequence[Path]
     warned.clear()
     furrowmap.tie([season[0], raised], tmp_path / "points", furrowmap.TieSettings(points), warn=warned.append)
     assert "tie-contradiction" in {notice.code for notice in warned}
+
+
+def test_tie__has_the_place_from_walls_and_posts_where_the_ground_shows_none(tmp_path: Path) -> None:
+    smooth = [write_result(tmp_path / f"smooth{number}", number, relief_m=0.0) for number in range(2)]
+    for number, result in enumerate(smooth):
+        write_cloud(result, number, parked_m=0.06 * number)
+    warned: list[Notice] = []
+    account = furrowmap.tie(smooth, tmp_path / "out", warn=warned.append)
+    assert [notice.code for notice in warned] == ["tie-moved"]
+    assert "pieces of walls and posts are elsewhere on date 1 than on date 0" in warned[0].text
+    (row,) = account["ties"]
+    assert row["upright"] > 20
+    assert (row["east_m"], row["north_m"]) == pytest.approx((-0.05, 0.0), abs=0.008)
+    assert row["east_m_sigma"] < 0.01
+    (change,) = account["changes"]
+    assert change["volume_m3"] == pytest.approx(20.0 * SOIL_M, rel=0.03)
+
+
+def test_tie__is_none_where_all_that_both_dates_saw_was_worked_in_between(tmp_path: Path) -> None:
+    results = [write_result(tmp_path / f"day{number}", number) for number in range(2)]
+    whole = gpd.GeoDataFrame(geometry=[shapely.box(*GRID.bounds_m)], crs="EPSG:6677")
+    whole.to_file(results[0] / "field.gpkg", layer="coverage")
+    for number, result in enumerate(results):
+        write_cloud(result, number, 0.0)
+    with pytest.raises(InputError) as nothing:
+        furrowmap.tie(results, tmp_path / "out")
+    assert nothing.value.code == "tie-nothing-common"
 
 
 def test_tie__refuses_what_cannot_be_compared(season: Sequence[Path], tmp_path: Path) -> None:
