@@ -47,8 +47,8 @@ def implement_faults(tools: Sequence[Implement | MachineImplement]) -> Iterator[
         yield "implement.moves_soil is true of more than one [[implement]]"
 
 
-def _x_m(tool: Mapping[str, Any]) -> float:
-    """How far forward a tool is, as the file has it; what is no place is refused later."""
+def _x_m(tool: Mapping[str, Any]) -> int | float:
+    """How far forward a tool is, as the file has it, also a whole number of any length; no place is refused later."""
     place = tool.get("xy_m")
     x_m = place[0] if isinstance(place, list) and place else 0.0
-    return float(x_m) if isinstance(x_m, int | float) else 0.0
+    return x_m if isinstance(x_m, int | float) else 0.0

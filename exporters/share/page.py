@@ -26,7 +26,7 @@ from furrowmap.exporters.reports.page_parts import duration_words, escape, polic
 from furrowmap.exporters.share.features import moment_s, shared_layer
 from furrowmap.exporters.share.pictures import picture, write_webp
 from furrowmap.exporters.share.points import BYTES_A_POINT, MOST_POINTS, shared_points
-from furrowmap.exporters.share.rasters import COLOURED, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
+from furrowmap.exporters.share.rasters import BLENDED, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.share.words import JAPANESE
 
 INDEX: Final = "index.html"
@@ -152,7 +152,7 @@ def _picture(staging: Path, result: ResultFolder, name: str) -> dict[str, Any]:
         "name": Path(name).stem,
         "title": title_of(name, result),
         "shown": name in SHOWN_AT_FIRST,
-        "multiply": name in COLOURED,
+        "multiply": name in BLENDED,
         "file": target,
         "extent": shown.box_m,
         "legend": [{"colour": colour, "label": label} for colour, label in shown.legend],

@@ -22,7 +22,9 @@ from furrowmap.exporters.share.words import LAYER_TITLES, RELIEF
 RELIEFS: Final = (DSM, DSM_BEFORE, DTM)
 SHOWN_AT_FIRST: Final = frozenset({CHANGE, CROP_HEIGHT, DSM, ORTHOPHOTO})
 COLOURED: Final = frozenset(RUN_RASTERS) - {*RELIEFS, ORTHOPHOTO}
-"""Rasters whose colours blend with the relief below."""
+"""Rasters that lie above the reliefs."""
+BLENDED: Final = COLOURED - {CHANGE}
+"""Rasters whose colours blend with the relief below; those of the change are as in its legend, whose steps are fine."""
 
 
 def rasters_of(result: ResultFolder) -> list[str]:

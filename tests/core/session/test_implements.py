@@ -123,3 +123,9 @@ def test_tools_in_one_place__are_noticed() -> None:
         assert bool(texts) == expected
         assert all("seeder and rear tiller" in text for text in texts)
         assert any(notice.text.startswith("rear tiller: ") for notice in found.notices)
+
+
+@pytest.mark.parametrize("place", ["[1" + 400 * "0" + ", 0]", "[nan, 0.0]", '["3", 0]', "[]", "3.0"])
+def test_a_place_that_is_none__is_refused(place: str) -> None:
+    with pytest.raises(InputError):
+        parse_session(LEAST + FRONT + REAR.replace("[-1.6, 0.0]", place))
