@@ -31,6 +31,7 @@ COLLECTING: Final = {
     "core/readers/velodyne/traffic.py Traffic",
     "core/values/record_spool.py _Block",
     "app/workflows/clean.py _Lost",
+    "exporters/exchange/partitions.py Partition",
 }
 READ_ONCE: Final = {"cli/worker.py _Order", "exporters/files/result_folder.py _Input"}
 """Tables of msgspec that a function decodes and drops."""
