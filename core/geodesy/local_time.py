@@ -60,6 +60,13 @@ def zone_words(t_s: float, zone: ZoneInfo) -> str:
     return f"{zone.key}, UTC{offset[:3]}:{offset[3:5]}"
 
 
+def span_words(first_s: float, last_s: float, zone: ZoneInfo) -> str:
+    """Two UTC times in a zone: "2026-06-11, 09:23:11 to 09:41:02 (Asia/Tokyo, UTC+09:00)"."""
+    first, last = local_time(first_s, zone), local_time(last_s, zone)
+    later = "" if last.date() == first.date() else f"{last:%Y-%m-%d}, "
+    return f"{first:%Y-%m-%d}, {first:%H:%M:%S} to {later}{last:%H:%M:%S} ({zone_words(first_s, zone)})"
+
+
 def in_local_time(text: str, zone: ZoneInfo) -> str:
     """A text of the product with its times in UTC changed to those of a zone, which it names after the last of them."""
     times = list(_UTC.finditer(text))

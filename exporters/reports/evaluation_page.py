@@ -8,13 +8,14 @@ from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
+from zoneinfo import ZoneInfo
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.evaluation.evaluation import Evaluation
 from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Table
-from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
@@ -52,15 +53,17 @@ def write_evaluation(folder: Path, evaluations: Mapping[str, Evaluation], *, ove
         layers = gnss_layers(evaluations)
         for layer in layers:
             write_layer(staging / "evaluation.gpkg", layer, "EPSG:4326", indexed=True)
-        write_styles(staging / "evaluation.gpkg", [layer.name for layer in layers])
+        clock = (_zone(evaluations), *_span_s(evaluations))
+        write_styles(staging / "evaluation.gpkg", [layer.name for layer in layers], clock)
         (staging / "evaluation.html").write_text(page(evaluations), encoding="utf-8", errors="xmlcharrefreplace")
 
 
 def page(evaluations: Mapping[str, Evaluation]) -> str:
-    """The page, as HTML."""
+    """The page, as HTML, with the times of the place; it names their zone."""
     found = list(evaluations.values())
+    zone = _zone(evaluations)
     one = len(found) == 1
-    notices = list(dict.fromkeys(notice.text for each in found for notice in each.notices))
+    notices = list(dict.fromkeys(in_local_time(notice.text, zone) for each in found for notice in each.notices))
     references = list(dict.fromkeys(each.reference for each in found))
     sections = [
         *(service_sections(evaluations) if not one else []),
@@ -71,10 +74,9 @@ def page(evaluations: Mapping[str, Evaluation]) -> str:
     figures = (
         _figures(found[0]) if one else [figure for name, each in evaluations.items() for figure in _short(name, each)]
     )
-    begin_s, end_s = min(each.matched.t_s[0] for each in found), max(each.matched.t_s[-1] for each in found)
     return filled(
         title="Accuracy of a GNSS log" if one else "Accuracy of GNSS services",
-        when=f"{iso_utc(float(begin_s))} to {iso_utc(float(end_s))}",
+        when=span_words(*_span_s(evaluations), zone),
         summary=escape(" ".join(_summary(each) for each in found)),
         figures=figures,
         sections=sections,
@@ -83,6 +85,19 @@ def page(evaluations: Mapping[str, Evaluation]) -> str:
             f"Reference: {', '.join(references)}."
         ),
     )
+
+
+def _zone(evaluations: Mapping[str, Evaluation]) -> ZoneInfo:
+    """The time zone of the place where the first service was in the middle of its log."""
+    first = next(iter(evaluations.values()))
+    middle = len(first.lon_deg) // 2
+    return zone_at(float(first.lon_deg[middle]), float(first.lat_deg[middle]))
+
+
+def _span_s(evaluations: Mapping[str, Evaluation]) -> tuple[float, float]:
+    """UTC of the first and the last of the compared epochs."""
+    times = [each.matched.t_s for each in evaluations.values()]
+    return float(min(t_s[0] for t_s in times)), float(max(t_s[-1] for t_s in times))
 
 
 def _summary(found: Evaluation) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.crops.measure import MeasuredParcel
-from furrowmap.core.geodesy.local_time import clock_words, in_local_time, local_time, zone_words
+from furrowmap.core.geodesy.local_time import clock_words, in_local_time, span_words
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.surfaces.visits import SwathDifferences
 from furrowmap.core.values.gnss import Fix
@@ -117,7 +117,7 @@ def write_page(
     ]
     page = filled(
         title=escape(found.session.name or "Field report"),
-        when=escape(_when(found)),
+        when=escape(span_words(found.placement.first_s, found.placement.last_s, found.zone)),
         summary=_summary(found),
         figures=_figures(found),
         sections=sections,
@@ -170,13 +170,6 @@ def _features(counts: Mapping[str, int] | None) -> Iterator[str]:
     rows = [[name.replace("_", " "), f"{count:,}"] for name, count in counts.items()]
     words = "Found in the cloud by the shape around each point: layers planes, lines and plants of field.gpkg."
     yield section("Features", table(["feature", "number"], rows) + remark(words))
-
-
-def _when(found: RunResult) -> str:
-    begin, end = (local_time(t_s, found.zone) for t_s in (found.placement.first_s, found.placement.last_s))
-    later = "" if end.date() == begin.date() else f"{end:%Y-%m-%d}, "
-    zone = zone_words(found.placement.first_s, found.zone)
-    return f"{begin:%Y-%m-%d}, {begin:%H:%M:%S} to {later}{end:%H:%M:%S} ({zone})"
 
 
 def _summary(found: RunResult) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
+import sqlite3
+from contextlib import closing
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
@@ -102,6 +104,22 @@ def test_layers__of_services_lie_where_the_logs_do(tmp_path: Path) -> None:
     true = shapely.get_coordinates(tracks.geometry["reference"])
     np.testing.assert_allclose(true[:, 0], 140.0, rtol=0, atol=1e-10)  # 0.01 mm
     assert len(shapely.get_parts(tracks.geometry["SLAS"])) == 2, "no line across the gap"
+
+
+def test_times__are_local_for_people_and_utc_in_the_data(tmp_path: Path) -> None:
+    write_evaluation(tmp_path, judged(), overwrite=False)
+    text = (tmp_path / "evaluation.html").read_text(encoding="utf-8")
+    assert "2026-05-29, 05:26:40 to 05:32:09 (Asia/Tokyo, UTC+09:00)" in text  # the day after that of UTC
+    assert "2026-05-28" not in text
+    with closing(sqlite3.connect(tmp_path / "evaluation.gpkg")) as base:
+        (style,) = base.execute("SELECT styleQML FROM layer_styles WHERE f_table_name = 'gnss_errors'").fetchone()
+        times = [row[0] for row in base.execute('SELECT "time" FROM gnss_errors ORDER BY "time"')]
+    assert "to_interval('32400 seconds')" in style
+    assert "(Asia/Tokyo)" in style
+    assert "2026-05-28T20:26:40" in times[0]
+    assert "2026-05-28T20:26:40.000Z" in (tmp_path / "epochs.csv").read_text(encoding="utf-8")
+    told = json.loads((tmp_path / "evaluation.json").read_text(encoding="utf-8"))["services"][0]
+    assert told["continuity"]["first"] == "2026-05-28T20:26:40.000Z"
 
 
 def test_page__of_several_services_has_them_side_by_side() -> None:
