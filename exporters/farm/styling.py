@@ -12,9 +12,11 @@ from typing import Final
 from xml.etree import ElementTree as ET
 from zoneinfo import ZoneInfo
 
+from furrowmap.core.values.languages.choice import language_of_user
 from furrowmap.exporters.farm.edit import KnownSession
 from furrowmap.exporters.files.qgis_project import DOCTYPE
 from furrowmap.exporters.vectors.map_tip_times import Clock, in_local_times
+from furrowmap.exporters.vectors.style_words import in_language
 
 _BY_DATE: Final = "coverage"
 _HUES: Final = (0.14, 0.62)
@@ -24,7 +26,7 @@ _HUES: Final = (0.14, 0.62)
 def styles(layers: Iterable[str], sessions: Sequence[KnownSession]) -> dict[str, str]:
     """The styles (QML) of those layers that have one.
 
-    Map tips show the local time of each session, and name its zone.
+    Map tips show the local time of each session, and name its zone; words are in the language of the user.
 
     Args:
         layers: by name.
@@ -33,6 +35,7 @@ def styles(layers: Iterable[str], sessions: Sequence[KnownSession]) -> dict[str,
     found = {name: text for name in layers if (text := _packaged(name)) is not None}
     if _BY_DATE in found:
         found[_BY_DATE] = _by_date(found[_BY_DATE], [session.date for session in sessions])
+    found = {name: in_language(text, language_of_user()) for name, text in found.items()}
     clocks = _clocks(sessions)
     if clocks:
         found = {name: in_local_times(text, clocks) for name, text in found.items()}

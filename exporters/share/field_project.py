@@ -16,7 +16,6 @@ from furrowmap.core.values.errors import printable
 from furrowmap.core.values.progress import Progress
 from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.qgis_project import (
-    DOCTYPE,
     ProjectLayer,
     project_root,
     project_text,
@@ -35,9 +34,11 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import window, windows
-from furrowmap.exporters.share.features import HIDDEN_AT_FIRST
+from furrowmap.exporters.share.features import HIDDEN_AT_FIRST, moment_s
 from furrowmap.exporters.share.rasters import RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
+from furrowmap.exporters.vectors.map_tip_times import in_local_time
+from furrowmap.exporters.vectors.style_words import in_language
 
 PROJECT: Final = "field.qgs"
 FIELD_PRODUCTS: Final = (PROJECT, FIELD)
@@ -68,6 +69,8 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
     root = project_root(printable(result.name), crs)
     tree = ET.SubElement(root, "layer-tree-group")
     within = ET.SubElement(root, "projectlayers")
+    figures = result.report["figures"]
+    clock = (result.zone, moment_s(figures["start"]), moment_s(figures["end"]))
     names = (FIELD, *rasters_of(result))
     for number, name in enumerate(names):
         progress("writing the project", number / len(names))
@@ -77,6 +80,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         source = f"./{FIELD}|layername={name}"
         title = _in(language, LAYER_TITLES.get(name, name.replace("_", " ")))
         style = _style(f"{name}.qml", language)
+        style = in_local_time(style, *clock) if style is not None else None
         if name == PASSES and style is not None and (result.folder / CHANGE).is_file():
             style = style.replace('name="style" type="QString" value="solid"', HATCHED)
         layer = ProjectLayer(name, kind, source, "ogr", style, title, read_only=True)
@@ -126,14 +130,8 @@ def _put_leaf(tree: ET.Element, layer: ProjectLayer, *, shown: bool) -> None:
 
 
 def _style(name: str, language: str) -> str | None:
-    """A packaged style with the labels of its classes in a language; None for no such style."""
-    if name not in packaged_styles():
-        return None
-    root = ET.fromstring(packaged_style(name))  # noqa: S314 (a file of this package)
-    for tag in ("category", "item"):
-        for one in root.iter(tag):
-            one.set("label", _in(language, str(one.get("label"))))
-    return DOCTYPE + ET.tostring(root, encoding="unicode")
+    """A packaged style in a language; None for no such style."""
+    return in_language(packaged_style(name), language) if name in packaged_styles() else None
 
 
 def _in(language: str, text: str) -> str:

@@ -27,6 +27,7 @@ from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packa
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
 from furrowmap.exporters.vectors.layer_words import NAMES, with_words
 from furrowmap.exporters.vectors.map_tip_times import in_local_time
+from furrowmap.exporters.vectors.style_words import in_language
 
 _UTC_OFFSET: Final = 100
 """OGR's time zone code of UTC (0 unknown, 1 local, 100 UTC)."""
@@ -180,10 +181,11 @@ def write_styles(
         layers: names of its layers; those without a packaged style get none.
         clock: time zone of the times in map tips, and UTC of the first and the last of them; None for UTC.
         fields: names of the fields of each layer of a run, for the words and actions of its table; None for neither.
-        language: of these words.
+        language: of these words, of map tips and of classes.
     """
     packaged = packaged_styles()
     styles = {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged}
+    styles = {name: in_language(style, language) for name, style in styles.items()}
     if clock is not None:
         styles = {name: in_local_time(style, *clock) for name, style in styles.items()}
     if fields is not None:

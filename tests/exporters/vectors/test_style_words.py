@@ -1,0 +1,74 @@
+"""Styles in Japanese: no label of a class and no line of a map tip stays English, in any style of the product."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+from xml.etree import ElementTree as ET
+
+import pytest
+
+from furrowmap.core.values.languages.choice import using_language
+from furrowmap.exporters.farm.styling import styles
+from furrowmap.exporters.vectors.style_words import in_language
+
+FOLDERS = ("furrowmap.exporters", "furrowmap.exporters.farm")
+STYLES = {
+    f"{folder}: {file.name}": file.read_text("utf-8")
+    for folder in FOLDERS
+    for file in files(folder).joinpath("styles").iterdir()
+    if file.name.endswith(".qml")
+}
+SYMBOLS = {"m", "mm", "cm", "ha", "s", "UTC", "RTK", "FIX", "FLOAT", "PPP", "RMSE", "D", "X", "Y", "Z"}
+"""Units and names that Japanese writes in Latin letters, too."""
+FORMATS = re.compile(r"(yyyy-MM-dd)?[ ]?(HH:mm(:ss(\.zzz)?)?)?")
+
+
+def words(style: str) -> list[str]:
+    """What people read of a style: labels, map tips, and texts in their expressions."""
+    root = ET.fromstring(style)
+    labels = [
+        str(one.get("label"))
+        for tag in ("category", "item", "range", "rule")
+        for one in root.iter(tag)
+        if one.get("label")
+    ]
+    tips = [tip.text or "" for tip in root.iter("mapTip")]
+    shown = [re.sub(r"<[^>]*>", " ", re.sub(r"\[%.*?%\]", " ", tip)) for tip in tips]
+    texts = [text for tip in tips for part in re.findall(r"\[%.*?%\]", tip) for text in literals(part)]
+    return [*labels, *shown, *(re.sub(r"<[^>]*>", " ", text) for text in texts if not FORMATS.fullmatch(text))]
+
+
+def literals(expression: str) -> list[str]:
+    """Texts of an expression but the values that it looks up: map('down', 'word', …)."""
+    maps = re.findall(r"map\(('[^)]*')\)", expression)
+    looked_up = [text for one in maps for text in re.findall(r"'([^']*)'", one)[1::2]]
+    return looked_up + re.findall(r"'([^']*)'", re.sub(r"map\('[^)]*'\)", "", expression))
+
+
+@pytest.mark.parametrize("name", sorted(STYLES))
+def test_style__has_no_english_word_in_japanese(name: str) -> None:
+    for text in words(in_language(STYLES[name], "ja")):
+        assert not set(re.findall(r"[A-Za-z]+", text)) - SYMBOLS, text
+
+
+@pytest.mark.parametrize("name", sorted(STYLES))
+def test_style__keeps_its_fields_and_symbols(name: str) -> None:
+    ours, theirs = (ET.fromstring(style) for style in (STYLES[name], in_language(STYLES[name], "ja")))
+    for tag in ("layer", "symbol", "category", "range", "rule", "labeling"):
+        assert len(list(ours.iter(tag))) == len(list(theirs.iter(tag)))
+    for mine, other in zip(ours.iter("mapTip"), theirs.iter("mapTip"), strict=True):
+        assert set(re.findall(r'"(\w+)"', mine.text or "")) == set(re.findall(r'"(\w+)"', other.text or ""))
+        assert (mine.text or "").count("[%") == (other.text or "").count("[%")
+    assert in_language(STYLES[name], "en") == STYLES[name]
+
+
+def test_farm_map__has_its_words_in_the_language_of_the_user() -> None:
+    with using_language("ja"):
+        found = styles(["coverage", "passes", "sessions"], [])
+    labels = [one.get("label") for one in ET.fromstring(found["coverage"]).iter("category")]
+    assert labels == ["その他の日"]
+    assert "作業面積" in found["coverage"]
+    assert "行程" in found["passes"]
+    with using_language("en"):
+        assert "other days" in styles(["coverage"], [])["coverage"]
