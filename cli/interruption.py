@@ -6,19 +6,25 @@ import _thread
 import signal
 import threading
 import time
+from pathlib import Path
 from types import FrameType
 from typing import Final
 
 AGAIN_S: Final = 0.01
 _BLOCKING: Final = {"wait", "join", "_wait_for_tstate_lock"}
 """Functions of `threading` in which a thread waits; they leave their locks in order when an exception ends them."""
+_TAKING: Final = {"__enter__", "__exit__", "acquire", "release"}
+"""Methods of locks, by whatever module: llvmlite and numba have their own."""
+_CALLERS: Final = 4
+_LOCKS: Final = (str(Path("llvmlite", "binding", "ffi.py")), str(Path("numba", "core", "compiler_lock.py")))
+"""Modules whose locks call other functions while they are taken, up to _CALLERS levels deep."""
 
 
 class Interruption:
     """Signal handler that raises KeyboardInterrupt, so that callers can clean up.
 
-    Where the main thread is just taking or giving back a lock of :mod:`threading`, it raises a moment later. Such a
-    lock would stay taken for ever (Python's documentation of `signal`: "Note on Signal Handlers and Exceptions"), and
+    Where the main thread is just taking or giving back a lock, it raises a moment later. The lock
+    would stay taken for ever (Python's documentation of `signal`: "Note on Signal Handlers and Exceptions"), and
     threads that need it would keep the process from ending.
 
     Attributes:
@@ -61,7 +67,21 @@ class Interruption:
 
 def _is_at_a_lock(frame: FrameType) -> bool:
     code = frame.f_code
-    return code.co_filename == threading.__file__ and code.co_name not in _BLOCKING
+    if code.co_filename == threading.__file__:
+        return code.co_name not in _BLOCKING
+    return code.co_name in _TAKING or _is_called_by_a_lock(frame)
+
+
+def _is_called_by_a_lock(frame: FrameType) -> bool:
+    caller = frame.f_back
+    for _ in range(_CALLERS):
+        if caller is None:
+            return False
+        code = caller.f_code
+        if code.co_name in _TAKING and code.co_filename.endswith(_LOCKS):
+            return True
+        caller = caller.f_back
+    return False
 
 
 def _repeat(number: int) -> None:

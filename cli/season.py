@@ -13,7 +13,6 @@ from furrowmap.cli.tables import table
 from furrowmap.core.values.errors import printable
 
 _CONTENT = ("mosaics", "points", "trajectories")
-_DEFAULTS = furrowmap.SeasonSettings()
 
 
 @click.command(
@@ -38,14 +37,14 @@ _DEFAULTS = furrowmap.SeasonSettings()
     "--spacing",
     "spacing_m",
     type=click.FloatRange(min=0),
-    default=_DEFAULTS.spacing_m,
+    default=0.0,
     metavar="METRES",
     help="Point spacing that is sufficient; 0 for all points [default: 0].",
 )
 @click.option(
     "--most-rows",
     type=click.IntRange(1),
-    default=_DEFAULTS.most_rows,
+    default=5_000_000,
     show_default=True,
     metavar="N",
     help="Maximum number of rows of a Parquet file.",

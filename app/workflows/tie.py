@@ -236,7 +236,8 @@ def _notices(work: _Work, net: Network, prior: FloatArray) -> list[Notice]:
             east, north = np.median(moved, axis=0).tolist()
             text = (
                 f"{len(moved)} of {count} pieces of walls and posts are elsewhere on {_name(work, other)} than on "
-                f"{_name(work, one)} (about {east:.1f} E, {north:.1f} N): something moved. They do not count."
+                f"{_name(work, one)} (by about {east:.1f} m east, {north:.1f} m north): something moved. "
+                "They do not count."
             )
             found.append(Notice("tie-moved", text))
     unseen = [

@@ -62,11 +62,13 @@ def _ties(ties: Any) -> str:
     ]
     note = (
         "Dates by their numbers. What moves the second onto the first, ± its standard deviation. Patches: square "
-        "metres of common ground. Upright: pieces of walls, and posts. Departures: how much the difference of "
+        "metres of common ground. Walls, posts: pieces of walls, and posts. Departures: how much the difference of "
         "the two surfaces bends from place to place, which the standard deviations include. Tension: what a tie "
         "departs from all ties together, over its standard deviations."
     )
-    tables = table(("dates", *_MOVES), moves) + table(("dates", "patches", "upright", "departures", "tension"), quality)
+    tables = table(("dates", *_MOVES), moves) + table(
+        ("dates", "patches", "walls, posts", "departures", "tension"), quality
+    )
     return f'<div class="scroll">{tables}</div>{remark(note)}'
 
 

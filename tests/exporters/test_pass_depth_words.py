@@ -31,7 +31,7 @@ def test_depth__in_report_page_and_kml(written: Path, tmp_path: Path) -> None:
     export([written], "kml", tmp_path / "field.kml")
     marks = ET.parse(tmp_path / "field.kml").findall(".//{*}Data[@name='depth_sigma_m']")
     page = shared_layer("passes", passes, TOKYO, alone=False)
-    report = "".join(_passes(field()[1], TOKYO))
+    report = "".join(_passes(field()[1], TOKYO, alone=True))
     assert page is not None
     assert "depth (approximate)" in report
     for one, mark, shown in zip(passes.itertuples(), marks, page["features"], strict=True):

@@ -5,27 +5,29 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.exporters.rasters.tied_surfaces import _by_kind
+from furrowmap.exporters.rasters.tied_surfaces import HIDDEN_SHARE, _by_kind
 
 
-def sums(cells: int, changes: np.ndarray, error_m: float) -> list[float]:
-    return [cells, len(changes), changes.sum(), (changes**2).sum(), len(changes) * error_m**2]
+def sums(cells: int, changes: np.ndarray, error_m: float, spread_m: float = 0.0) -> list[float]:
+    count = len(changes)
+    return [cells, count, changes.sum(), (changes**2).sum(), count * error_m**2, count * spread_m**2]
 
 
 def test_mean__is_that_of_all_ground_though_less_of_one_kind_was_seen() -> None:
     """Of what rose by 40 mm a half was seen, of what was worked again all: their mean is 20 mm, that of the seen 13."""
     fresh, again = np.full(400, 0.040), np.zeros(800)
-    kinds = np.array([sums(800, fresh, 0.01), sums(800, again, 0.02)])
-    worked, compared, mean, noise, unseen = _by_kind(kinds, 0.0025)
+    kinds = np.array([sums(800, fresh, 0.01, 0.01), sums(800, again, 0.02, 0.03)])
+    worked, compared, mean, noise, unseen, hidden = _by_kind(kinds, 0.0025)
     assert (worked, compared) == pytest.approx((4.0, 3.0))
     assert mean == pytest.approx(0.020)
     assert noise == pytest.approx(0.5 * np.hypot(0.01 / np.sqrt(400), 0.02 / np.sqrt(800)))
     assert unseen == pytest.approx(0.0, abs=1e-9)
+    assert hidden == pytest.approx(HIDDEN_SHARE * np.sqrt((0.01**2 + 0.03**2) / 2))
 
 
 def test_mean__of_what_was_not_seen_is_as_uncertain_as_the_seen_differs() -> None:
     changes = np.tile([0.02, 0.06], 1000)
-    _, _, mean, _, unseen = _by_kind(np.array([sums(2500, changes, 0.0), sums(0, np.zeros(0), 0.0)]), 0.0025)
+    _, _, mean, _, unseen, _ = _by_kind(np.array([sums(2500, changes, 0.0), sums(0, np.zeros(0), 0.0)]), 0.0025)
     assert mean == pytest.approx(0.04)
     assert unseen == pytest.approx(0.2 * 0.02 / np.sqrt(5.0))
 

@@ -51,7 +51,7 @@ def ties() -> str:
         {"date": k, "name": f"第{k}回", **JUNE, "tied": k < 3, **(MOVE if k < 3 else dict.fromkeys(MOVE))}
         for k in (1, 2, 3)
     ]
-    tie = {"patches": 470, "departures_m": 0.0024, "range_m": 8.0, "tension": 0.0, **MOVE}
+    tie = {"patches": 470, "upright": 12, "departures_m": 0.0024, "range_m": 8.0, "tension": 0.0, **MOVE}
     pairs = [{"date_a": 0, "date_b": 1, **tie}, {"date_a": 1, "date_b": 2, **tie}]
     return tie_page.tie_page({"dates": dates, "ties": pairs, "changes": [CHANGE], "warnings": []})
 
