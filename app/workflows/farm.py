@@ -323,8 +323,8 @@ def _update_project(edit: FarmEdit) -> tuple[Notice, ...]:
     """Store the styles and the QGIS project for the current content."""
     sessions, kinds, crs = edit.sessions(), edit.layers(), edit.crs()
     assert crs is not None
-    own = styles(kinds, sessions)
-    notices = edit.store_styles(own)
+    own = styles({name: edit.columns(name) for name in kinds}, sessions)
+    notices = edit.store_styles({name: style for name, style in own.items() if kinds[name]})
     layers = []
     for name in drawing_order(list(kinds)):
         provider, source = edit.source(name, kinds[name])

@@ -99,6 +99,9 @@ class FarmEdit(Protocol):
     def layers(self) -> dict[str, str]:
         """Geometry type (as OGR calls it, empty for tables) of each layer of furrowmap, by name."""
 
+    def columns(self, layer: str) -> set[str]:
+        """Names of the columns of a layer's table."""
+
     def read(self, layer: str, columns: Sequence[str]) -> Layer:
         """Features of a layer with some of its columns; those that it does not have are None or nan throughout."""
 

@@ -171,6 +171,11 @@ class GeopackageEdit:
             ).fetchall()
         return dict(rows)
 
+    def columns(self, layer: str) -> set[str]:
+        """Names of the columns of a layer's table."""
+        with self._open() as database:
+            return {row[1] for row in database.execute(f'PRAGMA table_info("{layer}")')}
+
     def read(self, layer: str, columns: Sequence[str]) -> Layer:
         """Features of a layer with some of its columns; those that it does not have are None or nan throughout."""
         kind = self.layers().get(layer)

@@ -158,7 +158,7 @@ class PostgisEdit:
         empty = Layer(layer, kind or "", "", np.empty(0, object), {})
         if kind is None:
             return chosen_columns(empty, columns)
-        existing = self._columns(layer)
+        existing = self.columns(layer)
         there = [name for name in columns if name in existing]
         shape = (
             SQL("{}.ST_AsBinary({})").format(Identifier(self._extension), Identifier(GEOMETRY)) if kind else SQL("NULL")
@@ -288,11 +288,11 @@ class PostgisEdit:
         return SQL("{} NOT NULL REFERENCES {} (session) ON DELETE CASCADE").format(column, self._table(SESSIONS))
 
     def _add_columns(self, layer: Layer) -> None:
-        for name in layer.columns.keys() - self._columns(layer.name):
+        for name in layer.columns.keys() - self.columns(layer.name):
             self._do(SQL("ALTER TABLE {} ADD COLUMN {}").format(self._table(layer.name), self._column(layer, name)))
 
-    def _columns(self, layer: str) -> set[str]:
-        """Names of a table's columns."""
+    def columns(self, layer: str) -> set[str]:
+        """Names of the columns of a layer's table."""
         query = "SELECT column_name FROM information_schema.columns WHERE table_schema = %s AND table_name = %s"
         return {row[0] for row in self._connection.execute(query, (self._schema, layer)).fetchall()}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import colorsys
 import copy
 import datetime as dt
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib.resources import files
 from itertools import groupby
 from typing import Final
@@ -14,22 +14,29 @@ from zoneinfo import ZoneInfo
 
 from furrowmap.core.values.languages.choice import language_of_user
 from furrowmap.exporters.farm.edit import KnownSession
+from furrowmap.exporters.farm.field_words import FARM_ALIASES
+from furrowmap.exporters.farm.memory import MACHINES, VISITS
+from furrowmap.exporters.farm.results import SESSIONS
 from furrowmap.exporters.files.qgis_project import DOCTYPE
+from furrowmap.exporters.vectors.layer_words import ALIASES, VALUES, with_words
 from furrowmap.exporters.vectors.map_tip_times import Clock, in_local_times
 from furrowmap.exporters.vectors.style_words import in_language
 
 _BY_DATE: Final = "coverage"
+_BARE: Final = DOCTYPE + '<qgis version="3.34.0" styleCategories="Rendering"></qgis>\n'
+_OF_SESSIONS: Final = frozenset({SESSIONS, VISITS, MACHINES})
+"""Layers whose `implement` is the kind of the tool, not its state."""
 _HUES: Final = (0.14, 0.62)
 """From the first day (yellow) over green to the last (blue)."""
 
 
-def styles(layers: Iterable[str], sessions: Sequence[KnownSession]) -> dict[str, str]:
-    """The styles (QML) of those layers that have one.
+def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSession]) -> dict[str, str]:
+    """The styles (QML) of layers; of those without one of their own, the names of their fields.
 
     Map tips show the local time of each session, and name its zone; words are in the language of the user.
 
     Args:
-        layers: by name.
+        layers: names of their fields, by name.
         sessions: each of their days has a colour of its own in the layer of worked ground.
     """
     found = {name: text for name in layers if (text := _packaged(name)) is not None}
@@ -39,7 +46,14 @@ def styles(layers: Iterable[str], sessions: Sequence[KnownSession]) -> dict[str,
     clocks = _clocks(sessions)
     if clocks:
         found = {name: in_local_times(text, clocks) for name, text in found.items()}
-    return found
+    return {name: _with_words(found.get(name, _BARE), name, fields) for name, fields in layers.items()}
+
+
+def _with_words(style: str, layer: str, fields: Collection[str]) -> str:
+    """The style with names for people of the fields, in an order that does not change."""
+    values = {name: words for name, words in VALUES.items() if not (name == "implement" and layer in _OF_SESSIONS)}
+    aliases = ALIASES | FARM_ALIASES
+    return with_words(style, sorted(fields), language_of_user(), report=False, aliases=aliases, values=values)
 
 
 def _clocks(sessions: Sequence[KnownSession]) -> list[Clock]:

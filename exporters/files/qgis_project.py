@@ -13,7 +13,9 @@ DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
 _QGIS: Final = "3.34.0"
 """The first version that supports everything written here."""
 _MARGIN: Final = 0.05
-_PARTS: Final = ("renderer-v2", "labeling", "temporal", "mapTip", "layerOpacity", "blendMode")
+_PARTS: Final = (
+    "renderer-v2", "labeling", "temporal", "mapTip", "layerOpacity", "blendMode", "fieldConfiguration", "aliases",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

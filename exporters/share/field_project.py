@@ -37,6 +37,7 @@ from furrowmap.exporters.rasters.windows import window, windows
 from furrowmap.exporters.share.features import HIDDEN_AT_FIRST, moment_s
 from furrowmap.exporters.share.rasters import RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
+from furrowmap.exporters.vectors.layer_words import with_words
 from furrowmap.exporters.vectors.map_tip_times import in_local_time
 from furrowmap.exporters.vectors.style_words import in_language
 
@@ -76,11 +77,13 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         progress("writing the project", number / len(names))
         _copy(result, name, staging)
     for name in result.layer_names:
-        kind = str(pyogrio.read_info(result.folder / FIELD, layer=name)["geometry_type"])
+        about = pyogrio.read_info(result.folder / FIELD, layer=name)
+        kind = str(about["geometry_type"])
         source = f"./{FIELD}|layername={name}"
         title = _in(language, LAYER_TITLES.get(name, name.replace("_", " ")))
         style = _style(f"{name}.qml", language)
-        style = in_local_time(style, *clock) if style is not None else None
+        if style is not None:
+            style = with_words(in_local_time(style, *clock), about["fields"].tolist(), language, report=False)
         if name == PASSES and style is not None and (result.folder / CHANGE).is_file():
             style = style.replace('name="style" type="QString" value="solid"', HATCHED)
         layer = ProjectLayer(name, kind, source, "ogr", style, title, read_only=True)

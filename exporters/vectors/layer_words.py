@@ -76,7 +76,7 @@ ALIASES: Final = {
     "points_m2": "points per m²",
 }
 """Names of fields for people, by name of the field."""
-DIGITS: Final = {"m": 2, "m2": 1, "mps": 2, "deg": 2, "s": 3, "share": 3, "confidence": 2}
+DIGITS: Final = {"m": 2, "m2": 1, "mps": 2, "deg": 2, "s": 3, "share": 3, "confidence": 2, "m3": 1, "h": 2, "hours": 2}
 """Decimals of a field by its unit, the end of its name."""
 _STATES: Final = {"down": "tool down", "up": "tool up", "unknown": "unknown"}
 VALUES: Final[Mapping[str, Mapping[str, str]]] = {
@@ -137,7 +137,15 @@ _OPEN_URL: Final = 5
 _FOLDER: Final = r"regexp_replace(layer_property(@layer, 'path'), '[^/\\\\]+$', '')"
 
 
-def with_words(style: str, fields: Sequence[str], language: str, *, report: bool) -> str:
+def with_words(
+    style: str,
+    fields: Sequence[str],
+    language: str,
+    *,
+    report: bool,
+    aliases: Mapping[str, str] = ALIASES,
+    values: Mapping[str, Mapping[str, str]] = VALUES,
+) -> str:
     """A style of QGIS with aliases, widgets and actions for the fields of a layer.
 
     Args:
@@ -145,20 +153,21 @@ def with_words(style: str, fields: Sequence[str], language: str, *, report: bool
         fields: names of the layer's fields.
         language: of the words.
         report: whether `report.html` lies beside the file.
+        aliases: names of fields for people.
+        values: words for the values of fields.
     """
-    known = [(number, name) for number, name in enumerate(fields) if name in ALIASES]
-    widgets = "".join(_widget(name, language) for _, name in known)
-    aliases = "".join(
-        f'<alias index="{number}" field="{name}" name="{escape(translated(ALIASES[name], language))}"/>'
+    known = [(number, name) for number, name in enumerate(fields) if name in aliases]
+    widgets = "".join(_widget(name, language, values.get(name)) for _, name in known)
+    named = "".join(
+        f'<alias index="{number}" field="{name}" name="{escape(translated(aliases[name], language))}"/>'
         for number, name in known
     )
     actions = _actions(language) if report else ""
-    more = f"<fieldConfiguration>{widgets}</fieldConfiguration><aliases>{aliases}</aliases>{actions}"
+    more = f"<fieldConfiguration>{widgets}</fieldConfiguration><aliases>{named}</aliases>{actions}"
     return style.replace('styleCategories="', f'styleCategories="{CATEGORIES}|', 1).replace("</qgis>", f"{more}</qgis>")
 
 
-def _widget(name: str, language: str) -> str:
-    words = VALUES.get(name)
+def _widget(name: str, language: str, words: Mapping[str, str] | None) -> str:
     if words is not None:
         pairs = "".join(
             f'<Option type="Map"><Option name="{escape(translated(word, language))}" value="{value}" type="QString"/>'

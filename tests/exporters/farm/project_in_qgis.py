@@ -47,6 +47,7 @@ def describe(layer: QgsVectorLayer) -> dict[str, Any]:
         "features": layer.featureCount(),
         "crs": layer.crs().authid(),
         "fields": [field.name() for field in layer.fields()],
+        "unnamed": [field.name() for field in layer.fields() if not field.alias()],
         "renderer": layer.renderer().type() if layer.renderer() else None,
         "colours": colours(layer) if layer.renderer() else [],
         "labels": layer.labelsEnabled(),

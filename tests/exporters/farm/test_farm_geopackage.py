@@ -453,6 +453,7 @@ def test_qgis__opens_the_project_in_the_base(two: Path, base: Path, results: dic
     for name, layer in told["layers"].items():
         assert layer["valid"], (name, layer["error"])
         assert layer["features"] == len(content(base)[name])
+        assert set(layer["unnamed"]) <= {"fid"}, name  # all others have names for people
         if name not in ("provenance", "machines"):
             assert (layer["crs"], layer["renderer"]) == ("EPSG:6677", layer["own_style"])
             assert layer["map_tip"]

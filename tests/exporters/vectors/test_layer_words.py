@@ -8,6 +8,7 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from furrowmap.core.values.languages.translation import translated
+from furrowmap.exporters.farm.field_words import FARM_ALIASES
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.layer_words import ALIASES, NAMES, VALUES, with_words
 
@@ -40,6 +41,7 @@ def test_style__of_another_file_than_a_run_has_no_actions() -> None:
 
 
 def test_words__are_all_in_japanese() -> None:
-    words = {*ALIASES.values(), *NAMES.values(), *(word for values in VALUES.values() for word in values.values())}
+    names = (ALIASES, FARM_ALIASES, NAMES, *VALUES.values())
+    words = {word for each in names for word in each.values()}
     for word in words - {"PPP"}:
         assert re.search(r"[ぁ-ヿ一-龥]|RTK FI|RTK FL", translated(word, "ja")), word

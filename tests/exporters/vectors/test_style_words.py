@@ -65,10 +65,13 @@ def test_style__keeps_its_fields_and_symbols(name: str) -> None:
 
 def test_farm_map__has_its_words_in_the_language_of_the_user() -> None:
     with using_language("ja"):
-        found = styles(["coverage", "passes", "sessions"], [])
+        found = styles({"coverage": (), "passes": ("pass",), "sessions": ("worked_area_m2", "implement")}, [])
     labels = [one.get("label") for one in ET.fromstring(found["coverage"]).iter("category")]
     assert labels == ["その他の日"]
     assert "作業面積" in found["coverage"]
     assert "行程" in found["passes"]
+    names = {one.get("field"): one.get("name") for one in ET.fromstring(found["sessions"]).iter("alias")}
+    assert names == {"worked_area_m2": "作業面積・地図平面（m²）", "implement": "作業機"}
+    assert "ValueMap" not in found["sessions"], "the kind of the tool is no state"
     with using_language("en"):
-        assert "other days" in styles(["coverage"], [])["coverage"]
+        assert "other days" in styles({"coverage": ()}, [])["coverage"]

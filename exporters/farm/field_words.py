@@ -1,0 +1,50 @@
+"""Names for people of the fields that only a farm map has."""
+
+from __future__ import annotations
+
+from typing import Final
+
+FARM_ALIASES: Final = {
+    "session": "key of the session",
+    "name": "name",
+    "date": "day of the work",
+    "first_date": "first day",
+    "last_date": "last day",
+    "season": "season",
+    "time_zone": "time zone",
+    "field": "key of the field",
+    "field_name": "name of the field",
+    "machine": "machine",
+    "sessions": "number of sessions",
+    "passes": "number of passes",
+    "warnings": "number of warnings",
+    "times_worked": "times worked",
+    "surveyed": "boundary surveyed",
+    "ground_m2": "ground worked at least once (m²)",
+    "worked_area_m2": "area worked, on the map (m²)",
+    "worked_area_ellipsoid_m2": "area worked, on the ellipsoid (m²)",
+    "worked_area_sigma_m2": "standard deviation of the area worked (m²)",
+    "overlap_area_m2": "area worked twice (m²)",
+    "missed_area_m2": "area missed (m²)",
+    "swept_area_m2": "area swept by the tool (m²)",
+    "worked_length_m": "length worked (m)",
+    "working_speed_mps": "speed at work (m/s)",
+    "work_rate_ha_h": "work rate (ha/h)",
+    "distance_m": "distance driven (m)",
+    "duration_s": "duration (s)",
+    "hours": "time in the field (h)",
+    "soil_moved_m3": "soil moved (m³)",
+    "working_depth_m": "working depth as stated (m)",
+    "crs": "coordinate reference system",
+    "heights": "height system",
+    "coordinates": "coordinates of the recording",
+    "folder": "folder",
+    "recordings": "key of the recordings",
+    "digest": "hash of the result",
+    "furrowmap": "version that processed",
+    "base_by": "version that added",
+    "added": "added (UTC)",
+    "report": "report (JSON)",
+    "session_toml": "session file",
+}
+"""Names of fields, by name of the field."""
