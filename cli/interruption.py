@@ -15,6 +15,8 @@ _BLOCKING: Final = {"wait", "join", "_wait_for_tstate_lock"}
 """Functions of `threading` in which a thread waits; they leave their locks in order when an exception ends them."""
 _TAKING: Final = {"__enter__", "__exit__", "acquire", "release"}
 """Methods of locks, by whatever module: llvmlite and numba have their own."""
+_IMPORTING: Final = "<frozen importlib"
+"""Code that takes the lock of a module, or that of all imports, and runs the code of the module elsewhere."""
 _CALLERS: Final = 4
 _LOCKS: Final = (str(Path("llvmlite", "binding", "ffi.py")), str(Path("numba", "core", "compiler_lock.py")))
 """Modules whose locks call other functions while they are taken, up to _CALLERS levels deep."""
@@ -69,6 +71,8 @@ def _is_at_a_lock(frame: FrameType) -> bool:
     code = frame.f_code
     if code.co_filename == threading.__file__:
         return code.co_name not in _BLOCKING
+    if code.co_filename.startswith(_IMPORTING):
+        return True
     return code.co_name in _TAKING or _is_called_by_a_lock(frame)
 
 

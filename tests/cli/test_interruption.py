@@ -80,6 +80,16 @@ def test_signal__leaves_no_lock_taken(make: Callable[[], Any]) -> None:
     assert taken == 0
 
 
+def test_signal__is_put_off_in_the_midst_of_an_import() -> None:
+    """Another thread that imports would wait for ever where the lock of all imports is taken."""
+    handler, names = Interruption(), dict[str, Any]()
+    exec(compile("import sys\nframe = sys._getframe()", "<frozen importlib._bootstrap>", "exec"), names)
+    handler(signal.SIGUSR1, names["frame"])
+    assert handler.asked
+    with pytest.raises(KeyboardInterrupt):
+        handler(signal.SIGUSR1, sys._getframe())
+
+
 @pytest.mark.usefixtures("alarms")
 def test_signal__ends_what_waits_in_a_lock() -> None:
     begun_s = time.monotonic()
