@@ -93,12 +93,13 @@ bench-flights: $(INSTALLED)  ## trajectories and boresights of ten simulated fli
 bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions: stated sigmas against true errors
 	$(BIN)/python benchmarks/misstated.py
 
-coverage: $(INSTALLED)  ## branches of core and exporters that all tests run: takes twice as long as make test
+coverage: $(INSTALLED)  ## branches of core and exporters that all tests run, and which test runs which line
 	@rm -rf build/coverage && mkdir -p build/coverage
-	nice $(BIN)/python -m pytest -n 2 --dist loadfile --cov --cov-report=
-	$(BIN)/python -m coverage report --skip-covered --show-missing --fail-under=97
+	nice $(BIN)/python -m pytest -n 2 --dist loadfile $(PARTS:%=--cov=%) --cov=app --cov-context=test --cov-report= \
+	  --junitxml=build/coverage/tests.xml
+	$(BIN)/python -m coverage report --include='core/*,exporters/*' --skip-covered --show-missing --fail-under=97
 
-mutants: $(INSTALLED)  ## do the tests notice mistakes: make mutants N=100 SEED=1
+mutants: $(INSTALLED)  ## do the tests notice mistakes, after make coverage: make mutants N=100 SEED=1
 	nice $(BIN)/python scripts/mutants.py $(or $(N),20) $(or $(SEED),1)
 
 pages: $(INSTALLED)  ## write the generated pages of docs again

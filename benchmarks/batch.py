@@ -28,6 +28,7 @@ import shapely
 
 import furrowmap
 from furrowmap.exporters.files.batch_state import STATE, Outcome, batch_state
+from furrowmap.workflows.batch_engine import Manner
 from furrowmap.workflows.batch_jobs import Job, identity, key_of, open_job
 from furrowmap.workflows.batch_sources import find_sources
 from furrowmap.workflows.batch_task import input_stamps
@@ -122,7 +123,7 @@ def repetition(folder: Path, count: int) -> None:
         state._database.execute("PRAGMA synchronous = OFF")  # 2,000 transactions in a row
         for source in find_sources([sessions], results):
             text = source.file.read_text(encoding="utf-8")
-            job = Job(source.parts[0], str(source.file), text, str(results), language="en")
+            job = Job(source.parts[0], str(source.file), text, str(results), Manner(None, (), "en"))
             state.keep_names({identity(job.file, None): job.name})
             outcome: Any = Outcome(key_of(job), input_stamps(open_job(job)), seconds=1.0, processor_s=1.0)
             outcome = Outcome(**{**vars(outcome), "footprint": FOOTPRINT, "track": TRACK})

@@ -9,7 +9,7 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, common_options, worker_options
 from furrowmap.cli.tables import table
 from furrowmap.core.values.errors import printable
 from furrowmap.core.values.languages.choice import language_of_user
@@ -39,10 +39,7 @@ _MOST_SHOWN = 20
     metavar="FILE",
     help="Fields: each recording is run once for each field that it enters, from entering to leaving.",
 )
-@click.option(
-    "--workers", type=click.IntRange(1), metavar="N", help="Number of worker processes [default: by cores and memory]."
-)
-@click.option("--scheduler", metavar="ADDRESS", help="Running Dask scheduler whose workers are used: tcp://HOST:PORT.")
+@worker_options
 @click.option("--overwrite", is_flag=True, help="Replace products of other recordings in result folders.")
 @click.option("--dry-run", is_flag=True, help="Show what would run and how long it would take; write nothing.")
 @common_options

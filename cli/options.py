@@ -66,6 +66,20 @@ def common_options(command: Callable[..., None]) -> Callable[..., None]:
     return called
 
 
+def worker_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options that choose the processes that work for a command."""
+    scheduler = click.option(
+        "--scheduler", metavar="ADDRESS", help="Running Dask scheduler whose workers are used: tcp://HOST:PORT."
+    )
+    workers = click.option(
+        "--workers",
+        type=click.IntRange(1),
+        metavar="N",
+        help="Number of worker processes [default: by cores and memory].",
+    )
+    return workers(scheduler(command))
+
+
 def _start_log(verbose: int, log_file: Path | None) -> None:
     """Set up logging of furrowmap, and with -vv of libraries, to standard error and the log file.
 

@@ -8,7 +8,7 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, common_options, worker_options
 from furrowmap.cli.tables import table
 from furrowmap.core.values.errors import printable
 
@@ -49,10 +49,7 @@ _CONTENT = ("mosaics", "points", "trajectories")
     metavar="N",
     help="Maximum number of rows of a Parquet file.",
 )
-@click.option(
-    "--workers", type=click.IntRange(1), metavar="N", help="Number of worker processes [default: by cores and memory]."
-)
-@click.option("--scheduler", metavar="ADDRESS", help="Running Dask scheduler whose workers are used: tcp://HOST:PORT.")
+@worker_options
 @click.option("--overwrite", is_flag=True, help="Replace another catalogue in FOLDER.")
 @common_options
 def season(

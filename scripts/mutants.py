@@ -1,8 +1,10 @@
-"""Do the tests notice a mistake? Makes random mutants of the product's code and runs the tests nearest to each.
+"""Do the tests notice a mistake? Makes random mutants of the product's code and runs the tests that execute each.
 
 A mutant is a copy of the checkout with one change: a comparison flipped, a `raise` removed, two arguments swapped, a
-default or a constant changed. It is killed when a test fails. Those that survive are printed with their place: some are
-equivalent (they change nothing that anybody can see), the others need a test.
+default or a constant changed. Which tests execute the place is read from the contexts that `make coverage` has recorded
+of the same source; for what is compiled, or evaluated at import, those that execute its users count. A mutant is killed
+when a test fails. Those that survive are printed with their place: some are equivalent (they change nothing that
+anybody can see), the others need a test. Where the type check refuses a survivor, that is told as well.
 
 The tests of each mutant run in a fork of this process, which has loaded the libraries already, and times are those of
 the processor, so that the result does not depend on what else the machine does.
@@ -23,60 +25,50 @@ import subprocess
 import sys
 import tempfile
 import time
-import tomllib
-from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, NoReturn
+from xml.etree import ElementTree as ET
 
 import pytest
+from coverage import CoverageData
 from numba.core import caching, config
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
-COPY: Final = CHECKOUT / "build" / "mutants" / "checkout"
-KERNELS: Final = COPY.parent / "kernels"
-"""Compiled kernels of the copy."""
+BUILD: Final = CHECKOUT / "build" / "mutants"
+COVERAGE: Final = CHECKOUT / "build" / "coverage"
+"""What `make coverage` leaves: which test executes which line, and how long each takes."""
 LIBRARIES: Final = (
     "geopandas", "hypothesis", "laspy", "numba", "pandas", "pyogrio", "pyproj", "rasterio", "rosbags.typesys", "rich",
     "scipy.interpolate", "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg", "scipy.spatial",
     "shapely",
 )  # fmt: skip
-PARTS: Final = {
-    "core": "furrowmap.core",
-    "exporters": "furrowmap.exporters",
-    "app": "furrowmap",
-    "cli": "furrowmap.cli",
-}
-LONG: Final = (
-    "end_to_end",
-    "tests/plugin",
-    "tests/benchmarks",
-    "notebooks",
-    "tutorial",
-    "test_docs",
-    "test_house",
-    "qgis",
-)
-MOST_FILES: Final = 8
-"""Test files that are run on a mutant, the nearest first."""
-FARTHEST: Final = 3
-"""Imports between a test and the mutated module."""
-OF_ALL: Final = (
+PARTS: Final = ("core", "exporters", "app", "cli")
+ELSEWHERE: Final = ("tests/plugin", "tests/benchmarks", "tests/test_house.py", "tests/test_docs.py")
+"""Tests of other things than the product's code."""
+WHOLE: Final = ("end_to_end", "notebooks", "tutorial", "two_tools", "killed")
+"""Tests that run all of it, and take long; they come last."""
+OF_DEFAULTS: Final = (
     "tests/test_neutral_defaults.py",
     "tests/test_frozen_values.py",
     "tests/core/simulator/test_scenario_pages.py",
 )
-"""Tests that read the source of every module, or hold the defaults of some by a page; run on each mutant besides."""
-TEST_S: Final = 60
+"""Tests that read the source of every module, or hold the defaults of some by a page."""
+MOST_S: Final = 150.0
+"""Expected time of all tests that are run on a mutant, the nearest first."""
+AT_A_TIME: Final = 40
+"""Tests that a process runs."""
+TEST_S: Final = 100
 """A test that takes longer hangs."""
-ALL_TESTS_S: Final = 40
-"""No further test is begun after this time."""
-TIME_OVER: Final = "the time for tests is over"
-PATIENCE_S: Final = 1200
-"""Time on the clock for all tests; who takes longer waits for something."""
+PATIENCE_S: Final = 900
+"""Time on the clock for a process; one that takes longer waits for something."""
+NEAREST: Final = 5
+"""Names that are followed from a place that no test executes to one that a test does."""
 COMMUTATIVE: Final = ("min", "max", "minimum", "maximum", "fmin", "fmax", "hypot", "logical_and", "logical_or")
 _FLIPPED: Final[dict[type[ast.cmpop], type[ast.cmpop]]] = {
     ast.Lt: ast.Gt, ast.Gt: ast.Lt, ast.LtE: ast.GtE, ast.GtE: ast.LtE, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
@@ -178,12 +170,10 @@ class Sites(ast.NodeVisitor):
 def chosen(number: int, seed: int, within: str) -> Iterator[Mutant]:
     """Mutants, each kind as often as every other, without end of a kind that has none left."""
     kinds: defaultdict[str, list[Mutant]] = defaultdict(list)
-    for part in PARTS:
-        for path in sorted((COPY / part).rglob("*.py")):
-            file = path.relative_to(COPY).as_posix()
-            if file.startswith(within):
-                for mutant in Sites(file, path.read_bytes()).found:
-                    kinds[mutant.kind].append(mutant)
+    for file in product_files():
+        if file.startswith(within):
+            for mutant in Sites(file, (CHECKOUT / file).read_bytes()).found:
+                kinds[mutant.kind].append(mutant)
     dice = random.Random(seed)
     for _ in range(number):
         kind = dice.choice(sorted(kinds))
@@ -192,211 +182,306 @@ def chosen(number: int, seed: int, within: str) -> Iterator[Mutant]:
             del kinds[kind]
 
 
-def module_of(file: str) -> str:
-    """The import name of a file of the product."""
-    part, _, rest = file.removesuffix(".py").removesuffix("/__init__").partition("/")
-    return ".".join([PARTS[part], *rest.split("/")]) if rest else PARTS[part]
+@cache
+def product_files() -> tuple[str, ...]:
+    """All modules of the product, relative to the checkout."""
+    paths = (path for part in PARTS for path in (CHECKOUT / part).rglob("*.py"))
+    return tuple(sorted(path.relative_to(CHECKOUT).as_posix() for path in paths))
 
 
-def imports(path: Path, known: set[str]) -> set[str]:
-    """The product's modules that a file imports or names in a text, such as the source of another process."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_bytes())):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-        elif isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            names.add(node.value)
-    return names & known
+@dataclass(frozen=True)
+class Span:
+    """Lines of a file, first and last."""
+
+    file: str
+    first: int
+    last: int
 
 
-def loaded_by_name(known: set[str]) -> dict[str, set[str]]:
-    """The modules that others load by a name that is made or installed: commands, workflows and readers."""
-    project = tomllib.loads((COPY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    readers = project["entry-points"]["furrowmap.readers"].values()
-    return {
-        "furrowmap.cli.main": {name for name in known if name.startswith("furrowmap.cli.")} - {"furrowmap.cli.main"},
-        "furrowmap": {name for name in known if name.startswith("furrowmap.workflows.")},
-        "furrowmap.core.readers.reader": {reader.partition(":")[0] for reader in readers},
-    }
+class Names:
+    """Where the product uses a name, and which definition a line belongs to."""
+
+    def __init__(self) -> None:
+        self._trees = {file: ast.parse((CHECKOUT / file).read_bytes()) for file in product_files()}
+        self._uses: defaultdict[str, set[Span]] = defaultdict(set)
+        for file, tree in self._trees.items():
+            for node in ast.walk(tree):
+                if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+                    self._uses[node.id].add(Span(file, node.lineno, node.lineno))
+                elif isinstance(node, ast.Attribute):
+                    self._uses[node.attr].add(Span(file, node.lineno, node.lineno))
+
+    def importers(self, file: str) -> set[str]:
+        """The modules that import a file, by others as well, itself included."""
+        found, front = set[str](), {file}
+        while front:
+            found |= front
+            stems = {Path(one).stem for one in front}
+            front = {
+                other
+                for other, tree in self._trees.items()
+                for node in ast.walk(tree)
+                if isinstance(node, ast.ImportFrom)
+                and stems.intersection([*(node.module or "").split("."), *(alias.name for alias in node.names)])
+            } - found
+        return found
+
+    def body_at(self, place: Span) -> Span | None:
+        """The lines of the innermost function's body that a place is in, or whose default it is."""
+        spans = [
+            Span(place.file, node.body[0].lineno, node.end_lineno or node.lineno)
+            for node in ast.walk(self._trees[place.file])
+            if isinstance(node, ast.FunctionDef) and node.lineno <= place.first <= (node.end_lineno or 0)
+        ]
+        return max(spans, key=lambda span: span.first, default=None)
+
+    def users(self, place: Span) -> set[Span]:
+        """Where the name is used that is defined around a place: a function, a constant, a class or its field."""
+        names, body = set[str](), self._trees[place.file].body
+        while around := [one for one in body if _first(one) <= place.first <= (one.end_lineno or 0)]:
+            (node,), body = around, []
+            if isinstance(node, ast.FunctionDef):
+                names = {node.name}
+            elif isinstance(node, ast.ClassDef):
+                names, body = {node.name}, node.body
+            elif isinstance(node, ast.Assign | ast.AnnAssign):
+                targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+                names |= {one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)}
+        return {use for name in names for use in self._uses[name]}
 
 
-def words_of(text: str) -> set[str]:
-    """The longer words of a text, and its names."""
-    return set(re.findall(r"[A-Za-z]{5,}", text)) | set(re.findall(r"\b[a-z]+_[a-z_]+\b", text))
+def _first(node: ast.stmt) -> int:
+    """The first line of a statement, its decorators included."""
+    decorators = node.decorator_list if isinstance(node, ast.FunctionDef | ast.ClassDef) else []
+    return min([node.lineno, *(one.lineno for one in decorators)])
 
 
 class Tests:
-    """Which test files are nearest to a module."""
+    """Which tests execute a place.
+
+    Raises:
+        SystemExit: if `make coverage` has not recorded it.
+    """
 
     def __init__(self) -> None:
-        files = {path.relative_to(COPY).as_posix(): path for part in PARTS for path in (COPY / part).rglob("*.py")}
-        self._modules = {module_of(file): path for file, path in files.items()}
-        known = set(self._modules)
-        loaded = loaded_by_name(known)
-        self._importers: defaultdict[str, set[str]] = defaultdict(set)
-        for module, path in self._modules.items():
-            for name in imports(path, known) | loaded.get(module, set()):
-                self._importers[name].add(module)
-        self._tests = {
-            path: imports(path, known)
-            for path in sorted((COPY / "tests").rglob("test_*.py"))
-            if not any(word in path.as_posix() for word in LONG)
-        }
-        self._words = {path: words_of(path.read_text(encoding="utf-8")) for path in self._tests}
-        self._common = Counter(word for words in self._words.values() for word in words)
+        if not (COVERAGE / "data").is_file():
+            raise SystemExit("mutants.py: no record of what tests execute; run `make coverage` first")
+        self._data = CoverageData(str(COVERAGE / "data"))
+        self._data.read()
+        self.names = Names()
+        self._seconds: dict[str, float] = {}
+        for case in ET.parse(COVERAGE / "tests.xml").iter("testcase"):
+            test = f"{case.get('classname', '').replace('.', '/')}.py::{case.get('name')}"
+            self._seconds[test] = float(case.get("time", "0"))
+        self._of_file: defaultdict[str, list[str]] = defaultdict(list)
+        for test in self._seconds:
+            self._of_file[test.partition("::")[0]].append(test)
+        self._lines: dict[str, Mapping[int, Sequence[str]]] = {}
 
-    def _distances(self, file: str) -> dict[str, int]:
-        """The modules that import a file, with the number of imports between."""
-        distance = {module_of(file): 0}
-        front = [*distance]
-        while front:
-            above = {up for one in front for up in self._importers[one]} - set(distance)
-            distance |= dict.fromkeys(above, distance[front[0]] + 1)
-            front = [*above]
-        return distance
+    def of(self, mutant: Mutant) -> list[list[str]]:
+        """The tests of a mutant, the nearest first, in groups for a process each."""
+        last = mutant.line + mutant.before.count("\n")
+        found = self._executing(Span(mutant.file, mutant.line, last))
+        tests = self._ordered(mutant.file, found)
+        groups = [tests[k : k + AT_A_TIME] for k in range(0, len(tests), AT_A_TIME)]
+        return [list(OF_DEFAULTS), *groups] if mutant.kind in ("default", "constant") and not found else groups
 
-    def users(self, file: str) -> set[str]:
-        """The last part of the name of all modules that need a file, itself included."""
-        return {module.rpartition(".")[2] for module in self._distances(file)}
+    def _executing(self, place: Span) -> set[str]:
+        """Tests that execute a place; else the body of its function; else the users of what is defined there."""
+        seen, front = set[Span](), {place}
+        for _ in range(NEAREST):
+            for wider in (front, {body for span in front if (body := self.names.body_at(span)) is not None}):
+                if found := {test for span in wider for test in self._contexts(span)}:
+                    return found
+            seen |= front
+            front = {user for span in front for user in self.names.users(span)} - seen
+        return set()
 
-    def nearest(self, file: str, line: int) -> list[str]:
-        """At most :data:`MOST_FILES`: by the imports between, then by the rare words that they share.
+    def _contexts(self, span: Span) -> set[str]:
+        """Tests that execute one of the lines; where their set-up does, those of the same file, which may share it."""
+        lines = self._lines.get(span.file)
+        if lines is None:
+            lines = self._lines[span.file] = self._data.contexts_by_lineno(str(CHECKOUT / span.file))
+        named = {name for line in range(span.first, span.last + 1) for name in lines.get(line, ()) if name}
+        found = set[str]()
+        for test, _, phase in (name.rpartition("|") for name in named):
+            found.update(self._of_file[test.partition("::")[0]] if phase == "setup" else [test])
+        return {test for test in found if not test.startswith(ELSEWHERE)}
 
-        Those of the definition at `line` count more than those of the rest of `file`.
-        """
-        distance = self._distances(file)
-        source = (COPY / file).read_text(encoding="utf-8")
-        here = [node for node in ast.parse(source).body if node.lineno <= line <= (node.end_lineno or 0)]
-        words = words_of(source)
-        own = words_of("\n".join(ast.get_source_segment(source, node) or "" for node in here))
-        ranked = [
-            (near, -sum((1.0 + 4.0 * (word in own)) / self._common[word] for word in self._words[path] & words), path)
-            for path, names in self._tests.items()
-            if (near := min((distance.get(name, 99) for name in names), default=99)) <= FARTHEST
-        ]
-        return [path.relative_to(COPY).as_posix() for *_, path in sorted(ranked)[:MOST_FILES]]
+    def _ordered(self, file: str, tests: set[str]) -> list[str]:
+        """Tests named as the file first, then those of its folder, then others; quick ones first, functions in turn."""
+        ranked = list[tuple[bool, int, int, int, str]]()
+        turns: defaultdict[str, int] = defaultdict(int)
+        for test in sorted(tests, key=lambda test: (self._seconds.get(test, 1.0), test)):
+            path = Path(test.partition("::")[0])
+            beside = path.parent.relative_to("tests") == Path(file).parent
+            near = 0 if path.stem == f"test_{Path(file).stem}" else 1 if beside else 2
+            whole = any(word in path.stem for word in WHOLE)
+            turns[test.partition("[")[0]] += 1
+            ranked.append((whole, turns[test.partition("[")[0]] // 4, near, len(ranked), test))
+        chosen, total_s = list[str](), 0.0
+        for *_, test in sorted(ranked):
+            total_s += self._seconds.get(test, 1.0)
+            if chosen and total_s > MOST_S:
+                break
+            chosen.append(test)
+        return chosen
 
 
 class Limits:
-    """Ends a process whose test takes too long, and begins no further test when all have taken long enough."""
+    """Ends a process whose test takes too long."""
 
     def pytest_runtest_logstart(self) -> None:
         most = int(time.process_time()) + TEST_S
         resource.setrlimit(resource.RLIMIT_CPU, (most, resource.getrlimit(resource.RLIMIT_CPU)[1]))
 
-    def pytest_runtest_teardown(self, item: pytest.Item) -> None:
-        if sum(os.times()[:4]) > ALL_TESTS_S:  # with the processes that tests start
-            item.session.shouldstop = TIME_OVER
+
+@dataclass(frozen=True)
+class Copy:
+    """A copy of the checkout in which mutants are made; several may be worked with at a time."""
+
+    folder: Path
+
+    @property
+    def checkout(self) -> Path:
+        """Where the files are."""
+        return self.folder / "checkout"
+
+    @property
+    def kernels(self) -> Path:
+        """Compiled kernels of the copy."""
+        return self.folder / "kernels"
+
+    def make(self) -> None:
+        """Copy the files under version control or about to be, with their times, and the kernels of the checkout."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        listed = subprocess.check_output(["git", "ls-files", "-co", "--exclude-standard"], cwd=CHECKOUT, text=True)
+        for name in listed.splitlines():
+            target = self.checkout / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if (CHECKOUT / name).exists():
+                shutil.copy2(CHECKOUT / name, target)
+        subprocess.run(["make", "--silent", "layout"], cwd=self.checkout, check=True)
+        (self.folder / "shared").symlink_to(CHECKOUT.parent / "shared")
+        asked = "import os, furrowmap.process as p; p.keep_kernels(); print(os.environ[p.VARIABLE])"
+        compiled = subprocess.check_output([sys.executable, "-c", asked], cwd=CHECKOUT, text=True).strip()
+        place = caching.UserWideCacheLocator.get_suitable_cache_subpath
+        layout = self.checkout / "build" / "typing" / "furrowmap"
+        for folder in {Path(file).parent for file in product_files() if file.startswith(("core", "exporters"))}:
+            ours = Path(compiled) / place(str(CHECKOUT / folder / "a.py"))
+            if ours.is_dir():
+                shutil.copytree(ours, self.kernels / place(str(layout / folder / "a.py")), dirs_exist_ok=True)
+
+    def fate(self, mutant: Mutant, tests: Tests) -> tuple[str, list[str], int]:
+        """What tests make of a mutant, the test that failed, and how many there are to try.
+
+        It is "killed" or "survived"; "hung" where a test or the process ended without an answer; "untested" where no
+        test executes it.
+        """
+        path = self.checkout / mutant.file
+        source, written, groups = path.read_bytes(), path.stat(), tests.of(mutant)
+        count = sum(map(len, groups))
+        path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[mutant.end :])
+        try:
+            with tempfile.TemporaryDirectory(dir=self.folder) as folder:
+                kernels = self.kernels
+                if mutant.kernel:  # numba does not compile callers in other files again when what they call has changed
+                    kernels = Path(folder) / "kernels"
+                    shutil.copytree(self.kernels, kernels, copy_function=os.link)
+                    stems = {Path(file).stem for file in tests.names.importers(mutant.file)}
+                    for cached in kernels.rglob("*.nb?"):
+                        if cached.name.partition(".")[0] in stems:
+                            cached.unlink()
+                for group in groups:
+                    passed, failed = self.run(group, kernels, "-x")
+                    if not passed:
+                        return "killed" if failed else "hung", failed, count
+        finally:
+            path.write_bytes(source)
+            os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))  # kernels in cache are told by it
+        return "survived" if groups else "untested", [], count
+
+    def run(self, tests: Sequence[str], kernels: Path, *options: str) -> tuple[bool, list[str]]:
+        """Whether tests pass in the copy, and which failed; neither is so where a test or the process hung."""
+        with tempfile.TemporaryFile("w+", errors="replace") as output:
+            child = os.fork()
+            if not child:
+                self._run_here([*options, *tests], kernels, output.fileno())
+            end_s = time.monotonic() + PATIENCE_S
+            while (ended := os.waitpid(child, os.WNOHANG))[0] == 0 and time.monotonic() < end_s:
+                time.sleep(0.05)
+            with suppress(ProcessLookupError):
+                os.killpg(child, signal.SIGKILL)  # what the tests started, too
+            status = ended[1] if ended[0] else os.waitpid(child, 0)[1]
+            output.seek(0)
+            failed = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", output.read(), re.MULTILINE)
+        return status == 0, failed
+
+    def _run_here(self, arguments: Sequence[str], kernels: Path, output: int) -> NoReturn:
+        """Run tests in this process, which has been forked for it."""
+        os.setsid()
+        os.dup2(output, 1)
+        os.dup2(output, 2)
+        os.chdir(self.checkout)
+        layout = str(self.checkout / "build" / "typing")
+        os.environ |= {"PYTHONPATH": layout, "NUMBA_CACHE_DIR": str(kernels)}
+        config.reload_config()
+        sys.path[:0] = [layout]
+        status = 1
+        with suppress(SystemExit):
+            usual = ["-q", "-p", "no:cacheprovider", f"--basetemp={self.folder / 'tmp'}"]
+            status = int(pytest.main([*usual, *arguments], [Limits()]))
+        sys.stdout.flush()
+        os._exit(status)
+
+    def is_refused(self, mutant: Mutant) -> bool:
+        """Whether the type check refuses a mutant."""
+        path = self.checkout / mutant.file
+        source = path.read_bytes()
+        path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[mutant.end :])
+        try:
+            command = [sys.executable, "-m", "mypy", "-p", "furrowmap"]
+            return subprocess.run(command, cwd=self.checkout, capture_output=True, check=False).returncode != 0
+        finally:
+            path.write_bytes(source)
 
 
-def run_tests(tests: Sequence[str], kernels: Path, *options: str) -> tuple[bool, list[str]]:
-    """Whether tests pass in the copy, or have not failed when the time is over; and which of them failed.
-
-    Neither is so where a test or the process hung or crashed.
-    """
-    with tempfile.TemporaryFile("w+", errors="replace") as output:
-        child = os.fork()
-        if not child:
-            tests_in_child([*options, *tests], kernels, output.fileno())
-        end_s = time.monotonic() + PATIENCE_S
-        while (ended := os.waitpid(child, os.WNOHANG))[0] == 0 and time.monotonic() < end_s:
-            time.sleep(0.05)
-        with suppress(ProcessLookupError):
-            os.killpg(child, signal.SIGKILL)  # what the tests started, too
-        status = ended[1] if ended[0] else os.waitpid(child, 0)[1]
-        output.seek(0)
-        said = output.read()
-    failed = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said, re.MULTILINE)
-    return status == 0 or (TIME_OVER in said and not failed), failed
-
-
-def tests_in_child(arguments: Sequence[str], kernels: Path, output: int) -> NoReturn:
-    """Run tests in a process forked for it."""
-    os.setsid()
-    os.dup2(output, 1)
-    os.dup2(output, 2)
-    os.chdir(COPY)
-    os.environ |= {"PYTHONPATH": str(COPY / "build" / "typing"), "NUMBA_CACHE_DIR": str(kernels)}
-    config.reload_config()
-    sys.path[:0] = [os.environ["PYTHONPATH"]]
-    status = 1
-    with suppress(SystemExit):
-        usual = ["-q", "-p", "no:cacheprovider", f"--basetemp={COPY.parent / 'tmp'}"]
-        status = int(pytest.main([*usual, *arguments], [Limits()]))
-    sys.stdout.flush()
-    os._exit(status)
-
-
-def fate(mutant: Mutant, tests: Tests) -> tuple[str, list[str]]:
-    """What the nearest tests in the copy make of a mutant, and the test that failed.
-
-    It is "killed" or "survived"; "hung" where a test or the process ended without an answer; "untested" where no test
-    imports it.
-    """
-    nearest = tests.nearest(mutant.file, mutant.line)
-    if not nearest:
-        return "untested", []
-    path = COPY / mutant.file
-    source, written = path.read_bytes(), path.stat()
-    path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[mutant.end :])
-    try:
-        with tempfile.TemporaryDirectory(dir=COPY.parent) as folder:
-            kernels = KERNELS
-            if mutant.kernel:  # numba does not compile callers in other files again when what they call has changed
-                kernels = Path(folder) / "kernels"
-                shutil.copytree(KERNELS, kernels, copy_function=os.link)
-                for stem in tests.users(mutant.file):
-                    for cached in kernels.rglob(f"{stem}.*"):
-                        cached.unlink()
-            passed, failed = run_tests([*OF_ALL, *nearest], kernels, "-x")
-    finally:
-        path.write_bytes(source)
-        os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))  # kernels in cache are told by it
-    return "survived" if passed else "killed" if failed else "hung", failed
-
-
-def unclear(fates: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def unclear(copy: Copy, fates: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """The mutants whose failing test fails without them, too."""
     tests = sorted({test for one in fates for test in one["failed"]})
-    failing = {test for k in range(0, len(tests), 50) for test in run_tests(tests[k : k + 50], KERNELS)[1]}
+    failing = {test for k in range(0, len(tests), 50) for test in copy.run(tests[k : k + 50], copy.kernels)[1]}
     return [one for one in fates if failing.intersection(one["failed"])]
 
 
-def copy_checkout() -> None:
-    """The files under version control or about to be, with their times, in :data:`COPY`."""
-    shutil.rmtree(COPY, ignore_errors=True)
-    listed = subprocess.check_output(["git", "ls-files", "-co", "--exclude-standard"], cwd=CHECKOUT, text=True)
-    for name in listed.splitlines():
-        target = COPY / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if (CHECKOUT / name).exists():
-            shutil.copy2(CHECKOUT / name, target)
-    subprocess.run(["make", "--silent", "layout"], cwd=COPY, check=True)
-    data = COPY.parent / "shared"
-    if not data.exists():
-        data.symlink_to(CHECKOUT.parent / "shared")
-    layout = COPY / "build" / "typing"
-    asked = "import os, furrowmap.process as p; p.keep_kernels(); print(os.environ[p.VARIABLE])"
-    compiled = subprocess.check_output([sys.executable, "-c", asked], cwd=CHECKOUT, text=True).strip()
-    place = caching.UserWideCacheLocator.get_suitable_cache_subpath
-    for part in ("core", "exporters"):
-        for folder in {path.parent.relative_to(COPY) for path in (COPY / part).rglob("*.py")}:
-            ours = Path(compiled) / place(str(CHECKOUT / folder / "a.py"))
-            if ours.is_dir():
-                there = KERNELS / place(str(layout / "furrowmap" / folder / "a.py"))
-                shutil.copytree(ours, there, dirs_exist_ok=True)
-
-
-def earlier(seed: int) -> Iterator[Mutant]:
+def earlier(kept: Path) -> Iterator[Mutant]:
     """The mutants of an earlier batch that were not killed, where the source is still the same there."""
-    for one in json.loads((COPY.parent / f"{seed}.json").read_text(encoding="utf-8")):
+    for one in json.loads(kept.read_text(encoding="utf-8")):
         mutant = Mutant(**{name: one[name] for name in Mutant.__dataclass_fields__})
-        path = COPY / mutant.file
+        path = CHECKOUT / mutant.file
         same = path.exists() and path.read_bytes()[mutant.start : mutant.end] == mutant.before.encode()
-        if one["fate"] != "killed" and same:
+        if one["fate"] not in ("killed", "hung") and same:
             yield mutant
+
+
+def fates_of(copy: Copy, mutants: Sequence[Mutant], tests: Tests, kept: Path) -> None:
+    """Find the fate of each mutant, print it and keep it in a file."""
+    copy.make()
+    fates = list[dict[str, Any]]()
+    for mutant in mutants:
+        begin_s = time.monotonic()
+        end, failed, tried = copy.fate(mutant, tests)
+        refused = end in ("survived", "untested") and copy.is_refused(mutant)
+        took_s = round(time.monotonic() - begin_s)
+        change = f"{mutant.before} -> {mutant.after}".replace("\n", " ")
+        told = f"{mutant.file}:{mutant.line} {mutant.kind}: {change[:200]}"
+        print(f"{end:8} {took_s:4} s  {told}{' (refused by the type check)' if refused else ''}", flush=True)
+        found = {"fate": end, "failed": failed, "refused": refused, "took_s": took_s, "tests": tried}
+        fates.append(asdict(mutant) | found)
+        kept.write_text(json.dumps(fates, indent=1), encoding="utf-8")
+    for one in unclear(copy, fates):
+        one["fate"] = "unclear"
+        print(f"unclear: {one['file']}:{one['line']}: {one['failed'][0]} fails without it, too")
+    kept.write_text(json.dumps(fates, indent=1), encoding="utf-8")
 
 
 def main() -> None:
@@ -406,27 +491,28 @@ def main() -> None:
     parser.add_argument("seed", type=int)
     parser.add_argument("--within", default="", help="only files whose path begins so, such as core/work")
     parser.add_argument("--again", action="store_true", help="those of this seed that were not killed, once more")
+    parser.add_argument("--jobs", type=int, default=2, help="processes that work at a time")
     options = parser.parse_args()
     for name in LIBRARIES:
         import_module(name)
-    copy_checkout()
-    tests, fates = Tests(), list[dict[str, Any]]()
-    mutants = earlier(options.seed) if options.again else chosen(options.number, options.seed, options.within)
-    kept = COPY.parent / f"{options.seed}{'-again' * options.again}.json"
-    for mutant in mutants:
-        begin_s = time.monotonic()
-        end, failed = fate(mutant, tests)
-        took_s = round(time.monotonic() - begin_s)
-        change = f"{mutant.before} -> {mutant.after}".replace("\n", " ")
-        print(f"{end:8} {took_s:4} s  {mutant.file}:{mutant.line} {mutant.kind}: {change[:200]}", flush=True)
-        fates.append(asdict(mutant) | {"fate": end, "failed": failed, "took_s": took_s})
-        kept.write_text(json.dumps(fates, indent=1), encoding="utf-8")
-    for one in unclear(fates):
-        one["fate"] = "unclear"
-        print(f"unclear: {one['file']}:{one['line']}: {one['failed'][0]} fails without it, too")
+    BUILD.mkdir(parents=True, exist_ok=True)
+    kept = BUILD / f"{options.seed}.json"
+    mutants = [*earlier(kept)] if options.again else [*chosen(options.number, options.seed, options.within)]
+    kept = BUILD / f"{options.seed}{'-again' * options.again}.json"
+    tests, parts, children = Tests(), [kept.with_suffix(f".{k}.json") for k in range(options.jobs)], list[int]()
+    for k, part in enumerate(parts):
+        children.append(os.fork())
+        if not children[-1]:
+            fates_of(Copy(BUILD / f"copy{k}"), mutants[k :: options.jobs], tests, part)
+            os._exit(0)
+    for child in children:
+        os.waitpid(child, 0)
+    fates = [one for part in parts for one in json.loads(part.read_text(encoding="utf-8"))]
     kept.write_text(json.dumps(fates, indent=1), encoding="utf-8")
     killed = sum(one["fate"] in ("killed", "hung") for one in fates)
-    print(f"{killed} of {len(fates)} killed; those that survived are equivalent, or need a test.")
+    refused = sum(one["refused"] for one in fates)
+    print(f"{killed} of {len(fates)} killed, {refused} others refused by the type check.")
+    print("The rest are equivalent, or need a test.")
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from furrowmap.exporters.files.lease import leased, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row, write_layers, write_table
-from furrowmap.workflows.batch_engine import ATTEMPTS, Found, Item, Lost, Manner, Workforce
+from furrowmap.workflows.batch_engine import ATTEMPTS, Manner, Workforce
 from furrowmap.workflows.batch_jobs import Job, Prepared, Request, identity, key_of, open_job, own_version, prepare
 from furrowmap.workflows.batch_places import Store, find_remote, is_url, scratch
 from furrowmap.workflows.batch_sources import Source, find_sources, named, stamp
@@ -236,11 +236,9 @@ class _Batch:
                 file=source.place,
                 text=found.text,
                 results=str(self.results.resolve()),
+                manner=manner,
                 visit=visit,
                 overwrite=self.overwrite or names[key] in outcomes,
-                threads=manner.threads,
-                language=manner.language,
-                allowed=manner.allowed,
                 url=source.url,
                 stamps=source.stamps if source.url else (),
                 results_url=self.url,
@@ -272,7 +270,7 @@ class _Batch:
                 found[name] = msgspec.json.decode(kept, type=Prepared)
             else:
                 asked.append((name, _request(source, machine, boundaries)))
-        looked = self._each(_LOOKING, force, prepare, asked) if keep else _here(asked)
+        looked = force.each(prepare, asked, _LOOKING, self.progress) if keep else _here(asked)
         for name, result in looked:
             found[name] = result if isinstance(result, Prepared) else Prepared(failure=_lost(name))
             if keep and found[name].failure is None:
@@ -296,22 +294,8 @@ class _Batch:
     def _run(self, plan: _Plan, force: Workforce) -> Iterator[tuple[str, Outcome]]:
         longest_first = sorted(plan.due, key=lambda name: -plan.bytes_due[name])
         items = [(name, plan.jobs[name]) for name in longest_first]
-        for name, found in self._each(_RUNNING, force, run_job, items):
+        for name, found in force.each(run_job, items, _RUNNING, self.progress):
             yield name, found if isinstance(found, Outcome) else Outcome("", failure=_lost(name))
-
-    def _each(
-        self, stage: str, force: Workforce, work: Callable[[Item], Found], items: Sequence[tuple[str, Item]]
-    ) -> Iterator[tuple[str, Found | Lost]]:
-        """As :meth:`Workforce.each`, with the share that is done as the progress."""
-        done = 0
-
-        def tick() -> None:
-            self.progress(stage, done / len(items))
-
-        for name, found in force.each(work, items, tick):
-            done += 1
-            tick()
-            yield name, found
 
     def _told(
         self, plan: _Plan, outcomes: dict[str, Outcome], *, run: Sequence[str], estimate_s: float | None = None

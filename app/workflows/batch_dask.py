@@ -185,7 +185,7 @@ def cluster_of_scheduler(address: str, say: Callable[[str], None]) -> Iterator[D
     except (OSError, TimeoutError, ValueError) as error:
         raise FurrowmapError(
             f"{address}: no Dask scheduler answers ({error}).",
-            "No session was run.",
+            "Nothing was run.",
             "Start one with `dask scheduler`, and workers with `dask worker`; or leave --scheduler out.",
             code="no-scheduler",
         ) from None
@@ -216,7 +216,7 @@ def _found(future: Any) -> Any:
 def _not_started(error: BaseException) -> FurrowmapError:
     return FurrowmapError(
         f"The worker processes ended while they were started ({error}).",
-        "The batch has stopped; results that are finished are kept.",
+        "The work has stopped; results that are finished are kept.",
         "Check the free memory, use fewer workers, or use one with `--workers 1`.",
         code="batch-no-workers",
     )
@@ -224,8 +224,8 @@ def _not_started(error: BaseException) -> FurrowmapError:
 
 def _unusable(error: BaseException) -> FurrowmapError:
     return FurrowmapError(
-        f"The cluster could not run a session ({type(error).__name__}: {error}).",
-        "The batch has stopped; results that are finished are kept.",
+        f"The cluster could not work ({type(error).__name__}: {error}).",
+        "The work has stopped; results that are finished are kept.",
         "Install the same versions of furrowmap, dask and distributed on all machines, and run the command again.",
         code="batch-cluster",
     )
@@ -234,7 +234,7 @@ def _unusable(error: BaseException) -> FurrowmapError:
 def _lost_scheduler() -> FurrowmapError:
     return FurrowmapError(
         f"The Dask scheduler has not answered for {RECONNECT_S:.0f} s.",
-        "The batch has stopped; results that are finished are kept.",
+        "The work has stopped; results that are finished are kept.",
         "Start the scheduler and its workers, and run the command again: it goes on where it stopped.",
         code="batch-scheduler-lost",
     )

@@ -16,6 +16,7 @@ from typing import Any, Final, Protocol, Self, TypeVar
 from furrowmap.core.values.allowances import ALL, allowing, allows, free_memory_bytes
 from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.languages.choice import language_of_user, using_language
+from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.threads import asked_threads, available_processors, using_threads
 from furrowmap.process import prepare_process
 
@@ -130,14 +131,22 @@ class Workforce:
         return self.workers if self._scheduler is not None else self.workers * (self.threads or 1)
 
     def each(
-        self, work: Callable[[Item], Found], items: Sequence[tuple[str, Item]], tick: Callable[[], None]
+        self, work: Callable[[Item], Found], items: Sequence[tuple[str, Item]], stage: str, progress: Progress
     ) -> Iterator[tuple[str, Found | Lost]]:
-        """As :meth:`Engine.each`."""
+        """As :meth:`Engine.each`, with the share that is done as the progress of a stage."""
         if not items:
-            return iter(())
+            return
         if self._engine is None:
             self._engine = self._started()
-        return self._engine.each(work, items, tick)
+        done = 0
+
+        def tick() -> None:
+            progress(stage, done / len(items))
+
+        for name, found in self._engine.each(work, items, tick):
+            done += 1
+            tick()
+            yield name, found
 
     def _started(self) -> Engine:
         if self._scheduler is None and self.workers == 1:

@@ -31,6 +31,7 @@ from furrowmap.core.values.time_span import poses_within, track_within
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.exporters.files.atomic import atomic_output, relative_path
 from furrowmap.exporters.files.batch_state import Failure, Stamp
+from furrowmap.workflows.batch_engine import Manner
 from furrowmap.workflows.batch_places import scratch, staged
 from furrowmap.workflows.failures import tried
 from furrowmap.workflows.propose import proposed
@@ -105,11 +106,9 @@ class Job:
         file: of the session; a session that is made from recordings is not written there.
         text: its content.
         results: folder of all results.
+        manner: what the user has chosen for the run.
         visit: the part of the recording to run; None for all.
         overwrite: replace products of other recordings in the result folder.
-        threads: for the run; None for the default.
-        language: of the report.
-        allowed: what the user allows of foreign files.
         url: of the folder of the session, if it is in a store; `file` is then the address of the session file.
         stamps: the files there.
         results_url: of the folder of all results, if that is in a store.
@@ -119,11 +118,9 @@ class Job:
     file: str
     text: str
     results: str
+    manner: Manner
     visit: Visit | None = None
     overwrite: bool = False
-    threads: int | None = None
-    language: str = ""
-    allowed: tuple[str, ...] = ()
     url: str = ""
     stamps: tuple[Stamp, ...] = ()
     results_url: str = ""
@@ -191,7 +188,7 @@ def key_of(job: Job) -> str:
     """
     session = msgspec.to_builtins(_parsed(job.text, job.file))
     visit = msgspec.to_builtins(job.visit)
-    decisive = [own_version(), session, visit, job.language, sorted(job.allowed)]
+    decisive = [own_version(), session, visit, job.manner.language, sorted(job.manner.allowed)]
     return hashlib.sha256(json.dumps(decisive, default=str, sort_keys=True).encode()).hexdigest()
 
 

@@ -21,7 +21,6 @@ from furrowmap.exporters.files.file_records import file_records, files_in
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.vectors.batch_table import FIGURES, outlines
 from furrowmap.results import Result, open_result
-from furrowmap.workflows.batch_engine import Manner
 from furrowmap.workflows.batch_jobs import Job, key_of, open_job
 from furrowmap.workflows.batch_places import earlier_in_store, put_result, scratch, staged, store_failure
 from furrowmap.workflows.batch_sources import stamp
@@ -110,14 +109,14 @@ def peak_memory_mb() -> float:
 
 def _looked_at(job: Job) -> tuple[str, tuple[Stamp, ...], OpenSession]:
     """The key of a job, the files of its session, and that."""
-    with Manner(job.threads, job.allowed, job.language).applied():
+    with job.manner.applied():
         opened = open_job(job)
         return key_of(job), input_stamps(opened), opened
 
 
 def _ran(job: Job, key: str, stamps: tuple[Stamp, ...], opened: OpenSession) -> Outcome:
     """What became of a job that could be opened."""
-    with Manner(job.threads, job.allowed, job.language).applied():
+    with job.manner.applied():
         result, repeated = _result(job, opened)
         return replace(_finished(key, stamps, result, opened), repeated=repeated)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -186,19 +185,12 @@ def _make(due: Sequence[tuple[str, Any]], told: dict[str, Any], force: Workforce
     Raises:
         FurrowmapError: the first error that ends a part.
     """
-    done = 0
-
-    def tick() -> None:
-        progress(_WRITING, done / len(due))
-
-    for name, found in force.each(write_part, due, tick):
+    for name, found in force.each(write_part, due, _WRITING, progress):
         if isinstance(found, FurrowmapError):
             raise found
         if not isinstance(found, dict):
             raise _lost(name)
         told[name] = found
-        done += 1
-        tick()
 
 
 def _lost(name: str) -> FurrowmapError:
@@ -219,4 +211,4 @@ def _put_record(staging: Path, parts: Mapping[str, Planned], told: Mapping[str, 
         "products": sorted({*kept, *written, SEASON}),
         "parts": {name: {"key": part.key, "told": told[name]} for name, part in parts.items()},
     }
-    (staging / SEASON).write_text(json_text(json.loads(json.dumps(record))), encoding="utf-8")
+    (staging / SEASON).write_text(json_text(record), encoding="utf-8")

@@ -21,7 +21,7 @@ from furrowmap.exporters.files.batch_state import STATE, batch_state
 from furrowmap.workflows import batch_engine
 from furrowmap.workflows.batch import _lost
 from furrowmap.workflows.batch_dask import _lost_scheduler, _not_started, _unusable, cluster_of_scheduler, local_cluster
-from furrowmap.workflows.batch_engine import Lost, OneProcess, Workforce
+from furrowmap.workflows.batch_engine import Lost, Manner, OneProcess, Workforce
 from furrowmap.workflows.batch_jobs import Job, Request, open_job, prepare, visits_of
 from furrowmap.workflows.batch_sources import find_sources, holds_scans, named
 from tests.app.ending_workers import end_worker, variable
@@ -119,7 +119,9 @@ def test_recordings_of_a_machine__get_a_session_and_are_split_by_fields(shared_d
     assert found.failure is None
     assert not (home / "session.toml").exists()
     assert {visit.name.partition(" (")[0] for visit in found.visits} == {"West"}
-    opened = open_job(Job("card", str(home / "session.toml"), found.text, str(tmp_path), found.visits[0]))
+    opened = open_job(
+        Job("card", str(home / "session.toml"), found.text, str(tmp_path), Manner(None, (), ""), found.visits[0])
+    )
     assert opened.session.recording.span_s == found.visits[0].span_s
     assert opened.session.name == "card, West"
     assert opened.inputs.boundary is not None

@@ -13,6 +13,7 @@ from moto.server import ThreadedMotoServer
 import furrowmap
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.exporters.files.batch_state import STATE
+from furrowmap.workflows.batch_engine import Manner
 from furrowmap.workflows.batch_jobs import Job
 from furrowmap.workflows.batch_places import MARKER, Store, earlier_in_store, is_url
 from furrowmap.workflows.batch_task import run_job
@@ -76,6 +77,7 @@ def test_store__that_holds_nothing_or_cannot_be_opened_is_an_error(tmp_path: Pat
         Store("gs://bucket").files()  # gcsfs is not installed
     assert unknown.value.code == "no-fsspec"
     text = 'furrowmap = 1\n[recording]\nlidar = ["a"]\ngnss = ["b"]\n[crs]\nmap = "EPSG:6677"\n'
-    gone = run_job(Job("n", "memory://nothing/session.toml", text, "", url="memory://nothing", results_url="bad://x"))
+    url = "memory://nothing"
+    gone = run_job(Job("n", f"{url}/session.toml", text, "", Manner(None, (), ""), url=url, results_url="bad://x"))
     assert gone.failure is not None
     assert gone.failure.code == "batch-store"

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import functools
-import http.server
 import json
 import resource
 import shutil
-import threading
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -31,6 +28,7 @@ from furrowmap.exporters.reports.drawings import pass_colour
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.workflows.export import NAMES, export
 from furrowmap.workflows.mosaic import mosaic
+from tests.app.files_server import served
 from tests.exporters.vectors.worked_field import worked_field
 
 JAPAN = CRS.from_epsg(6677)
@@ -289,12 +287,9 @@ def test_stac__is_valid_and_says_where_and_what(result: Path, tmp_path: Path) ->
 
 def test_stac__is_read_from_a_server_of_plain_files(result: Path, tmp_path: Path) -> None:
     export([result], "stac", tmp_path / "farm")
-    serve = functools.partial(http.server.SimpleHTTPRequestHandler, directory=tmp_path)
-    with http.server.ThreadingHTTPServer(("localhost", 0), serve) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        catalogue = pystac.Catalog.from_file(f"http://localhost:{server.server_port}/farm/catalog.json")
+    with served(tmp_path) as address:
+        catalogue = pystac.Catalog.from_file(f"{address}farm/catalog.json")
         (item,) = catalogue.get_items(recursive=True)
-        server.shutdown()
     pystac.validation.validate_dict(catalogue.to_dict(), extensions=[])
     assert item.properties["title"] == "Nordfeld, östlich"
     assert item.get_root() is catalogue

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import functools
-import http.server
 import json
 import shutil
-import threading
 import urllib.request
 from collections.abc import Iterator
 from dataclasses import replace
@@ -42,6 +39,7 @@ from furrowmap.workflows.season import _lost
 from furrowmap.workflows.season_parts import SeasonPlan, plan_tiles
 from furrowmap.workflows.season_sources import find_sessions
 from furrowmap.workflows.season_tasks import Tables, write_part
+from tests.app.files_server import served
 
 JAPAN = CRS.from_epsg(6677)
 UTM = CRS.from_epsg(6691)
@@ -211,10 +209,8 @@ def test_trajectories__have_the_poses_of_the_layers(results: Path, made: Path) -
 def test_catalogue__is_valid_and_read_by_pystac_client_from_a_server_of_plain_files(
     results: Path, made: Path, tmp_path: Path
 ) -> None:
-    serve = functools.partial(http.server.SimpleHTTPRequestHandler, directory=results.parent)
-    with http.server.ThreadingHTTPServer(("localhost", 0), serve) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        client = pystac_client.Client.open(f"http://localhost:{server.server_port}/season/catalog.json")
+    with served(results.parent) as address:
+        client = pystac_client.Client.open(f"{address}season/catalog.json")
         collections = {collection.id: collection for collection in client.get_collections()}
         assert set(collections) == {f"season-{name}" for name in ("sessions", "mosaics", "points", "trajectories")}
         items = {name: list(collection.get_items()) for name, collection in collections.items()}
@@ -224,7 +220,6 @@ def test_catalogue__is_valid_and_read_by_pystac_client_from_a_server_of_plain_fi
         href = tile.assets["dsm"].get_absolute_href()
         assert href is not None
         (tmp_path / "dsm.tif").write_bytes(urllib.request.urlopen(href).read())
-        server.shutdown()
     with rasterio.open(tmp_path / "dsm.tif") as raster:
         assert ProjectionExtension.ext(tile).code == "EPSG:6677"
         assert tuple(tile.properties["proj:shape"]) == raster.shape

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import base64
-import functools
-import http.server
 import json
 import re
 import shutil
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +17,7 @@ import shapely
 
 import furrowmap
 from furrowmap.exporters.share import page as page_module
+from tests.app.files_server import served
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -64,19 +62,11 @@ def script(path: Path, name: str) -> dict[str, Any]:
     return content
 
 
-class Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *args: Any) -> None:
-        """Nothing."""
-
-
 @pytest.fixture(scope="module")
 def site(shared: furrowmap.Shared) -> Iterator[str]:
     """The page on a server that knows nothing of it."""
-    handler = functools.partial(Quiet, directory=str(shared.folder))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{server.server_port}/"
-        server.shutdown()
+    with served(shared.folder) as address:
+        yield address
 
 
 def on_map(page: Page, x: float, y: float) -> tuple[float, float]:
