@@ -372,15 +372,14 @@ class Copy:
             if ours.is_dir():
                 shutil.copytree(ours, self.kernels / place(str(layout / folder / "a.py")), dirs_exist_ok=True)
 
-    def fate(self, mutant: Mutant, tests: Tests) -> tuple[str, list[str], int]:
-        """What tests make of a mutant, the test that failed, and how many there are to try.
+    def fate(self, mutant: Mutant, groups: Sequence[Sequence[str]], names: Names) -> tuple[str, list[str]]:
+        """What groups of tests make of a mutant, and the test that failed.
 
         It is "killed" or "survived"; "hung" where a test or the process ended without an answer; "untested" where no
         test executes it.
         """
         path = self.checkout / mutant.file
-        source, written, groups = path.read_bytes(), path.stat(), tests.of(mutant)
-        count = sum(map(len, groups))
+        source, written = path.read_bytes(), path.stat()
         path.write_bytes(source[: mutant.start] + mutant.after.encode() + source[mutant.end :])
         try:
             with tempfile.TemporaryDirectory(dir=self.folder) as folder:
@@ -388,18 +387,18 @@ class Copy:
                 if mutant.kernel:  # numba does not compile callers in other files again when what they call has changed
                     kernels = Path(folder) / "kernels"
                     shutil.copytree(self.kernels, kernels, copy_function=os.link)
-                    stems = {Path(file).stem for file in tests.names.importers(mutant.file)}
+                    stems = {Path(file).stem for file in names.importers(mutant.file)}
                     for cached in kernels.rglob("*.nb?"):
                         if cached.name.partition(".")[0] in stems:
                             cached.unlink()
                 for group in groups:
                     passed, failed = self.run(group, kernels, "-x")
                     if not passed:
-                        return "killed" if failed else "hung", failed, count
+                        return "killed" if failed else "hung", failed
         finally:
             path.write_bytes(source)
             os.utime(path, ns=(written.st_atime_ns, written.st_mtime_ns))  # kernels in cache are told by it
-        return "survived" if groups else "untested", [], count
+        return "survived" if groups else "untested", []
 
     def run(self, tests: Sequence[str], kernels: Path, *options: str) -> tuple[bool, list[str]]:
         """Whether tests pass in the copy, and which failed; neither is so where a test or the process hung."""
@@ -463,19 +462,19 @@ def earlier(kept: Path) -> Iterator[Mutant]:
             yield mutant
 
 
-def fates_of(copy: Copy, mutants: Sequence[Mutant], tests: Tests, kept: Path) -> None:
+def fates_of(copy: Copy, work: Sequence[tuple[Mutant, list[list[str]]]], names: Names, kept: Path) -> None:
     """Find the fate of each mutant, print it and keep it in a file."""
     copy.make()
     fates = list[dict[str, Any]]()
-    for mutant in mutants:
+    for mutant, groups in work:
         begin_s = time.monotonic()
-        end, failed, tried = copy.fate(mutant, tests)
+        end, failed = copy.fate(mutant, groups, names)
         refused = end in ("survived", "untested") and copy.is_refused(mutant)
         took_s = round(time.monotonic() - begin_s)
         change = f"{mutant.before} -> {mutant.after}".replace("\n", " ")
         told = f"{mutant.file}:{mutant.line} {mutant.kind}: {change[:200]}"
         print(f"{end:8} {took_s:4} s  {told}{' (refused by the type check)' if refused else ''}", flush=True)
-        found = {"fate": end, "failed": failed, "refused": refused, "took_s": took_s, "tests": tried}
+        found = {"fate": end, "failed": failed, "refused": refused, "took_s": took_s, "tests": sum(map(len, groups))}
         fates.append(asdict(mutant) | found)
         kept.write_text(json.dumps(fates, indent=1), encoding="utf-8")
     for one in unclear(copy, fates):
@@ -499,11 +498,13 @@ def main() -> None:
     kept = BUILD / f"{options.seed}.json"
     mutants = [*earlier(kept)] if options.again else [*chosen(options.number, options.seed, options.within)]
     kept = BUILD / f"{options.seed}{'-again' * options.again}.json"
-    tests, parts, children = Tests(), [kept.with_suffix(f".{k}.json") for k in range(options.jobs)], list[int]()
+    tests = Tests()
+    work = [(mutant, tests.of(mutant)) for mutant in mutants]  # here: a fork of this process may not use the record
+    parts, children = [kept.with_suffix(f".{k}.json") for k in range(options.jobs)], list[int]()
     for k, part in enumerate(parts):
         children.append(os.fork())
         if not children[-1]:
-            fates_of(Copy(BUILD / f"copy{k}"), mutants[k :: options.jobs], tests, part)
+            fates_of(Copy(BUILD / f"copy{k}"), work[k :: options.jobs], tests.names, part)
             os._exit(0)
     for child in children:
         os.waitpid(child, 0)
