@@ -59,7 +59,7 @@ OF_DEFAULTS: Final = (
     "tests/core/simulator/test_scenario_pages.py",
 )
 """Tests that read the source of every module, or hold the defaults of some by a page."""
-MOST_S: Final = 150.0
+MOST_S: Final = 60.0
 """Expected time of all tests that are run on a mutant, the nearest first."""
 AT_A_TIME: Final = 40
 """Tests that a process runs."""
@@ -284,7 +284,7 @@ class Tests:
         found = self._executing(Span(mutant.file, mutant.line, last))
         tests = self._ordered(mutant.file, found)
         groups = [tests[k : k + AT_A_TIME] for k in range(0, len(tests), AT_A_TIME)]
-        return [list(OF_DEFAULTS), *groups] if mutant.kind in ("default", "constant") and not found else groups
+        return [list(OF_DEFAULTS), *groups] if mutant.kind == "default" or not found else groups
 
     def _executing(self, place: Span) -> set[str]:
         """Tests that execute a place; else the body of its function; else the users of what is defined there."""
