@@ -211,6 +211,12 @@ class Names:
                 elif isinstance(node, ast.Attribute):
                     self._uses[node.attr].add(Span(file, node.lineno, node.lineno))
 
+        self._imported: defaultdict[str, set[str]] = defaultdict(set)
+        for path in (CHECKOUT / "tests").rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_bytes())):
+                for alias in node.names if isinstance(node, ast.ImportFrom) else ():
+                    self._imported[alias.name].add(path.relative_to(CHECKOUT).as_posix())
+
     def importers(self, file: str) -> set[str]:
         """The modules that import a file, by others as well, itself included."""
         found, front = set[str](), {file}
@@ -235,8 +241,8 @@ class Names:
         ]
         return max(spans, key=lambda span: span.first, default=None)
 
-    def users(self, place: Span) -> set[Span]:
-        """Where the name is used that is defined around a place: a function, a constant, a class or its field."""
+    def defined(self, place: Span) -> set[str]:
+        """The names that are defined around a place: a function, a constant, a class or its field."""
         names, body = set[str](), self._trees[place.file].body
         while around := [one for one in body if _first(one) <= place.first <= (one.end_lineno or 0)]:
             (node,), body = around, []
@@ -247,7 +253,15 @@ class Names:
             elif isinstance(node, ast.Assign | ast.AnnAssign):
                 targets = node.targets if isinstance(node, ast.Assign) else [node.target]
                 names |= {one.id for target in targets for one in ast.walk(target) if isinstance(one, ast.Name)}
-        return {use for name in names for use in self._uses[name]}
+        return names
+
+    def users(self, place: Span) -> set[Span]:
+        """Where the product uses the names that are defined around a place."""
+        return {use for name in self.defined(place) for use in self._uses[name]}
+
+    def importing_tests(self, place: Span) -> set[str]:
+        """Files of tests that import one of the names that are defined around a place."""
+        return {file for name in self.defined(place) for file in self._imported[name]}
 
 
 def _first(node: ast.stmt) -> int:
@@ -288,14 +302,16 @@ class Tests:
 
     def _executing(self, place: Span) -> set[str]:
         """Tests that execute a place; else the body of its function; else the users of what is defined there."""
-        seen, front = set[Span](), {place}
+        seen, front, direct = set[Span](), {place}, set[str]()
+        if not self._contexts(place):
+            direct = {test for file in self.names.importing_tests(place) for test in self._of_file[file]}
         for _ in range(NEAREST):
             for wider in (front, {body for span in front if (body := self.names.body_at(span)) is not None}):
                 if found := {test for span in wider for test in self._contexts(span)}:
-                    return found
+                    return found | direct
             seen |= front
             front = {user for span in front for user in self.names.users(span)} - seen
-        return set()
+        return direct
 
     def _contexts(self, span: Span) -> set[str]:
         """Tests that execute one of the lines; where their set-up does, those of the same file, which may share it."""
