@@ -298,7 +298,11 @@ class Tests:
         found = self._executing(Span(mutant.file, mutant.line, last))
         tests = self._ordered(mutant.file, found)
         groups = [tests[k : k + AT_A_TIME] for k in range(0, len(tests), AT_A_TIME)]
-        return [list(OF_DEFAULTS), *groups] if mutant.kind == "default" or not found else groups
+        return (
+            [list(OF_DEFAULTS), *groups]
+            if mutant.kind == "default" or mutant.after in ("True", "False") or not found
+            else groups
+        )
 
     def _executing(self, place: Span) -> set[str]:
         """Tests that execute a place; else the body of its function; else the users of what is defined there."""
@@ -317,7 +321,7 @@ class Tests:
         """Tests that execute one of the lines; where their set-up does, those of the same file, which may share it."""
         lines = self._lines.get(span.file)
         if lines is None:
-            lines = self._lines[span.file] = self._data.contexts_by_lineno(str(CHECKOUT / span.file))
+            lines = self._lines[span.file] = self._data.contexts_by_lineno(span.file)
         named = {name for line in range(span.first, span.last + 1) for name in lines.get(line, ()) if name}
         found = set[str]()
         for test, _, phase in (name.rpartition("|") for name in named):

@@ -80,6 +80,9 @@ def test_saved_implement__is_the_same_when_it_comes_back(watch: Callable[..., An
     np.testing.assert_array_equal(back.region.still_m, kept.region.still_m)
     np.testing.assert_array_equal(back.template.odds, kept.template.odds)
     assert back.template.grid == kept.template.grid
+    assert not np.array_equal(kept.images.up_m, kept.images.down_m, equal_nan=True)
+    for name in ("up_m", "down_m", "implement", "azimuth_deg"):
+        np.testing.assert_array_equal(getattr(back.images, name), getattr(kept.images, name), err_msg=name)
 
 
 @pytest.mark.parametrize("content", [b"", b"no archive", b"PK\x03\x04 torn"])

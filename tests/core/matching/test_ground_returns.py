@@ -19,6 +19,7 @@ from furrowmap.core.matching.returns import (
     GroundReturns,
     ground_height_m,
     ground_returns,
+    on_body,
 )
 from furrowmap.core.matching.walls import UprightReturns, no_upright
 from furrowmap.core.values.scan import ARRAYS
@@ -62,6 +63,14 @@ def test_the_body_is_the_machine_s(straight: Recording, found: GroundReturns) ->
     tool = int(np.floor(x / PIXEL_M)) + PIXELS // 2
     assert found.body[PIXELS // 2, tool]
     assert 2.0 < found.body.sum() * PIXEL_M**2 < 20.0
+
+
+def test_on_body__is_the_footprint_from_its_first_pixel_to_its_last() -> None:
+    body = np.random.default_rng(5).random((PIXELS, PIXELS)) < 0.5
+    row, column = np.mgrid[-2 : PIXELS + 2, -2 : PIXELS + 2].reshape(2, -1)
+    places = (np.column_stack([column, row]) + 0.5 - PIXELS // 2) * PIXEL_M
+    there = on_body(np.column_stack([places, np.zeros(len(row))]).astype(np.float32), body)
+    np.testing.assert_array_equal(there.reshape(PIXELS + 4, PIXELS + 4), np.pad(body, 2))
 
 
 def test_what_is_left_is_ground(straight: Recording, found: GroundReturns) -> None:
