@@ -298,11 +298,8 @@ class Tests:
         found = self._executing(Span(mutant.file, mutant.line, last))
         tests = self._ordered(mutant.file, found)
         groups = [tests[k : k + AT_A_TIME] for k in range(0, len(tests), AT_A_TIME)]
-        return (
-            [list(OF_DEFAULTS), *groups]
-            if mutant.kind == "default" or mutant.after in ("True", "False") or not found
-            else groups
-        )
+        by_source = mutant.kind == "default" or mutant.after in ("True", "False") or not found
+        return [list(OF_DEFAULTS), *groups] if by_source else groups
 
     def _executing(self, place: Span) -> set[str]:
         """Tests that execute a place; else the body of its function; else the users of what is defined there."""
