@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -248,9 +248,13 @@ def _services(evaluations: Mapping[str, Evaluation]) -> str:
     for name, found in evaluations.items():
         rows = found.tables["all"]
         for number, (title, figure) in enumerate(_STATISTICS):
-            values = "".join(f"{getattr(rows[axis], figure):>10.4f}" for axis in axes)
+            values = _columns([getattr(rows[axis], figure) for axis in axes])
             lines.append(f"{printable(name) if not number else '':<{width}}  {title:<20}{values}")
-    return "\n".join(lines).replace("nan", "  –")
+    return "\n".join(lines)
+
+
+def _columns(values: Iterable[float]) -> str:
+    return "".join(f"{value:>10.4f}" if isfinite(value) else f"{'–':>10}" for value in values)
 
 
 def _words(name: str, found: Evaluation) -> str:
@@ -280,7 +284,7 @@ def _words(name: str, found: Evaluation) -> str:
 
 def _table(kind: str, rows: Mapping[str, Any]) -> str:
     def line(title: str, values: list[float]) -> str:
-        return f"  {title:<20}" + "".join(f"{value:>10.4f}" if isfinite(value) else f"{'–':>10}" for value in values)
+        return f"  {title:<20}{_columns(values)}"
 
     shown = {name: row for name, row in rows.items() if row.n or name not in ("along", "across")}
     return "\n".join(

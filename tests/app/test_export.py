@@ -16,10 +16,12 @@ import pyogrio
 import pystac
 import pystac.validation
 import pytest
+import rasterio
 import shapely
 from pyproj import CRS, Transformer
 from pystac.extensions.pointcloud import PointcloudExtension
 from pystac.extensions.projection import ProjectionExtension
+from rasterio.transform import from_origin
 
 from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.exchange.trajectories import TRAJECTORIES
@@ -348,6 +350,45 @@ def test_export__twice_gives_the_same_and_replaces_nothing_unasked(result: Path,
     assert again.files == first.files
     if to not in {"gpkg", "flatgeobuf", "shapefile"}:  # which tell the day or time of writing, or a random name
         assert {path: path.read_bytes() for path in again.files} == before
+
+
+@pytest.fixture(scope="module")
+def seen(result: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The result with a surface and an orthophoto: what every format can be made of."""
+    folder: Path = tmp_path_factory.mktemp("seen") / "my.field"
+    shutil.copytree(result, folder)
+    for name, bands in (("dsm.tif", 1), ("orthophoto.tif", 3)):
+        kind = {"driver": "GTiff", "crs": "EPSG:6677", "dtype": "float32" if bands == 1 else "uint8", "count": bands}
+        place = {"height": 4, "width": 6, "transform": from_origin(16_600, 96_500, 0.5, 0.5)}
+        with rasterio.open(folder / name, "w", **kind, **place) as file:
+            file.write(np.full((bands, 4, 6), 100, kind["dtype"]))
+    return folder
+
+
+BEGINNINGS = {
+    "gpkg": (".gpkg", b"SQLite format 3"),
+    "kml": (".kml", b"<?xml"),
+    "sbet": (".sbet", b""),
+    "tum": (".tum", b"1750000000.1"),
+    "poses": (".csv", b"time"),
+    "glb": (".glb", b"glTF"),
+}
+"""Suffix and first bytes of formats with one file; the others are folders."""
+
+
+@pytest.mark.parametrize("to", NAMES)
+def test_default_target__is_beside_the_result_and_named_after_it_and_the_format(seen: Path, to: str) -> None:
+    suffix, begin = BEGINNINGS.get(to, ("", b""))
+    beside = {path.name for path in seen.parent.iterdir()}
+    done = export([seen], to)
+    assert done.target == seen.with_name(f"my.field_{to}{suffix}")
+    assert {path.name for path in seen.parent.iterdir()} - beside == {done.target.name}
+    if suffix:
+        assert done.files == (done.target,)
+        assert done.target.read_bytes().startswith(begin)
+    else:
+        assert len(done.files) > 1
+        assert set(done.files) == set(done.target.iterdir())
 
 
 @pytest.mark.parametrize(
