@@ -12,7 +12,15 @@ from pyproj import Geod
 
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers import elsewhere as module
-from furrowmap.core.readers.elsewhere import FARTHEST_M, STRAY_ANCHORS, elsewhere, far_from_middle, strays
+from furrowmap.core.readers.elsewhere import (
+    FARTHEST_M,
+    STRAY_ANCHORS,
+    elsewhere,
+    far_from_middle,
+    spans_in_words,
+    strays,
+    without_elsewhere,
+)
 from furrowmap.core.readers.framing import find_frames
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.poses.csv import PoseCsv
@@ -21,6 +29,7 @@ from furrowmap.core.readers.sbf.log import SBF, SbfLog
 from furrowmap.core.readers.ubx.log import UbxLog
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.values.errors import InputError
+from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.session import Crs
 
 FOREIGN = {
@@ -199,3 +208,76 @@ def test_strays__of_more_stretches_than_are_followed_none_is_kept(monkeypatch: p
     assert not strays(t_s[:6], place[28:34], sigma[:6]).any()  # too few to tell which are the rest
     monkeypatch.setattr(module, "MOST_STRETCHES", 1)
     assert strays(t_s, place, sigma).all()
+
+
+@pytest.mark.parametrize(
+    ("lon", "lat", "height_m", "is_bad"),
+    [
+        (9.0, 90.0, 0.0, False),
+        (9.0, 90.0001, 0.0, True),
+        (9.0, -90.0, 0.0, False),
+        (9.0, -90.0001, 0.0, True),
+        (180.0, 50.0, 0.0, False),
+        (180.0001, 50.0, 0.0, True),
+        (-180.0, 50.0, 0.0, False),
+        (-180.0001, 50.0, 0.0, True),
+        (9.0, 50.0, -999.0, False),
+        (9.0, 50.0, -1001.0, True),
+        (9.0, 50.0, 19_999.0, False),
+        (9.0, 50.0, 20_001.0, True),
+        (0.0, 50.0, 0.0, False),
+        (9.0, 0.0, 0.0, False),
+        (0.00009, -0.00009, 0.0, True),
+        (0.00011, 0.0, 0.0, False),
+        (0.0, -0.00011, 0.0, False),
+        (np.nan, 91.0, 0.0, False),
+        (181.0, np.nan, 0.0, False),
+        (9.0, 50.0, np.nan, False),
+    ],
+)
+def test_elsewhere__the_earth_ends_at_its_poles_and_at_180_degrees(
+    lon: float, lat: float, height_m: float, is_bad: bool
+) -> None:
+    """And vehicles between 1 km below the sea and 20 km above it; 10 m around 0° N 0° E stand for unknown."""
+    found = elsewhere(np.full(9, lon), np.full(9, lat), np.full(9, height_m))
+    assert found.tolist() == [is_bad] * 9
+
+
+def test_without_elsewhere__up_to_half_of_the_positions_may_be_elsewhere() -> None:
+    lon, lat = np.full(10, 140.0), np.full(10, 36.0)
+    lat[:5] = 95.0
+    track = GnssTrack.build(np.arange(10.0), lon_deg=lon, lat_deg=lat, source="log")
+    kept, which, notices = without_elsewhere(track)
+    assert (len(kept), which.tolist()) == (5, [False] * 5 + [True] * 5)
+    assert "5 of 10 positions" in notices[0].text
+    assert "(5 positions) at 95.00000, 140.00000" in notices[0].text
+    lat[5] = 95.0
+    with pytest.raises(InputError, match="6 of 10 positions") as refused:
+        without_elsewhere(track)
+    assert refused.value.code == "positions-impossible"
+    lat[9] = np.nan
+    lat[5] = 36.0
+    with pytest.raises(InputError, match="5 of 10 positions"):  # of nine that there are
+        without_elsewhere(track)
+
+
+def test_spans_in_words__are_the_first_five_and_the_number_of_the_others() -> None:
+    track = GnssTrack.build(np.arange(20.0), lon_deg=np.arange(20.0), lat_deg=np.arange(20.0) + 0.5)
+    chosen = np.isin(np.arange(20), [0, 2, 3, 5, 7, 9, 11, 13])
+    words = spans_in_words(track, chosen, "{:.0f} s".format)
+    assert words == (
+        "0 s at 0.50000, 0.00000; 2 s to 3 s (2 positions) at 2.50000, 2.00000; 5 s at 5.50000, 5.00000; "
+        "7 s at 7.50000, 7.00000; 9 s at 9.50000, 9.00000; and 2 more times"
+    )
+
+
+@pytest.mark.parametrize(("apart_m", "is_stray"), [(1720.0, False), (1725.0, True)])
+@pytest.mark.parametrize("sigmas_m", [(17.0, 0.02), (0.02, 17.0)])
+def test_strays__are_out_of_reach_at_100_metres_a_second_and_the_allowance(
+    apart_m: float, is_stray: bool, sigmas_m: tuple[float, float]
+) -> None:
+    """16 s from the middle of seven positions to that of the next seven, 20 m, and six of the larger sigma: 1722 m."""
+    place = np.zeros((30, 2))
+    place[20:, 1] = apart_m
+    t_s = np.append(np.arange(20.0), 29.0 + np.arange(10.0))
+    assert strays(t_s, place, np.repeat(sigmas_m, [20, 10])).tolist() == [False] * 20 + [is_stray] * 10

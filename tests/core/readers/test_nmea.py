@@ -635,3 +635,83 @@ def test_recognise__is_less_certain_of_a_log_that_has_more_of_something_else(
     path = tmp_path / "mixed.log"
     path.write_bytes(bytes([0xD3]) * (len(epochs) * others // (100 - others)) + b"\r\n" + epochs)
     assert least <= NmeaLog.recognise(look(path)) <= most
+
+
+@pytest.mark.parametrize(
+    ("tod", "seconds"),
+    [
+        ("000000", 0.0),
+        ("235959.999999", 86_399.999999),
+        ("235960.5", 86_400.5),
+        ("005900", 3540.0),
+        ("240000", None),
+        ("006000", None),
+        ("000061", None),
+        ("12000", None),
+        ("-20000.0", None),
+        ("", None),
+        ("12000x", None),
+    ],
+)
+def test_scan__times_of_day_are_six_digits_on_the_clock_with_a_leap_second(tod: str, seconds: float | None) -> None:
+    place = "3530.0,N,13900.0,E,4,12,0.8,1.0,M,4.0,M,,"
+    gns, date = "3530.0,N,13900.0,E,RR,12,0.8,1.0,4.0,,", "A,3530.0,N,13900.0,E,1,2,110626,,,A"
+    behind = {"GGA": place, "GNS": gns, "GST": ",,,,1,1,1", "RMC": date, "ZDA": "11,06,2026,00,00"}
+    for body in (f"GN{kind},{tod},{rest}" for kind, rest in behind.items()):
+        found, _ = scan_bytes(sentence(body), SentenceCounts())
+        np.testing.assert_equal(found.values[0, 0], np.nan if seconds is None else seconds)
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "expected"),
+    [
+        ("0000.0,N", "00000.0,E", (0.0, 0.0)),
+        ("0000.6,S", "00059.4,W", (-0.01, -0.99)),
+        ("8959.4,N", "17959.4,W", (89.99, -179.99)),
+        ("3560.0,N", "13960.0,E", (np.nan, np.nan)),
+        ("-3530.0,N", "-13900.0,E", (np.nan, np.nan)),
+        ("3530.0,E", "13900.0,N", (np.nan, np.nan)),
+        ("3530.0,NN", "13900.0,EE", (np.nan, np.nan)),
+        ("3530.0,", "13900.0,", (np.nan, np.nan)),
+    ],
+)
+def test_scan__angles_have_less_than_60_minutes_and_one_letter(lat: str, lon: str, expected: tuple[float, ...]) -> None:
+    for body in (f"GPGGA,120000,{lat},{lon},4,12,0.8,1.0,M,4.0,M,,", f"GNGNS,120000,{lat},{lon},RR,12,0.8,1.0,4.0,,"):
+        found, _ = scan_bytes(sentence(body), SentenceCounts())
+        assert found.values[0, 1:3] == pytest.approx(expected, abs=1e-12, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("modes", "quality"),
+    [("N", 0), ("S", 8), ("M", 7), ("E", 6), ("A", 1), ("D", 2), ("P", 3), ("F", 5), ("R", 4), ("NNA", 1), ("RFN", 4),
+     ("DAS", 2), ("EM", 6), ("", 0)],
+)  # fmt: skip
+def test_scan__gns_has_the_quality_of_its_best_constellation(modes: str, quality: int) -> None:
+    """NMEA 0183 4.10: mode indicators of GNS and the quality indicators of GGA that mean the same."""
+    found, _ = scan_bytes(sentence(f"GNGNS,120000,3530.0,N,13900.0,E,{modes},12,0.8,1.0,4.0,,"), SentenceCounts())
+    assert found.column(Kind.GGA, "quality")[0] == quality
+
+
+@pytest.mark.parametrize(
+    ("date", "ymd"), [("010180", 19800101), ("311279", 20791231), ("110626", 20260611), ("311299", 19991231)]
+)
+def test_scan__two_digits_of_a_year_are_1980_to_2079(date: str, ymd: int) -> None:
+    found, _ = scan_bytes(rmc("120000.00", date), SentenceCounts())
+    assert found.column(Kind.RMC, "date_ymd")[0] == ymd
+
+
+@pytest.mark.parametrize(("stated", "satellites"), [("0", 0), ("999", 999), ("1000", -1), ("", -1)])
+def test_track__satellites_beyond_three_digits_are_unknown(stated: str, satellites: int, tmp_path: Path) -> None:
+    body = f"GPGGA,120000.00,3530.0,N,13900.0,E,4,{stated},0.8,1.0,M,4.0,M,,"
+    assert track_of(write(tmp_path, sentence(body)), date="2026-06-11").satellites[0] == satellites
+
+
+@pytest.mark.parametrize(
+    ("quality", "fix"),
+    [(1, Fix.SINGLE), (2, Fix.DGPS), (3, Fix.PPS), (4, Fix.FIXED), (5, Fix.FLOAT), (9, Fix.DGPS), (10, Fix.SINGLE)],
+)
+def test_track__qualities_beyond_the_standard_are_differential_or_single(
+    quality: int, fix: Fix, tmp_path: Path
+) -> None:
+    """9 is written by NovAtel for SBAS; what no receiver's manual says is taken as the least."""
+    assert track_of(write(tmp_path, gga("120000.00", quality=quality)), date="2026-06-11").fix.tolist() == [fix]

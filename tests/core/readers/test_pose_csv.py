@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import tempfile
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -226,3 +227,47 @@ def test_numbers__come_back_as_written(steps: list[int], data: st.DataObject) ->
     np.testing.assert_allclose(track.position, values, rtol=1e-15)
     np.testing.assert_allclose(wrap_deg(track.heading_deg - np.array(angles)[:, 2]), 0.0, atol=1e-12)
     assert np.all((track.heading_deg >= 0.0) & (track.heading_deg < 360.0))
+
+
+@pytest.mark.parametrize("end", [0, 1])
+@pytest.mark.parametrize(
+    ("column", "low", "high"),
+    [
+        ("lon_deg", -180.0, 360.0),
+        ("lat_deg", -90.0, 90.0),
+        ("roll_deg", -180.0, 180.0),
+        ("pitch_deg", -90.0, 90.0),
+        ("heading_deg", -360.0, 720.0),
+    ],
+)
+def test_rows__an_angle_at_its_limit_is_read_and_beyond_it_is_refused(
+    column: str, low: float, high: float, end: int, tmp_path: Path
+) -> None:
+    names = ["time_unix_s", "lon_deg", "lat_deg", "h_m", "roll_deg", "pitch_deg", "heading_deg"]
+
+    def with_values(*values: float) -> Path:
+        cells = [dict(zip(names, (T0 + k, 140.0, 36.9, 50.0, 1.0, 2.0, 3.0), strict=True)) for k in range(3)]
+        lines = [",".join(map(repr, (row | {column: v}).values())) for row, v in zip(cells, values, strict=True)]
+        return write(tmp_path, ",".join(names), *lines)
+
+    limit = (low, high)[end]
+    track = poses(with_values(limit, limit, limit))
+    read = np.column_stack([track.position, track.roll_deg, track.pitch_deg, track.heading_deg])
+    assert wrap_deg(read[:, names.index(column) - 1] - limit).tolist() == [0.0, 0.0, 0.0]
+    error = refusal(with_values(limit, limit * (1.0 + 1e-9), limit))
+    assert error.code == "value-out-of-range"
+    assert "pose 2" in error.what
+    assert f"`{column}`" in error.what
+    assert f"{low:g} to {high:g}" in error.lines[1]
+
+
+@pytest.mark.parametrize(
+    ("first", "last"),
+    [("1980-01-06T00:00:00Z", "1980-01-06T00:00:01Z"), ("2099-12-31T23:59:59Z", "2100-01-01T00:00:00Z")],
+)
+def test_times__from_the_first_day_of_gps_to_the_end_of_the_century(first: str, last: str, tmp_path: Path) -> None:
+    begin_s, end_s = (datetime.fromisoformat(text).timestamp() for text in (first, last))
+    assert len(poses(write(tmp_path, HEADER, *rows(1, begin_s), *rows(1, end_s)))) == 2
+    beyond = (begin_s - 1.0, begin_s) if begin_s < 1e9 else (end_s, end_s + 1.0)
+    error = refusal(write(tmp_path, HEADER, *(row for at in beyond for row in rows(1, at))))
+    assert (error.code, "`time_unix_s`" in error.what) == ("value-out-of-range", True)

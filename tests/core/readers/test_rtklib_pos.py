@@ -224,3 +224,58 @@ def test_numbers_come_back(
     assert track.lon_deg[0] == float(f"{lon / 1e9:.9f}")
     assert track.height_m[0] == float(f"{height_mm / 1e3:.3f}")
     assert track.t_s[0] == pytest.approx(315_964_800 + 2422 * 604_800 + tow_ms / 1000 - 18, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("quality", "satellites", "fix", "count"),
+    [
+        ("1", "1", Fix.FIXED, 1),
+        ("7", "999", Fix.ESTIMATED, 999),
+        ("8", "9", None, 9),
+        ("0", "9", None, 9),
+        ("-1", "9", None, 9),
+        ("5", "0", Fix.SINGLE, -1),
+        ("5", "1000", Fix.SINGLE, -1),
+    ],
+)
+def test_quality_and_satellites__beyond_their_ranges_are_unknown(
+    quality: str, satellites: str, fix: Fix | None, count: int, tmp_path: Path
+) -> None:
+    row = "2026/06/11 01:00:0{}.0  36.1 140.1 60.0 {} {} 0.01 0.02 0.03\n"
+    text = HEAD.format(scale="GPST") + row.format(1, quality, satellites) + row.format(2, 2, 30)
+    track = track_of(written(tmp_path, text))
+    found = [fix for fix in track.fix.tolist() if fix != Fix.NONE]
+    assert found == [one for one in (fix, Fix.FLOAT) if one is not None]
+    if fix is not None:
+        assert track.satellites.tolist() == [count, 30]
+
+
+@pytest.mark.parametrize(
+    ("time", "is_time"),
+    [
+        ("2026/06/11 23:59:59.999", True),
+        ("2026/12/31 23:59:60.999", True),
+        ("2026/06/11 24:00:00.000", False),
+        ("2026/06/11 23:60:00.000", False),
+        ("2026/06/11 23:59:61.000", False),
+        ("2026/06/31 12:00:00.000", False),
+    ],
+)
+def test_times__are_on_the_clock_and_in_the_calendar(time: str, is_time: bool, tmp_path: Path) -> None:
+    rows = "".join(f"{one}  36.1 140.1 60.0 1 9 0.01 0.02 0.03\n" for one in ("2026/06/11 01:00:00.0", time))
+    facts = RtklibPos([written(tmp_path, HEAD.format(scale="UTC") + rows)], ReadOptions()).inspect().facts
+    assert (facts["epochs"], facts["epochs_without_position"]) == ((2, 0) if is_time else (1, 1))
+
+
+def test_sigmas_and_ages__of_zero_are_not_stated(tmp_path: Path) -> None:
+    row = "2026/06/11 01:00:0{}.0 36.1 140.1 60.0 1 9 {} 0 0 0 {} 3.0 0.3 -0.4 0\n"
+    text = HEAD.format(scale="GPST") + row.format(1, "0 0.02 0.03", 0) + row.format(2, "0.01 0 0", 0)
+    track = track_of(written(tmp_path, text))
+    np.testing.assert_array_equal(track.sigma_n_m, [np.nan, 0.01])
+    np.testing.assert_array_equal(track.sigma_e_m, [0.02, np.nan])
+    np.testing.assert_array_equal(track.sigma_h_m, [0.03, np.nan])
+    assert np.isnan(track.age_s).all()
+    assert track.speed_mps.tolist() == [0.5, 0.5]
+    assert track.course_deg == pytest.approx(np.degrees(np.arctan2(-0.4, 0.3)) % 360.0)
+    text += row.format(3, "1 1 1", 1.5)
+    assert track_of(written(tmp_path, text)).age_s.tolist() == [0.0, 0.0, 1.5]

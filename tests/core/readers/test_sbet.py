@@ -13,7 +13,7 @@ from pyproj import Transformer
 
 from furrowmap.core.readers.poses.sbet import Sbet
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.source import look
+from furrowmap.core.readers.source import Head, look
 from furrowmap.core.values.clock import GPS_EPOCH_S, gps_to_utc_s, las_time_to_utc
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.pose_track import PoseTrack
@@ -170,3 +170,53 @@ def test_recognise__rejects_other_binary_files(shared_data: Path, tmp_path: Path
     for path in (p for folder in ("las", "velodyne", "geo", "gnss") for p in (shared_data / folder).rglob("*")):
         if path.is_file() and path.stat().st_size:
             assert Sbet.recognise(look(path)) == 0.0, path
+
+
+BOUNDS_DEG = {
+    "latitude": (1, -90.0, 90.0),
+    "longitude": (2, -180.0, 360.0),
+    "roll": (7, -180.0, 180.0),
+    "pitch": (8, -90.0, 90.0),
+    "platform heading": (9, -360.0, 720.0),
+    "wander angle": (10, -360.0, 360.0),
+}
+
+
+@pytest.mark.parametrize("end", [0, 1])
+@pytest.mark.parametrize("name", [*BOUNDS_DEG, "height"])
+def test_record__at_a_limit_is_read_and_beyond_it_is_damage(name: str, end: int, tmp_path: Path) -> None:
+    """Both poles, the antimeridian, a loop, the sea floor and the edge of space: each is a pose."""
+    if name == "height":
+        field, limit = 3, (-1e4, 1e6)[end]
+    else:
+        field, *limits = BOUNDS_DEG[name]
+        limit = float(np.radians(limits[end]))
+    data = records(20)
+    data[:, field] = limit
+    path = write(tmp_path, data)
+    assert Sbet.recognise(look(path)) > 0.9
+    data[7, field] = limit * (1.0 + 1e-9)
+    path = write(tmp_path, data)
+    assert Sbet.recognise(look(path)) == 0.0
+    with pytest.raises(InputError, match=f"byte {7 * 136}:") as refused:
+        poses(path, week=WEEK)
+    assert refused.value.code == "damaged-record"
+
+
+@pytest.mark.parametrize(("lat_deg", "lon_deg"), [(89.9, 12.0), (-89.9, 12.0), (5.0, 179.999), (5.0, -179.999)])
+def test_positions__near_the_poles_and_the_antimeridian(lat_deg: float, lon_deg: float, tmp_path: Path) -> None:
+    data = records(20)
+    data[:, 1:3] = np.radians(lat_deg), np.radians(lon_deg)
+    track = poses(write(tmp_path, data), week=WEEK)
+    np.testing.assert_allclose(track.position[:, :2], np.tile([lon_deg, lat_deg], (20, 1)), rtol=1e-12)
+
+
+def test_recognise__times_increase_by_up_to_an_hour() -> None:
+    data = records(20)
+
+    def score(first_step_s: float, suffix: str = ".bin", count: int = 20) -> float:
+        data[0, 0] = data[1, 0] - first_step_s
+        return Sbet.recognise(Head(Path(), data[:count].tobytes(), "", suffix))
+
+    assert [score(step_s) > 0.9 for step_s in (-0.1, 0.0, 0.1, 3600.0, 3601.0)] == [False, False, True, True, False]
+    assert [score(0.1, suffix, 1) > 0.9 for suffix in (".sbet", ".out", ".bin")] == [True, True, False]
