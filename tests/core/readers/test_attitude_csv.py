@@ -127,3 +127,41 @@ def test_magnetic_north__needs_a_declination_in_the_session() -> None:
     with pytest.raises(InputError, match="declination_deg"):
         parse_session(text)
     assert parse_session(f"{text}declination_deg = 4.2\n").attitude is not None
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("name", "largest"), [("roll_deg", 720.0), ("pitch_deg", 90.5), ("heading_true_deg", 720.0)])
+def test_angles__at_their_limit_are_read_and_beyond_it_are_refused(
+    name: str, largest: float, sign: float, tmp_path: Path
+) -> None:
+    names = HEAD.split(",")
+
+    def with_value(value: float) -> list[str]:
+        cells = [row.split(",") for row in ROWS]
+        cells[4][names.index(name)] = repr(value)
+        return [",".join(row) for row in cells]
+
+    assert len(read(tmp_path, rows=with_value(sign * largest)).attitude()) == 8
+    with pytest.raises(InputError, match=f"row 5: column `{name}`") as refused:
+        read(tmp_path, rows=with_value(sign * largest * (1.0 + 1e-9))).attitude()
+    assert refused.value.code == "value-out-of-range"
+    assert f"-{largest:g} to {largest:g}" in refused.value.lines[1]
+
+
+def test_times__one_in_a_hundred_may_run_back(tmp_path: Path) -> None:
+    many = [f"{1779529271.8 + 0.02 * k:.2f},1,2,3" for k in range(198)]
+    rows = [*many[:100], many[50], many[51], *many[100:]]
+    assert len(read(tmp_path, rows=rows).attitude()) == 198
+    with pytest.raises(InputError) as refused:
+        read(tmp_path, rows=[*many[:100], many[50], many[51], many[52], *many[100:]]).attitude()
+    assert refused.value.code == "time-disorder"
+
+
+@pytest.mark.parametrize(("count", "is_log"), [(1, False), (2, True)])
+def test_log__has_two_rows_at_least(count: int, is_log: bool, tmp_path: Path) -> None:
+    reader = read(tmp_path, rows=ROWS[:count])
+    if is_log:
+        assert len(reader.attitude()) == 2
+    else:
+        with pytest.raises(InputError):
+            reader.attitude()

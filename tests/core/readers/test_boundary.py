@@ -11,6 +11,8 @@ import pytest
 import shapely
 
 from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.isoxml.content import read_content
+from furrowmap.core.readers.isoxml.files import open_task_files
 from furrowmap.core.values.errors import InputError
 
 FIELD = shapely.Polygon(
@@ -146,3 +148,82 @@ def test_task_data__has_its_fields_by_name_and_id(tmp_path: Path) -> None:
     (tmp_path / "TASKDATA.XML").write_text(text.replace("PLN", "GGP") + "</ISO11783_TaskData>")
     with pytest.raises(InputError, match="none of its 2 fields has a boundary"):
         read_fields(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("west", "south", "east", "north", "is_field"),
+    [
+        (140.0, 89.5, 140.001, 90.0, True),
+        (140.0, -90.0, 140.001, -89.5, True),
+        (140.0, 89.5, 140.001, 90.001, False),
+        (140.0, -90.001, 140.001, -89.5, False),
+        (359.5, 10.0, 360.0, 10.1, True),
+        (359.5, 10.0, 360.001, 10.1, False),
+        (-360.0, 10.0, -359.5, 10.1, True),
+        (-360.001, 10.0, -359.5, 10.1, False),
+        (140.0, 35.0, 140.1, 36.0, True),
+        (140.0, 35.0, 140.1, 36.001, False),
+        (140.0, 0.0, 141.0, 0.1, True),
+        (140.0, 60.0, 142.001, 60.1, True),
+        (140.0, -60.1, 142.001, -60.0, True),
+        (140.0, 60.0, 142.02, 60.1, False),
+        (140.0, -60.1, 142.02, -60.0, False),
+    ],
+)
+def test_outline__is_on_the_earth_and_at_most_a_degree_of_latitude_large(
+    west: float, south: float, east: float, north: float, is_field: bool, tmp_path: Path
+) -> None:
+    """At 60.1 degrees of latitude, that is 2.006 degrees of longitude."""
+    file = tmp_path / "field.geojson"
+    file.write_text(json.dumps(shapely.geometry.mapping(shapely.box(west, south, east, north))))
+    if is_field:
+        assert read_boundary(file).equals(shapely.box(west, south, east, north))
+        return
+    with pytest.raises(InputError) as refused:
+        read_boundary(file)
+    assert refused.value.code == "boundary-unreadable"
+
+
+def ring_of(corners: list[tuple[float, float]], kind: int = 1) -> str:
+    points = "".join(f'<PNT A="2" C="{lat}" D="{lon}"/>' for lon, lat in corners)
+    return f'<LSG A="{kind}">{points}</LSG>'
+
+
+@pytest.mark.parametrize(
+    ("ring", "is_kept"),
+    [
+        (ring_of([(179.0, 89.0), (180.0, 89.0), (180.0, 90.0), (179.0, 90.0)]), True),
+        (ring_of([(-180.0, -90.0), (-179.0, -90.0), (-179.0, -89.0)]), True),
+        (ring_of([(179.5, 50.0), (180.001, 50.0), (179.8, 50.1)]), False),
+        (ring_of([(-179.5, 50.0), (-180.001, 50.0), (-179.8, 50.1)]), False),
+        (ring_of([(8.0, 89.9), (8.0, 90.001), (8.1, 89.9)]), False),
+        (ring_of([(8.0, -89.9), (8.0, -90.001), (8.1, -89.9)]), False),
+        (ring_of([(8.0, 50.0), (9.0, 50.0), (8.0, 51.0)]), True),
+        (ring_of([(8.0, 50.0), (9.001, 50.0), (8.0, 50.1)]), False),
+        (ring_of([(8.0, 50.0), (8.1, 50.0), (8.0, 51.001)]), False),
+        (ring_of([(8.0, 50.0), (8.1, 50.1)]), False),
+        (ring_of([]), False),
+        (ring_of([(8.0, 50.0), (8.1, 50.0), (8.0, 50.1)], 3), False),
+    ],
+)
+def test_task_data__rings_that_no_field_has_are_dropped_and_named(ring: str, is_kept: bool, tmp_path: Path) -> None:
+    """On the Earth, of three corners, a degree large, and an exterior or a hole."""
+    whole = ring_of([(100.0, 10.0), (100.1, 10.0), (100.0, 10.1)])
+    text = '<ISO11783_TaskData VersionMajor="4" VersionMinor="0"><PFD A="PFD1" C="Hof"><PLN A="1">'
+    (tmp_path / "TASKDATA.XML").write_text(f"{text}{whole}{ring}</PLN></PFD></ISO11783_TaskData>")
+    content = read_content(open_task_files(tmp_path))
+    boundary = content.partfields["PFD1"].boundary
+    assert shapely.get_num_geometries(boundary) == 1 + is_kept
+    assert [notice.code for notice in content.notices] == ([] if is_kept else ["boundary-ring"])
+    if not is_kept:
+        assert "Hof" in content.notices[0].text
+
+
+def test_task_data__holes_and_several_exteriors(tmp_path: Path) -> None:
+    shells = [shapely.box(8, 50, 8.1, 50.1), shapely.box(8.2, 50, 8.3, 50.1)]
+    hole = shapely.box(8.02, 50.02, 8.05, 50.05)
+    rings = [(shells[0], 1), (hole, 2), (shells[1], 1)]
+    text = "".join(ring_of(list(shape.exterior.coords), kind) for shape, kind in rings)
+    text = f'<PFD A="P" C="Hof"><PLN A="1">{text}</PLN><PLN A="2">{ring_of([(1, 1), (1.1, 1), (1, 1.1)])}</PLN></PFD>'
+    (tmp_path / "TASKDATA.XML").write_text(f'<ISO11783_TaskData VersionMajor="4">{text}</ISO11783_TaskData>')
+    assert read_boundary(tmp_path).equals(shapely.difference(shapely.union_all(shells), hole))

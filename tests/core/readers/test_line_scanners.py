@@ -256,3 +256,67 @@ def test_csv__a_sweep_without_end_is_cut(tmp_path: Path, monkeypatch: pytest.Mon
     scans = list(line_csv(tmp_path, HEAD, rows_of(np.arange(100.0))).scans())
     assert [len(scan) for scan in scans] == [40, 40, 20]
     assert np.concatenate([scan.t_s for scan in scans]) == pytest.approx(T0_S + 1e-4 * np.arange(100), abs=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "step", "each_s", "is_sweep"),
+    [
+        (720, 4.0 * np.pi / 721, 1e-5, True),
+        (720, 4.0 * np.pi / 719, 1e-5, False),
+        (720, -4.0 * np.pi / 721, 1e-5, True),
+        (720, -4.0 * np.pi / 719, 1e-5, False),
+        (65_535, 1e-4, 1e-5, True),
+        (65_536, 1e-4, 1e-5, False),
+        (100, 0.01, 0.0999, True),
+        (100, 0.01, 0.1001, False),
+        (100, 0.01, 0.0, True),
+        (100, 0.01, -1e-9, False),
+    ],
+)
+def test_laser_scan__up_to_two_turns_and_ten_seconds(
+    ranges: int, step: float, each_s: float, is_sweep: bool, tmp_path: Path
+) -> None:
+    odd = laser_scan(T0_NS + 10**9, np.full(ranges, 4.0), step=step, each_s=each_s)
+    reader = bag(tmp_path, laser_scan(T0_NS, np.full(10, 4.0)), odd)
+    assert [len(scan) for scan in reader.scans()] == [10, *([ranges] if is_sweep else [])]
+    assert ("bag-messages-damaged" in {notice.code for notice in reader.notices}) is not is_sweep
+
+
+def test_laser_scan__returns_are_from_the_least_range_to_the_greatest(tmp_path: Path) -> None:
+    message = laser_scan(T0_NS, [0.0, 0.4, 0.5, 1.0, 30.0, 31.0, -1.0, np.inf, np.nan])
+    message.range_min = 0.5
+    (scan,) = bag(tmp_path, message).scans()
+    assert scan.column.tolist() == [2, 3, 4]
+    message.range_min = message.range_max = 0.0
+    assert list(bag(tmp_path / "none", message).scans()) == []
+
+
+def test_ranges__up_to_2_km_are_returns_in_both_formats(tmp_path: Path) -> None:
+    message = laser_scan(T0_NS, [5.0, 2000.0, 2001.0])
+    message.range_max = 1e6
+    (scan,) = bag(tmp_path, message).scans()
+    assert scan.column.tolist() == [0, 1]
+    ranges = (5.0, 2000.0, 2000.1, 0.0, 0.001, -1.0)
+    rows = [f"{T0_S + 1e-4 * k:.6f},{k},{range_m},1" for k, range_m in enumerate(ranges)]
+    (scan,) = line_csv(tmp_path, HEAD, rows).scans()
+    assert scan.column.tolist() == [0, 1, 4]
+
+
+@pytest.mark.parametrize(("late", "is_read"), [(3, True), (4, False)])
+def test_csv__one_row_in_a_hundred_may_be_late(late: int, is_read: bool, tmp_path: Path) -> None:
+    rows = rows_of(np.arange(350.0 - late))
+    rows = [*rows[:200], *rows[100 : 100 + late], *rows[200:]]
+    reader = line_csv(tmp_path, HEAD, rows)
+    if is_read:
+        assert sum(map(len, reader.scans())) == 350 - late
+        assert f"{late} of 350 rows" in reader.notices[0].text
+    else:
+        with pytest.raises(InputError, match=f"{late} of 350 rows"):
+            list(reader.scans())
+
+
+@pytest.mark.parametrize(("pause_s", "sweeps"), [(0.99, 1), (1.01, 2)])
+def test_csv__a_pause_of_more_than_a_second_begins_a_sweep(pause_s: float, sweeps: int, tmp_path: Path) -> None:
+    rows = rows_of(np.arange(20.0))
+    rows[10:] = [f"{T0_S + 1e-4 * k + pause_s:.6f},{k}.0,5.0,1" for k in range(10, 20)]
+    assert len(list(line_csv(tmp_path, HEAD, rows).scans())) == sweeps

@@ -202,3 +202,57 @@ def test_session__names_a_topic_that_the_bag_does_not_have(tmp_path: Path) -> No
     opened = open_session(session(tmp_path, 'topic = "/nothing"\n'))
     with pytest.raises(InputError, match=r"no topic /nothing with images .topics: /camera/image_raw"):
         opened.images([])
+
+
+@pytest.mark.parametrize(("at", "name"), [(0, "fx"), (4, "fy")])
+def test_camera__of_a_focal_length_that_is_none_is_refused(at: int, name: str, tmp_path: Path) -> None:
+    for focal, serves in ((1e-3, True), (0.0, False), (-30.0, False), (np.nan, False), (np.inf, False)):
+        k = np.array([30.0, 0.0, 11.5, 0.0, 31.0, 7.5, 0.0, 0.0, 1.0])
+        k[at] = focal
+        reader = bag(tmp_path / repr(focal), filmed("rgb8", 1, k=k))
+        if serves:
+            assert getattr(reader.camera(), name) == focal
+        else:
+            with pytest.raises(InputError, match="not calibrated"):
+                reader.camera()
+
+
+@pytest.mark.parametrize(
+    ("d", "expected"),
+    [
+        ([], [0.0] * 5),
+        ([0.0] * 3, [0.0] * 5),
+        ([0.1, 0.2, 0.3], None),
+        ([0.1, 0.2, 0.3, 0.4], [0.1, 0.2, 0.3, 0.4, 0.0]),
+        ([0.1, 0.2, 0.3, 0.4, 0.5], [0.1, 0.2, 0.3, 0.4, 0.5]),
+        ([0.1, 0.2, 0.3, 0.4, 0.5, 0.0, 0.0, 0.0], [0.1, 0.2, 0.3, 0.4, 0.5]),
+        ([0.1, 0.2, 0.3, 0.4, 0.5, 1e-9, 0.0, 0.0], None),
+    ],
+)
+@pytest.mark.parametrize("model", ["plumb_bob", "rational_polynomial", "", "equidistant"])
+def test_camera__has_k1_k2_p1_p2_k3_or_none_of_them(
+    model: str, d: list[float], expected: list[float] | None, tmp_path: Path
+) -> None:
+    """REP-104: D is k1, k2, t1, t2, k3 and, of the rational model, k4 to k6. Without distortion, no model matters."""
+    reader = bag(tmp_path, filmed("rgb8", 1, d=np.array(d), distortion_model=model))
+    if expected is None or (model == "equidistant" and any(d)):
+        with pytest.raises(InputError, match="distortion model"):
+            reader.camera()
+    else:
+        camera = reader.camera()
+        assert [camera.k1, camera.k2, camera.p1, camera.p2, camera.k3] == expected
+
+
+@pytest.mark.parametrize(("field", "most"), [("binning_x", 1), ("binning_y", 1), ("x_offset", 0), ("y_offset", 0)])
+def test_camera__of_a_part_of_the_sensor_is_refused(field: str, most: int, tmp_path: Path) -> None:
+    """A binning of 1 is none, as is 0 (CameraInfo.msg)."""
+    for value, serves in ((most, True), (most + 1, False)):
+        recorded = filmed("rgb8", 1)
+        info = recorded[1][2]
+        setattr(info.roi if "offset" in field else info, field, value)
+        reader = bag(tmp_path / str(value), recorded)
+        if serves:
+            assert reader.camera().fx == 30.0
+        else:
+            with pytest.raises(InputError, match="binning or a region of interest"):
+                reader.camera()

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.readers.isoxml.time_log import EPOCH_S, read_header, read_time_log
+from furrowmap.core.readers.isoxml.time_log import EPOCH_S, TimeLog, read_header, read_time_log
 from furrowmap.core.values.errors import InputError
 from tests.core.readers.isoxml.time_logs import Record, header
 
@@ -145,3 +145,98 @@ def test_broken_headers__of_the_samples(shared_data: Path) -> None:
     damaged = codes.pop("TLG00003")
     assert "TLG00003.xml, line 30" in str(damaged)
     assert set(codes.values()) == {26}
+
+
+def read(records: list[Record], letters: str = "ABD") -> TimeLog:
+    return read_time_log(header(CHANNELS, letters), b"".join(record.pack() for record in records), "TLG00001")
+
+
+@pytest.mark.parametrize(
+    ("letter", "raw", "field", "value"),
+    [
+        ("C", 2**31 - 2, "up_m", (2**31 - 2) / 1000),
+        ("C", 2**31 - 1, "up_m", np.nan),
+        ("C", 2 - 2**31, "up_m", (2 - 2**31) / 1000),
+        ("D", 8, "status", 8),
+        ("D", 9, "status", -1),
+        ("D", 14, "status", -1),
+        ("F", 0, "hdop", 0.0),
+        ("F", 0xFFFD, "hdop", 655.33),
+        ("F", 0xFFFE, "hdop", np.nan),
+        ("F", 0xFFFF, "hdop", np.nan),
+        ("G", 0, "satellites", 0),
+        ("G", 0xFD, "satellites", 253),
+        ("G", 0xFE, "satellites", -1),
+        ("G", 0xFF, "satellites", -1),
+        ("I", 0, "gps_s", np.nan),
+        ("I", 1, "gps_s", 315_532_800 + 86_400 + 3_723.5),
+        ("I", 0xFFFD, "gps_s", 315_532_800 + 0xFFFD * 86_400 + 3_723.5),
+        ("I", 0xFFFE, "gps_s", np.nan),
+        ("I", 0xFFFF, "gps_s", np.nan),
+    ],
+)
+def test_attributes__at_the_ends_of_their_ranges(letter: str, raw: int, field: str, value: float) -> None:
+    """ISO 11783-10, table D.2: the last numbers of each type stand for an error or for what is not available."""
+    stated = {"A": 500_000_000, "B": 90_000_000, "C": 1, "D": 4, "F": 1, "G": 1, "H": 3_723_500, "I": 1} | {letter: raw}
+    found = read([Record(1000, 15_000, stated)], "ABCDFGHI")
+    np.testing.assert_allclose(getattr(found, field), [value], rtol=1e-15)
+    assert found.notices == ()
+
+
+@pytest.mark.parametrize("letter", ["A", "B"])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_positions__off_the_earth_are_damage_unless_they_stand_for_none(letter: str, sign: int) -> None:
+    limit = {"A": 900_000_000, "B": 1_800_000_000}[letter]
+    for raw, is_record, is_placed in (
+        (limit, True, True),
+        (limit + 1, False, False),
+        (0x7FFFFFF0 - 1, False, False),
+        (0x7FFFFFF0, True, False),
+        (0x7FFFFFFF, True, False),
+    ):
+        one = Record(1000, 15_000, {"A": 1, "B": 1, "D": 4} | {letter: sign * raw})
+        found = read([one])
+        assert (len(found), found.placed.tolist()) == (int(is_record), [is_placed] * is_record)
+        assert bool(found.notices) is not is_record
+
+
+@pytest.mark.parametrize(
+    ("second", "count"),
+    [
+        ((86_400_999, 15_000), 2),
+        ((86_401_000, 15_000), 1),
+        ((2000, 15_366), 2),
+        ((2000, 14_634), 2),
+        ((2000, 15_367), 1),
+        ((2000, 14_633), 1),
+    ],
+)
+def test_records__of_a_day_with_a_leap_second_within_a_year_of_each_other(second: tuple[int, int], count: int) -> None:
+    position = {"A": 500_000_000, "B": 90_000_000, "D": 4}
+    found = read([Record(1000, 15_000, position), Record(*second, position)])
+    assert len(found) == count
+    assert bool(found.notices) is (count == 1)
+
+
+@pytest.mark.parametrize(("days_on", "kept"), [(0, 2), (1, 2), (2, 0)])
+def test_damage__two_records_of_neighbouring_days_end_it(days_on: int, kept: int) -> None:
+    position = {"A": 500_000_000, "B": 90_000_000, "D": 4}
+    last_two = [Record(3000, 15_000, position), Record(4000, 15_000 + days_on, position)]
+    records = [Record(1000, 15_000, position), Record(2000, 20_000, position), *last_two]
+    found = read(records)
+    assert len(found) == 1 + kept
+    size = len(records[0].pack())
+    assert f"{size * (3 - kept)} of {4 * size} bytes in 1 places" in found.notices[0].text
+
+
+def test_header__numbers_256_values_and_no_more() -> None:
+    assert len(read_header(header([(67, "DET-1")] * 256), "TLG00001").channels) == 256
+    with pytest.raises(InputError, match="257 values; at most 256") as refused:
+        read_header(header([(67, "DET-1")] * 257), "TLG00001")
+    assert refused.value.code == "time-log-header"
+
+
+def test_values__of_a_number_that_the_header_does_not_have_are_damage() -> None:
+    position = {"A": 500_000_000, "B": 90_000_000, "D": 4}
+    assert len(read([Record(1000, 15_000, position, {len(CHANNELS) - 1: 5})])) == 1
+    assert len(read([Record(1000, 15_000, position, {len(CHANNELS): 5})])) == 0
