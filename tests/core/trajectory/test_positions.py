@@ -7,8 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from furrowmap.core.trajectory.positions import WHITE_SHARE, offsets, positions_of, white_noise_m, without_jumps
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.trajectory.positions import (
+    WHITE_SHARE,
+    judge_rate,
+    jumps,
+    offsets,
+    positions_of,
+    sigmas_m,
+    usable,
+    white_noise_m,
+    without_jumps,
+)
+from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 N = 2000
@@ -91,3 +101,175 @@ def test_promise_12__fixed_positions_that_jump_for_seconds_are_the_fewer_ones() 
     found = offsets(track, en, [])
     np.testing.assert_array_equal(found.off_m > 0.0, jumped[np.isin(TIMES_S, track.t_s)])
     assert len(np.unique(found.run)) == 3
+
+
+def some(*fixes: Fix, interval_s: float = 0.1, **columns: object) -> GnssTrack:
+    """Positions of these qualities beside each other, without standard deviations."""
+    t_s = 1.75e9 + interval_s * np.arange(len(fixes))
+    usual = {"lon_deg": 9.0 + 0.0 * t_s, "lat_deg": 50.0 + 0.0 * t_s, "height_m": 100.0 + 0.0 * t_s}
+    return GnssTrack.build(t_s, fix=np.array(fixes, np.int8), **(usual | columns))  # type: ignore[arg-type]
+
+
+def test_sigmas__that_are_not_stated_are_those_of_the_quality_and_twice_that_for_heights() -> None:
+    """Centimetres with the phase, decimetres with corrections, metres without."""
+    expected = {
+        Fix.FIXED: 0.015, Fix.FLOAT: 0.3, Fix.PPP: 0.15, Fix.DGPS: 0.6, Fix.PPS: 0.6,
+        Fix.SINGLE: 2.0, Fix.ESTIMATED: 2.0, Fix.MANUAL: 2.0, Fix.SIMULATED: 0.015, Fix.NONE: 2.0,
+    }  # fmt: skip
+    assert set(expected) == set(Fix)
+    np.testing.assert_allclose(sigmas_m(some(*expected)), [[sigma, 2.0 * sigma] for sigma in expected.values()])
+
+
+@pytest.mark.parametrize(
+    ("east_m", "north_m", "height_m", "found"),
+    [
+        (0.03, 0.04, 0.01, (0.05 / np.sqrt(2.0), 0.01)),
+        (0.03, 0.03, np.nan, (0.03, 0.06)),
+        (0.03, 0.03, 0.0, (0.03, 0.06)),
+        (0.0, 0.0, 0.2, (0.3, 0.2)),
+        (np.nan, 0.03, np.nan, (0.3, 0.6)),
+    ],
+)
+def test_sigmas__are_the_stated_ones_where_they_are_positive(
+    east_m: float, north_m: float, height_m: float, found: tuple[float, float]
+) -> None:
+    track = some(Fix.FLOAT, sigma_e_m=np.array([east_m]), sigma_n_m=np.array([north_m]), sigma_h_m=np.array([height_m]))
+    np.testing.assert_allclose(sigmas_m(track), [found])
+
+
+@pytest.mark.parametrize(
+    ("interval_s", "codes"), [(0.2, []), (0.249, []), (0.26, ["gnss-rate"]), (1.99, ["gnss-rate"])]
+)
+def test_rate__is_told_below_four_positions_a_second(interval_s: float, codes: list[str]) -> None:
+    notices: list[Notice] = []
+    judge_rate(some(*[Fix.FIXED] * 9, interval_s=interval_s), notices)
+    assert [notice.code for notice in notices] == codes
+
+
+def test_rate__of_more_than_two_seconds_is_refused() -> None:
+    with pytest.raises(RefusedError, match=r"positions come every 2\.1 s") as caught:
+        judge_rate(some(*[Fix.FIXED] * 9, interval_s=2.06), [])
+    assert caught.value.code == "gnss-rate"
+
+
+@pytest.mark.parametrize(
+    ("fixes", "wanted", "used", "codes"),
+    [
+        ([Fix.FIXED, Fix.FIXED, Fix.FLOAT, Fix.SINGLE], None, 3, []),
+        ([Fix.SIMULATED, Fix.FLOAT, Fix.DGPS], None, 2, []),
+        ([Fix.FLOAT, Fix.FLOAT, Fix.SINGLE, Fix.NONE], None, 3, ["gnss-quality"]),
+        ([Fix.FIXED, Fix.FLOAT, Fix.SINGLE, Fix.FLOAT], (Fix.FLOAT,), 2, []),
+        ([Fix.SINGLE, Fix.SINGLE, Fix.FLOAT], (Fix.SINGLE,), 2, []),
+    ],
+)
+def test_usable__are_fixed_and_float_ones_or_the_best_or_the_wanted(
+    fixes: list[Fix], wanted: tuple[Fix, ...] | None, used: int, codes: list[str]
+) -> None:
+    notices: list[Notice] = []
+    found, unused = usable(some(*fixes), wanted, notices)
+    assert (len(found), sum(unused.values())) == (used, len(fixes) - used)
+    assert [notice.code for notice in notices] == codes
+    assert not {Fix(fix).label for fix in found.fix.tolist()} & set(unused)
+    if codes:
+        assert "(most are float)" in notices[0].text
+
+
+NO_HEIGHTS = "gnss-no-heights"
+NO_POSITIONS = "gnss-no-positions"
+
+
+@pytest.mark.parametrize(
+    ("fixes", "heights", "wanted", "code", "words"),
+    [
+        ([Fix.FIXED] * 3, 0, None, NO_HEIGHTS, "none of its 3 positions has a height"),
+        ([Fix.FIXED] * 3, 1, None, NO_HEIGHTS, "none of its 3 positions has a height"),
+        ([Fix.FIXED, Fix.NONE, Fix.NONE], 3, None, NO_POSITIONS, "1 of its 3 epochs have a position"),
+        ([Fix.FIXED, Fix.NONE, Fix.NONE], 0, None, NO_POSITIONS, "0 of its 3 epochs have a position"),
+        ([Fix.FIXED, Fix.SINGLE, Fix.SINGLE], 3, None, NO_POSITIONS, "1 of 3 positions .* (found: 2 single, 1 fixed)"),
+        ([Fix.FIXED, Fix.FIXED], 2, (Fix.FLOAT,), NO_POSITIONS, "0 of 2 positions .* (found: 2 fixed)"),
+    ],
+)
+def test_fewer_than_two_usable_positions__are_refused_with_the_reason(
+    fixes: list[Fix], heights: int, wanted: tuple[Fix, ...] | None, code: str, words: str
+) -> None:
+    height = np.where(np.arange(len(fixes)) < heights, 100.0, np.nan)
+    with pytest.raises(InputError, match=words.replace("(", r"\(").replace(")", r"\)")) as caught:
+        usable(some(*fixes, height_m=height), wanted, [])
+    assert caught.value.code == code
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sigma_m", [0.02, 0.5])
+@pytest.mark.parametrize("interval_s", [0.1, 0.4])
+def test_jump__is_beyond_what_brakes_and_standard_deviations_allow(
+    axis: int, sigma_m: float, interval_s: float
+) -> None:
+    """Three neighbours on each side, 3 m/s² on the way to them, six standard deviations but 0.3 m or 1 m of height."""
+    t_s = interval_s * np.arange(21)
+    floor_m = 1.0 if axis == 2 else 0.3
+    most_m = 0.5 * 3.0 * (3.0 * interval_s) ** 2 + max(floor_m, 6.0 * sigma_m)
+    sigma = np.full((21, 2), sigma_m)
+    for times, expected in ((0.98, []), (1.02, [10])):
+        xyz_m = np.zeros((21, 3))
+        xyz_m[10, axis] = times * most_m
+        assert np.flatnonzero(jumps(t_s, xyz_m, sigma)).tolist() == expected
+
+
+def test_jump__beside_a_pause_is_what_no_speed_explains() -> None:
+    """The mean time of its neighbours is 0.45 s away, in which 15 m/s are driven."""
+    t_s = np.concatenate([0.1 * np.arange(11), 2.0 + 0.1 * np.arange(10)])
+    most_m = 0.5 * 3.0 * 1.2**2 + 15.0 * np.mean([-0.3, -0.2, -0.1, 1.0, 1.1, 1.2]) + 0.3
+    for times, expected in ((0.99, []), (1.01, [10])):
+        xyz_m = np.zeros((21, 3))
+        xyz_m[10, 0] = times * most_m
+        assert np.flatnonzero(jumps(t_s, xyz_m, np.full((21, 2), 0.01))).tolist() == expected
+
+
+@pytest.mark.parametrize("sigma_m", [0.02, 0.3])
+@pytest.mark.parametrize("interval_s", [0.1, 0.5])
+def test_step__is_beyond_what_brakes_and_standard_deviations_allow(sigma_m: float, interval_s: float) -> None:
+    n = 40
+    most_m = max(0.3, 6.0 * sigma_m) + 0.5 * 3.0 * interval_s**2
+    for times, told in ((0.99, False), (1.01, True)):
+        track = some(
+            *[Fix.FIXED] * n, interval_s=interval_s, sigma_e_m=np.full(n, sigma_m), sigma_n_m=np.full(n, sigma_m)
+        )
+        en = np.zeros((n, 2))
+        en[30:, 1] = times * most_m
+        notices: list[Notice] = []
+        found = offsets(track, en, notices)
+        np.testing.assert_allclose(found.off_m, np.where((np.arange(n) >= 30) & told, times * most_m, 0.0), rtol=1e-6)
+        assert found.run.tolist() == [*30 * [0], *10 * [int(told)]]
+        assert bool(notices) is told
+
+
+@pytest.mark.parametrize(("pause", "told"), [(5.4, True), (5.6, False)])
+def test_step__after_more_than_five_and_a_half_usual_ones_shows_nothing(pause: float, told: bool) -> None:
+    n = 40
+    track = some(*[Fix.FIXED] * n)
+    track = replace(track, t_s=track.t_s + np.where(np.arange(n) >= 30, 0.1 * (pause - 1.0), 0.0))
+    en = np.zeros((n, 2))
+    en[30:, 0] = 3.0
+    assert offsets(track, en, []).off_m.any() == told
+
+
+@pytest.mark.parametrize(("count", "told"), [(9, False), (10, True)])
+def test_step__of_fewer_than_ten_positions_is_not_looked_for(count: int, told: bool) -> None:
+    en = np.zeros((count, 2))
+    en[count - 2 :, 0] = 3.0
+    assert offsets(some(*[Fix.FIXED] * count), en, []).off_m.any() == told
+
+
+@pytest.mark.parametrize(
+    ("epochs", "interval_s", "shown"), [(31, 0.1, False), (33, 0.1, True), (60, 0.24, True), (60, 0.26, False)]
+)
+def test_white_noise__is_shown_by_thirty_differences_four_a_second(epochs: int, interval_s: float, shown: bool) -> None:
+    track = some(*[Fix.FLOAT] * epochs, interval_s=interval_s)
+    en = 0.02 * np.random.default_rng(2).normal(size=(epochs, 2))
+    found = white_noise_m(track, en, np.full(epochs, 0.3))
+    if shown:
+        np.testing.assert_allclose(found, 0.02, rtol=0.5)
+    else:
+        np.testing.assert_allclose(found, 0.3 * 0.3)  # the usual share
+    np.testing.assert_array_equal(white_noise_m(track, 0.0 * en, np.full(epochs, 0.01)), 0.004)
+    np.testing.assert_array_equal(white_noise_m(track, 99.0 * en, np.full(epochs, 0.3)) <= 0.3, True)
