@@ -22,7 +22,7 @@ from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.rotation import attitude_to_quaternion
-from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 from tests.core.trajectory.flights import INDUSTRIAL, LEVER_M, MOUNTING, Flight, frame
 
 FLIGHT = Flight(60.0, 4)
@@ -155,6 +155,72 @@ def straight(off_deg: float) -> Trajectory:
 def test_drone_that_flies_sideways__is_not_taken_for_turned(off_deg: float, on_wheels: bool, told: bool) -> None:
     notices = check_mounting(straight(off_deg), MOUNTING, "imu.csv", on_wheels=on_wheels)
     assert ([notice.code for notice in notices] == ["imu-turned"]) == told
+
+
+def driven(
+    nose_deg: float, *, speed_mps: float = 2.0, lasts_s: float = 20.0, turn_deg: float = 0.0, roll_deg: float = 0.0
+) -> Trajectory:
+    """An arc by an angle in steps of 0.1 s, with the nose at an angle to the course all the time."""
+    count = round(lasts_s / 0.1) + 1
+    t_s = 0.1 * np.arange(count)
+    course_deg = 30.0 + np.linspace(0.0, turn_deg, count)
+    middle = np.radians(0.5 * (course_deg[1:] + course_deg[:-1]))
+    steps = 0.1 * speed_mps * np.column_stack([np.sin(middle), np.cos(middle)])
+    en = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    return trajectory_from_attitude(
+        t_s, np.column_stack([en, 0.0 * t_s]), roll_deg, 0.0, course_deg + nose_deg, max_gap_s=1.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("motion", "told"),
+    [
+        ({"speed_mps": 0.51}, True),
+        ({"speed_mps": 0.49}, False),
+        ({"lasts_s": 5.2}, True),
+        ({"lasts_s": 4.8}, False),
+        ({"turn_deg": 300.0}, True),
+    ],
+)
+@pytest.mark.parametrize("nose_deg", [90.0, 180.0, -90.0])
+def test_turned_imu__is_told_after_five_seconds_above_half_a_metre_a_second(
+    nose_deg: float, motion: dict[str, float], told: bool
+) -> None:
+    notices = check_mounting(driven(nose_deg, **motion), MOUNTING, "imu.csv", on_wheels=True)
+    assert [notice.code for notice in notices] == ["imu-turned"] * told
+    for notice in notices:
+        assert f"moves at {abs(nose_deg):.0f}° to its own x axis" in notice.text
+        right = Rotation.from_euler("z", -nose_deg, degrees=True).as_matrix() @ MOUNTING.rotation
+        angles = [float(word) for word in notice.text.partition("`rpy_deg = [")[2].partition("]")[0].split(",")]
+        stated = Rotation.from_euler("ZYX", angles[::-1], degrees=True).as_matrix()
+        np.testing.assert_allclose(Rotation.from_matrix(stated.T @ right).magnitude(), 0.0, atol=0.01)
+
+
+@pytest.mark.parametrize(("off_deg", "told"), [(0.0, True), (24.0, True), (26.0, False), (-24.0, True), (-26.0, False)])
+@pytest.mark.parametrize("quarter_deg", [90.0, 180.0])
+def test_turned_imu__is_within_25_degrees_of_a_quarter_turn(quarter_deg: float, off_deg: float, told: bool) -> None:
+    notices = check_mounting(driven(quarter_deg + off_deg), MOUNTING, "imu.csv", on_wheels=True)
+    assert bool(notices) is told
+    assert check_mounting(driven(off_deg), MOUNTING, "imu.csv", on_wheels=True) == []
+
+
+@pytest.mark.parametrize(("turn_deg", "told"), [(86.0, False), (94.0, True)])
+def test_drone__is_told_where_its_course_turns_by_a_right_angle(turn_deg: float, told: bool) -> None:
+    """The mean of the course over an arc by θ has the length 2 sin(θ/2) / θ, 0.9 at 90°."""
+    notices = check_mounting(driven(90.0, turn_deg=turn_deg), MOUNTING, "imu.csv", on_wheels=False)
+    assert bool(notices) is told
+
+
+@pytest.mark.parametrize("lasts_s", [3.0, 20.0])
+@pytest.mark.parametrize(("roll_deg", "upright"), [(0.0, True), (40.0, True), (90.0, False), (-90.0, False)])
+def test_tilt__is_judged_with_and_without_a_course(lasts_s: float, roll_deg: float, upright: bool) -> None:
+    trajectory = driven(0.0, lasts_s=lasts_s, roll_deg=roll_deg)
+    if upright:
+        assert check_mounting(trajectory, MOUNTING, "imu.csv", on_wheels=True) == []
+        return
+    with pytest.raises(InputError, match="on its side or upside down") as caught:
+        check_mounting(trajectory, MOUNTING, "imu.csv", on_wheels=True)
+    assert ("its yaw does not show" in caught.value.remedy) == (lasts_s < 5.0)
 
 
 @pytest.mark.parametrize("rpy_deg", [(180.0, 0.0, 0.0), (90.0, 0.0, 0.0), (90.0, 0.0, 90.0)])
