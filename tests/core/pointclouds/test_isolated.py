@@ -51,6 +51,38 @@ def test_isolated__is_a_return_alone_in_the_sky_and_none_of_a_slanting_ground() 
     assert np.array_equal(isolated(scan), scan.laser == 12)
 
 
+@pytest.mark.parametrize("range_m", [2.0, 15.0, 60.0])
+@pytest.mark.parametrize(
+    ("lasers", "columns", "beside"),
+    [
+        *((0, 1, True), (0, 2, True), (0, -2, True), (0, 3, False), (0, -3, False), (1, 0, True), (-1, 0, True)),
+        *((1, 2, True), (-1, -2, True), (1, 3, False), (-1, 3, False), (2, 0, False), (-2, 1, False)),
+    ],
+)
+def test_support__is_of_an_adjacent_laser_two_firings_away_and_within_30_cm_and_2_percent(
+    range_m: float, lasers: int, columns: int, beside: bool
+) -> None:
+    for nearer, alike in ((0.98, True), (1.02, False)):
+        image = np.zeros((16, 100))
+        image[:8] = 30.0
+        image[12, 50] = range_m
+        image[12 + lasers, 50 + columns] = range_m - nearer * (0.3 + 0.02 * range_m)
+        scan = scan_of(image)
+        pair = scan.laser >= 9
+        supported = ~isolated(scan)
+        assert supported[~pair].all()
+        farther = pair & (scan.laser == 12) & (scan.column == 50)
+        assert bool(supported[farther].all()) is (beside and alike)
+
+
+@pytest.mark.parametrize(("alone", "found"), [(29, True), (33, False)])
+def test_isolated__are_at_most_a_third_of_the_returns(alone: int, found: bool) -> None:
+    image = np.zeros((16, 200))
+    image[0, :60] = 20.0
+    image[10, 3 * np.arange(alone)] = 9.0
+    assert isolated(scan_of(image)).sum() == (alone if found else 0)
+
+
 def test_isolated__of_no_return_is_none() -> None:
     assert isolated(scan_of(np.zeros((16, 10)))).shape == (0,)
 

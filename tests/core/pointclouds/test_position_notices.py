@@ -45,6 +45,29 @@ def test_what_stands_out__is_told(spans: tuple[tuple[Fix, int, int], ...], codes
     assert [notice.code for notice in quality_notices(drive(*spans))] == codes
 
 
+@pytest.mark.parametrize(("missing", "told"), [(18, False), (20, True)])
+def test_outage__is_told_from_two_seconds_between_positions_on(missing: int, told: bool) -> None:
+    spans = (Fix.NONE, 100, 100 + missing), (Fix.NONE, 300, 310)
+    assert [notice.code for notice in quality_notices(drive(*spans))] == ["gnss-outage"] * told
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.049, False), (0.051, True)])
+def test_not_fixed__is_told_from_a_twentieth_on(share: float, told: bool) -> None:
+    count = round(share * len(drive()))
+    notices = quality_notices(drive((Fix.FLOAT, 200, 200 + count)))
+    assert [notice.code for notice in notices] == ["gnss-not-fixed"] * told
+    for notice in notices:
+        assert notice.text.startswith("For 5% of the time")
+
+
+@pytest.mark.parametrize(("pause_s", "counted_s"), [(0.28, 0.28), (0.32, 0.1), (60.0, 0.1)])
+def test_not_fixed__counts_a_pause_beyond_three_steps_as_a_usual_one(pause_s: float, counted_s: float) -> None:
+    poses = drive((Fix.FLOAT, 100, 201))
+    t_s = poses.t_s + np.where(np.arange(len(poses)) > 150, pause_s - STEP_S, 0.0)
+    (notice,) = quality_notices(replace(poses, t_s=t_s))
+    assert f"(float {10.0 + counted_s:.1f} s)" in notice.text
+
+
 def test_outage__has_its_length_and_its_time_in_words() -> None:
     poses = drive((Fix.NONE, 100, 150))
     (notice,) = quality_notices(poses)

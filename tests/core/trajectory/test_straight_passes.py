@@ -52,6 +52,35 @@ def test_circles_and_hovering__have_no_strips() -> None:
     assert [round(strip.begin_s - 1e9) for strip in strips] == [0, 40]
 
 
+@pytest.mark.parametrize(
+    ("lasts_s", "speed_mps", "strips"), [(2.8, 9.0, 0), (3.3, 9.0, 1), (8.0, 0.6, 0), (8.0, 0.66, 1), (9.0, 2.0, 1)]
+)
+def test_strip__has_three_seconds_and_five_metres(lasts_s: float, speed_mps: float, strips: int) -> None:
+    found = find_strips(flown([(lasts_s, 0.0, speed_mps)]))
+    assert len(found) == strips
+    for strip in found:
+        assert strip.begin_s - 1e9 == pytest.approx(0.0, abs=1e-6)
+        assert strip.end_s - 1e9 == pytest.approx(lasts_s, abs=0.16)
+        assert strip.length_m == pytest.approx(speed_mps * (strip.end_s - strip.begin_s), rel=0.02)
+
+
+@pytest.mark.parametrize(("share", "parted"), [(0.27, True), (0.33, False)])
+def test_hovering__is_below_three_tenths_of_the_median_speed(share: float, parted: bool) -> None:
+    legs = [(20.0, 0.0, 5.0), (15.0, 0.0, share * 5.0), (20.0, 0.0, 5.0)]
+    assert len(find_strips(flown(legs))) == 1 + parted
+
+
+@pytest.mark.parametrize(
+    ("pause_s", "turn_dps", "parted"), [(3.2, 0.0, False), (4.0, 0.0, True), (2.5, 4.0, False), (2.5, 8.0, True)]
+)
+def test_pause__of_less_than_three_seconds_and_fifteen_degrees_joins(
+    pause_s: float, turn_dps: float, parted: bool
+) -> None:
+    """The mean speed over 1.5 s is below three tenths for 0.6 s less than the pause, in which the course may turn."""
+    legs = [(20.0, 0.0, 5.0), (pause_s, turn_dps, 0.0), (20.0, 0.0, 5.0)]
+    assert len(find_strips(flown(legs))) == 1 + parted
+
+
 def test_gap__parts_a_line() -> None:
     whole = flown([(60.0, 0.0, 5.0)])
     kept = np.abs(whole.t_s - 1e9 - 30.0) > 5.0
