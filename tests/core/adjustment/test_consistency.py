@@ -47,6 +47,89 @@ def test_cause__is_named_in_the_notice(seen: Seen, cause: Cause | None, words: t
         assert word in notice.text
 
 
+@pytest.mark.parametrize(
+    ("seen", "factor"),
+    [
+        (Seen(slip=1.4), 1.0),
+        (Seen(slip=2.8, drift=5.9), 2.0),
+        (Seen(slip=2.7, drift=6.0), 2.0),
+        (Seen(slip=1.0, drift=1.0, ground=GroundTilt(60.0)), 3.0),
+        (Seen(constants=CLOCK), np.sqrt(1e5 / 50.0)),
+        (Seen(constants=LEVER), np.sqrt(1e5 / 50.0)),
+        (Seen(constants=AntennaConstants(clock_gain=1e5)), 0.0),
+        (Seen(sway=AntennaSway(lever_m=(0.3, -0.8, 0.1), sigma_m=(0.1, 0.1, 0.1))), 2.0),
+    ],
+)
+def test_factor__is_the_largest_ratio_to_what_is_allowed(seen: Seen, factor: float) -> None:
+    """1.4 times the slip of wheels, 3 times the stated drift, 20°, a gain of 50, 4 standard deviations."""
+    assert seen.factor == pytest.approx(factor)
+    assert seen.plain()["factor"] == pytest.approx(factor, abs=0.005)
+    assert (seen.cause is None) == (factor <= 1.0)
+
+
+@pytest.mark.parametrize(
+    ("slip", "drift", "words", "missing"),
+    [(1.41, 1.0, "slips", "drift"), (1.0, 3.01, "drift", "slips"), (1.39, 9.0, "drift", "slips")],
+)
+def test_notice__tells_only_what_is_beyond_its_limit(slip: float, drift: float, words: str, missing: str) -> None:
+    notice = contradiction_notice(Seen(slip=slip, drift=drift))
+    assert notice is not None
+    shown = notice.text.partition("The likely")[0].partition("Lever arm")[0]
+    assert words in shown
+    assert missing not in shown
+
+
+def test_notice__of_a_sway_tells_the_axes_that_are_certain() -> None:
+    sway = AntennaSway(lever_m=(0.39, -0.41, 0.5), sigma_m=(0.1, 0.1, 0.2))
+    notice = contradiction_notice(Seen(sway=sway))
+    assert notice is not None
+    assert "one that is -0.41 ± 0.10 m further left." in notice.text
+
+
+@pytest.mark.parametrize(
+    ("constants", "off"),
+    [
+        (AntennaConstants(clock_s=0.011, clock_gain=51.0), True),
+        (AntennaConstants(clock_s=-0.011, clock_gain=51.0), True),
+        (AntennaConstants(clock_s=0.009, clock_gain=51.0), False),
+        (AntennaConstants(clock_s=0.011, clock_gain=49.0), False),
+        (AntennaConstants(lever_m=(0.019, 0.025), lever_gain=51.0), True),
+        (AntennaConstants(lever_m=(0.017, 0.023), lever_gain=51.0), False),
+        (AntennaConstants(lever_m=(0.019, 0.025), lever_gain=49.0), False),
+    ],
+)
+def test_constants__are_off_beyond_10_ms_or_3_cm_and_a_gain_of_50(constants: AntennaConstants, off: bool) -> None:
+    assert constants.off is off
+    assert (Seen(constants=constants).cause is not None) is off
+
+
+@pytest.mark.parametrize(
+    ("clock_gain", "lever_gain", "cause"),
+    [
+        (151.0, 100.0, Cause.CLOCK),
+        (149.0, 100.0, Cause.CLOCK_OR_LEVER_ARM),
+        (100.0, 149.0, Cause.CLOCK_OR_LEVER_ARM),
+        (100.0, 151.0, Cause.LEVER_ARM),
+    ],
+)
+def test_cause__is_what_explains_half_as_much_again(clock_gain: float, lever_gain: float, cause: Cause) -> None:
+    constants = AntennaConstants(clock_s=0.4, lever_m=(0.5, 0.0), clock_gain=clock_gain, lever_gain=lever_gain)
+    assert Seen(constants=constants).cause == cause
+
+
+@pytest.mark.parametrize(("sigma_m", "known"), [((0.49, 0.1, 9.0), True), ((0.1, 0.51, 0.1), False)])
+def test_sway__shows_the_place_where_half_a_metre_is_known(sigma_m: tuple[float, float, float], known: bool) -> None:
+    assert AntennaSway(sigma_m=sigma_m).known is known
+
+
+@pytest.mark.parametrize(("off_m", "refuted"), [(0.19, False), (0.21, True), (-0.21, True)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_sway__refutes_a_lever_arm_four_standard_deviations_away(axis: int, off_m: float, refuted: bool) -> None:
+    sway = AntennaSway(lever_m=(0.1, 0.1, 0.0), sigma_m=(0.03, 0.03, 0.03))
+    lever_m = tuple(0.1 + off_m * (k == axis) for k in range(2))
+    assert sway.refutes((lever_m[0], lever_m[1]), (0.04, 0.04)) is refuted
+
+
 def straight(n: int = 5, speed_mps: float = 2.0) -> Trajectory:
     t_s = np.arange(float(n))
     zero = np.zeros(n)

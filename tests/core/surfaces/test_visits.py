@@ -65,6 +65,51 @@ def test_swaths__without_a_pause_are_one() -> None:
     assert summed(difference).differences() is None
 
 
+def visited(cells: int, returns: int, pause_s: float, step_m: float = 0.05) -> TilePoints:
+    """Two visits of some cells of the first block by some returns each, of which the later ones are higher."""
+    cell = np.repeat(np.arange(cells, dtype=np.uint16), returns)
+    t_s = np.tile(0.01 * np.arange(returns, dtype=np.float32), cells)
+    order = np.argsort(t_s, kind="stable")
+    cell, t_s = cell[order], t_s[order]
+    height = np.zeros(len(cell), np.float32)
+    both = np.concatenate([t_s, np.float32(pause_s) + t_s])
+    return TilePoints(GRID, np.tile(cell, 2), np.concatenate([height, height + np.float32(step_m)]), both, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("cells", "returns", "pause_s", "known"),
+    [(4, 3, 21.0, True), (3, 3, 21.0, False), (4, 2, 21.0, False), (4, 3, 19.0, False), (8, 9, 20.5, True)],
+)
+def test_difference__needs_four_cells_of_three_returns_and_a_pause_of_20_seconds(
+    cells: int, returns: int, pause_s: float, known: bool
+) -> None:
+    difference = block_differences(visited(cells, returns, pause_s))
+    assert difference.shape == (8, 8)
+    assert np.flatnonzero(np.isfinite(difference)).tolist() == [0] * known
+    if known:
+        assert difference[0, 0] == pytest.approx(0.05, abs=1e-6)
+
+
+def test_figures__are_those_of_the_blocks() -> None:
+    """Of five blocks of 0.16 m² one is unknown, one far off; bins are 2 mm wide and end at 10 cm."""
+    sums = summed(np.array([[0.0011, -0.0031, np.nan, 0.0051, 0.7]], np.float32))
+    found = sums.differences()
+    assert found is not None
+    plain = found.plain()
+    assert plain["blocks"] == 4
+    assert plain["area_m2"] == round(4 * 0.4**2, 1)
+    assert plain["mean_m"] == pytest.approx((0.0011 - 0.0031 + 0.0051 + 0.7) / 4, abs=1e-4)
+    assert plain["rms_m"] == pytest.approx(np.sqrt((0.0011**2 + 0.0031**2 + 0.0051**2 + 0.49) / 4), abs=1e-4)
+    edges = plain["histogram_from_m"] + plain["histogram_bin_m"] * np.arange(len(plain["histogram"]) + 1)
+    assert edges[[0, -1]] == pytest.approx((-0.1, 0.1))
+    counted = {round(float(edges[k]), 3): n for k, n in enumerate(plain["histogram"]) if n}
+    assert counted == {-0.004: 1, 0.0: 1, 0.004: 1, 0.098: 1}
+    # One within 2 mm, two within 4, three within 6, and one beyond all.
+    assert plain["half_within_m"] == pytest.approx(0.004)
+    assert found.within_m(0.7) == pytest.approx(0.0056)
+    assert plain["p95_within_m"] == pytest.approx(0.0996, abs=1e-4)
+
+
 def test_swaths__too_few_returns_say_nothing() -> None:
     assert np.isnan(block_differences(swaths([0.0, 0.02], 0.0, 60.0, returns=400))).all()
 

@@ -14,7 +14,7 @@ from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.session import Crs, Implement
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.core.work.ground import worked_ground
-from furrowmap.core.work.misses import missed
+from furrowmap.core.work.misses import missed, unworked
 from tests.core.trajectory.drives import Drive, drive
 from tests.core.work.drives_with_tool import FRAME, PLACE_M, sample, states_of, trajectory_of
 
@@ -111,6 +111,42 @@ def test_missed_island__is_between_passes_also_where_the_boundary_is_known() -> 
     ((kind, strip),) = missed(worked, NOTHING, 1.7, shapely.box(0.0, 0.0, 50.0, 50.0))
     assert kind == "between passes"
     assert strip.area == pytest.approx(8.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("side_m", "told"), [(0.095, False), (0.11, True)])
+def test_places__smaller_than_a_hundredth_of_a_square_metre_are_not_told(side_m: float, told: bool) -> None:
+    field = shapely.box(0.0, 0.0, 30.0, 30.0)
+    hole = shapely.box(10.0, 10.0, 10.0 + side_m, 10.0 + side_m)
+    worked = cover(field.difference(hole))
+    assert len(missed(worked, NOTHING, 1.7, field)) == told
+    assert len(unworked(worked, NOTHING, [], field)) == told
+    assert unworked(worked, NOTHING, [("between passes", hole)], field) == []
+    assert unworked(worked, hole, [], field) == []
+
+
+@pytest.mark.parametrize(("wide_m", "told"), [(0.018, False), (0.022, True)])
+def test_places__narrower_than_two_centimetres_are_not_told(wide_m: float, told: bool) -> None:
+    field = shapely.box(0.0, 0.0, 30.0, 30.0)
+    worked = cover(field.difference(shapely.box(10.0, 5.0, 10.0 + wide_m, 25.0)))
+    assert len(missed(worked, NOTHING, 1.7, field)) == told
+    places = unworked(worked, NOTHING, [], field)
+    assert [kind for kind, _ in places] == ["not worked"] * told
+    assert [place.area for _, place in places] == pytest.approx([20.0 * wide_m] * told, rel=0.01)
+
+
+@pytest.mark.parametrize(("away_m", "kind"), [(0.004, "boundary"), (0.006, "between passes")])
+def test_strip__is_at_the_boundary_within_half_a_centimetre(away_m: float, kind: str) -> None:
+    field = shapely.box(0.0, 0.0, 30.0, 30.0)
+    strip = shapely.box(5.0, away_m, 25.0, 0.5)
+    assert [told for told, _ in missed(cover(field.difference(strip)), NOTHING, 1.7, field)] == [kind]
+
+
+def test_ground_that_nobody_worked__is_told_the_largest_first() -> None:
+    field = shapely.box(0.0, 0.0, 60.0, 30.0)
+    holes = [shapely.box(5.0, 5.0, 8.0, 8.0), shapely.box(20.0, 5.0, 30.0, 15.0), shapely.box(40.0, 5.0, 45.0, 10.0)]
+    worked = cover(field.difference(shapely.union_all(holes)))
+    assert [place.area for _, place in unworked(worked, NOTHING, [], field)] == pytest.approx([100.0, 25.0, 9.0])
+    assert unworked(worked, NOTHING, [], None) == []
 
 
 def test_zones__turns_lie_in_the_headland_and_lanes_in_the_body() -> None:

@@ -40,3 +40,22 @@ def test_pass_depths__of_a_pass_that_was_not_seen_are_unknown() -> None:
     depths = pass_depths(PASSES, T_S, height, SOIL_M, 0.12)
     assert np.isnan([depths[1].depth_m, depths[1].spread_m]).all()
     assert [depths[0].depth_m, depths[2].depth_m] == pytest.approx([0.13, 0.11], abs=0.002)
+
+
+@pytest.mark.parametrize(("begin_s", "end_s", "seen"), [(1.05, 18.95, 1), (0.95, 18.95, 0), (1.05, 19.05, 0)])
+def test_pass_depths__leave_out_a_second_at_both_ends(begin_s: float, end_s: float, seen: int) -> None:
+    """Five heights in the pass, of which one may be too near to an end."""
+    at = np.array([begin_s, 5.0, 9.0, 13.0, end_s])
+    (depth,) = pass_depths(PASSES[:1], at, np.full(5, -0.1), np.zeros(5), 0.12)
+    assert np.isfinite(depth.depth_m) == seen
+
+
+@pytest.mark.parametrize("spread_m", [0.0, 0.03])
+def test_pass_depths__are_no_better_than_two_centimetres_and_their_spread(spread_m: float) -> None:
+    """Heights of two values, half of them each, deviate from their median by half of their distance."""
+    at = np.linspace(2.0, 18.0, 100)
+    height = spread_m * np.where(np.arange(100) % 2, 1.0, -1.0)
+    (depth,) = pass_depths(PASSES[:1], at, height, np.zeros(100), 0.12)
+    assert depth.depth_m == pytest.approx(0.12)
+    assert depth.spread_m == pytest.approx(1.4826 * spread_m)
+    assert depth.sigma_m == pytest.approx(np.hypot(0.02, 1.4826 * spread_m))
