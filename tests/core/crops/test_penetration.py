@@ -55,6 +55,17 @@ def test_penetration__spread_of_the_highest_is_that_of_pulses() -> None:
         assert model[n] == pytest.approx(heights[:, :n].max(axis=1).std(), rel=0.03)
 
 
+def test_one_return__has_the_mean_and_the_variance_of_the_law_and_its_noise_anywhere_between() -> None:
+    """Of a Weibull law in closed form, whatever the shape and the noise."""
+    random = np.random.default_rng(11)
+    for shape, noise in zip(random.uniform(0.8, 4.0, 150), random.uniform(0.02, 1.0, 150), strict=True):
+        found = Penetration(shape, 0.1, 0.1 * noise)
+        mean, square = (math.gamma(1.0 + k / shape) for k in (1, 2))
+        assert found.mean_depth_m == pytest.approx(0.1 * mean)
+        assert found.top_above_highest_m()[1] == pytest.approx(0.1 * mean, rel=0.002)
+        assert found.spread_of_highest_m()[1] == pytest.approx(0.1 * math.sqrt(square - mean**2 + noise**2), rel=0.012)
+
+
 def test_penetration__of_a_hard_surface_is_near_nothing() -> None:
     heights = 0.012 * np.random.default_rng(6).standard_normal((60_000, 3))
     _, second, third = l_moments_of(*(heights[:, :k].max(axis=1).mean() for k in (1, 2, 3)))
