@@ -56,7 +56,8 @@ def standalone(svg: str) -> str:
 def response_chart(dose: FloatArray, points: Points, response: Response, dose_name: str) -> str:
     """Parcels over their dose, coloured by block; curve, 95 % band, and the rate beyond which nothing is gained."""
     known = np.isfinite(dose) & np.isfinite(points.value)
-    low, high = float(dose[known].min(initial=0.0)), float(dose[known].max(initial=1.0))
+    low, high = float(dose[known].min(initial=0.0)), float(dose[known].max(initial=0.0))
+    high = high if high > low else 1.0
     x = Axis(low - 0.03 * (high - low), high + 0.03 * (high - low), _LEFT, _RIGHT)
     curve = response.curve
     shown = [points.value[known]] if curve is None else [points.value[known], curve.band_low, curve.band_high]
