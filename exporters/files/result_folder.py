@@ -235,7 +235,7 @@ class ResultFolder:
         name = figures.get("time_zone") if isinstance(figures, dict) else None
         try:
             return ZoneInfo(str(name)) if name else ZoneInfo("UTC")
-        except (OSError, ValueError):  # a damaged report, or a zone that this system does not know
+        except (OSError, ValueError, KeyError):  # a damaged report, or a zone that this system does not know
             return ZoneInfo("UTC")
 
     def layer(self, name: str) -> gpd.GeoDataFrame:

@@ -90,11 +90,10 @@ def dated_surface(result: ResultFolder) -> DatedSurface:
     known = "coverage" in result.layer_names
     shapes = result.layer("coverage").geometry.to_numpy() if known else []
     start = dt.datetime.fromisoformat(result.report["figures"]["start"])
-    zone = ZoneInfo(result.report["figures"].get("time_zone") or "UTC")
     tool = result.report["session"].get("implement")
     worked = shapely.union_all(shapely.make_valid(np.asarray(shapes, object)))
     known = known or not tool
-    return DatedSurface(result.name, start, zone, result.folder, after, before, worked, known, _sigma(result))
+    return DatedSurface(result.name, start, result.zone, result.folder, after, before, worked, known, _sigma(result))
 
 
 def _sigma(result: ResultFolder) -> FloatArray:
