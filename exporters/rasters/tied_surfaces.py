@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import Final
 
@@ -46,7 +45,7 @@ def ground_pairs(one: OpenSurface, other: OpenSurface, touched: BaseGeometry) ->
         for rows, columns in [(min(PIECE_CELLS, shared.rows - row), min(PIECE_CELLS, shared.columns - column))]
     ]
     count = 0
-    for piece in islice(pieces, 0, None, max(1, len(pieces) // MOST_PIECES)):
+    for piece in (pieces[k] for k in _tried(len(pieces))):
         first, second = one.read(piece), other.read(piece)
         off = inside(touched, piece, touched=True)
         first[off] = second[off] = np.nan
@@ -54,6 +53,12 @@ def ground_pairs(one: OpenSurface, other: OpenSurface, touched: BaseGeometry) ->
             west, _, _, north = piece.bounds_m
             count += 1
             yield GroundPair(west, north, piece.cell_m, first, second)
+
+
+def _tried(pieces: int) -> list[int]:
+    """Numbers of the pieces in the order in which they are read: all, or evenly chosen ones and those between them."""
+    tried = np.linspace(0, pieces - 1, min(pieces, 2 * MOST_PIECES)).round().astype(np.intp).tolist()
+    return tried if pieces <= MOST_PIECES else [*tried[::2], *tried[1::2]]
 
 
 @dataclass(frozen=True)

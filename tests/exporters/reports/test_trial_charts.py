@@ -34,7 +34,7 @@ def response(plateau: Estimate | None = None, *, shown: bool = True) -> Response
     dose = np.linspace(0.0, 160.0, 9)
     fitted = 0.4 + 0.3 * dose / 160.0
     other = Estimate(1.0, 0.0, 2.0)
-    curve = plateau and Logistic(
+    curve = None if plateau is None else Logistic(
         lower=other, rise=other, gradient=other, midpoint=other, plateau=plateau, sigma=0.02, freedom=3, r2=0.9,
         offsets=np.zeros(2), dose=dose, fitted=fitted, band_low=fitted - 0.05 - dose / 4000.0, band_high=fitted + 0.1,
     )  # fmt: skip
