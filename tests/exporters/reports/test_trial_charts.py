@@ -173,7 +173,7 @@ def test_category_chart__has_room_for_its_names_and_groups(count: int) -> None:
 @given(
     middle=st.sampled_from([0.0, 0.4, -25.0, 3e4]),
     reach=st.sampled_from([0.0, 1e-4, 0.3, 7.0, 4e5]),
-    values=st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=9),
+    values=st.lists(st.integers(-100, 100).map(lambda value: value / 100), min_size=2, max_size=9),
 )
 def test_charts__of_any_heights_keep_all_within_their_frame(middle: float, reach: float, values: list[float]) -> None:
     heights = middle + reach * np.array(values)
@@ -185,7 +185,7 @@ def test_charts__of_any_heights_keep_all_within_their_frame(middle: float, reach
     assert (lines == [74.0, 626.0]).all()
     assert ((dots[:, 0] > 74.0) & (dots[:, 0] < 626.0)).all()
     assert ((dots[:, 1] > 34.0) & (dots[:, 1] < 320.0)).all()
-    if np.ptp(heights) > 1e-6:
+    if np.ptp(values) and reach:
         assert (dots[:, 1].min(), dots[:, 1].max()) == pytest.approx((49.3, 304.7), abs=0.2)  # a margin of 6 %
 
 
