@@ -154,7 +154,7 @@ def _write_glb(path: Path, surface: _Surface, texture: _Texture, result: ResultF
     row, column = np.nonzero(has)
     east, north, height = surface.east[column], surface.north[row], surface.height_m[has]
     if not len(height):
-        raise _unusable(path, "the surface has no heights")
+        raise _unusable(result.folder / DSM, "the surface has no heights")
     origin = [float(np.floor(values.min())) for values in (east, north, height)]
     place = np.column_stack([east - origin[0], height - origin[2], origin[1] - north]).astype("<f4")
     at = np.column_stack([(east - texture.west) / texture.width_m, (texture.north - north) / texture.height_m])

@@ -54,8 +54,10 @@ def test_promise_23__layer_names_do_not_lead_out_of_the_folder(
 @pytest.mark.parametrize("names", [("Passes", "passes"), ("ä", "Ä"), ("e\u0301", "é")])
 def test_layers_whose_files_would_be_one__are_refused(tmp_path: Path, names: tuple[str, str]) -> None:
     with pytest.raises(InputError) as raised:
-        write_vectors(FORMATS["shapefile"], tmp_path / "out", dict.fromkeys(names, layer()), Origin("x"))
+        layers = dict.fromkeys(("other", *names, "third"), layer())
+        write_vectors(FORMATS["shapefile"], tmp_path / "out", layers, Origin("x"))
     assert raised.value.code == "layer-names-equal"
+    assert f"on some systems: {names[0]}, {names[1]}." in str(raised.value)
     assert not (tmp_path / "out").exists()
 
 
@@ -68,6 +70,17 @@ def test_shapefile_names__are_ten_bytes_and_differ_in_more_than_case(names: list
     assert len({name.casefold() for name in short.values()}) == len(names)
     kept = [name for name in names if len(name.encode()) <= 10]
     assert all(short[name].startswith(name[:1]) for name in kept)
+
+
+def test_shapefile__tells_which_names_of_fields_it_shortened(tmp_path: Path) -> None:
+    """As they are in the file; those of ten letters stay."""
+    table = layer().rename(columns={"a": "working_depth"}).assign(tencolumns=2, b=3)
+    _, notices = write_vectors(FORMATS["shapefile"], tmp_path / "out", {"passes": table}, Origin("x"))
+    (short,) = set(gpd.read_file(tmp_path / "out" / "passes.shp").columns) - {"tencolumns", "b", "geometry"}
+    (notice,) = notices
+    assert notice.text.endswith(f": working_depth is {short}.")
+    few = {"passes": table.drop(columns="working_depth")}
+    assert write_vectors(FORMATS["shapefile"], tmp_path / "few", few, Origin("x"))[1] == []
 
 
 def test_shapefile__with_long_names_of_other_scripts_is_read_back(tmp_path: Path) -> None:

@@ -122,6 +122,15 @@ def test_result__without_one_of_both_is_refused(result: ResultFolder, tmp_path: 
     assert not (tmp_path / "x.glb").exists()
 
 
+def test_surface__without_a_height_is_refused(result: ResultFolder, tmp_path: Path) -> None:
+    with rasterio.open(tmp_path / "dsm.tif", "r+") as file:
+        file.write(np.full(SHAPE, np.nan, np.float32), 1)
+    with pytest.raises(InputError, match=r"dsm\.tif: the surface has no heights") as refused:
+        write_textured_mesh(tmp_path / "x.glb", result)
+    assert refused.value.code == "not-a-surface"
+    assert not (tmp_path / "x.glb").exists()
+
+
 @given(arrays(np.bool_, st.tuples(st.integers(2, 6), st.integers(2, 6))))
 @settings(max_examples=60, deadline=None)
 def test_triangles__cover_what_has_three_corners_once(has: NDArray[np.bool_]) -> None:
