@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from furrowmap.cli.main import command_line
-from furrowmap.cli.worker import work
+from furrowmap.cli.worker import WorkerConsole, _own_output, work
 
 FURROWMAP = Path(sys.executable).with_name("furrowmap")
 GNSS = "gnss.nmea"
@@ -179,3 +179,31 @@ def _alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
         return False
+
+
+def test_protocol__has_standard_output_for_itself(capfd: pytest.CaptureFixture[str]) -> None:
+    """Whatever a native library writes there goes to standard error."""
+    protocol = _own_output()
+    try:
+        os.write(1, b"from a library")
+        protocol.write(b"a message")
+        protocol.flush()
+    finally:
+        os.dup2(protocol.fileno(), 1)
+        protocol.close()
+    assert capfd.readouterr() == ("a message", "from a library")
+
+
+def test_progress__of_a_stage_is_sent_at_most_ten_times_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    sent: list[tuple[str, float]] = []
+    now_s = 100.0
+    monkeypatch.setattr(time, "monotonic", lambda: now_s)
+    console = WorkerConsole(send=lambda kind, **content: sent.append((content["stage"], content["share"])))
+    with console.work() as progress:
+        for stage, k in [*(("reading", k) for k in range(100)), *(("writing", k) for k in range(50))]:
+            progress(stage, k / 99.0)
+            now_s += 0.0201
+    shares = [share for stage, share in sent if stage == "reading"]
+    assert shares == [round(k / 99.0, 4) for k in range(0, 100, 5)]
+    assert sent[20] == ("writing", 0.0)
+    assert len(sent) == 30

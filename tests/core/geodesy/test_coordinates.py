@@ -16,7 +16,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import CRS, Geod
 
-from furrowmap.core.geodesy.coordinates import transform_poses, transform_track
+from furrowmap.core.geodesy.coordinates import (
+    EpochMove,
+    HeightMove,
+    TransformSummary,
+    transform_poses,
+    transform_track,
+)
 from furrowmap.core.geodesy.height_system import height_system
 from furrowmap.core.geodesy.parameter_file import ParameterFile, read_parameters
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
@@ -528,3 +534,89 @@ def test_poses_in_map_coordinates_are_not_moved_and_others_are() -> None:
         assert moved.position[0, 2] == pytest.approx(70.0 if projected else 29.814, abs=1e-3)
         assert (done.heights is None) == projected
         assert [notice.code for notice in done.notices] == (["coordinates-of-the-map"] if projected else [])
+
+
+@pytest.mark.parametrize(("years", "told"), [(-1.1, True), (-0.9, False), (0.9, False), (1.1, True)])
+def test_a_stated_epoch_is_told_beyond_a_year_from_the_recording(years: float, *, told: bool) -> None:
+    """11 June 2026 is 2026.44."""
+    frame = map_frame(Crs(map="EPSG:6677", coordinates=f"itrf2020@{2026.44 + years:.2f}"))
+    (*notices,) = transform_track(track("2026-06-11"), frame)[1].notices
+    assert [notice.code for notice in notices] == (["epoch-apart"] if told else [])
+    assert all("made in 2026.4:" in notice.text for notice in notices)
+
+
+@pytest.mark.parametrize(
+    ("away_deg", "moved"),
+    [((0.97, 0.0), True), ((1.03, 0.0), False), ((0.0, 0.97), True), ((0.0, -1.03), False)],
+)
+def test_positions_within_a_degree_of_the_others_are_moved(away_deg: tuple[float, float], *, moved: bool) -> None:
+    some = track()
+    some.lon_deg[3] += away_deg[0]
+    some.lat_deg[3] += away_deg[1]
+    done, _ = transform_track(some, map_frame(Crs(map="EPSG:6677", heights="JPGEO2024")))
+    assert (done.height_m[3] < 40.0) == moved
+    assert (np.delete(done.height_m, 3) < 40.0).all()
+
+
+@pytest.mark.parametrize(
+    ("place", "spread", "told"),
+    [
+        ((139.9, 36.1), 0.49, True),
+        ((139.9, 36.1), 0.51, False),
+        ((-179.9, -89.4), 0.3, True),
+        ((180.2, 36.1), 0.1, False),
+        ((139.9, 90.1), 0.1, False),
+    ],
+)
+def test_eastings_and_northings_look_like_degrees_within_their_range_and_half_a_degree(
+    place: tuple[float, float], spread: float, *, told: bool
+) -> None:
+    position = np.column_stack([np.full(3, place[0]), place[1] - spread * np.arange(3) / 2.0, np.full(3, 70.0)])
+    zeros = np.zeros(3)
+    poses = PoseTrack(
+        1.7e9 + np.arange(3), position, True, zeros, zeros, zeros, False, np.full((3, 6), np.nan), "p.csv"
+    )
+    notices = transform_poses(poses, map_frame(Crs(map="EPSG:6677")))[1].notices
+    assert [notice.code for notice in notices] == (["coordinates-look-like-degrees"] if told else [])
+
+
+@pytest.mark.parametrize(
+    ("last_second", "results"), [("2025-03-31T14:59:54+00:00", "JGD2011"), ("2025-03-31T15:00:01+00:00", "JGD2024")]
+)
+def test_network_corrections_are_those_of_jgd2024_from_april_2025_in_japan(last_second: str, results: str) -> None:
+    begin_s = dt.datetime.fromisoformat(last_second).timestamp()
+    some = replace(track(), t_s=begin_s + np.arange(5))
+    own, other = ("GSIGEO2011", "JPGEO2024") if results == "JGD2011" else ("JPGEO2024", "GSIGEO2011")
+    assert transform_track(some, map_frame(Crs(map="EPSG:6677", heights=own)))[1].notices == ()
+    (told,) = transform_track(some, map_frame(Crs(map="EPSG:6677", heights=other)))[1].notices
+    assert f"were in {results}" in told.text
+
+
+def test_account__has_each_figure_of_a_step_under_its_name() -> None:
+    """Heights fall by the mean of the least and greatest geoid height."""
+    moves = TransformSummary(
+        EpochMove("SemiDyna2023.par", 0.11111, -0.22222, 0.33333, 0.04444),
+        HeightMove("EGM2008", "the grid geoid.gtx", (30.11111, 31.33333)),
+    ).account(map_frame(Crs(map="EPSG:6677")))["moves"]
+    assert moves == [
+        {
+            "step": "epoch", "parameters": "SemiDyna2023.par", "east_m": 0.1111, "north_m": -0.2222, "up_m": 0.3333,
+            "spread_m": 0.0444,
+        },
+        {
+            "step": "heights", "geoid": "EGM2008", "source": "the grid geoid.gtx", "up_m": -30.7222,
+            "geoid_m": [30.1111, 31.3333],
+        },
+    ]  # fmt: skip
+
+
+def test_geoid_of_a_drive__is_told_from_least_to_greatest() -> None:
+    """Against the geoid at the ends of a drive to the north."""
+    some = track()
+    some.lat_deg[:] = TSUKUBA[1] + 0.1 * np.arange(5)
+    frame = map_frame(Crs(map="EPSG:6677", heights="GSIGEO2011"))
+    moved, done = transform_track(some, frame)
+    geoid_m = 70.0 - moved.height_m
+    assert geoid_m.max() - geoid_m.min() > 0.5
+    (move,) = done.account(frame)["moves"]
+    assert move["geoid_m"] == pytest.approx([geoid_m.min(), geoid_m.max()], abs=1e-4)

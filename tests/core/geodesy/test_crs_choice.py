@@ -81,3 +81,41 @@ def test_anywhere__a_metric_crs_that_distorts_by_less_than_a_thousandth(lon_deg:
     crs = CRS.from_user_input(choice.code)
     assert crs.axis_info[0].unit_name == "metre"
     assert abs(Proj(crs).get_factors(lon_deg, lat_deg).meridional_scale - 1) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("lon_deg", "codes"),
+    [
+        (0.45, ["EPSG:32631", "EPSG:32630"]),
+        (0.55, ["EPSG:32631"]),
+        (5.45, ["EPSG:32631"]),
+        (5.55, ["EPSG:32631", "EPSG:32632"]),
+        (179.8, ["EPSG:32660", "EPSG:32601"]),
+        (-179.8, ["EPSG:32601", "EPSG:32660"]),
+    ],
+)
+def test_neighbouring_zone__is_named_within_half_a_degree_of_its_border(lon_deg: float, codes: list[str]) -> None:
+    choice = choose_crs(lon_deg, 20.0)
+    assert choice is not None
+    named = [choice.code, *(text.split(",")[0] for text in choice.alternatives)]
+    assert [code for code in named if code.startswith("EPSG:32")] == codes
+
+
+@pytest.mark.parametrize(
+    ("lon_deg", "lat_deg", "place"),
+    [(149.1, -35.3, "35.3000°S 149.1000°E"), (-77.25, 39.19, "39.1900°N 77.2500°W"), (9.5, 0.0, "0.0000°N 9.5000°E")],
+)
+def test_reason__names_the_place(lon_deg: float, lat_deg: float, place: str) -> None:
+    choice = choose_crs(lon_deg, lat_deg)
+    assert choice is not None
+    assert choice.reason.startswith(f"{place} lies in")
+
+
+@pytest.mark.parametrize(("outside_deg", "named"), [(0.08, True), (0.12, False)])
+def test_zone_of_japan__is_an_alternative_within_a_tenth_of_a_degree(outside_deg: float, *, named: bool) -> None:
+    """Of the box that PROJ has for zone IX, from its western side, in zone VIII."""
+    area = CRS.from_epsg(6677).area_of_use
+    assert area is not None
+    choice = choose_crs(area.west - outside_deg, 36.5)
+    assert choice is not None
+    assert any("EPSG:6677" in text for text in choice.alternatives) == named

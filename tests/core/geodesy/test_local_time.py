@@ -6,11 +6,20 @@ import datetime as dt
 from zoneinfo import ZoneInfo, available_timezones
 
 import pytest
+import tzfpy
 from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import CRS
 
-from furrowmap.core.geodesy.local_time import clock_words, local_day, local_time, zone_at, zone_words
+from furrowmap.core.geodesy.local_time import (
+    clock_words,
+    in_local_time,
+    local_day,
+    local_time,
+    span_words,
+    zone_at,
+    zone_words,
+)
 
 JUNE_S = dt.datetime(2026, 6, 11, 16, 23, 5, 250_000, tzinfo=dt.UTC).timestamp()
 JANUARY_S = dt.datetime(2026, 1, 11, 23, 23, 5, tzinfo=dt.UTC).timestamp()
@@ -53,3 +62,42 @@ def test_day__is_that_of_the_place() -> None:
     t_s = dt.datetime(2026, 6, 10, 19, 30, tzinfo=dt.UTC).timestamp()
     assert local_day(t_s, CRS("EPSG:6677"), (0.0, 0.0)) == dt.date(2026, 6, 11)
     assert local_day(t_s, CRS("EPSG:25832"), (500_000.0, 6_100_000.0)) == dt.date(2026, 6, 10)
+
+
+@pytest.mark.parametrize(
+    ("lon_deg", "hours"), [(139.7, 9), (-93.6, -6), (7.4, 0), (7.6, 1), (-7.6, -1), (179.0, 12), (-179.0, -12)]
+)
+def test_zone_that_the_system_does_not_know__is_the_nautical_one(
+    lon_deg: float, hours: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tzfpy, "get_tz", lambda *_: "Mars/Base")
+    assert local_time(JUNE_S, zone_at(lon_deg, 0.0)).utcoffset() == dt.timedelta(hours=hours)
+
+
+def test_local_time__is_to_the_millisecond() -> None:
+    found = local_time(1_749_999_999.9996, ZoneInfo("Asia/Tokyo"))
+    assert found.isoformat() == "2025-06-16T00:06:40+09:00"
+
+
+def test_span__names_the_second_day_only_where_it_is_another() -> None:
+    tokyo = ZoneInfo("Asia/Tokyo")
+    first_s = dt.datetime(2026, 6, 11, 14, 50, tzinfo=dt.UTC).timestamp()
+    assert span_words(first_s, first_s + 90.0, tokyo) == "2026-06-11, 23:50:00 to 23:51:30 (Asia/Tokyo, UTC+09:00)"
+    assert span_words(first_s, first_s + 3600.0, tokyo) == (
+        "2026-06-11, 23:50:00 to 2026-06-12, 00:50:00 (Asia/Tokyo, UTC+09:00)"
+    )
+    marquesas = ZoneInfo("Pacific/Marquesas")
+    assert zone_words(first_s, marquesas) == "Pacific/Marquesas, UTC-09:30"
+
+
+def test_times_in_a_text__are_local_and_the_last_one_names_the_zone() -> None:
+    text = "Off from 2026-06-11T14:59:59.960Z to 2026-06-11T15:00:01.250Z: 3 positions."
+    assert in_local_time(text, ZoneInfo("Asia/Tokyo")) == (
+        "Off from 2026-06-11 23:59:59.9 to 2026-06-12 00:00:01.2 (Asia/Tokyo): 3 positions."
+    )
+    assert in_local_time("Nothing in 2026.", ZoneInfo("Asia/Tokyo")) == "Nothing in 2026."
+
+
+def test_day__of_a_plan_without_a_place_is_unknown() -> None:
+    plan = CRS('LOCAL_CS["site",UNIT["metre",1]]')
+    assert local_day(JUNE_S, plan, (0.0, 0.0)) is None
