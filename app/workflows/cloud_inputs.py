@@ -7,12 +7,12 @@ from typing import Any
 
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.values.progress import Progress
-from furrowmap.exporters.files.file_records import FileRecord, file_records
+from furrowmap.exporters.files.file_records import FileRecord, file_records, rooted_records
 
 
 def input_records(clouds: Clouds, progress: Progress) -> list[FileRecord]:
     """Name, size and SHA-256 of each file."""
-    return [file_records([file.path], file.path.parent, progress)[0] for file in clouds.files]
+    return rooted_records([(file.path, file.path.parent) for file in clouds.files], progress)
 
 
 def area_records(clouds: Clouds) -> list[FileRecord]:

@@ -27,7 +27,7 @@ from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.languages.choice import language_of_user
 from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.surface_file import heights_of, same_map
-from furrowmap.exporters.files.file_records import file_records
+from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
@@ -260,11 +260,12 @@ def _write(
     staging: Path, work: _Work, net: Network, settings: TieSettings, notices: Sequence[Notice], progress: Progress
 ) -> dict[str, Any]:
     """Write all products; the account."""
-    records = [
-        record
+    inputs = [
+        (path, date.after.path.parent.parent)
         for date in work.dates
-        for record in file_records(sorted({date.after.path, date.before.path}), date.after.path.parent.parent, progress)
+        for path in sorted({date.after.path, date.before.path})
     ]
+    records = rooted_records(inputs, progress)
     origin = Origin("Ties of dates", inputs=[(record.name, record.sha256) for record in records])
     tied = [bool((net.group == net.group[work.first + k]).sum() > 1) for k in range(len(work.dates))]
     dates = date_rows(work.dates, net, work.first, tied)

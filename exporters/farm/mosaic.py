@@ -28,7 +28,7 @@ from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.surface_file import SurfaceFile, heights_of, horizontal, same_map, surface_file, unusable
 from furrowmap.exporters.farm.virtual_raster import virtual_raster
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.file_records import file_records
+from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import common, window, windows
@@ -254,7 +254,7 @@ def grid_in(surface: SurfaceFile, crs: CRS, cell_m: float) -> Grid:
 
 
 def _origin(surfaces: Sequence[SurfaceFile], *, mean: bool, progress: Progress) -> Origin:
-    records = [file_records([surface.path], surface.path.parent.parent, progress)[0] for surface in surfaces]
+    records = rooted_records([(surface.path, surface.path.parent.parent) for surface in surfaces], progress)
     spans = [surface.span_s for surface in surfaces if surface.span_s is not None]
     heights = heights_of(surfaces[-1].crs)
     return Origin(

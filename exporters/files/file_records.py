@@ -39,10 +39,19 @@ def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent)
     Raises:
         OSError: if a file cannot be read.
     """
+    return rooted_records([(path, root) for path in paths], progress)
+
+
+def rooted_records(rooted: Sequence[tuple[Path, Path]], progress: Progress = silent) -> list[FileRecord]:
+    """Hash files of which each has its own root; otherwise as :func:`file_records`.
+
+    Raises:
+        OSError: if a file cannot be read.
+    """
     records = []
-    files = [file for path in paths for file in (files_in(path) if path.is_dir() else [path])]
-    total, done = sum(file.stat().st_size for file in files), 0
-    for path in files:
+    files = [(file, root) for path, root in rooted for file in (files_in(path) if path.is_dir() else [path])]
+    total, done = sum(file.stat().st_size for file, _ in files), 0
+    for path, root in files:
         digest, begun = hashlib.sha256(), done
         with path.open("rb") as stream:
             while block := stream.read(_BLOCK_BYTES):

@@ -18,6 +18,7 @@ from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.mounting import Mounting
+from tests.app.told_progress import Told
 
 FloatArray = NDArray[np.float64]
 
@@ -96,13 +97,16 @@ def off_deg(found: furrowmap.MountCalibration) -> FloatArray:
 
 
 def test_mount__is_within_a_twentieth_of_a_degree(frames: Path, tmp_path: Path) -> None:
+    told = Told()
     found = furrowmap.calibrate_mount(
         frames,
         BOARD,
         tmp_path / "mount.csv",
         camera=frames.parent / "session.toml",
         board_rpy_deg=(180.0, 0.0, 90.0),
+        progress=told,
     )
+    assert told.shares["looking for the board"] == pytest.approx([k / 6 for k in range(7)])
     assert found.t_s == pytest.approx(T0_S + 0.5 * np.arange(5))
     assert (off_deg(found) < 0.05).all()
     assert (found.rms_px < 0.15).all()

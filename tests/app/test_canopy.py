@@ -17,6 +17,7 @@ import shapely
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.values.errors import InputError, UsageError
+from tests.app.told_progress import Told
 
 CRS = "EPSG:6677"
 EAST, NORTH = -21_500.0, 16_880.0
@@ -54,7 +55,7 @@ def cloud(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def by_cell(cloud: Path) -> tuple[Path, dict[str, object]]:
     settings = furrowmap.CanopySettings(cell_m=5.0, pixel_m=0.25)
-    return cloud.parent / "cells", furrowmap.canopy([cloud], cloud.parent / "cells", settings)
+    return cloud.parent / "cells", furrowmap.canopy([cloud], cloud.parent / "cells", settings, progress=Told())
 
 
 def test_canopy__a_layer_of_few_stands_has_no_spatial_index(by_cell: tuple[Path, dict[str, object]]) -> None:

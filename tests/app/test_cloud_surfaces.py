@@ -19,6 +19,7 @@ from furrowmap.core.surfaces.gaps import bridged
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.errors import Cancelled, InputError, Notice, RefusedError
+from tests.app.told_progress import Told
 
 UTM = pyproj.CRS.from_epsg(32633)
 WEST, SOUTH = 500_000.0, 5_300_000.0
@@ -82,7 +83,7 @@ def clouds(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 @pytest.fixture(scope="module")
 def made(clouds: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("made") / "surfaces"
-    furrowmap.surface(clouds, folder, SurfaceSettings(cell_m=0.2))
+    furrowmap.surface(clouds, folder, SurfaceSettings(cell_m=0.2), progress=Told())
     return folder
 
 

@@ -15,6 +15,7 @@ from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.values.progress import silent
 from furrowmap.core.values.session import FeatureSearch
 from furrowmap.workflows.run_features import run_features
+from tests.app.told_progress import Told
 
 
 def cloud(path: Path, far_m: list[float], points: int = 20_000, side_m: float = 30.0) -> Path:
@@ -34,8 +35,8 @@ def cloud(path: Path, far_m: list[float], points: int = 20_000, side_m: float = 
 
 def test_promise_14__one_far_point_is_left_out_and_counted(tmp_path: Path) -> None:
     path = cloud(tmp_path / "far.laz", [5_000_000.0])
-    cleaned = furrowmap.clean([path], tmp_path / "clean.copc.laz")
-    surface = furrowmap.surface([path], tmp_path / "surface")
+    cleaned = furrowmap.clean([path], tmp_path / "clean.copc.laz", progress=Told())
+    surface = furrowmap.surface([path], tmp_path / "surface", progress=Told())
     for account in (cleaned, surface):
         (warning,) = (w for w in account["warnings"] if w["code"] == "points-far")
         assert warning["text"].startswith("1 of 20,001 points lie more than 1000 m from all others")

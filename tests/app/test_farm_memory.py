@@ -14,6 +14,7 @@ from rio_cogeo.cogeo import cog_validate
 
 import furrowmap
 from furrowmap.core.values.errors import InputError, RefusedError, UsageError
+from tests.app.told_progress import Told
 from tests.exporters.exchange.test_task_data import products  # noqa: F401 (a fixture)
 from tests.exporters.farm.result_folders import write_result
 
@@ -66,7 +67,7 @@ def test_history__is_a_page_in_japanese_and_a_table(farm: Path, tmp_path: Path) 
 
 def test_traffic__is_that_of_the_polygons_and_the_tracks(farm: Path, tmp_path: Path) -> None:
     made = furrowmap.farm_traffic(
-        farm, tmp_path / "t.tif", furrowmap.TrafficSettings(season=2026, cell_m=0.05, wheels=WHEELS)
+        farm, tmp_path / "t.tif", furrowmap.TrafficSettings(season=2026, cell_m=0.05, wheels=WHEELS), progress=Told()
     )
     assert (made.sessions, made.passes) == (2, 6)
     assert cog_validate(made.path)[0]

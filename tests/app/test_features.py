@@ -17,6 +17,7 @@ import furrowmap
 from benchmarks.yards import Yard, yard
 from furrowmap.cli.main import command_line
 from furrowmap.core.values.errors import InputError, RefusedError
+from tests.app.told_progress import Told
 
 EAST, NORTH = -20_000.0, -40_000.0
 
@@ -52,7 +53,7 @@ def cloud(seen: Yard, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def folder(cloud: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("features") / "out"
-    furrowmap.features([cloud], out)
+    furrowmap.features([cloud], out, progress=Told())
     return out
 
 

@@ -18,6 +18,7 @@ import shapely
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.values.errors import InputError, UsageError
+from tests.app.told_progress import Told
 
 CRS = "EPSG:6677"
 EAST, NORTH = -21_500.0, 16_880.0
@@ -68,7 +69,7 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_growth__is_that_of_the_crop_not_of_the_flights_heights(trial: Path) -> None:
     clouds = [trial / f"{day}.laz" for day in reversed(DAYS)]
     settings = furrowmap.GrowthSettings(net_inset_m=(0.5, 0.1))
-    account = furrowmap.growth(clouds, trial / "parcels.gpkg", trial / "three", settings)
+    account = furrowmap.growth(clouds, trial / "parcels.gpkg", trial / "three", settings, progress=Told())
     assert [flight["day"] for flight in account["flights"]] == [str(day) for day in DAYS]
     offsets = [flight["alignment"]["offset_m"] for flight in account["flights"][1:]]
     assert offsets == pytest.approx(OFFSETS_M[1:], abs=0.002)

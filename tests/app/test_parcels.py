@@ -23,6 +23,7 @@ from furrowmap.core.values.parcel import SOIL_METHODS, SoilMethod
 from furrowmap.core.values.progress import silent
 from furrowmap.workflows.parcels import parcel_settings
 from furrowmap.workflows.soil_source import soil_source
+from tests.app.told_progress import Told
 
 CRS = "EPSG:25832"
 EAST, NORTH = 651_500.0, 6_133_880.0
@@ -61,7 +62,8 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def crops(trial: Path) -> tuple[Path, dict[str, object]]:
     settings = furrowmap.ParcelSettings(net_inset_m=(0.5, 0.1), compare=True)
-    return trial / "crops", furrowmap.parcels([trial / "flight.laz"], trial / "parcels.gpkg", trial / "crops", settings)
+    clouds, out = [trial / "flight.laz"], trial / "crops"
+    return out, furrowmap.parcels(clouds, trial / "parcels.gpkg", out, settings, progress=Told())
 
 
 def test_parcels__areas_and_volumes_are_of_the_ground(crops: tuple[Path, dict[str, object]]) -> None:

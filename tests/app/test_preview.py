@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 import furrowmap
 from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, RUN_PRODUCTS
+from tests.app.told_progress import Told
 
 _EN = ("e_m", "n_m")
 
@@ -27,7 +28,7 @@ def loop(shared_data: Path) -> Path:
 @pytest.fixture(scope="module")
 def folder(loop: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("preview")
-    furrowmap.preview(loop / "session.toml", folder)
+    furrowmap.preview(loop / "session.toml", folder, progress=Told())
     return folder
 
 

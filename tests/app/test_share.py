@@ -18,6 +18,7 @@ import shapely
 import furrowmap
 from furrowmap.exporters.share import page as page_module
 from tests.app.files_server import served
+from tests.app.told_progress import Told
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -46,7 +47,7 @@ def shared(named: Path, page_scripts: None) -> furrowmap.Shared:
     """Its page, with so few points that drawing them without a graphics card is fast."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(page_module, "MOST_POINTS", POINTS)
-        return furrowmap.share(named)
+        return furrowmap.share(named, progress=Told())
 
 
 @pytest.fixture(scope="module")

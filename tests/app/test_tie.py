@@ -23,6 +23,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, write_cog
+from tests.app.told_progress import Told
 
 CELL_M, SIDE = 0.05, 320
 WEST, NORTH = 332_000, 1_930_000
@@ -124,9 +125,12 @@ def band(path: Path) -> NDArray[np.float32]:
 
 
 def test_tie__leaves_the_soil_moved_and_nothing_of_the_receivers(season: Sequence[Path], tmp_path: Path) -> None:
-    warned: list[Notice] = []
-    account = furrowmap.tie(list(reversed(season)), tmp_path / "out", warn=warned.append)
+    warned, told = list[Notice](), Told()
+    account = furrowmap.tie(list(reversed(season)), tmp_path / "out", progress=told, warn=warned.append)
     assert not warned
+    thirds = [0.0, 0.0, 1 / 3, 2 / 3]
+    for stage in ("finding walls and posts", "tying dates", "writing surfaces"):
+        assert told.shares[stage] == pytest.approx([*thirds, *([1.0] if stage == "tying dates" else [])])
     assert [date["name"] for date in account["dates"]] == ["date 0", "date 1", "date 2"]
     tie = next(row for row in account["ties"] if (row["date_a"], row["date_b"]) == (1, 2))
     assert tie["height_m"] == pytest.approx(UP_M[0] - UP_M[1], abs=1e-3)
