@@ -286,7 +286,9 @@ def jumps(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np
     n = len(t_s)
     if n < 7:
         return np.zeros(n, bool)
-    around = np.clip(np.arange(n)[:, None] + np.array([-3, -2, -1, 1, 2, 3]), 0, n - 1)
+    # Mirrored at both ends, where a position would else be three of its neighbour's neighbours.
+    around = np.abs(np.arange(n)[:, None] + np.array([-3, -2, -1, 1, 2, 3]))
+    around = n - 1 - np.abs(n - 1 - around)
     off = np.abs(xyz_m - np.median(xyz_m[around], axis=1))
     dt = t_s[around] - t_s[:, None]
     reach = 0.5 * HARDEST_MPS2 * (dt**2).max(axis=1) + FASTEST_MPS * np.abs(dt.mean(axis=1))

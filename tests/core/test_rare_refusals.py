@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 import sys
 import zipfile
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
@@ -23,11 +24,13 @@ from furrowmap.core.crops.treatments import read_treatments
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.evaluation.receivers import evaluate_logs
 from furrowmap.core.geodesy.parameter_file import read_parameters
+from furrowmap.core.images.board import expect_opencv
 from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.pointclouds.run_notices import refuse_empty
 from furrowmap.core.readers import zipped_layer
 from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.readers.exif import expect_pillow
 from furrowmap.core.readers.sheet import LARGEST_BYTES, read_sheet
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.trajectory.imu_mounting import check_mounting
@@ -39,6 +42,7 @@ from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.vectors import FORMATS, write_vectors
 from furrowmap.exporters.farm import database
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.workbook import require_workbook
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_nmea import sentence
 from tests.core.test_refusals import par, refusal
@@ -200,6 +204,18 @@ def test_layers__for_geoparquet_need_pyarrow(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with refusal("extra-missing", "pyarrow, which is not installed"):
         write_vectors(FORMATS["geoparquet"], tmp_path / "out", layers, Origin("a test"))
+
+
+@pytest.mark.parametrize(
+    ("package", "expect", "name"),
+    [("cv2", expect_opencv, "OpenCV"), ("PIL", expect_pillow, "Pillow"), ("openpyxl", require_workbook, "openpyxl")],
+)
+def test_packages__that_are_not_installed_are_named(
+    package: str, expect: Callable[[], None], name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with refusal("extra-missing", f"{name}.* is not installed"):
+        expect()
 
 
 def test_a_farm_map__that_another_program_has_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

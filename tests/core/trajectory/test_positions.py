@@ -225,6 +225,17 @@ def test_jump__beside_a_pause_is_what_no_speed_explains() -> None:
         assert np.flatnonzero(jumps(t_s, xyz_m, np.full((21, 2), 0.01))).tolist() == expected
 
 
+@pytest.mark.parametrize("index", [0, 1, 2, 10, 18, 19, 20])
+@pytest.mark.parametrize("size_m", [2.8, 4.0, 40.0])
+def test_jump__at_either_end_is_that_position_and_none_beside_it(index: int, size_m: float) -> None:
+    t_s, xyz_m = 0.1 * np.arange(21), np.zeros((21, 3))
+    xyz_m[:, 0] = 1.5 * t_s
+    xyz_m[index, 1] = size_m
+    found = np.flatnonzero(jumps(t_s, xyz_m, np.full((21, 2), 0.01))).tolist()
+    # The neighbours of the first and the last are 0.2 s away on average, in which 3 m are driven.
+    assert found == ([] if index in {0, 20} and size_m < 3.0 else [index])
+
+
 @pytest.mark.parametrize("sigma_m", [0.02, 0.3])
 @pytest.mark.parametrize("interval_s", [0.1, 0.5])
 def test_step__is_beyond_what_brakes_and_standard_deviations_allow(sigma_m: float, interval_s: float) -> None:
