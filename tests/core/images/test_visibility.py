@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from furrowmap.core.images.balance import FEWEST, balanced
 from furrowmap.core.images.frame_poses import FramePoses
 from furrowmap.core.images.frames import Frames
-from furrowmap.core.images.visibility import CELL_PX, SLACK_CELLS, VisibilityMaker, closed
+from furrowmap.core.images.projection import project
+from furrowmap.core.images.visibility import CELL_PX, SLACK_CELLS, Visibility, VisibilityMaker, closed
 
 from .scenes import CAMERA, HEIGHT_M
 
@@ -71,6 +73,49 @@ def test_places__are_seen_by_the_frames_above_them() -> None:
         assert index.frames[index.start[cell] : index.start[cell + 1]].tolist() == frames_there
     assert found.depth_m.min() == pytest.approx(HEIGHT_M), "the point behind the camera is in no frame"
     assert index.start[-1] == len(index.frames)
+
+
+def seen_by(found: Visibility, place_m: np.ndarray) -> list[int]:
+    """The frames that the index names for a place."""
+    index = found.index
+    column, row = ((place_m[:2] - index.corner_m) // index.cell_m).astype(int)
+    cell = row * index.columns + column
+    return index.frames[index.start[cell] : index.start[cell + 1]].tolist()
+
+
+def test_places__are_seen_by_frames_that_look_anywhere() -> None:
+    """Against the camera's model, of frames turned any way about the vertical and up to upside down."""
+    rng = np.random.default_rng(6)
+    count = 150
+    turned = Rotation.from_euler(
+        "ZX", np.column_stack([rng.uniform(0, 360, count), rng.uniform(0, 180, count)]), degrees=True
+    )
+    centres = np.column_stack([rng.uniform(-12.0, 12.0, (count, 2)), rng.uniform(4.0, 9.0, count)])
+    poses = FramePoses(np.arange(float(count)), centres, (turned * Rotation.from_matrix(DOWN)).as_matrix(), 0.9996)
+    frames = Frames((Path("a.png"),) * count, CAMERA, poses)
+    east, north = (axis.ravel() for axis in np.meshgrid(np.arange(-9.0, 10.0, 3.0), np.arange(-9.0, 10.0, 3.0)))
+    places = np.column_stack([east + 0.0123, north + 0.0234, rng.uniform(0.0, 2.0, len(east))])
+    maker = VisibilityMaker(frames, ORIGIN_M)
+    maker.add(places)
+    found = maker.finish()
+    local = np.stack([poses.in_frame(k, places) for k in range(count)])
+    pixel = np.nan_to_num(np.stack([project(CAMERA, one) for one in local]), nan=-9.0) + 0.5
+    shown = ((pixel >= 0.0) & (pixel < [CAMERA.width, CAMERA.height])).all(axis=2) & (local[:, :, 2] > 0.2)
+    for k, place in enumerate(places):
+        assert seen_by(found, place) == np.flatnonzero(shown[:, k]).tolist()
+    nearest = np.where(shown, local[:, :, 2], np.inf).min(axis=1)
+    np.testing.assert_allclose(found.depth_m.min(axis=(1, 2)), nearest, rtol=1e-5)
+    assert 100 < shown.sum() < 0.5 * shown.size
+
+
+@pytest.mark.parametrize(("below_m", "seen"), [(0.19, False), (0.21, True), (149.0, True), (151.0, False)])
+def test_points__are_seen_from_20_cm_to_150_m(below_m: float, seen: bool) -> None:
+    place = np.array([0.0, 0.0, HEIGHT_M - below_m])
+    maker = VisibilityMaker(above(0.0), ORIGIN_M)
+    maker.add(place[None])
+    found = maker.finish()
+    assert seen_by(found, place) == [0] * seen
+    assert found.depth_m.min() == (pytest.approx(below_m, rel=1e-6) if seen else np.inf)
 
 
 def test_without_points__nothing_is_hidden_and_nothing_seen() -> None:
