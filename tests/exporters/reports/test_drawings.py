@@ -27,6 +27,7 @@ from tests.exporters.reports.drawn import FloatArray, corners, number, reading, 
 from tests.exporters.vectors.worked_field import LIFTED_M, worked_field
 
 POSES, WORK = worked_field()
+UNKNOWN = replace(POSES, sigma=np.full_like(POSES.sigma, np.nan))
 
 
 def times(root: ET.Element, x: FloatArray | float | tuple[float, float]) -> FloatArray:
@@ -165,3 +166,23 @@ def test_path__is_unbroken_where_the_fix_changes() -> None:
     first, second = (path.attrib for path in root.iter("path") if path.attrib["class"] == "fix")
     assert (first["stroke"], second["stroke"]) == (fix_colour(4), fix_colour(5))
     assert first["d"].split("L")[-1] == second["d"].removeprefix("M").split("L")[0]
+
+
+@pytest.mark.parametrize(
+    "drawn",
+    [tool_graph(WORK), quality_graph(POSES), quality_graph(UNKNOWN), activity_graph(POSES, WORK), quality_map(POSES)],
+    ids=["tool", "quality", "fixes alone", "activity", "map"],
+)
+def test_drawing__is_as_large_as_what_is_on_it(drawn: str) -> None:
+    root = ET.fromstring(drawn)
+    width, height = (float(value) for value in root.attrib["viewBox"].split()[2:])
+    places = [(float(part.attrib[f"x{k}"]), float(part.attrib[f"y{k}"])) for part in root.iter("line") for k in "12"]
+    places += [(float(part.attrib["x"]), float(part.attrib["y"])) for part in root.iter("text")]
+    places += [(x, y) for part in root.iter("rect") for x, y in zip(span(part, "x"), span(part, "y"), strict=True)]
+    places += [(x, y) for part in root.iter("polyline") for x, y in corners(part).tolist()]
+    places += [(float(x), float(y)) for x, y in re.findall(r"([\d.]+) ([\d.]+)(?=L|\")", drawn)]
+    x, y = np.array(places).T
+    assert width == 640.0
+    assert -0.5 <= x.min() <= x.max() <= width + 0.5
+    assert y.min() >= -0.5
+    assert height - 12.5 <= y.max() <= height
