@@ -220,7 +220,8 @@ def _bad(path: Path, what: str, meaning: str, code: str) -> InputError:
 def _date(year: int, day: int) -> dt.date | None:
     if not (FIRST_YEAR <= year <= dt.datetime.now(dt.UTC).year + 1 and 1 <= day <= 366):
         return None
-    return dt.date(year, 1, 1) + dt.timedelta(days=day - 1)
+    date = dt.date(year, 1, 1) + dt.timedelta(days=day - 1)
+    return date if date.year == year else None
 
 
 def _text(field: bytes) -> str:

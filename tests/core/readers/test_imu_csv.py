@@ -9,6 +9,7 @@ import pytest
 
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import ReadOptions, Recognised
+from furrowmap.core.readers.source import look
 from furrowmap.core.values.errors import InputError
 
 HEAD = "time_unix_s,gyro_x_dps,gyro_y_dps,gyro_z_dps,force_x_mps2,force_y_mps2,force_z_mps2"
@@ -96,3 +97,54 @@ def test_sample__is_inspected(shared_data: Path) -> None:
     assert inspection.facts["measurements"] == 22_196
     assert inspection.facts["rate_hz"] == pytest.approx(200.0, abs=0.1)
     assert np.linalg.norm(inspection.facts["mean_force_mps2"]) == pytest.approx(9.8, abs=0.2)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("axis", "xyz")
+@pytest.mark.parametrize(("kind", "unit", "largest"), [("gyro", "radps", 100.0), ("force", "mps2", 1000.0)])
+def test_values__at_the_limit_of_imus_are_read_and_beyond_it_are_refused(
+    kind: str, unit: str, largest: float, axis: str, sign: float, tmp_path: Path
+) -> None:
+    head = HEAD.replace("dps", "radps").split(",")
+    at = head.index(f"{kind}_{axis}_{unit}")
+
+    def with_value(value: float) -> ImuCsv:
+        rows = [row.split(",") for row in ROWS]
+        rows[5][at] = repr(value)
+        return read(tmp_path, "\n".join([",".join(head), *(",".join(row) for row in rows), ""]))[0]
+
+    assert len(with_value(sign * largest).inertial()) == 8
+    with pytest.raises(InputError, match=head[at][:4]) as refused:
+        with_value(sign * largest * (1.0 + 1e-9)).inertial()
+    assert refused.value.code == "value-out-of-range"
+
+
+@pytest.mark.parametrize(("late", "is_read"), [(2, True), (3, False)])
+def test_rows__one_in_a_hundred_may_run_back(late: int, is_read: bool, tmp_path: Path) -> None:
+    many = [f"{1779529271.8 + 0.005 * k:.3f},0,0,0,0,0,9.8" for k in range(200 - late)]
+    reader, _ = read(tmp_path, "\n".join([HEAD, *many[:100], *many[50 : 50 + late], *many[100:], ""]))
+    if is_read:
+        assert len(reader.inertial()) == 200 - late
+    else:
+        with pytest.raises(InputError, match=f"{late} of 200"):
+            reader.inertial()
+
+
+@pytest.mark.parametrize(("count", "is_read"), [(1, False), (2, True)])
+def test_rows__two_at_least(count: int, is_read: bool, tmp_path: Path) -> None:
+    reader, _ = read(tmp_path, "\n".join([HEAD, *ROWS[:count], ""]))
+    if is_read:
+        assert len(reader.inertial()) == 2
+    else:
+        with pytest.raises(InputError):
+            reader.inertial()
+
+
+def test_recognise__by_the_columns_of_three_axes_and_a_time(tmp_path: Path) -> None:
+    names = HEAD.split(",")
+    certainty = [
+        ImuCsv.recognise(look(read(tmp_path, ",".join(names[:count]) + "\n1,2\n")[1])) for count in range(1, 8)
+    ]
+    assert certainty[:3] == [0.0] * 3
+    assert 0.0 < certainty[3] == certainty[4] == certainty[5] < certainty[6] == 1.0
+    assert ImuCsv.recognise(look(read(tmp_path, ",".join(names[1:]) + "\n1,2\n")[1])) == 0.0

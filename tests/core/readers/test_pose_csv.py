@@ -20,6 +20,7 @@ from furrowmap.core.values.clock import utc_to_gps_s
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.rotation import wrap_deg
+from furrowmap.core.values.scan import Clock
 
 HEADER = "time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg"
 T0 = 1781141019.8
@@ -271,3 +272,44 @@ def test_times__from_the_first_day_of_gps_to_the_end_of_the_century(first: str, 
     beyond = (begin_s - 1.0, begin_s) if begin_s < 1e9 else (end_s, end_s + 1.0)
     error = refusal(write(tmp_path, HEADER, *(row for at in beyond for row in rows(1, at))))
     assert (error.code, "`time_unix_s`" in error.what) == ("value-out-of-range", True)
+
+
+def test_inspect__tells_the_place_and_the_clock(tmp_path: Path) -> None:
+    """Of a file with easting and northing and, besides, a longitude and latitude on the Earth."""
+    for lon, lat, is_place in (("139.5", "-90", True), ("-180", "35", True), ("360", "90", True), ("361", "35", False),
+                               ("139", "90.1", False), ("x", "35", False)):  # fmt: skip
+        path = write(tmp_path, HEADER + ",lon_deg,lat_deg", *(f"{row},{lon},{lat}" for row in rows()))
+        found = PoseCsv([path], ReadOptions()).inspect()
+        assert found.facts.get("place") == ({"lat_deg": float(lat), "lon_deg": float(lon)} if is_place else None)
+    (clock,) = found.clocks
+    assert (clock.clock, clock.note) == (Clock.STATED, "from its column `time_unix_s`")
+    assert (clock.first_s, clock.last_s) == pytest.approx((T0, T0 + 0.04), abs=1e-4)
+    assert (found.path, found.format) == (path, "pose-csv")
+
+
+@pytest.mark.parametrize(
+    ("names", "certainty"),
+    [
+        ("time_unix_s,roll_deg,lon_deg", 1.0),
+        ("time_unix_s,roll_deg", 0.6),
+        ("roll_deg,pitch_deg,heading_deg", 0.6),
+        ("roll_deg,pitch_deg", 0.0),
+        ("a,b,c,d,Roll,Pitch", 0.2),
+        ("a,b,c,Roll,Pitch", 0.0),
+        ("a,b,c,d,e,Roll", 0.0),
+        ("a,b,c,d,e,Pitch", 0.0),
+    ],
+)
+def test_recognise__by_the_names_of_columns(names: str, certainty: float, tmp_path: Path) -> None:
+    path = write(tmp_path, names, ",".join("1" for _ in names.split(",")))
+    assert PoseCsv.recognise(look(path)) == certainty
+
+
+@pytest.mark.parametrize(("late", "is_read"), [(2, True), (3, False)])
+def test_rows__one_in_a_hundred_may_run_back(late: int, is_read: bool, tmp_path: Path) -> None:
+    many = rows(200 - late)
+    path = write(tmp_path, HEADER, *many[:100], *many[50 : 50 + late], *many[100:])
+    if is_read:
+        assert len(poses(path)) == 200 - late
+    else:
+        assert f"{late} of 200 poses are out of time order, the first is pose 101" in refusal(path).what

@@ -219,4 +219,10 @@ def test_recognise__times_increase_by_up_to_an_hour() -> None:
         return Sbet.recognise(Head(Path(), data[:count].tobytes(), "", suffix))
 
     assert [score(step_s) > 0.9 for step_s in (-0.1, 0.0, 0.1, 3600.0, 3601.0)] == [False, False, True, True, False]
+    assert score(0.1) <= 1.0
+    data[:, 0] += 1e10 - data[-1, 0]
+    assert score(0.01) > 0.9
+    data[:, 0] += 1.0
+    assert score(0.01) == 0.0
+    data[:, 0] -= 9e9
     assert [score(0.1, suffix, 1) > 0.9 for suffix in (".sbet", ".out", ".bin")] == [True, True, False]

@@ -203,3 +203,67 @@ def test_fields__are_what_pysbf2_reads_of_any_block(content: bytes) -> None:
 
 def test_names__are_those_of_pysbf2() -> None:
     assert {number: name for number, (name, *_) in pysbf2.SBF_MSGIDS.items()} == NAMES
+
+
+def test_times__are_within_a_week_that_is_stated(tmp_path: Path) -> None:
+    last_ms = 604_800_000
+    (tmp_path / "log.sbf").write_bytes(b"".join([pvt(last_ms - 1), pvt(last_ms), pvt(0, week=0xFFFE)]))
+    facts = SbfLog([tmp_path / "log.sbf"], ReadOptions()).inspect().facts
+    assert (facts["epochs"], facts["epochs_without_position"]) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("at", "layout", "raw", "column", "value"),
+    [
+        (74, "<B", 0, "satellites", 0),
+        (74, "<B", 254, "satellites", 254),
+        (74, "<B", 255, "satellites", -1),
+        (78, "<H", 0, "age_s", 0.0),
+        (78, "<H", 0xFFFE, "age_s", 655.34),
+        (78, "<H", 0xFFFF, "age_s", np.nan),
+        (56, "<f", -90.0, "course_deg", 270.0),
+        (56, "<f", 360.0, "course_deg", 0.0),
+        (56, "<f", -2e10, "course_deg", np.nan),
+        (32, "<d", -2e10, "height_m", np.nan),
+        (32, "<d", -400.0, "height_m", -400.0),
+        (44, "<f", -2e10, "speed_mps", np.nan),
+        (48, "<f", -2e10, "speed_mps", np.nan),
+    ],
+)
+def test_fields__that_are_not_stated_are_unknown(
+    at: int, layout: str, raw: float, column: str, value: float, tmp_path: Path
+) -> None:
+    """SBF reference guide, "Do-Not-Use" values."""
+    body = bytearray(pvt(0)[8:])
+    struct.pack_into(layout, body, at - 8, raw)
+    (tmp_path / "log.sbf").write_bytes(block(4007, bytes(body), revision=2))
+    np.testing.assert_allclose(getattr(track_of(tmp_path / "log.sbf"), column), [value], rtol=1e-6)
+
+
+def test_covariances_and_dilution__of_the_same_time_without_an_error(tmp_path: Path) -> None:
+    def covariance(tow_ms: int, error: int, *values: float) -> bytes:
+        return block(5906, struct.pack("<IHBB3f", tow_ms, 2400, 4, error, *values) + b"\0" * 28)
+
+    def dilution(tow_ms: int, hundredths: int) -> bytes:
+        return block(4001, struct.pack("<IHBBHHHH2f", tow_ms, 2400, 9, 0, 0, 0, hundredths, 0, 0.0, 0.0))
+
+    log = [pvt(1000 * k) for k in range(4)]
+    log += [covariance(0, 0, 0.01, 0.04, 0.09), covariance(1000, 1, 1, 1, 1), covariance(2000, 0, -1.0, -2e10, 0.0)]
+    log += [dilution(0, 125), dilution(1000, 0), dilution(9000, 125)]
+    (tmp_path / "log.sbf").write_bytes(b"".join(log))
+    track = track_of(tmp_path / "log.sbf")
+    nan = np.nan
+    np.testing.assert_allclose(track.sigma_n_m, [0.1, nan, nan, nan], rtol=1e-6)
+    np.testing.assert_allclose(track.sigma_e_m, [0.2, nan, nan, nan], rtol=1e-6)
+    np.testing.assert_allclose(track.sigma_h_m, [0.3, nan, 0.0, nan], rtol=1e-6)
+    np.testing.assert_allclose(track.hdop, [1.25, nan, nan, nan])
+
+
+def test_positions__of_two_dimensions_and_of_sbas_are_told(tmp_path: Path) -> None:
+    for modes, codes, service in (((4, 4, 4), [], ""), ((4, 132, 4), ["positions-2d"], ""), ((6, 6, 1), [], "sbas"),
+                                  ((6, 1), [], "")):  # fmt: skip
+        (tmp_path / "log.sbf").write_bytes(b"".join(pvt(1000 * k, mode) for k, mode in enumerate(modes)))
+        reader = SbfLog([tmp_path / "log.sbf"], ReadOptions())
+        assert reader.track().service == service
+        assert [notice.code for notice in reader.notices] == codes
+        assert all("1 positions are 2D" in notice.text for notice in reader.notices)

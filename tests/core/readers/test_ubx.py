@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -331,3 +332,85 @@ def test_precise_position__is_what_pyubx2_reads_of_any_payload(content: bytes) -
 def test_names__are_those_of_pyubx2() -> None:
     own = {key: name for key, name in pyubx2.UBX_MSGIDS.items() if len(key) == 2 and key[0] < 0x66}
     assert {kind.to_bytes(2, "big"): name for kind, name in NAMES.items()} == own
+
+
+def pvt(tow_ms: int, **fields: int) -> bytes:
+    """A NAV-PVT of 2026-06-11 10:00:00 by pyubx2, with other fields."""
+    stated = {"iTOW": tow_ms, "year": 2026, "month": 6, "day": 11, "hour": 10, "min": 0,
+              "second": (tow_ms // 1000 - 18) % 60, "valid": 7, "nano": 0, "fixType": 3, "flags": 1, "numSV": 9,
+              "lon": 1_400_000_000, "lat": 360_000_000,
+              "height": 55_000, "hAcc": 20, "vAcc": 30, "gSpeed": 1500, "headMot": 9_000_000}  # fmt: skip
+    payload = bytearray(92)
+    places = {"iTOW": (0, "<I"), "year": (4, "<H"), "month": (6, "<B"), "day": (7, "<B"), "hour": (8, "<B"),
+              "min": (9, "<B"), "second": (10, "<B"), "valid": (11, "<B"), "nano": (16, "<i"), "fixType": (20, "<B"),
+              "flags": (21, "<B"), "numSV": (23, "<B"), "lon": (24, "<i"), "lat": (28, "<i"), "height": (32, "<i"),
+              "hAcc": (40, "<I"), "vAcc": (44, "<I"), "gSpeed": (60, "<i"), "headMot": (64, "<i"),
+              "flags3": (78, "<H")}  # fmt: skip
+    for name, value in (stated | fields).items():
+        struct.pack_into(places[name][1], payload, places[name][0], value)
+    return frame(PVT, bytes(payload))
+
+
+NOON_S = 1_781_172_000.0
+"""2026-06-11 10:00:00 UTC, a Thursday; 381,618 s of the GPS week."""
+TOW_MS = 381_618_000
+
+
+@pytest.mark.parametrize(
+    ("fields", "is_time"),
+    [
+        ({}, True),
+        ({"valid": 6}, False),
+        ({"valid": 5}, False),
+        ({"valid": 3}, False),
+        ({"hour": 23, "min": 59, "second": 60}, True),
+        ({"hour": 24}, False),
+        ({"min": 60}, False),
+        ({"second": 61}, False),
+        ({"day": 31}, False),
+        ({"month": 13}, False),
+        ({"year": 1979}, False),
+    ],
+)
+def test_calendar__counts_where_it_is_valid_and_a_time(fields: dict[str, int], is_time: bool, tmp_path: Path) -> None:
+    """Else it is the second of the week, in a week that is known otherwise."""
+    off = {"second": 30} | fields
+    log = pvt(TOW_MS) + pvt(TOW_MS + 2000, **off)
+    (tmp_path / "log.ubx").write_bytes(log)
+    track = track_of(tmp_path / "log.ubx")
+    clock = {"hour": 10, "min": 0, "second": 30} | fields
+    told_s = 3600.0 * (clock["hour"] - 10) + 60.0 * clock["min"] + clock["second"]
+    assert track.t_s - NOON_S == pytest.approx([0.0, told_s if is_time else 2.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("fields", "fix"),
+    [
+        ({"fixType": 0}, None),
+        ({"fixType": 1}, Fix.ESTIMATED),
+        ({"fixType": 1, "flags3": 1}, None),
+        ({"fixType": 2}, Fix.SINGLE),
+        ({"fixType": 3, "flags": 3}, Fix.DGPS),
+        ({"fixType": 3, "flags": 0x43}, Fix.FLOAT),
+        ({"fixType": 3, "flags": 0x83}, Fix.FIXED),
+        ({"fixType": 3, "flags": 0x82}, None),
+        ({"fixType": 3, "flags": 0x83, "flags3": 1}, None),
+        ({"fixType": 4}, Fix.SINGLE),
+        ({"fixType": 5}, None),
+    ],
+)
+def test_fix__with_an_invalid_position_or_outside_of_its_limits_is_none(
+    fields: dict[str, int], fix: Fix | None, tmp_path: Path
+) -> None:
+    (tmp_path / "log.ubx").write_bytes(pvt(TOW_MS) + pvt(TOW_MS + 1000, **fields))
+    assert track_of(tmp_path / "log.ubx").fix.tolist()[1:] == ([] if fix is None else [fix])
+
+
+def test_fields__have_the_units_of_the_manual(tmp_path: Path) -> None:
+    (tmp_path / "log.ubx").write_bytes(pvt(TOW_MS, nano=-250_000_000, headMot=-1_000_000, numSV=255))
+    track = track_of(tmp_path / "log.ubx")
+    assert track.t_s[0] == pytest.approx(NOON_S - 0.25, abs=1e-6)
+    assert (track.lon_deg[0], track.lat_deg[0], track.height_m[0]) == (140.0, 36.0, 55.0)
+    assert (track.sigma_e_m[0], track.sigma_n_m[0]) == pytest.approx((0.02 / np.sqrt(2.0),) * 2)
+    assert (track.sigma_h_m[0], track.speed_mps[0]) == pytest.approx((0.03, 1.5))
+    assert (track.course_deg[0], track.satellites[0]) == (pytest.approx(350.0), 255)

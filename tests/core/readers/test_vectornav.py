@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from binascii import crc_hqx
 from pathlib import Path
 
 import numpy as np
@@ -129,9 +130,73 @@ def test_device_without_a_fix__has_no_times_yet(tmp_path: Path) -> None:
     early = bytearray(common(0))
     early[4:12] = bytes(8)
     head, body = bytes(early[1:-2]), early[:-2]
-    from binascii import crc_hqx
-
     first = bytes(body) + crc_hqx(head, 0).to_bytes(2, "big")
     reader = VectorNavBinary([written(tmp_path, first * 3 + b"".join(common(int(k)) for k in K))], ReadOptions())
     assert len(reader.inertial()) == len(K)
     assert [notice.code for notice in reader.notices] == ["rows-incomplete"]
+
+
+@pytest.mark.parametrize(
+    ("before", "stamp_s"),
+    [
+        ("1781083182.25,", 1_781_083_182.25),
+        ("1781083182250 ", 1_781_083_182.25),
+        ("[2026-06-10T09:19:42.25Z] ", 1_781_083_182.25),
+        ("2026-06-10 18:19:42.25+09:00;", 1_781_083_182.25),
+        ("600000001,", 600_000_001.0),
+        ("599999999,", None),
+        ("4999999999,", 4_999_999_999.0),
+        ("5000000001,", None),
+        ("599999999999,", None),
+        ("600000000001,", 600_000_000.001),
+        ("12.5,", None),
+        ("sensor ", None),
+        ("", None),
+    ],
+)
+def test_stamps__are_utc_in_seconds_milliseconds_or_iso_8601(before: str, stamp_s: float | None) -> None:
+    found = sentences.Sentences()
+    found.add(iter([before.encode() + vnimu(1)]))
+    np.testing.assert_allclose(found.table()[0, 0], np.nan if stamp_s is None else stamp_s, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("body", "rate", "force", "angles"),
+    [
+        ("VNIMU,1,2,3,4,5,6,7,8,9,10,11", (7, 8, 9), (4, 5, 6), None),
+        ("VNIMU,1,2,3,4,5,6,7,8,9,10", None, None, None),
+        ("VNYMR,1,2,3,4,5,6,7,8,9,10,11,12", (10, 11, 12), (7, 8, 9), (1, 2, 3)),
+        ("VNYMR,1,2,3,4,5,6,7,8,9,10,11", None, None, (1, 2, 3)),
+        ("VNMAR,1,2,3,4,5,6,7,8,9", (7, 8, 9), (4, 5, 6), None),
+        ("VNMAR,1,2,3,4,5,6,7,8", None, None, None),
+        ("VNYPR,1,2,3", None, None, (1, 2, 3)),
+        ("VNYPR,1,2", None, None, None),
+    ],
+)
+def test_sentences__have_their_fields_where_the_manual_says(
+    body: str, rate: tuple[int, ...] | None, force: tuple[int, ...] | None, angles: tuple[int, ...] | None
+) -> None:
+    """VN-100 and VN-200 user manuals: VNMAR is magnetic, acceleration, rate; VNYMR has the angles before them."""
+    found = sentences.Sentences()
+    found.add(iter([sentence(body)]))
+    none = (np.nan,) * 3
+    np.testing.assert_array_equal(found.table()[0, 3:], [*(rate or none), *(force or none), *(angles or none)])
+
+
+@pytest.mark.parametrize(("week", "fields", "is_timed"), [(2422, 15, True), (2422, 14, False), (0, 15, False)])
+@pytest.mark.parametrize("kind", ["VNINS", "VNGPS"])
+def test_sentences__have_a_time_once_the_week_is_known(kind: str, week: int, fields: int, is_timed: bool) -> None:
+    found = sentences.Sentences()
+    found.add(iter([sentence(",".join([kind, "1000.5", str(week), "80FE", *["1.0"] * (fields - 3)]))]))
+    assert found.bad == 0
+    np.testing.assert_array_equal(found.table()[0, 1], 2422 * 604_800 + 1000.5 if is_timed else np.nan)
+
+
+@pytest.mark.parametrize(
+    ("checksum", "is_intact"), [("XX", True), ("XXXX", True), ("{0:04X}", True), ("123", False), ("00", False)]
+)
+def test_checksums__of_8_or_16_bits_or_switched_off(checksum: str, is_intact: bool) -> None:
+    body = "VNYPR,+006.271,+000.031,-002.000"
+    found = sentences.Sentences()
+    found.add(iter([f"${body}*{checksum.format(crc_hqx(body.encode(), 0))}\r\n".encode()]))
+    assert (found.bad, found.kinds) == ((0, {"VNYPR": 1}) if is_intact else (1, {}))
