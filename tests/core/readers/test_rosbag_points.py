@@ -244,3 +244,94 @@ def test_promise_14__two_points_apart_in_time_leave_one() -> None:
     scans, decoder = scans_of(cloud(revolution(50)), cloud(two, T0_NS + 100_000_000))
     assert [len(scan) for scan in scans] == [50, 1]
     assert codes(decoder) == {"points-invalid"}
+
+
+@pytest.mark.parametrize("axis", "xyz")
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_coordinates__up_to_2_km_are_returns(axis: str, sign: float) -> None:
+    points = revolution(20)
+    points[axis][3], points[axis][4] = sign * 2000.0, sign * 2000.5
+    (scan,), decoder = scans_of(cloud(points))
+    assert scan.xyz_m[:, "xyz".index(axis)].tolist() == [v for k, v in enumerate(points[axis].tolist()) if k != 4]
+    assert "1 with coordinates beyond 2,000 m" in next(iter(decoder.notices())).text
+
+
+@pytest.mark.parametrize(("dense", "codes_of_it", "slots"), [(False, set(), 1), (True, {"points-invalid"}, 0)])
+def test_coordinates__that_are_no_numbers_are_no_returns_where_the_cloud_may_have_such(
+    dense: bool, codes_of_it: set[str], slots: int
+) -> None:
+    points = revolution(20)
+    points["y"][3] = np.nan
+    message = cloud(points)
+    message.is_dense = dense
+    (scan,), decoder = scans_of(message)
+    assert len(scan) == 19
+    assert codes(decoder) == codes_of_it
+    assert decoder.facts()["slots_without_return"] == slots
+
+
+def test_coordinates__of_0_in_one_axis_or_two_are_returns() -> None:
+    points = revolution(20)
+    points["x"][3] = points["y"][3] = points["z"][4] = 0.0
+    (scan,), _ = scans_of(cloud(points))
+    assert len(scan) == 20
+
+
+@pytest.mark.parametrize(("far", "is_refused"), [(50, False), (51, True)])
+def test_clouds__half_of_whose_points_are_invalid_are_read(far: int, is_refused: bool) -> None:
+    points = revolution(100)
+    points["x"][:far] = 1e9
+    _, decoder = scans_of(cloud(points))
+    if is_refused:
+        with pytest.raises(InputError, match=f"100 points {far} with"):
+            decoder.finish()
+    else:
+        assert decoder.finish() == []
+
+
+@pytest.mark.parametrize(
+    ("span_s", "begin_s", "unit_s", "written", "first_s"),
+    [
+        (0.006, 0.0, 1.0, "s from the message's stamp", 0.0),
+        (0.0045, 0.0, 1.0, "none", 0.0),
+        (1.45, 0.0, 1.0, "s from the message's stamp", 0.0),
+        (1.55, 0.0, 1.0, "none", 0.0),
+        (0.1, -0.1, 1e-3, "ms from the message's stamp", -0.1),
+        (0.1, 0.2, 1e-6, "µs from the message's stamp", 0.2),
+        (0.1, 9.9, 1e-9, "ns from the message's stamp", 9.9),
+        (0.1, 10.0, 1e-3, "ms from an unknown zero", 0.0),
+        (0.1, -10.2, 1.0, "s from an unknown zero", 0.0),
+        (0.1, T0_S - 86_000.0, 1.0, "s since 1970", -86_000.0),
+        (0.1, T0_S + 86_000.0, 1.0, "s since 1970", 86_000.0),
+        (0.1, T0_S - 87_000.0, 1.0, "s from an unknown zero", 0.0),
+        (0.1, T0_S + 87_000.0, 1.0, "s from an unknown zero", 0.0),
+    ],
+)
+def test_times__have_the_unit_that_makes_them_a_revolution(
+    span_s: float, begin_s: float, unit_s: float, written: str, first_s: float
+) -> None:
+    """Of 5 ms to 1.5 s, counted from the stamp up to ten seconds off it, or from 1970 up to a day off it."""
+    plain = revolution(100)
+    points = np.zeros(100, [(name, plain.dtype[name]) for name in ("x", "y", "z", "ring")] + [("time", "<f8")])
+    for name in ("x", "y", "z", "ring"):
+        points[name] = plain[name]
+    points["time"] = (begin_s + np.linspace(0.0, span_s, 100)) / unit_s
+    (scan,), decoder = scans_of(cloud(points))
+    assert decoder.facts()["time_per_point"] == written
+    assert scan.t_s[0] - T0_S == pytest.approx(first_s, abs=1e-5)
+    assert np.ptp(scan.t_s) == pytest.approx(0.0 if written == "none" else span_s, abs=1e-5)
+
+
+def test_rings_and_intensities__are_cut_to_their_range() -> None:
+    points = revolution(6).astype([*((name, "<f4") for name in ("x", "y", "z", "intensity", "time")), ("ring", "<i4")])
+    points["ring"] = [-1, 0, 1, 254, 255, 256]
+    points["intensity"] = [-5.0, 0.4, 0.6, 65_535.0, 70_000.0, np.nan]
+    (scan,), _ = scans_of(cloud(points))
+    assert scan.laser.tolist() == [0, 0, 1, 254, 255, 255]
+    assert scan.intensity.tolist() == [0, 0, 1, 65_535, 65_535, 0]
+    points["intensity"] = [255.4, 0.0, 0.0, 0.0, 0.0, 0.0]
+    (scan,), _ = scans_of(cloud(points))
+    assert (scan.intensity.dtype, scan.intensity[0]) == (np.uint8, 255)
+    points["intensity"] = [255.6, 0.0, 0.0, 0.0, 0.0, 0.0]
+    (scan,), _ = scans_of(cloud(points))
+    assert (scan.intensity.dtype, scan.intensity[0]) == (np.uint16, 256)
