@@ -163,7 +163,10 @@ def test_rows__that_lack_a_number_or_repeat_a_time_are_dropped_and_reported(tmp_
 
 
 def test_rows__shuffled_ones_are_refused(tmp_path: Path) -> None:
-    assert refusal(write(tmp_path, HEADER, *rows(20)[::-1])).code == "time-disorder"
+    path = write(tmp_path, HEADER, *rows(20)[::-1])
+    assert refusal(path).code == "time-disorder"
+    with pytest.raises(InputError, match="out of time order"):
+        PoseCsv([path], ReadOptions()).inspect()
 
 
 def test_rows__words_instead_of_numbers_are_refused_with_their_line(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from pyproj import Geod
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.rtklib.pos import RtklibPos
+from furrowmap.core.readers.source import look
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
@@ -279,3 +280,25 @@ def test_sigmas_and_ages__of_zero_are_not_stated(tmp_path: Path) -> None:
     assert track.course_deg == pytest.approx(np.degrees(np.arctan2(-0.4, 0.3)) % 360.0)
     text += row.format(3, "1 1 1", 1.5)
     assert track_of(written(tmp_path, text)).age_s.tolist() == [0.0, 0.0, 1.5]
+
+
+@pytest.mark.parametrize(
+    ("lines", "certainty"),
+    [
+        ([HEAD.format(scale="GPST").strip()], 0.95),
+        (["% program : RTKLIB", "row", "row", "cut"], 0.7),
+        (["row", "row", "cut"], 0.7),
+        (["row", "cut"], 0.0),
+        (["row", "row", "row", "row", "x", "cut"], 0.7),
+        (["row", "row", "row", "x", "cut"], 0.0),
+        (["row", "row", "", "", "cut"], 0.7),
+        (["x", "y", "cut"], 0.0),
+        ([HEAD.format(scale="GPST").strip() + "\0"], 0.0),
+    ],
+)
+def test_recognise__by_the_header_or_four_of_five_of_the_first_rows(
+    lines: list[str], certainty: float, tmp_path: Path
+) -> None:
+    """The last line may be cut."""
+    rows = ("2422 350625.6 36.1 140.2 55.5 6 12 0.01 0.02 0.03" if line == "row" else line for line in lines)
+    assert RtklibPos.recognise(look(written(tmp_path, "\n".join(rows)))) == certainty

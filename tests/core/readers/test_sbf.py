@@ -17,7 +17,7 @@ from furrowmap.core.readers.messages import MessageCounts, read_messages
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.sbf.log import LAYOUTS, SBF, SbfLog
 from furrowmap.core.readers.sbf.names import NAMES
-from furrowmap.core.readers.source import Source
+from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.values.clock import GPS_EPOCH_S, WEEK_S
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -267,3 +267,24 @@ def test_positions__of_two_dimensions_and_of_sbas_are_told(tmp_path: Path) -> No
         assert reader.track().service == service
         assert [notice.code for notice in reader.notices] == codes
         assert all("1 positions are 2D" in notice.text for notice in reader.notices)
+
+
+@pytest.mark.parametrize(
+    ("blocks", "others", "certainty"),
+    [
+        ([4007], 0, 0.95),
+        ([4006], 0, 0.95),
+        ([4007], 9000, 0.95),
+        ([4027], 0, 0.3),
+        ([4027], 98, 0.3),
+        ([4027], 4800, 0.3),
+        ([4027], 5100, 0.0),
+        ([], 500, 0.0),
+    ],
+)
+def test_recognise__by_positions_or_by_a_fiftieth_of_whole_blocks(
+    blocks: list[int], others: int, certainty: float
+) -> None:
+    """A block here has 100 bytes."""
+    content = b"".join(block(number, b"\0" * 92) for number in blocks) + b"\0" * others
+    assert SbfLog.recognise(Head(Path(), content, "", ".bin")) == certainty
