@@ -250,3 +250,66 @@ def test_utc__of_any_recording_of_a_locked_sensor_is_true(
 
 def test_sensor_clock__of_no_packets_gives_no_times() -> None:
     assert len(SensorClock(Clock.RECORDER, 0.0, 0.0).utc_s(np.empty(0, np.uint32), np.empty(0))) == 0
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "kind"),
+    [
+        (0.049, Clock.RECORDER),
+        (-0.049, Clock.RECORDER),
+        (0.051, Clock.SENSOR),
+        (-0.051, Clock.SENSOR),
+        (1.99, Clock.SENSOR),
+        (-1.99, Clock.SENSOR),
+        (2.01, Clock.RECORDER),
+        (-2.01, Clock.RECORDER),
+    ],
+)
+def test_settle__stamps_within_two_seconds_of_the_hour_but_not_of_the_recorder_are_of_gps(
+    ahead_s: float, kind: Clock
+) -> None:
+    t_s = every(100)
+    clock, (notice,) = settle(stamps(t_s), t_s + ahead_s, [])
+    assert clock.kind is kind
+    if kind is Clock.RECORDER:
+        words = "match its time past the hour within 0.049" if abs(ahead_s) < 1.0 else "differ by 2.0 s"
+        assert words in notice.text
+
+
+@pytest.mark.parametrize(("late_s", "is_tied"), [(1.99, True), (-1.99, True), (2.01, False), (-2.01, False)])
+def test_position_packet__and_its_sentence_are_of_the_same_two_seconds(late_s: float, is_tied: bool) -> None:
+    found = position(T0, device_s=T0 + late_s).utc_s(T0)
+    assert found == (pytest.approx(T0 + late_s, abs=1e-6) if is_tied else None)
+
+
+@pytest.mark.parametrize(
+    ("jump_s", "jumps"), [(0.24, 0), (0.26, 0), (1.9, 0), (2.1, 1), (-0.019, 0), (-0.021, 0), (-1.9, 0), (-2.1, 1)]
+)
+def test_utc__a_step_of_more_than_two_seconds_against_the_recorder_is_a_jump(jump_s: float, jumps: int) -> None:
+    """Of the sensor's stamps alone; smaller ones are the recorder's delays."""
+    t_s = every(200)
+    told_s = np.where(np.arange(200) < 100, t_s, t_s + jump_s)
+    clock, _ = settle(stamps(t_s[:50]), t_s[:50] + AHEAD_S, [position(T0)])
+    found = clock.utc_s(stamps(told_s), t_s + AHEAD_S)
+    np.testing.assert_allclose(found, t_s if jumps else told_s, atol=1e-5)
+    assert clock.jumps == [(pytest.approx(t_s[100]), pytest.approx(jump_s, abs=1e-5))] * jumps
+
+
+@pytest.mark.parametrize(("year", "kind"), [(1999, Clock.STATED), (2000, Clock.RECORDER)])
+def test_settle__a_recorder_before_2000_has_no_clock(year: int, kind: Clock) -> None:
+    new_year_s = dt.datetime(2000, 1, 1, tzinfo=dt.UTC).timestamp()
+    host_s = every(100, new_year_s + (10.0 if year == 2000 else -10.0))
+    t_s = every(100)
+    clock, _ = settle(stamps(t_s), host_s, [], near_s=T0 + 600.0)
+    assert clock.kind is kind
+    if kind is Clock.STATED:
+        np.testing.assert_allclose(clock.utc_s(stamps(t_s), host_s), t_s, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("time", "seconds", "is_valid"),
+    [("235959", 86_399.0, True), ("235959.75", 86_399.75, True), ("240000", 86_400.0, False), ("000000", 0.0, True)],
+)
+def test_position_packet__has_a_time_of_day(time: str, seconds: float, is_valid: bool) -> None:
+    found = PositionPacket.parse(position_packet(5e6, rmc(time, ""), 2), T0)
+    assert (found.sentence_s, found.valid) == (seconds, is_valid)
