@@ -226,3 +226,4 @@ def test_recognise__times_increase_by_up_to_an_hour() -> None:
     assert score(0.01) == 0.0
     data[:, 0] -= 9e9
     assert [score(0.1, suffix, 1) > 0.9 for suffix in (".sbet", ".out", ".bin")] == [True, True, False]
+    assert score(0.1, ".bin", 2) > 0.9
