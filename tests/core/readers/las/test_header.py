@@ -169,6 +169,10 @@ FLIGHT = 2.8e8
         ([2.7e9, 2.7e9], False, TimeKind.UNKNOWN, ["gps-time-impossible"]),
         ([1e12, 1e12], False, TimeKind.UNKNOWN, ["gps-time-impossible"]),
         ([1e12, 1e12], True, TimeKind.UNKNOWN, ["gps-time-impossible"]),
+        ([5.0, 6.0, 1e12], False, TimeKind.WEEK, []),
+        ([5.0, 1e12], False, TimeKind.WEEK, []),
+        ([5.0, 1e12, 1e12], False, TimeKind.UNKNOWN, ["gps-time-impossible"]),
+        ([FLIGHT, 1e12], True, TimeKind.STANDARD, []),
     ],
 )
 def test_times__are_of_the_kind_that_most_are_possible_for(
