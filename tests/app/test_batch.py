@@ -44,6 +44,26 @@ def season(simulated: furrowmap.Simulated, tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.mark.parametrize(("count", "shown", "more"), [(20, 20, ""), (22, 20, "  … 2 more")])
+def test_dry_run__shows_the_first_names(
+    simulated: furrowmap.Simulated,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    count: int,
+    shown: int,
+    more: str,
+) -> None:
+    for k in range(count):
+        (tmp_path / "season" / f"day{k:02}").mkdir(parents=True)
+        for file in simulated.folder.iterdir():
+            (tmp_path / "season" / f"day{k:02}" / file.name).symlink_to(file)
+    assert command_line(["batch", str(tmp_path / "season"), "-o", str(tmp_path / "out"), "--dry-run"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.strip() for line in lines if line.startswith("  day")] == [f"day{k:02}" for k in range(shown)]
+    assert lines[-1] == (more or "  day19")
+    assert not (tmp_path / "out").exists()
+
+
 def test_batch__runs_each_session_once_and_tells_what_failed(
     season: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -270,6 +270,8 @@ def test_what_a_user_put_into_the_base__stays(base: Path, two: Path, results: di
         projects = dict(database.execute("SELECT name, content FROM qgis_projects"))
     assert gpd.read_file(base, layer="wells")["session"].tolist() == ["mine"]
     assert styles["coverage"] == "<qgis/>"
+    assert len(styles) > 5
+    assert not [name for name, style in styles.items() if "report.html" in style]  # there is none beside the base
     assert projects == {"furrowmap": "abcd", "mine": "00"}
 
 
