@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
-from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import shapely
@@ -284,7 +284,7 @@ def zone_of(report: Mapping[str, Any], place: shapely.Point, crs: CRS) -> ZoneIn
     """The time zone of a run, as its report has it; that of the place where a report has none."""
     try:
         return ZoneInfo(report["figures"]["time_zone"])
-    except (KeyError, TypeError, ValueError, ZoneInfoNotFoundError):
+    except (KeyError, OSError, TypeError, ValueError):
         geodetic = crs.geodetic_crs
         assert geodetic is not None
         to_lon_lat = Transformer.from_crs(crs.to_2d(), geodetic.to_2d(), always_xy=True)

@@ -27,6 +27,7 @@ from furrowmap.core.values import errors
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.errors import FurrowmapError, InputError
 from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS, InertialNoise, inertial_noise
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.threads import threads, using_threads
 
@@ -137,6 +138,18 @@ def test_session_page__threads_of_the_option_the_session_and_the_variable(monkey
         with using_threads(option), using_threads(session, by_default=True):
             found.append(threads())
     assert found == [3, 2, 1]
+
+
+def test_session_page__figures_and_models_of_imus() -> None:
+    lines = [line.strip().strip("|") for line in page("session").splitlines() if line.startswith("    | ")]
+    head, _, *figures, models = ([cell.strip(" `") for cell in line.split(" | ")] for line in lines)
+    for column, kind in enumerate(head[1:], 1):
+        told = {row[0]: float(row[column]) for row in figures}
+        assert inertial_noise(kind) == InertialNoise.of_data_sheet(**told)
+        for model in models[column].split(", "):
+            assert inertial_noise(model) == inertial_noise(kind)
+    assert sorted(", ".join(models[1:]).split(", ")) == sorted(IMU_MODELS)
+    assert head[1:] == list(IMU_CLASSES)
 
 
 def test_session_page__fixes_are_the_words_of_gga() -> None:
