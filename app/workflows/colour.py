@@ -62,7 +62,6 @@ def colour(
     """
     source, target, notices = Path(cloud), Path(out), list[Notice]()
     refuse_target(target, [source], overwrite=overwrite)
-    expect_pillow()
     opened = open_session(Path(session))
     clouds = open_clouds([source], None, opened.frame.crs)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -77,7 +76,7 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
     """The frames of the session's camera.
 
     Raises:
-        InputError: if there are none.
+        InputError: if there are none, or Pillow is not installed.
     """
     camera = opened.session.camera
     if camera is None:
@@ -87,6 +86,7 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
             "State the camera and its images there.",
             code="no-camera",
         )
+    expect_pillow()
     images = opened.images(notices)
     located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
     scale = ground_scale(opened.frame, located.trajectory)
