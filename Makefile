@@ -10,10 +10,11 @@ QUICK := $(addprefix tests/core/,checking estimation evaluation geodesy readers 
 TESTS ?= tests
 OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one \
   tests/exporters/files/test_two_hosts.py
-SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py benchmarks/dates.py
+SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py benchmarks/dates.py \
+  benchmarks/outages.py
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-dates bench-flights bench-misstated coverage mutants docs pages plugin web clean
+.PHONY: help demo test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -92,6 +93,9 @@ bench-flights: $(INSTALLED)  ## trajectories and boresights of ten simulated fli
 
 bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions: stated sigmas against true errors
 	$(BIN)/python benchmarks/misstated.py
+
+bench-outages: $(INSTALLED)  ## random outages of GNSS and pauses of the scanner: stated sigmas against true errors
+	$(BIN)/python benchmarks/outages.py
 
 coverage: $(INSTALLED)  ## branches of core and exporters that all tests run, and which test runs which line
 	@rm -rf build/coverage && mkdir -p build/coverage

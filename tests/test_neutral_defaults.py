@@ -51,6 +51,7 @@ FACTORS: Final = {
     "core/simulator/path.py _arc(gear)": 1,
     "core/simulator/path.py _turn.arc(gear)": 1,
     "core/geodesy/parameter_file.py ParameterFile.from_map": True,
+    "core/estimation/headings.py RecordedHeadings.axis[0]": 1.0,  # the nose
 }
 """Factors and directions."""
 POINTS: Final = {
@@ -92,11 +93,14 @@ Default = tuple[str, float]
 
 
 def stated(name: str, node: ast.expr | None) -> Iterator[Default]:
-    """The number or truth value of a default, if it is one."""
+    """The number or truth value of a default, if it is one, and those of a tuple."""
     sign = -1 if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) else 1
     value = node.operand if isinstance(node, ast.UnaryOp) else node
     if isinstance(value, ast.Constant) and isinstance(value.value, int | float):
         yield name, sign * value.value
+    if isinstance(node, ast.Tuple):
+        for k, part in enumerate(node.elts):
+            yield from stated(f"{name}[{k}]", part)
 
 
 def is_constant(field: ast.AnnAssign) -> bool:

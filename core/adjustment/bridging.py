@@ -9,6 +9,7 @@ over the gap; the adjustment then starts near the truth.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final, TypeVar
 
@@ -22,9 +23,9 @@ from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
 from furrowmap.core.estimation.states import State
 from furrowmap.core.estimation.vehicle import with_positions
 from furrowmap.core.matching.portions import Gap, in_gaps
-from furrowmap.core.trajectory.motion import longest_gap_s
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.time_span import Span
 
 FloatArray = NDArray[np.float64]
 Kind = TypeVar("Kind", bound=np.generic)
@@ -100,17 +101,16 @@ def carried(problem: Problem, it: Iterate, gap: Gap, to_s: float, *, forward: bo
     return continued(p.knots, it.state, state, *border)
 
 
-def gaps_between(t_s: FloatArray, knots: Knots) -> tuple[Gap, ...]:
-    """The gaps between positions at times (m,), which increase, in which scans go on, as they do before and after.
+def gaps_between(spans_s: Sequence[Span], knots: Knots) -> tuple[Gap, ...]:
+    """The outages of positions, see :func:`~furrowmap.core.adjustment.outages.outages`, through which scans go on.
 
-    What is no longer than :func:`~furrowmap.core.trajectory.motion.longest_gap_s` wheels and inertia bridge alone.
+    They do so before and after them as well.
     """
-    longest_s = longest_gap_s(t_s) if len(t_s) > 1 else np.inf
     return tuple(
-        Gap(float(t_s[i]), float(t_s[i + 1]), c)
-        for i in np.flatnonzero(np.diff(t_s) > longest_s)
+        Gap(begin_s, end_s, c)
+        for begin_s, end_s in spans_s
         for c, chain in enumerate(knots.chains)
-        if chain.begin_s + ALIKE_S <= t_s[i] and t_s[i + 1] + ALIKE_S <= chain.end_s
+        if chain.begin_s + ALIKE_S <= begin_s and end_s + ALIKE_S <= chain.end_s
     )
 
 

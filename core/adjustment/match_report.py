@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -19,6 +20,7 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.laser_ranges import LaserRanges
 from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.time_span import Span
 
 HEIGHT_REPORTED_M: Final = 0.05
 FACING_ASSUMED: Final = Notice(
@@ -37,18 +39,37 @@ LEVER_ASSUMED: Final = Notice(
 )
 
 
-def match_notices(adjusted: Adjusted, used: Mounting, sway: AntennaSway) -> tuple[Notice, ...]:
-    """Unbridged gaps, a mounting that is off, and what is assumed.
+def match_notices(
+    adjusted: Adjusted, used: Mounting, sway: AntennaSway, unheld: Sequence[Span] = ()
+) -> tuple[Notice, ...]:
+    """Scans left out, unbridged gaps, a mounting that is off, and what is assumed.
 
     Args:
         adjusted: the result.
         used: the mounting in use.
         sway: what the sway shows of the antenna.
+        unheld: times whose scans no positions hold.
     """
     assumed = adjusted.problem.lever_m.any() and not adjusted.facing.shown and not sway.known
     stated = adjusted.problem.mounting
     mounting = mounting_notices(adjusted.calibration, adjusted.facing, stated, used)
-    return (*_gap_notices(adjusted), *mounting, *([LEVER_ASSUMED] if assumed else []))
+    return (*unheld_notices(unheld), *_gap_notices(adjusted), *mounting, *([LEVER_ASSUMED] if assumed else []))
+
+
+def unheld_notices(unheld: Sequence[Span]) -> list[Notice]:
+    """Scans that no positions hold, at times in order; none where there are no such."""
+    if not unheld:
+        return []
+    total_s = sum(end_s - begin_s for begin_s, end_s in unheld)
+    return [
+        Notice(
+            "scans-not-held",
+            f"Scans of {total_s:.1f} s, the first from {iso_utc(unheld[0][0])}, are cut off by pauses of the scanner "
+            "where positions are missing or do not show the heading: nothing shows where they belong. They take no "
+            "part in scan matching; their poses come from the motion prior alone, with large standard deviations, or "
+            "are missing.",
+        )
+    ]
 
 
 def _gap_notices(adjusted: Adjusted) -> list[Notice]:

@@ -12,6 +12,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.consistency import Seen, seen_in
+from furrowmap.core.adjustment.held_scans import held_by_positions
 from furrowmap.core.adjustment.match_report import match_figures, match_notices
 from furrowmap.core.adjustment.precision import sigmas, sources_of
 from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
@@ -29,12 +30,14 @@ from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
 from furrowmap.core.trajectory.positions import WHITE_SHARE
+from furrowmap.core.trajectory.vague_headings import with_vague_headings
 from furrowmap.core.values import scratch
 from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.laser_ranges import LaserRanges
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
 
 FloatArray = NDArray[np.float64]
@@ -86,6 +89,7 @@ class Prepared:
         start: first guess of the trajectory.
         clock: offset of the clocks with which the scans agree better; None where the stated one is as good as any.
         ground: how it lies in the vehicle frame.
+        unheld: times whose scans no positions hold, so that they take no part.
     """
 
     problem: Problem
@@ -93,6 +97,7 @@ class Prepared:
     start: Trajectory
     clock: Candidate | None
     ground: GroundTilt
+    unheld: tuple[Span, ...] = ()
 
 
 def prepare(
@@ -117,13 +122,16 @@ def prepare(
         ground: how it lies in the vehicle frame.
         aid: what an IMU adds; None without one.
     """
+    unheld: tuple[Span, ...] = ()
+    if aid is None:
+        returns, unheld = held_by_positions(returns, positions.t_s, start)
     if len(returns) < max(LEAST_RETURNS, LEAST_IN_SCAN * _scans(returns)):
         return None
     problem = Problem.of(returns, start, positions, lever_m, mounting, tool, aid)
     if not problem.knots.at(positions.t_s)[2].any():
         return None
     first = resolve_yaw_ambiguity(problem, Iterate.of(problem))
-    return Prepared(problem, first, start, searched_clock_offset(returns, first.sensor, start), ground)
+    return Prepared(problem, first, start, searched_clock_offset(returns, first.sensor, start), ground, unheld)
 
 
 def _scans(returns: GroundReturns) -> int:
@@ -165,7 +173,7 @@ def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
         adjusted.facing.shown,
         seen,
         match_figures(adjusted, used, constants),
-        match_notices(adjusted, used, sway),
+        match_notices(adjusted, used, sway, prepared.unheld),
     )
 
 
@@ -180,6 +188,7 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     sigma[:, 3:] = np.hypot(sigma[:, 3:], _mounting_sigma_deg(adjusted))
     if not adjusted.facing.shown:
         sigma = as_by_positions(sigma, knots.t_s, start, problem.lever_m)
+    sigma = with_vague_headings(sigma, problem.lever_m)
     speed = _speed(knots, state)
     standing = np.abs(speed) < STANDING_MPS * HYSTERESIS
     motion = np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8)

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from furrowmap.core.adjustment.problem import Linearised
 from furrowmap.core.estimation.covariance import Considered, pose_sigmas, quick_variances, slow_covariance
@@ -21,6 +22,8 @@ FloatArray = NDArray[np.float64]
 
 AROUND_S: Final = 0.5
 """Time to either side over which the returns' information is summed."""
+SCANNED_S: Final = 0.05
+"""Half a scan, in which there may be no returns of the ground; beyond it a turning vehicle's heading is another one."""
 PLACED_M: Final = 0.05
 """Without GNSS, returns that determine the place less well leave it to wheels and motion prior."""
 
@@ -43,9 +46,18 @@ def sigmas(state: State, last: Linearised, considered: Considered, *normals: Flo
         beside = pool.submit(quick_variances, last.held, state.layout.size)
         slow = slow_covariance(last.free, considered)
         quick = beside.result()
-    by_returns = np.minimum(information_of(*normals).heading * quick[:, 5], 1.0)
+    by_returns = np.minimum(information_of(*normals).heading * quick[:, 5], 1.0) * _scanned(*normals)
     quick[:, 5] *= 1.0 - by_returns * (1.0 - 1.0 / CORRELATED)
     return pose_sigmas(state, last.coarse, last.centre_m, slow, quick)
+
+
+def _scanned(*normals: FloatArray) -> NDArray[np.bool_]:
+    """(n,) whether there are returns within SCANNED_S of each knot, by normal matrices (n, 21) of the slices."""
+    seen = np.zeros(len(normals[0]), np.uint8)
+    for one in normals:
+        seen |= one[:, 0] > 0.0
+    wide: NDArray[np.uint8] = maximum_filter1d(seen, 2 * round(SCANNED_S / STEP_S) + 1)
+    return wide > 0
 
 
 @dataclass(frozen=True)

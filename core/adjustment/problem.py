@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.adjustment.outages import outages
 from furrowmap.core.calibration.mounting_calibration import MountingCalibration
 from furrowmap.core.calibration.yaw_ambiguity import Facing
 from furrowmap.core.estimation.aiding import AIDED, Aid
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots
+from furrowmap.core.estimation.headings import headings_at_stands
 from furrowmap.core.estimation.knots import Knots, knots_over, start_from
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.positions import AntennaPositions
@@ -25,6 +27,7 @@ from furrowmap.core.matching.wall_registration import WallRegistration
 from furrowmap.core.values import scratch
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -44,6 +47,7 @@ class Problem:
         origin_m: (3,) local origin.
         start: first guess of the states.
         observations: all but the returns.
+        outages_s: times without positions, see :func:`~furrowmap.core.adjustment.outages.outages`.
     """
 
     returns: GroundReturns
@@ -55,6 +59,7 @@ class Problem:
     origin_m: FloatArray
     start: State
     observations: tuple[Observation, ...]
+    outages_s: tuple[Span, ...]
 
     @classmethod
     def of(
@@ -72,8 +77,10 @@ class Problem:
         origin = np.round(np.median(trajectory.xyz_m, axis=0))
         start = start_from(trajectory, knots, origin, VEHICLE if aid is None else AIDED)
         aiding = aid.observations(knots) if aid is not None else ()
-        observations = wheeled_vehicle(positions, origin, lever, aiding)
-        return cls(returns, positions, lever, mounting, tool, knots, origin, start, observations)
+        stands = headings_at_stands(trajectory, knots, positions) if aid is None else ()
+        observations = (*wheeled_vehicle(positions, origin, lever, aiding), *stands)
+        away_s = outages(positions.t_s, trajectory)
+        return cls(returns, positions, lever, mounting, tool, knots, origin, start, observations, away_s)
 
     @property
     def sensor_m(self) -> FloatArray:

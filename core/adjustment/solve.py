@@ -56,7 +56,7 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
     """
     steps = _Steps(progress, 1 + 2 * WINDOW_ROUNDS[0] + 2 * len(SESSION_ROUNDS))
     it = first
-    gaps = gaps_between(problem.positions.t_s, problem.knots)
+    gaps = gaps_between(problem.outages_s, problem.knots)
     if gaps:
         steps.expect(1 + 2 * WINDOW_ROUNDS[0])
         it = match_windows(problem, replace(it, unused=gaps), steps)

@@ -14,12 +14,15 @@ from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.positions import without_repeats
 from furrowmap.core.estimation.states import ROTATION, State
 from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
 HEADING_CORRELATION_S: Final = 10.0
 HEADING_SIGMA: Final = np.radians(0.5)
 """Of a two-antenna heading, whose error lasts for HEADING_CORRELATION_S."""
+STANDS_WITHIN_M: Final = 1.0
+"""An antenna that moves by less shows no heading: it sways, or the vehicle turns about its axle."""
 NOSE: Final = np.array([1.0, 0.0, 0.0])
 
 
@@ -66,6 +69,28 @@ class RecordedHeadings(Observation):
         alike = min(max(1.0, self.lasting_s / step_s), max(1.0, float(len(t_s))))
         yaws = (self.t_s, self.yaw_rad)
         _add_yaws(equations, knots, state, yaws, self.sigma_rad * float(np.sqrt(alike)), np.array(self.axis))
+
+
+def headings_at_stands(start: Trajectory, knots: Knots, positions: Positions) -> tuple[RecordedHeadings, ...]:
+    """The headings of a first guess for chains of scans during which the antenna hardly moves.
+
+    What the vehicle drove before such a chain, and that it stood since, tells its heading; nothing in the chain does,
+    and relief of the ground seen before only where poses are near the truth.
+
+    Args:
+        start: first guess of the trajectory.
+        knots: at which poses are estimated; of one chain alone the whole drive tells the headings.
+        positions: of the antenna.
+    """
+    out: list[RecordedHeadings] = []
+    for chain in knots.chains if len(knots.chains) > 1 else ():
+        inside = (positions.t_s >= chain.begin_s) & (positions.t_s <= chain.end_s)
+        en_m, middle_s = positions.xyz_m[inside, :2], np.array([0.5 * (chain.begin_s + chain.end_s)])
+        sigma_deg = float(np.interp(middle_s[0], start.t_s, start.sigma[:, 5]))
+        _, _, heading_deg = start.at(middle_s).attitude_deg()
+        if len(en_m) and np.hypot(*np.ptp(en_m, axis=0)) < STANDS_WITHIN_M and np.isfinite(sigma_deg + heading_deg[0]):
+            out.append(RecordedHeadings(middle_s, np.radians(90.0 - heading_deg), float(np.radians(sigma_deg))))
+    return tuple(out)
 
 
 def _add_yaws(

@@ -135,6 +135,7 @@ def _guessed(trajectory: Trajectory, t: FloatArray) -> tuple[FloatArray, FloatAr
     rotation = start * Rotation.from_rotvec(share[:, None] * trajectory.turn_rad[k])
     motion = trajectory.motion[k]
     driven = (step > trajectory.max_gap_s) & (motion != Motion.STANDING) & (motion == trajectory.motion[k + 1])
+    driven &= np.isfinite(trajectory.speed_mps[k] + trajectory.speed_mps[k + 1])
     if driven.any():
         k, share, step = k[driven], share[driven, None], step[driven, None]
         ends = trajectory.xyz_m[k, :2], trajectory.xyz_m[k + 1, :2]

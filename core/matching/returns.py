@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import chain, islice
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numba
 import numpy as np
@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from furrowmap.core.matching.walls import UPRIGHT_RATE_HZ, UprightReturns, no_upright, select_upright
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.scratch import scratch_file
+from furrowmap.core.values.scratch import scratch_file, zeros
+from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Motion, Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -78,6 +79,25 @@ class GroundReturns:
             within = slice(*np.searchsorted(u.t_s, (t[0], t[-1])))
             upright = UprightReturns(u.t_s[within], u.xyz_m[within], u.half[within], u.laser[within])
         return GroundReturns(t, self.xyz_m[chosen], self.half[chosen], self.body, upright, self.laser[chosen])
+
+    def without(self, spans_s: Sequence[Span]) -> GroundReturns:
+        """Those that lie in none of some spans of time, which follow each other and do not overlap."""
+        u = self.upright
+        arrays = _outside(self.t_s, spans_s, self.xyz_m, self.half, self.laser)
+        upright = UprightReturns(*_outside(u.t_s, spans_s, u.xyz_m, u.half, u.laser))
+        return GroundReturns(*arrays[:3], self.body, upright, arrays[3])
+
+
+def _outside(t_s: FloatArray, spans_s: Sequence[Span], *beside: NDArray[Any]) -> tuple[Any, Any, Any, Any]:
+    """Times (n,), which increase, and three arrays (n, …) beside them, without those in spans of time."""
+    borders = np.searchsorted(t_s, np.asarray(spans_s, np.float64).ravel()).tolist()
+    kept = [slice(*ends) for ends in zip([0, *borders[1::2]], [*borders[::2], len(t_s)], strict=True)]
+    count = sum(part.stop - part.start for part in kept)
+    out = [zeros((count if len(array) else 0, *array.shape[1:]), array.dtype) for array in (t_s, *beside)]
+    for some, array in zip(out, (t_s, *beside), strict=True):
+        if len(array):
+            np.concatenate([array[part] for part in kept], out=some)
+    return out[0], out[1], out[2], out[3]
 
 
 def ground_returns(

@@ -27,6 +27,7 @@ from furrowmap.core.trajectory.positions import (
     white_noise_m,
     without_jumps,
 )
+from furrowmap.core.trajectory.vague_headings import with_vague_headings
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -120,7 +121,7 @@ def trajectory_from_gnss(
             grid.t_s, path.xyz_m, 0.0, 0.0, heading, max_gap_s=max_gap_s, speed_mps=speed, motion=motion
         ),
         fix=gated.fix[grid.nearest],
-        sigma=_with_tilt(path.sigma, lever_m),
+        sigma=with_vague_headings(_with_tilt(path.sigma, lever_m), np.asarray(lever_m, np.float64)),
         heading_from=np.where(
             np.isfinite(antenna.yaw_rad), "antennas", np.where(motion == Motion.STANDING, "standing", "gnss")
         ),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.bridging import (
@@ -18,13 +21,17 @@ from furrowmap.core.adjustment.bridging import (
     part_of,
     with_carried,
 )
+from furrowmap.core.adjustment.outages import outages
 from furrowmap.core.estimation.knots import Knots, knots_over
 from furrowmap.core.estimation.states import State
 from furrowmap.core.matching.portions import Gap, in_gaps, outside
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 
 GAP = Gap(8.0, 14.0, 0)
+
+FloatArray = NDArray[np.float64]
 
 
 def drive() -> tuple[Knots, State]:
@@ -45,23 +52,54 @@ def positions_at(t_s: np.ndarray) -> Positions:
     )
 
 
+def start_of(sigma_deg: float = 1.0) -> Trajectory:
+    """A first guess of a drive of a minute, with headings of a standard deviation."""
+    n = 61
+    start = trajectory_from_attitude(np.arange(n, dtype=float), np.zeros((n, 3)), 0.0, 0.0, np.zeros(n), max_gap_s=1.0)
+    return replace(start, sigma=np.full((n, 6), sigma_deg))
+
+
 def test_gaps_are_those_in_which_scans_go_on() -> None:
     knots = knots_over(np.concatenate([np.arange(0.0, 20.0, 0.02), np.arange(40.0, 60.0, 0.02)]))
-    at = np.concatenate([np.arange(0.0, 8.05, 0.1), np.arange(14.0, 16.0, 0.1), np.arange(50.0, 60.0, 0.1)])
-    # From 16 to 50 s the scans pause as well, and shorter than a second is no gap.
-    assert gaps_between(at, knots) == (Gap(at[80], at[81], 0),)
-    assert gaps_between(np.arange(0.0, 60.0, 0.9), knots) == ()
+
+    def gaps(t_s: FloatArray) -> tuple[Gap, ...]:
+        return gaps_between(outages(t_s, start_of()), knots)
+
+    at = np.concatenate([np.arange(0.0, 8.05, 0.1), np.arange(14.0, 18.0, 0.1), np.arange(50.0, 60.0, 0.1)])
+    # From 18 to 50 s the scans pause as well, and shorter than a second is no gap.
+    assert gaps(at) == (Gap(at[80], at[81], 0),)
+    assert gaps(np.arange(0.0, 60.0, 0.9)) == ()
     # At one position a second, with the jitter of a clock, one missing is none yet, five in a row are one.
     slow = np.arange(0.0, 20.0) + 0.001 * np.sin(np.arange(20.0))
-    assert gaps_between(np.delete(slow, 9), knots) == ()
-    assert len(gaps_between(np.delete(slow, range(9, 14)), knots)) == 1
-    assert gaps_between(slow[:1], knots) == ()
+    assert gaps(np.delete(slow, 9)) == ()
+    assert len(gaps(np.delete(slow, range(9, 14)))) == 1
+    assert gaps(slow[:1]) == ()
     # Nothing can be carried into a gap at whose ends no scans are.
-    assert gaps_between(np.array([0.1, 0.2, 0.3, 12.0, 12.1]), knots) == ()
-    assert gaps_between(np.array([7.9, 8.0, 8.1, 19.9, 20.0]), knots) == ()
+    assert gaps(np.array([0.1, 0.2, 0.3, 12.0, 12.1])) == ()
+    assert gaps(np.array([7.9, 8.0, 8.1, 19.9, 20.0])) == ()
     np.testing.assert_array_equal(
         in_gaps(np.array([7.0, 8.0, 8.1, 13.9, 14.0]), [GAP]), [False, False, True, True, False]
     )
+
+
+@pytest.mark.parametrize(
+    ("between", "sigma_deg", "parted"),
+    [
+        (np.array([15.0]), 1.0, False),
+        (np.array([14.0, 18.0]), 1.0, False),
+        (np.arange(14.0, 17.7, 0.8), 1.0, True),
+        (np.arange(14.0, 16.9, 0.1), 1.0, False),
+        (np.arange(14.0, 17.2, 0.1), 7.9, True),
+        (np.arange(14.0, 17.2, 0.1), 8.1, False),
+        (np.arange(14.0, 17.2, 0.1), np.nan, True),
+    ],
+)
+def test_positions_between_two_gaps__part_them_where_they_show_the_heading(
+    between: FloatArray, sigma_deg: float, parted: bool
+) -> None:
+    at = np.concatenate([np.arange(0.0, 10.05, 0.1), between, np.arange(24.0, 40.0, 0.1)])
+    both = (pytest.approx((10.0, between[0])), pytest.approx((between[-1], 24.0)))
+    assert outages(at, start_of(sigma_deg)) == (both if parted else (pytest.approx((10.0, 24.0)),))
 
 
 @settings(max_examples=60)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import dpkt
@@ -12,7 +13,8 @@ import numpy as np
 
 from furrowmap.core.adjustment.session_match import matched_to_ground
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.trajectory.located import locate
+from furrowmap.core.trajectory.located import Located, locate
+from furrowmap.core.values.positions import Positions
 from tests.core.conftest import Recording
 from tests.fuzz.positions import mend_nmea
 
@@ -23,13 +25,18 @@ def copied(recording: Recording, folder: Path) -> Path:
     return folder / "session.toml"
 
 
-def notices(session_file: Path) -> set[str]:
-    """The codes of what a run would say."""
+def matched(session_file: Path, edit: Callable[[Positions], Positions] = lambda same: same) -> tuple[Located, Located]:
+    """What GNSS alone and what a run makes of a session, whose positions may be edited as no log of theirs can be."""
     opened = open_session(session_file)
     located = locate(opened.positions(), opened.session, opened.frame)
+    assert located.antenna is not None
+    located = replace(located, antenna=edit(located.antenna))
     lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
-    found, _ = matched_to_ground(located, lidar, opened.session)
-    return {notice.code for notice in found.notices}
+    return located, matched_to_ground(located, lidar, opened.session)[0]
+
+
+def codes(located: Located) -> set[str]:
+    return {notice.code for notice in located.notices}
 
 
 def edit_positions(log: Path, edit: Callable[[float, bytes], bytes]) -> None:
@@ -78,12 +85,56 @@ def test_a_gap__whose_sides_do_not_meet_is_not_bridged(straight: Recording, tmp_
         return b",".join(words)
 
     edit_positions(session.with_name("gnss.nmea"), jumped)
-    assert "gap-not-bridged" in notices(session)
+    assert "gap-not-bridged" in codes(matched(session)[1])
 
 
-def test_scans__that_no_position_holds_keep_the_trajectory_of_gnss(straight: Recording, tmp_path: Path) -> None:
-    """The scanner pauses for so long that wheels and inertia do not reach across, and then has no positions."""
+def test_scans__that_no_position_holds_have_sigmas_as_large_as_their_errors(
+    straight: Recording, tmp_path: Path
+) -> None:
+    """The scanner pauses for so long that wheels and inertia do not reach across, and then has no positions.
+
+    Whether the adjustment has a solution then depends on the rounding errors of a machine.
+    """
     session = copied(straight, tmp_path / "loose")
     without_scans(next(session.parent.glob("*.pcap")), (2.5, 8.0), (9.3, 99.0))
     edit_positions(session.with_name("gnss.nmea"), lambda t_s, line: b"" if 2.4 < t_s < 9.4 else line)
-    assert "matching-unsolved" in notices(session)
+    by_gnss, found = matched(session)
+    if "matching-unsolved" in codes(found):
+        assert found.trajectory is by_gnss.trajectory
+    error_m = found.trajectory.xyz_m - straight.truth.at(found.trajectory.t_s).xyz_m
+    known = np.isfinite(error_m).all(axis=1)
+    assert known.mean() > 0.9
+    assert (np.abs(error_m) < 4.0 * found.trajectory.sigma[:, :3])[known].all()
+    assert (found.trajectory.sigma[:, 5] > 90.0).all(), "the antenna moved by two decimetres"
+
+
+def test_scans__with_pauses_in_a_gap_of_positions_are_left_out(straight: Recording, tmp_path: Path) -> None:
+    """Matched, the scans between the two pauses lay decimetres off, with standard deviations of 5 cm."""
+    session = copied(straight, tmp_path / "island")
+    without_scans(next(session.parent.glob("*.pcap")), (4.2, 5.4), (7.2, 8.4))
+    edit_positions(session.with_name("gnss.nmea"), lambda t_s, line: b"" if 3.9 < t_s < 8.6 else line)
+    found = matched(session)[1]
+    assert "scans-not-held" in codes(found)
+    island = np.abs(found.trajectory.t_s - straight.truth.span_s[0] - 6.8) < 0.5
+    assert (found.trajectory.sigma[island, 0] > 0.2).all(), "the motion prior alone"
+    error_m = found.trajectory.xyz_m - straight.truth.at(found.trajectory.t_s).xyz_m
+    known = np.isfinite(error_m).all(axis=1)
+    assert known.mean() > 0.9
+    assert (np.abs(error_m) < 4.0 * found.trajectory.sigma[:, :3])[known].all()
+
+
+def test_one_position_before_a_gap__is_no_error(straight: Recording, tmp_path: Path) -> None:
+    """Its speed is not known."""
+    session = copied(straight, tmp_path / "lone")
+    edit_positions(session.with_name("gnss.nmea"), lambda t_s, line: b"" if 2.05 < t_s < 6.0 else line)
+    edit_positions(session.with_name("gnss.nmea"), lambda t_s, line: b"" if t_s < 1.95 else line)
+    found = matched(session)[1]
+    assert "scans-not-held" in codes(found)
+    assert found.trajectory.t_s[0] > straight.truth.span_s[0] + 5.0
+
+
+def test_positions_without_a_sigma__leave_the_trajectory_of_gnss(straight: Recording) -> None:
+    """Nothing that holds the scans is a number: the normal equations have no solution."""
+    by_gnss, found = matched(straight.opened.file, lambda log: replace(log, white_m=np.full_like(log.white_m, np.nan)))
+    assert "matching-unsolved" in codes(found)
+    assert found.trajectory is by_gnss.trajectory

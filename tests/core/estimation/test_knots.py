@@ -117,6 +117,27 @@ def test_the_start_is_the_trajectory_held_at_its_ends_and_straight_across_its_ga
     assert not state[GNSS_DRIFT].any()
 
 
+def test_the_start_is_straight_across_a_gap_behind_a_speed_that_is_not_known() -> None:
+    """As that of one position before an outage; a cubic needs the speeds at both ends."""
+    t_s = T0_S + np.array([0.0, 8.0, 8.1, 8.2])
+    along = np.array([0.0, 16.0, 16.2, 16.4])
+    trajectory = trajectory_from_attitude(
+        t_s,
+        np.column_stack([along, 0.5 * along, 0.0 * along]),
+        0.0,
+        0.0,
+        np.full(4, 90.0),
+        max_gap_s=1.0,
+        speed_mps=np.array([np.nan, 2.0, 2.0, 2.0]),
+        motion=np.ones(4, np.int8),
+    )
+    knots = knots_over(np.arange(T0_S + 0.5, T0_S + 8.0, 0.1))
+    start = start_from(trajectory, knots, np.zeros(3))
+    np.testing.assert_allclose(start.xyz_m[:, 0], np.interp(knots.t_s, t_s, along), atol=1e-9)
+    np.testing.assert_allclose(start.xyz_m[:, 1], 0.5 * start.xyz_m[:, 0], atol=1e-9)
+    np.testing.assert_allclose(start.rotation, np.broadcast_to(np.eye(3), start.rotation.shape), atol=1e-12)
+
+
 def test_a_step_turns_about_the_axes_of_the_map() -> None:
     rotation = Rotation.from_euler("ZYX", [[70.0, 2.0, -1.0]], degrees=True)
     state = State(np.zeros((1, 3)), rotation.as_matrix(), np.zeros((1, 3)))

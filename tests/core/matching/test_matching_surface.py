@@ -170,5 +170,21 @@ def test_a_wide_line_passes_all_the_ground_under_it(half_width_m: float) -> None
     assert (layers(np.full(2000, 30.0), en, passage, 0.3) == 1).all()
 
 
+@pytest.mark.parametrize("half_width_m", [3.25, 6.45])
+@pytest.mark.parametrize("heading", [1.0, -1.0])
+def test_the_ends_of_a_line__change_the_ground_in_the_tiles_beyond_a_border(
+    half_width_m: float, heading: float
+) -> None:
+    """Tiles of 3.2 m, of which the line reaches half a cell into the next ones."""
+    t = np.arange(0, 20, 0.05)
+    middle, left = heading * t[:, None] * [1.0, 0.0], np.tile([0.0, heading], (len(t), 1))
+    passage = passage_of(t, middle, left, half_width_m, 0.1)
+    along, ends = heading * np.linspace(1.0, 18.0, 200), half_width_m - 0.02
+    for end in (-ends, ends):
+        en = np.column_stack([along, np.full(200, end)])
+        assert (layers(np.full(200, 30.0), en, passage, 0.3) == 1).all()
+        assert (layers(np.full(200, 30.0), np.add(en, (0.0, np.sign(end) * 0.1)), passage, 0.3) == 0).all()
+
+
 def test_without_a_tool_all_soil_is_old() -> None:
     assert not layers(np.arange(5.0), np.zeros((5, 2)), None, 0.3).any()

@@ -143,6 +143,23 @@ def test_biases__are_found_in_the_axes_of_the_imu() -> None:
     assert figures.force_bias_mps2 == pytest.approx(bias[1], abs=0.005)
 
 
+def test_figures__have_the_digits_that_mean_something_and_the_noise_of_the_positions() -> None:
+    """Tenths of a millimetre; hundredths of a millidegree per second; hundredths of a millimetre per second squared."""
+    flight = Flight(40.0, seed=5)
+    figures = found(flight.noisy_track(white_m=0.02), flight.noisy_imu()).figures
+    assert figures.position_rms_m == pytest.approx((0.02, 0.02, 0.03), rel=0.15)
+    for values, digits in (
+        (figures.rate_bias_dps, 5),
+        (figures.rate_bias_sigma_dps, 5),
+        (figures.force_bias_mps2, 5),
+        (figures.force_bias_sigma_mps2, 5),
+        (figures.position_rms_m, 4),
+        ((figures.variance_factor,), 3),
+    ):
+        assert list(values) == [float(f"{value:.{digits}f}") for value in values]
+        assert list(values) != [float(f"{value:.{digits - 1}f}") for value in values]
+
+
 def test_densities__are_those_of_the_noise() -> None:
     shown = densities(Flight(40.0, 7).noisy_imu())
     assert shown == pytest.approx((INDUSTRIAL.rate, INDUSTRIAL.force), rel=0.1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.knots import STEP_S
-from furrowmap.core.trajectory.heading_hints import LASTING_S, Course, RecordedHeading
+from furrowmap.core.trajectory.heading_hints import LASTING_S, Course, HeadingLog, RecordedHeading
 
 FloatArray = NDArray[np.float64]
 LEVER_M = np.array([0.8, 0.3, 1.0])
@@ -99,3 +99,56 @@ def test_recorded_headings__have_a_mean_whose_error_stays_and_changes_that_show_
     step = np.append(np.zeros(3), [1e-6, -2e-6, 3e-6])
     change = hint.rows(np.eye(3), np.append(step[3:], np.zeros(3)), drive).residual - rows.residual
     assert change == pytest.approx(-(rows.design[:, 3:6] @ step[3:]), abs=1e-8)
+
+
+def circle(radius_m: float, speed_mps: float = 1.0) -> Drive:
+    """Forward on a circle to the left, about which an antenna above the origin goes; a minute long."""
+    yaw = speed_mps / radius_m * STEP_S * np.arange(2400)
+    turned = Rotation.from_euler("z", yaw[:, None]).as_matrix()
+    antenna = radius_m * np.column_stack([np.sin(yaw), 1.0 - np.cos(yaw), 0.0 * yaw])
+    return Drive(turned, np.cumsum(turned, axis=0) * STEP_S, antenna)
+
+
+@pytest.mark.parametrize(
+    ("way_m", "length_s"),
+    [(1.9, 2.0), (2.1, 3.0), (2.9, 3.0), (3.1, 5.0), (4.9, 5.0), (5.1, 8.0), (7.9, 8.0), (8.1, 12.0), (19.0, 20.0)],
+)
+def test_course__is_taken_over_the_shortest_time_whose_way_is_five_times_its_sigma(
+    way_m: float, length_s: float
+) -> None:
+    """At 1 m/s; the sigma is that of the difference between two positions."""
+    white_m = way_m / 5.0 / np.sqrt(2.0)
+    course = Course.of(circle(1e9).antenna_m, white_m, 0.0, np.zeros(3))
+    assert course.knots * STEP_S == pytest.approx(length_s)
+    assert course.sigma_m == pytest.approx(way_m / 5.0)
+
+
+@pytest.mark.parametrize("radius_m", [1e9, 20.0, 6.0])
+def test_course__is_certain_but_for_noise_slip_and_turns(radius_m: float) -> None:
+    """A twentieth of the way aside, and three tenths of the turn within it; the ways are chords of two seconds."""
+    turn = 2.0 / radius_m
+    chord_m = 2.0 * radius_m * np.sin(0.5 * turn)
+    course = Course.of(circle(radius_m).antenna_m, 0.01, 0.0, np.zeros(3))
+    rows = course.rows(np.eye(3), np.zeros(6), circle(radius_m))
+    variance = 2.0 * 0.01**2 + (0.05**2 + (0.3 * turn) ** 2) * chord_m**2
+    assert rows.weight == pytest.approx(np.full(len(rows.weight), 1.0 / variance), rel=1e-4)
+
+
+@pytest.mark.parametrize(("reverse", "is_shown"), [(0.3, True), (0.38, False), (0.62, False), (0.7, True)])
+def test_nose__is_shown_by_three_tenths_more_of_the_way_in_one_direction(reverse: float, is_shown: bool) -> None:
+    """More in reverse than forward turns the likelier start round."""
+    drive = Drive.of(0.5, reverse, 0.01)
+    found = Course.of(drive.antenna_m, 0.05, 0.1, LEVER_M).starts(np.eye(3), drive)
+    assert len(found) == (2 if is_shown else 0)
+    if is_shown:
+        off = Rotation.from_matrix(found[0]) * Rotation.from_euler("z", -0.5)
+        assert abs(off.magnitude() - (np.pi if reverse > 0.5 else 0.0)) < 0.3
+
+
+def test_heading_log__has_headings_within_its_times_and_gaps_of_a_second() -> None:
+    """From 3 to -3 rad is a turn to the left through half a circle; the axis is square to the left of the nose."""
+    log = HeadingLog(np.array([10.0, 11.0, 12.5]), np.array([3.0, -3.0, -2.9]), 0.01, axis_rad=0.5 * np.pi)
+    found = log.at(np.array([9.99, 10.0, 10.5, 11.0, 11.7, 12.51]))
+    assert np.isfinite(found).tolist() == [False, True, True, True, False, False]
+    assert found[1:4] == pytest.approx(np.array([3.0, np.pi, 2.0 * np.pi - 3.0]) - 0.5 * np.pi)
+    assert np.isnan(HeadingLog(np.array([10.0]), np.array([3.0]), 0.01).at(np.array([10.0]))).all()

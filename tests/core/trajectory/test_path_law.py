@@ -63,8 +63,9 @@ def residuals(state: FloatArray, known: FloatArray) -> FloatArray:
 
 
 @settings(max_examples=8, deadline=None)
-@given(st.floats(0.05, 2.0), st.floats(-0.3, 0.3))
+@given(st.floats(0.5, 2.0), st.floats(-0.3, 0.3))
 def test_path__has_the_standard_deviations_of_its_model(speed_mps: float, turn_radps: float) -> None:
+    """Slower than that, 1.3 seconds do not tell the heading to a radian, and a linear model has no place."""
     axle, yaw = motion(speed_mps, turn_radps)
     antenna = axle + np.column_stack(
         [
