@@ -272,8 +272,9 @@ def _in_slab(xyz, starts, reach, across, rows, low, high, centre, axes, scale, c
                     continue
                 u = (x * axes[0, 0] + y * axes[0, 1] + z * axes[0, 2] - corner[0]) / side
                 v = (x * axes[1, 0] + y * axes[1, 1] + z * axes[1, 2] - corner[1]) / side
-                column = min(max(int(np.floor(u)) + RIM, 0), columns - 1)
-                row = min(max(int(np.floor(v)) + RIM, 0), lines - 1)
+                column, row = int(np.floor(u)) + RIM, int(np.floor(v)) + RIM
+                if not (0 <= column < columns and 0 <= row < lines):
+                    continue
                 if filled[column, row]:
                     number += 1
                     on += away <= tolerance

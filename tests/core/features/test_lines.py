@@ -49,3 +49,22 @@ def test_crossing_lines__are_two_in_any_direction(seed: int) -> None:
         away = xyz[one.members] - np.outer(xyz[one.members] @ axes[own], axes[own])
         assert np.linalg.norm(away, axis=1).max() <= 0.12
         assert one.length_m == pytest.approx(5.9, abs=0.2)
+
+
+@pytest.mark.parametrize("slope", [0.32, 0.45, 0.58, 0.7])
+@pytest.mark.parametrize("seed", range(4))
+def test_directions__of_lines_that_are_not_level_point_upwards(slope: float, seed: int) -> None:
+    turn = Rotation.from_euler("z", 90.0 * seed + 20.0, degrees=True)
+    axis = turn.apply([np.sqrt(1.0 - slope**2), 0.0, slope])
+    xyz = np.arange(-3.0, 3.0, 0.1)[:, None] * axis
+    (found,) = lines(xyz, np.full(len(xyz), 0.95), np.tile(axis, (len(xyz), 1)), 0.1)
+    assert found.direction == pytest.approx(axis, abs=1e-6)
+
+
+@pytest.mark.parametrize(("slope", "seed"), [(0.0, 0), (0.25, 1), (-0.25, 2), (0.28, 3)])
+def test_directions__of_lines_that_are_nearly_level_point_to_the_east(slope: float, seed: int) -> None:
+    turn = Rotation.from_euler("z", 90.0 * seed + 20.0, degrees=True)
+    axis = turn.apply([np.sqrt(1.0 - slope**2), 0.0, slope])
+    xyz = np.arange(-3.0, 3.0, 0.1)[:, None] * axis
+    (found,) = lines(xyz, np.full(len(xyz), 0.95), np.tile(axis, (len(xyz), 1)), 0.1)
+    assert found.direction == pytest.approx(axis if axis[0] > 0.0 else -axis, abs=1e-6)
