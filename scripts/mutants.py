@@ -440,7 +440,8 @@ class Copy:
         os.dup2(output, 2)
         os.chdir(self.checkout)
         layout = str(self.checkout / "build" / "typing")
-        os.environ |= {"PYTHONPATH": layout, "NUMBA_CACHE_DIR": str(kernels)}
+        # QGIS sees the folder of temporary files, and no other of the tests.
+        os.environ |= {"PYTHONPATH": layout, "NUMBA_CACHE_DIR": str(kernels), "TMPDIR": str(self.folder)}
         config.reload_config()
         sys.path[:0] = [layout]
         status = 1

@@ -9,10 +9,12 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree as ET
 from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
+import rasterio
 import shapely
 
 import furrowmap
@@ -293,3 +295,20 @@ def test_project__opens_in_qgis_wherever_it_is_copied(named: Path, tmp_path: Pat
     assert layers["行程"]["features"] == 1
     assert layers["行程"]["read_only"]
     assert not layers["車両の位置"]["shown"]
+
+
+def test_project__has_the_layers_of_the_result_beside_it_and_leaves_the_result_as_it_was(
+    named: Path, tmp_path: Path
+) -> None:
+    layers, surface = (named / name for name in ("field.gpkg", "dsm.tif"))
+    before = layers.read_bytes(), surface.read_bytes()
+    folder = furrowmap.share(named, tmp_path / "written", qfield=True).folder
+    assert (layers.read_bytes(), surface.read_bytes()) == before
+    assert (folder / "field.gpkg").read_bytes() == before[0]
+    with rasterio.open(surface) as own, rasterio.open(folder / "dsm.tif") as copied:
+        assert (copied.count, copied.bounds) == (1, own.bounds)
+        assert np.array_equal(copied.read(1), own.read(1), equal_nan=True)
+    project = ET.parse(folder / "field.qgs")
+    sources = [str(source.text) for source in project.iterfind(".//maplayer/datasource")]
+    assert {source.split("|")[0] for source in sources} >= {"./field.gpkg", "./dsm.tif"}
+    assert all((folder / source.split("|")[0]).is_file() for source in sources)

@@ -168,8 +168,6 @@ def _fields(header: bytes) -> _Fields:
     fields: _Fields = {}
     position = 0
     while position < len(header):
-        if position + 4 > len(header):
-            raise Damage("the header of a record is damaged")
         end = position + 4 + int.from_bytes(header[position : position + 4], "little")
         name, equals, value = header[position + 4 : end].partition(b"=")
         if end > len(header) or not equals:

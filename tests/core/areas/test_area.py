@@ -15,7 +15,7 @@ from pyproj import CRS
 from shapely import affinity
 
 from furrowmap.core.areas.area import MANY, Area, read_area
-from furrowmap.core.areas.rings import pixels_in
+from furrowmap.core.areas.rings import pixels_in, ring_at, rings_of
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.errors import InputError
 
@@ -95,3 +95,20 @@ def test_pixels_in__are_those_whose_middle_shapely_finds_inside(turn_deg: float)
     grid = Grid.of_bounds(0.04, turned.buffer(0.1).bounds)
     expected = shapely.contains_xy(turned, *np.meshgrid(*grid.centres_m()))
     assert (pixels_in(turned, grid) == expected).all()
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_borders__belong_to_the_plot_east_or_north_of_them_alone(turned: bool) -> None:
+    """Plots of a metre side by side share their edges and corners; pixels with a middle there belong to the same."""
+    plots = [shapely.box(x, y, x + 1.0, y + 1.0) for y in range(3) for x in range(4)]
+    plots = [shapely.reverse(plot) for plot in plots] if turned else plots
+    x, y = (part.ravel() for part in np.meshgrid(np.arange(-0.5, 5.0, 0.5), np.arange(-0.5, 4.0, 0.5)))
+    within = (x >= 0.0) & (x < 4.0) & (y >= 0.0) & (y < 3.0)
+    number = np.where(within, np.floor(x) + 4.0 * np.floor(y), -1.0)
+    assert ring_at(rings_of(plots, (0.0, 0.0)), x, y).tolist() == number.tolist()
+    grid = Grid.of_bounds(1.0, (-1.0, -1.0, 5.0, 4.0))
+    middle_x, middle_y = np.meshgrid(*grid.centres_m())
+    for k, plot in enumerate(plots):
+        moved = affinity.translate(plot, 0.5, 0.5)
+        own = (middle_x == k % 4 + 0.5) & (middle_y == k // 4 + 0.5)
+        assert (pixels_in(moved, grid) == own).all()

@@ -179,7 +179,7 @@ def test_mounting_and_intrinsics_that_are_off__are_told() -> None:
     _, adjusted = adjusted_with(replace(STATED, k1=0.0, k2=0.0))
     assert doubtful(adjusted) is None
     assert "camera-residuals" in {notice.code for notice in misstated(adjusted, STATED)}
-    _, adjusted = adjusted_with(replace(STATED, fx=1.03 * STATED.fx, fy=1.03 * STATED.fy))
+    _, adjusted = adjusted_with(replace(STATED, fx=1.044 * STATED.fx, fy=1.044 * STATED.fy))
     (strained,) = misstated(adjusted, STATED)
     assert (strained.code, doubtful(adjusted)) == ("camera-tension", None)
 

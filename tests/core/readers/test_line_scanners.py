@@ -99,8 +99,11 @@ HEAD = "time_unix_s,angle_deg,range_m,intensity"
         (np.tile(np.arange(90, -91, -1.0), 3), [181] * 3),
         (np.arange(100, 900) % 360.0, [260, 360, 180]),
         (np.concatenate([np.arange(0, 50), np.arange(50, 0, -1), np.arange(0, 50)]), [51, 50, 49]),
+        (np.tile(np.repeat(np.arange(-90, 91, 1.0), 3), 2), [543] * 2),
+        (np.tile(np.repeat(np.arange(90, -91, -1.0), 3), 2), [543] * 2),
+        (np.full(40, 12.0), [40]),
     ],
-    ids=["line", "clockwise", "turning", "swinging"],
+    ids=["line", "clockwise", "turning", "swinging", "three-echoes", "three-echoes-clockwise", "standing"],
 )
 def test_csv__is_cut_into_sweeps(tmp_path: Path, angles: Any, sizes: list[int]) -> None:
     scans = list(line_csv(tmp_path, HEAD, rows_of(angles)).scans())

@@ -211,6 +211,17 @@ def test_pcapng__of_each_byte_order_and_resolution(tmp_path: Path, order: str) -
     assert capture.notices == []
 
 
+def test_pcapng__has_the_resolution_of_its_first_interface(tmp_path: Path) -> None:
+    ng = PcapNg()
+    path = tmp_path / "a.pcapng"
+    stamp = int(T0) * 1_000_000_000
+    path.write_bytes(
+        ng.section() + ng.interface(resolution=9) + ng.interface(resolution=3) + ng.packet(stamp, frame(b"x"))
+    )
+    found, capture = read(path)
+    assert (found, capture.resolution) == ([(T0, b"x")], 1_000_000_000)
+
+
 def test_pcapng__cut_in_a_section_header_ends_there(tmp_path: Path) -> None:
     ng = PcapNg()
     path = tmp_path / "a.pcapng"
@@ -238,6 +249,23 @@ def test_pcapng__of_times_beyond_all_dates_gives_nothing(tmp_path: Path) -> None
     found, capture = read(path)
     assert found == []
     assert dict(capture.skipped) == {"without a plausible time": 1}
+
+
+def test_pcapng__of_more_interfaces_than_are_kept_gives_those_of_the_first_1024(tmp_path: Path) -> None:
+    """What is kept of interfaces does not grow with the file; a section begins a new list."""
+    ng = PcapNg()
+    described = ng.section() + b"".join(ng.interface(resolution=6) for _ in range(1025))
+    packets = [
+        ng.packet((int(T0) + k) * 1_000_000, frame(name), on)
+        for k, (on, name) in enumerate([(0, b"first"), (1023, b"last kept"), (1024, b"beyond"), (5, b"after")])
+    ]
+    path = tmp_path / "a.pcapng"
+    path.write_bytes(described + b"".join(packets) + ng.section() + ng.interface() + packets[0])
+    found, capture = read(path)
+    assert [data for _, data in found] == [b"first", b"last kept", b"after", b"first"]
+    (notice,) = capture.notices
+    assert notice.code == "damaged-records"
+    assert f"{len(packets[2])} damaged bytes at 1 places" in notice.text
 
 
 def test_capture__larger_than_a_block_loses_nothing(tmp_path: Path) -> None:

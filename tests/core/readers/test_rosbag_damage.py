@@ -25,7 +25,8 @@ from furrowmap.core.readers.rosbag.files import BagFiles
 from furrowmap.core.readers.rosbag.storage import LARGEST_BYTES, Damage, inflate, unpacked
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
-from tests.core.readers.small_bags import ROS1, T0_NS, mixed, nav_sat_fix, velodyne_scan, write_bag1, write_bag2
+from furrowmap.core.values.scan import Clock
+from tests.core.readers.small_bags import ROS1, ROS2, T0_NS, mixed, nav_sat_fix, velodyne_scan, write_bag1, write_bag2
 from tests.core.readers.velodyne_packets import turning
 
 if sys.version_info >= (3, 14):
@@ -497,3 +498,44 @@ def test_unpacked__a_message_in_zstd_is_whole_or_damaged() -> None:
         unpacked(packed[:-9])
     with pytest.raises(Damage, match="its zstd data are damaged"):
         unpacked(packed[:4] + b"\xff" * 20)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [b"\x05\0\0\0op\x3d\x03", b"\x03\0\0\0opx", b"\x04\0\0", b"\x01"],
+    ids=["longer than the header", "without an equals sign", "three bytes", "one byte"],
+)
+def test_a_header_whose_fields_do_not_fill_it_ends_the_reading_there(field: bytes, tmp_path: Path) -> None:
+    """A record with an impossible field after all messages; without it, the bag would be complete."""
+    path = write_bag1(tmp_path / "a.bag", mixed(ROS1))
+    whole = BagFiles([path])
+    expected = list(whole.messages())
+    header = struct.pack("<I", 4) + b"op=\x04" + field
+    path.write_bytes(path.read_bytes() + struct.pack("<I", len(header)) + header + bytes(4))
+    files = BagFiles([path])
+    assert list(files.messages()) == expected
+    assert not whole.notices
+    (notice,) = files.notices
+    assert notice.code == "bag-cut"
+    assert "the header of a record is damaged" in notice.text
+
+
+@pytest.mark.parametrize("store", [ROS1, ROS2], ids=["ROS 1", "ROS 2"])
+@pytest.mark.parametrize("late_ms", [[10, 10, 10], [20, 40, 600]], ids=str)
+def test_inspect__says_how_long_after_their_stamps_positions_were_received(
+    store: Any, late_ms: list[int], tmp_path: Path
+) -> None:
+    stamps_ns = [T0_NS + k * 10**9 for k in range(len(late_ms))]
+    recorded = [
+        ("/fix", at_ns + late * 10**6, nav_sat_fix(at_ns, store=store))
+        for at_ns, late in zip(stamps_ns, late_ms, strict=True)
+    ]
+    path = write_bag1(tmp_path / "a.bag", recorded) if store is ROS1 else write_bag2(tmp_path / "bag", recorded)
+    (clock,) = (clock for clock in Recognised.of(path).inspect().clocks if clock.clock is Clock.GNSS)
+    assert f"received {late_ms[1] / 1000.0:.3f} s later (median)" in clock.note
+
+
+def test_positions__without_a_stamp_are_at_the_time_of_their_reception(tmp_path: Path) -> None:
+    recorded = [("/fix", T0_NS + k * 10**8, nav_sat_fix(0)) for k in range(3)]
+    track = open_recording([write_bag2(tmp_path / "bag", recorded)], ReadOptions()).track()
+    assert track.t_s - T0_NS * 1e-9 == pytest.approx([0.0, 0.1, 0.2], abs=1e-6)

@@ -15,6 +15,7 @@ from pyproj import Geod
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.rtklib.pos import RtklibPos
+from furrowmap.core.readers.rtklib.rows import Header
 from furrowmap.core.readers.source import look
 from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -88,6 +89,16 @@ def test_track__whose_corrections_by_the_processors_words(
     track = track_of(written(tmp_path, head + rows))
     assert track.service == service
     assert track.fix.tolist() == [Fix.FIXED, Fix.FLOAT, Fix.DGPS, Fix.DGPS, Fix.SINGLE, Fix.PPP]
+
+
+def test_header__words_are_kept_to_200_characters(tmp_path: Path) -> None:
+    """A comment may be as long as a file."""
+    words = "x" * 199 + "yz"
+    head = f"% program   : {words}\n% pos mode  : {words}\n"
+    form = Header()
+    for line in head.splitlines():
+        form.take(line)
+    assert form.program == form.mode == words[:200]
 
 
 def test_track__is_what_pandas_reads(shared_data: Path) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from furrowmap.core.simulator.scenario import SOILS, Implement, Lidar, Scenario, Soil
+from furrowmap.core.simulator.scenario import SOILS, TOOL_BOXES, Implement, Lidar, Scenario, Soil
 from furrowmap.core.simulator.scenario_file import as_toml, demo_scenario, load_scenario, scenario_from
 from furrowmap.core.values.errors import InputError
 
@@ -125,3 +126,14 @@ def test_as_toml__is_loaded_as_the_same_scenario() -> None:
 def test_scenario__an_earlier_drive_says_where_it_began() -> None:
     with pytest.raises(InputError, match=r"drive\.start_xy_m"):
         scenario_from("[[earlier]]\nseed = 2\n", "s")
+
+
+@pytest.mark.parametrize(
+    ("shape", "length_m", "width_m", "height_m"),
+    [("tiller", 1.12, 1.74, 1.06), ("mower", 1.2, 1.7, 0.52), ("plow", 1.6, 1.3, 1.05), ("roller", 0.55, 1.7, 0.85)],
+)
+def test_implements__have_the_extent_of_machines(shape: str, length_m: float, width_m: float, height_m: float) -> None:
+    boxes = np.array(TOOL_BOXES[shape]).reshape(-1, 3, 2)
+    assert (boxes[..., 0] < boxes[..., 1]).all()
+    extent = boxes[..., 1].max(axis=0) - boxes[..., 0].min(axis=0)
+    assert extent == pytest.approx([length_m, width_m, height_m])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -38,6 +39,16 @@ def utc(text: str) -> float:
 def test_leap_seconds(date: str, leap_s: int) -> None:
     assert clock.gps_minus_utc_s(utc(date)) == leap_s
     assert clock.utc_to_gps_s(utc(date)) == utc(date) - utc("1980-01-06T00:00:00") + leap_s
+
+
+def test_leap_seconds__are_those_of_the_time_zone_database() -> None:
+    """Those since GPS time began, each a second after the end of a month."""
+    lines = resources.files("tzdata").joinpath("zoneinfo/leapseconds").read_text(encoding="ascii").splitlines()
+    told = [line.split() for line in lines if line.startswith("Leap\t")]
+    ends = [dt.datetime.strptime(f"{year} {month} {day} +0000", "%Y %b %d %z") for _, year, month, day, *_ in told]
+    after_s = np.array([end.timestamp() + 86_400.0 for end in ends if end.year > 1980])
+    np.testing.assert_array_equal(clock.gps_minus_utc_s(after_s), np.arange(1, len(after_s) + 1))
+    np.testing.assert_array_equal(clock.gps_minus_utc_s(after_s - 0.5), np.arange(len(after_s)))
 
 
 def test_gps_time__of_well_known_moments() -> None:

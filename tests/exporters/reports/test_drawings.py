@@ -19,10 +19,12 @@ from furrowmap.exporters.reports.drawings import (
     activities,
     activity_graph,
     fix_colour,
+    pass_colour,
     quality_graph,
     quality_map,
     tool_graph,
 )
+from furrowmap.exporters.reports.range_images import range_limits_m
 from tests.exporters.reports.drawn import FloatArray, corners, number, reading, span
 from tests.exporters.vectors.worked_field import LIFTED_M, worked_field
 
@@ -186,3 +188,17 @@ def test_drawing__is_as_large_as_what_is_on_it(drawn: str) -> None:
     assert -0.5 <= x.min() <= x.max() <= width + 0.5
     assert y.min() >= -0.5
     assert height - 12.5 <= y.max() <= height
+
+
+def test_colours_of_passes__go_from_orange_over_green_to_blue() -> None:
+    assert [pass_colour(number, 3) for number in (1, 2, 3)] == ["#fdd49e", "#78c679", "#225ea8"]
+    assert pass_colour(1, 1) == "#78c679"
+    assert pass_colour(2, 5) == "#bacd8c", "half-way"
+
+
+def test_colours_of_ranges__begin_and_end_at_the_2nd_and_98th_percentile() -> None:
+    range_m = np.arange(1.0, 1001.0, dtype=np.float32).reshape(10, 100)
+    assert range_limits_m(range_m, None) == pytest.approx((20.98, 980.02), abs=1e-3)
+    assert range_limits_m(range_m, range_m <= 101.0) == pytest.approx((3.0, 99.0), abs=1e-3)
+    assert range_limits_m(range_m, range_m < 0.0) == pytest.approx((20.98, 980.02), abs=1e-3)
+    assert np.isnan(range_limits_m(np.full((2, 3), np.nan, np.float32), None)).all()

@@ -129,3 +129,21 @@ def test_decoder__has_little_memory(tmp_path: Path) -> None:
     with pytest.raises(Undecodable):
         decoder.points(3 << 30, what="more")
     decoder.close()
+
+
+@pytest.mark.parametrize(
+    ("number", "field", "value"),
+    [(1, 0, 3), (3, 0, 3), (6, 0, 3), (7, 0, 3), (1, 2, 1), (3, 2, 1), (6, 2, 1), (7, 2, 1), (1, 4, 9), (3, 4, 9)],
+)
+def test_laz__whose_items_are_not_those_of_its_points_is_refused(
+    number: int, field: int, value: int, tmp_path: Path
+) -> None:
+    """The decoder would read each point as another one."""
+    cloud = cloud_of(tmp_path / "cloud.laz", number)
+    data = bytearray(cloud.path.read_bytes())
+    record = data.index(b"laszip encoded") - 2 + 54
+    struct.pack_into("<H", data, record + 34 + field, value)
+    (tmp_path / "damaged.laz").write_bytes(data)
+    with pytest.raises(InputError, match=f"do not match point format {number} with ") as error:
+        open_cloud(tmp_path / "damaged.laz")
+    assert error.value.code == "laz-items"
