@@ -5,7 +5,7 @@
 # `arguments`, calls `leave()` when it is done (`leave` may be called by a timer later), and may call `shot(PATH)`.
 # QGIS_SIZE=1600x1000 is the screen's size, QGIS_LOCALE=en its language, QGIS_INTERPRETER the worker's command.
 # Prints what the script prints. Ends with QGIS's own status; 1 where the script raised an exception. A crash of QGIS after it
-# has ended Python is told, and counts as an end.
+# has unloaded every plugin is told, and counts as an end.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 [ -f /etc/qgis-root ] || exec scripts/in_qgis_root.sh bash scripts/qgis_desktop.sh "$@"
@@ -32,6 +32,7 @@ checkOnStart=false
 automatically-check-for-updates=false
 [core]
 NewsFeed\\httpsfeedqgisorg\\disabled=true
+NewsFeed\\http00008000\\disabled=true
 [furrowmap]
 interpreter=${QGIS_INTERPRETER-}
 [PythonPlugins]
@@ -40,19 +41,35 @@ furrowmap=true
 INI
 
 cat >"$work/start.py" <<'PY'
-import atexit
 import os
 import sys
 import faulthandler
 import traceback
 
+import qgis.utils
 from qgis.core import QgsApplication, QgsProject
 from qgis.PyQt.QtCore import QTimer
 from qgis.utils import iface
 
 faulthandler.enable()
-# QGIS ends Python when its windows are closed and the plugins are gone; what it destroys after that has no code of a plugin.
-atexit.register(lambda: open(os.path.join(os.environ["DESKTOP_WORK"], "ended"), "w").close())
+# A thread of QGIS that was the first to ask for its store of passwords uses it after it is freed, if it ends while QGIS does
+# (3.40, seen with valgrind); the main thread does not.
+QgsApplication.authManager().isDisabled()
+_unload = qgis.utils.unloadPlugin
+
+
+def _unloaded(name):
+    """QGIS's own `unloadPlugin`; tells when no plugin is left. What QGIS destroys after that has no code of a plugin.
+
+    QGIS 3.40 never ends Python: `atexit` does not run.
+    """
+    done = _unload(name)
+    if not qgis.utils.active_plugins:
+        open(os.path.join(os.environ["DESKTOP_WORK"], "ended"), "w").close()
+    return done
+
+
+qgis.utils.unloadPlugin = _unloaded
 
 
 def shot(path):
@@ -109,8 +126,8 @@ DESKTOP_WORK=$work DESKTOP_COMMAND=${command%?} PYTHONUNBUFFERED=1 QT_QPA_PLATFO
   qgis --profiles-path "$work" --nologo --noversioncheck --code "$work/start.py" \
   2> >(grep --line-buffered -vE 'propagateSizeHints|^$' >&2) || status=$?
 kill $(jobs -p) 2>/dev/null || true
-if [ "$status" = 139 ] && [ -e "$work/ended" ]; then
-  echo "qgis_desktop.sh: QGIS itself crashed while it ended, after Python had ended" >&2
+if [ "$status" -gt 128 ] && [ -e "$work/ended" ]; then
+  echo "qgis_desktop.sh: QGIS itself crashed while it ended, after every plugin was unloaded" >&2
   status=0
 fi
 [ ! -e "$work/failed" ] || status=1

@@ -282,3 +282,11 @@ def test_killed_qgis__leaves_no_worker(
     assert answer["signal"] == 9
     assert answer["workers"] == []
     assert answer["left"] == []
+
+
+def test_crash_at_the_end__counts_until_every_plugin_is_unloaded(qgis: QgisRoot, plugins: Path) -> None:
+    """What QGIS does after that has no code of a plugin: QGIS 3.40 uses memory that it has freed."""
+    desktop = ("scripts/qgis_desktop.sh", plugins, HERE / "crash_at_end.py")
+    qgis.run(*desktop, "last")
+    with pytest.raises(AssertionError, match="Segmentation fault"):
+        qgis.run(*desktop, "furrowmap")

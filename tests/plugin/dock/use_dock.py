@@ -513,13 +513,17 @@ def tick() -> None:
     if WAIT["for"] is not None and not WAIT["for"]():
         late = time.monotonic() - WAIT["since"] > LONGEST_S
         bar = iface.messageBar().currentItem()  # noqa: F821
+        if late:
+            TIMER.stop()
         assert not late, (STORY.gi_frame, STORY.gi_yieldfrom, bar.text() if bar else "")
         return
     try:
         WAIT["for"] = next(STORY)
         WAIT["since"] = time.monotonic()
-    except StopIteration:
+    except BaseException as end:
         TIMER.stop()
+        if not isinstance(end, StopIteration):
+            raise
         print(json.dumps(SEEN), flush=True)
         leave()  # noqa: F821
     BUSY["last_s"] = time.thread_time()  # the story's own work (pictures, reloads) is not the plugin's
