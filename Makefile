@@ -13,6 +13,9 @@ OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py benchmarks/dates.py \
   benchmarks/outages.py
 
+# Python keeps what it compiles: tests start it a thousand times, and setup.sh leaves compilation to the first import.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help demo test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin web clean
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from graphlib import TopologicalSorter
 from html import escape
 from pathlib import Path
@@ -31,6 +32,7 @@ def places(core: Path = CHECKOUT / "core") -> dict[str, Path]:
     return {p.stem: p for p in inside if p.name != "__init__.py"}
 
 
+@cache
 def imported(path: Path) -> set[str]:
     """Full names that a file imports from `core`, wherever in it."""
     names = set()

@@ -15,7 +15,7 @@ if [ "$(cat "$root$environment/key" 2>/dev/null)" != "$key" ]; then
     rm -f "$1/key"
     [ -x "$1/bin/pip" ] || python3 -m venv --clear "$1"
     "$1/bin/pip" install -q --constraint constraints.txt --upgrade pip
-    "$1/bin/pip" install -q --constraint constraints.txt --build-constraint constraints.txt --editable .
+    "$1/bin/pip" install -q --no-compile --constraint constraints.txt --build-constraint constraints.txt --editable .
     echo "$2" >"$1/key"' sh "$environment" "$key" >"$root.worker.log" 2>&1 9>&- ||
     { tail -n 20 "$root.worker.log" >&2; exit 1; }
 fi

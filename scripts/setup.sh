@@ -24,5 +24,5 @@ fi
 # An environment whose interpreter is gone (or whose checkout was moved) is made anew.
 "$venv/bin/python" -c '' 2>/dev/null && "$venv/bin/pip" --version >/dev/null 2>&1 || "$python" -m venv --clear "$venv"
 "$venv/bin/python" -m pip install -qq --constraint constraints.txt --upgrade pip
-"$venv/bin/python" -m pip install -qq --constraint "$constraints" --build-constraint constraints.txt \
+"$venv/bin/python" -m pip install -qq --no-compile --constraint "$constraints" --build-constraint constraints.txt \
   --editable ".[cluster,csf,notebooks,parquet,photo,postgis,remote,trials,xarray]" --group "$group"

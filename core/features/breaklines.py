@@ -115,7 +115,7 @@ def break_points(xyz_m: FloatArray) -> BreakPoints:
     beside = [map_coordinates(curvature, at + sign * way, order=1, mode="nearest") for sign in (-1.0, 1.0)]
     top = (np.sign(own) * beside[0] <= np.abs(own)) & (np.sign(own) * beside[1] < np.abs(own))
     at, way, own = at[:, top], way[:, top], own[top]
-    level = ground[at[0], at[1]]
+    level = ground[tuple(at)]
     rise = (
         np.stack(
             [

@@ -90,7 +90,8 @@ def offsets(track: GnssTrack, en_m: FloatArray, notices: list[Notice]) -> Offset
     unit = np.cumsum(border)
     for i in steps.tolist():
         sides = [unit == unit[i], unit == unit[i + 1]]
-        worse = max(sides, key=lambda side: (round(float(np.median(sigma[side])), 3), -int(side.sum())))
+        rank = [(round(float(np.median(sigma[side])), 3), -int(np.count_nonzero(side))) for side in sides]
+        worse = sides[int(rank[1] > rank[0])]
         off[worse] = np.maximum(off[worse], step[i])
         new[[i + 1, int(np.argmax(worse))]] = True
     if len(steps):
