@@ -26,6 +26,13 @@ if TYPE_CHECKING:
     from furrowmap.core.pointclouds.cleaning import Cleaning as Cleaning
     from furrowmap.core.pointclouds.surface_settings import SurfaceSettings as SurfaceSettings
     from furrowmap.core.readers.reader import Inspection as Inspection
+    from furrowmap.core.runtime.allowances import allowing as allowing
+    from furrowmap.core.runtime.errors import FurrowmapError as FurrowmapError
+    from furrowmap.core.runtime.errors import InputError as InputError
+    from furrowmap.core.runtime.errors import Notice as Notice
+    from furrowmap.core.runtime.errors import RefusedError as RefusedError
+    from furrowmap.core.runtime.errors import UsageError as UsageError
+    from furrowmap.core.runtime.threads import using_threads as using_threads
     from furrowmap.core.session.examination import Examined as Examined
     from furrowmap.core.session.examination import time_matches as time_matches
     from furrowmap.core.session.frames import Frame as Frame
@@ -33,14 +40,7 @@ if TYPE_CHECKING:
     from furrowmap.core.session.site_coordinates import SiteCoordinates as SiteCoordinates
     from furrowmap.core.session.site_coordinates import site_coordinates as site_coordinates
     from furrowmap.core.simulator.simulate import Simulated as Simulated
-    from furrowmap.core.values.allowances import allowing as allowing
-    from furrowmap.core.values.errors import FurrowmapError as FurrowmapError
-    from furrowmap.core.values.errors import InputError as InputError
-    from furrowmap.core.values.errors import Notice as Notice
-    from furrowmap.core.values.errors import RefusedError as RefusedError
-    from furrowmap.core.values.errors import UsageError as UsageError
     from furrowmap.core.values.scan import Scan as Scan
-    from furrowmap.core.values.threads import using_threads as using_threads
     from furrowmap.exporters.farm.edit import KnownSession as KnownSession
     from furrowmap.exporters.farm.mosaic import Mosaic as Mosaic
     from furrowmap.exporters.farm.mosaic import MosaicSettings as MosaicSettings
@@ -145,16 +145,16 @@ _HOMES = {
     "Fields": "workflows.fields",
     "Frame": "core.session.frames",
     "FrameTree": "core.session.frames",
-    "FurrowmapError": "core.values.errors",
+    "FurrowmapError": "core.runtime.errors",
     "GrowthSettings": "workflows.growth",
-    "InputError": "core.values.errors",
+    "InputError": "core.runtime.errors",
     "Inspection": "core.readers.reader",
     "KnownMachine": "workflows.machines",
     "KnownSession": "exporters.farm.edit",
     "Mosaic": "exporters.farm.mosaic",
     "MosaicSettings": "exporters.farm.mosaic",
     "MountCalibration": "workflows.calibrate_mount",
-    "Notice": "core.values.errors",
+    "Notice": "core.runtime.errors",
     "POINT": "points",
     "PairedPoints": "core.checking.paired_points",
     "ParcelSettings": "workflows.parcels",
@@ -164,7 +164,7 @@ _HOMES = {
     "Points": "points",
     "ProposedSession": "workflows.propose",
     "Raster": "results",
-    "RefusedError": "core.values.errors",
+    "RefusedError": "core.runtime.errors",
     "ResponseSettings": "workflows.response",
     "Result": "results",
     "Scan": "core.values.scan",
@@ -178,10 +178,10 @@ _HOMES = {
     "SurfaceSettings": "core.pointclouds.surface_settings",
     "TrafficRaster": "workflows.farm_memory",
     "TrafficSettings": "workflows.farm_memory",
-    "UsageError": "core.values.errors",
+    "UsageError": "core.runtime.errors",
     "Wheels": "exporters.farm.traffic",
     "add_to_farm_map": "workflows.farm",
-    "allowing": "core.values.allowances",
+    "allowing": "core.runtime.allowances",
     "batch": "workflows.batch",
     "calibrate": "workflows.calibrate",
     "calibrate_mount": "workflows.calibrate_mount",
@@ -226,7 +226,7 @@ _HOMES = {
     "tie": "workflows.tie",
     "TieSettings": "workflows.tie",
     "time_matches": "core.session.examination",
-    "using_threads": "core.values.threads",
+    "using_threads": "core.runtime.threads",
     "write_report_page": "workflows.report",
 }
 """The module of each public name. They are imported on first use, so that `import furrowmap` takes no time."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.cloud import BATCH_POINTS, Box, CloudFile, open_cloud
 from furrowmap.core.readers.las.points import CloudBatch
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.runtime.errors import RefusedError
 
 if TYPE_CHECKING:
     import pyproj

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
-from furrowmap.core.values.threads import threads
+from furrowmap.core.runtime.threads import threads
 
 VARIABLE: Final = "NUMBA_CACHE_DIR"
 _M_TRIM_THRESHOLD: Final = -1

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.cloud import Box
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.files import result_folder
 from furrowmap.exporters.files.result_folder import CHANGE, CLOUD, DSM, DSM_BEFORE, ResultFolder
 from furrowmap.points import Points, open_points
@@ -182,7 +182,7 @@ def read_raster(path: Path) -> Any:
     import pyproj
 
     from furrowmap.core.readers.geotiff import open_geotiff
-    from furrowmap.core.values.allowances import expect_memory
+    from furrowmap.core.runtime.allowances import expect_memory
 
     with open_geotiff(path, _no_raster, with_heights=False) as source:
         if source.crs is None:

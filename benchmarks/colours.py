@@ -23,11 +23,11 @@ from furrowmap.core.images.frames import Frames, frames_along
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.pipeline import companions, ground_scale
 from furrowmap.core.readers.exif import read_pixels
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.core.values.errors import Notice
 
 FloatArray = NDArray[np.float64]
 

@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import furrowmap
+from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.simulator.flight import laid_out_flight
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.simulate import simulate
-from furrowmap.core.values.errors import FurrowmapError
 
 FloatArray = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from furrowmap.core.images.session_aid import aided_session
 from furrowmap.core.pipeline import companions, ground_scale
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import silent
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import locate
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.progress import silent
 from furrowmap.core.values.trajectory import Trajectory
 
 

@@ -30,7 +30,7 @@ from sessions import simulated
 from trajectory_error import Poses, load_simulation, load_trajectory, rms
 
 import furrowmap
-from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.process import keep_kernels
 
 FloatArray = NDArray[np.float64]

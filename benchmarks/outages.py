@@ -25,9 +25,9 @@ from sessions import simulated
 from trajectory_error import Poses, load_simulation
 
 from furrowmap.core.adjustment.session_match import matched_to_ground
+from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import locate
-from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.process import keep_kernels
 
 FloatArray = NDArray[np.float64]

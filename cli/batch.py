@@ -11,9 +11,9 @@ import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options, worker_options
 from furrowmap.cli.tables import table
-from furrowmap.core.values.errors import printable
-from furrowmap.core.values.languages.choice import language_of_user
-from furrowmap.core.values.languages.translation import translated
+from furrowmap.core.runtime.errors import printable
+from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.languages.translation import translated
 
 if TYPE_CHECKING:
     from furrowmap import Batch

@@ -12,7 +12,7 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.point_options import bbox_option, box_of, classes_of, classes_option, crs_option, dst_crs_option
 from furrowmap.cli.tables import figures, file_size, table
-from furrowmap.core.values.errors import printable
+from furrowmap.core.runtime.errors import printable
 
 SIZE = click.FloatRange(0, min_open=True)
 

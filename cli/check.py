@@ -12,7 +12,7 @@ import furrowmap
 from furrowmap.cli.console import Console, put_error
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.tables import table
-from furrowmap.core.values.errors import RefusedError, printable
+from furrowmap.core.runtime.errors import RefusedError, printable
 
 if TYPE_CHECKING:
     from furrowmap import Check, PairedPoints

@@ -10,7 +10,7 @@ import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.tables import figures, file_size, table
-from furrowmap.core.values.errors import printable
+from furrowmap.core.runtime.errors import printable
 
 
 @click.command(

@@ -13,10 +13,10 @@ from typing import Any
 import click
 
 from furrowmap.cli.interruption import INTERRUPTION
-from furrowmap.core.values.errors import FurrowmapError, Notice, printable
-from furrowmap.core.values.languages.choice import language_of_user
-from furrowmap.core.values.languages.translation import translated, translated_error, translated_notice
-from furrowmap.core.values.progress import Progress
+from furrowmap.core.runtime.errors import FurrowmapError, Notice, printable
+from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.languages.translation import translated, translated_error, translated_notice
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.process import reporting_compilation
 
 log = logging.getLogger("furrowmap.cli")
@@ -122,7 +122,7 @@ def _bars(*, transient: bool) -> Iterator[Progress]:
 
 def put_json(value: object) -> None:
     """Write `value` as JSON to standard output, in UTF-8 whatever the encoding of the terminal."""
-    from furrowmap.core.values.json_text import json_text
+    from furrowmap.core.runtime.json_text import json_text
 
     click.echo(json_text(value).encode(), nl=False)
 

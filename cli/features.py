@@ -20,7 +20,7 @@ from furrowmap.cli.point_options import (
     within_option,
 )
 from furrowmap.cli.tables import figures, file_size, table
-from furrowmap.core.values.errors import printable
+from furrowmap.core.runtime.errors import printable
 
 
 @click.command(

@@ -11,7 +11,7 @@ import click
 import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.core.values.errors import printable
+from furrowmap.core.runtime.errors import printable
 
 _COLUMNS = (
     ("task", "task", ""),

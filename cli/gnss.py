@@ -14,7 +14,7 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.groups import CommandGroup
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.tables import table
-from furrowmap.core.values.errors import UsageError, printable
+from furrowmap.core.runtime.errors import UsageError, printable
 
 if TYPE_CHECKING:
     from furrowmap import Evaluation

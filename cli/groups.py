@@ -6,7 +6,7 @@ from difflib import get_close_matches
 
 import click
 
-from furrowmap.core.values.errors import UsageError
+from furrowmap.core.runtime.errors import UsageError
 
 
 class CommandGroup(click.Group):

@@ -20,7 +20,7 @@ from furrowmap.cli.point_options import (
     widths_of,
 )
 from furrowmap.cli.tables import file_size, parcel_table, table
-from furrowmap.core.values.errors import printable
+from furrowmap.core.runtime.errors import printable
 
 SHOWN = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma_m_day")
 

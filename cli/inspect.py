@@ -11,7 +11,7 @@ import furrowmap
 from furrowmap.cli.console import Console, error_value, put_error
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.tables import figures, table
-from furrowmap.core.values.errors import InputError, printable
+from furrowmap.core.runtime.errors import InputError, printable
 
 if TYPE_CHECKING:
     from furrowmap import Examined, Inspection

@@ -18,9 +18,9 @@ import click
 
 from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, Interruption
-from furrowmap.core.values.errors import Cancelled, FurrowmapError, UsageError
-from furrowmap.core.values.languages.catalogue import LANGUAGES
-from furrowmap.core.values.languages.choice import using_language
+from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES
+from furrowmap.core.runtime.languages.choice import using_language
 from furrowmap.workflows.failures import in_three_lines
 
 COMMANDS: Final = (

@@ -11,9 +11,9 @@ from typing import Any
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.core.values.allowances import ALL, allowing
-from furrowmap.core.values.languages.catalogue import LANGUAGES
-from furrowmap.core.values.threads import using_threads
+from furrowmap.core.runtime.allowances import ALL, allowing
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES
+from furrowmap.core.runtime.threads import using_threads
 from furrowmap.process import prepare_process
 
 FILE = click.Path(path_type=Path)

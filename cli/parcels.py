@@ -20,7 +20,7 @@ from furrowmap.cli.point_options import (
     widths_of,
 )
 from furrowmap.cli.tables import file_size, parcel_table, table
-from furrowmap.core.values.errors import printable
+from furrowmap.core.runtime.errors import printable
 
 SHOWN = ("mean_height_m", "height_sigma_m", "volume_m3", "p95_m", "cover", "points_m2")
 

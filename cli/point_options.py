@@ -8,7 +8,7 @@ from typing import Final
 import click
 
 from furrowmap.cli.options import FILE
-from furrowmap.core.values.errors import UsageError
+from furrowmap.core.runtime.errors import UsageError
 
 CLASSES: Final = frozenset(range(256))
 

@@ -9,7 +9,7 @@ import click
 
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
-from furrowmap.core.values.errors import UsageError, printable
+from furrowmap.core.runtime.errors import UsageError, printable
 
 
 @click.group(

@@ -11,7 +11,7 @@ import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.tables import table
-from furrowmap.core.values.errors import Notice, printable
+from furrowmap.core.runtime.errors import Notice, printable
 
 
 @click.command(

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from furrowmap.core.values.errors import printable
+from furrowmap.core.runtime.errors import printable
 
 MOST_PARCELS: Final = 60
 """Parcels that the terminal shows."""

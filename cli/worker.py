@@ -37,10 +37,10 @@ import msgspec
 from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.cli.main import asked_language, attempt
-from furrowmap.core.values.errors import Cancelled, FurrowmapError, Notice, UsageError
-from furrowmap.core.values.languages.choice import language_of_user, using_language
-from furrowmap.core.values.languages.translation import translated_notice
-from furrowmap.core.values.progress import Progress
+from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, Notice, UsageError
+from furrowmap.core.runtime.languages.choice import language_of_user, using_language
+from furrowmap.core.runtime.languages.translation import translated_notice
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.process import prepare_process, reporting_compilation
 
 PROTOCOL: Final = 1
@@ -162,7 +162,7 @@ class _Sender:
         self._lock = threading.Lock()
 
     def __call__(self, kind: str, **content: object) -> None:
-        from furrowmap.core.values.json_text import plain
+        from furrowmap.core.runtime.json_text import plain
 
         line = json.dumps(plain({"type": kind, **content}), ensure_ascii=False, allow_nan=False)
         with self._lock:

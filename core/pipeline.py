@@ -31,17 +31,16 @@ from furrowmap.core.pointclouds.run_notices import (
     session_notices,
 )
 from furrowmap.core.readers.reader import ClockReading, GivesTrack, Reader
+from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime.background import SCANS_AHEAD, ahead, behind, beside
+from furrowmap.core.runtime.errors import CONTRADICTION, Notice
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
 from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar, middle_s
 from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.trajectory.straight_passes import Strip, find_strips
-from furrowmap.core.values import scratch
-from furrowmap.core.values.ahead import SCANS_AHEAD, ahead, behind
-from furrowmap.core.values.beside import beside
-from furrowmap.core.values.errors import CONTRADICTION, Notice
 from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import track_within

@@ -1,6 +1,6 @@
 """The texts of errors and warnings as templates, by code, from the source; … stands for what varies.
 
-A catalogue of a language (core/values/languages) has an entry for each: ``python scripts/message_texts.py`` prints
+A catalogue of a language (core/runtime/languages) has an entry for each: ``python scripts/message_texts.py`` prints
 those that it lacks.
 """
 
@@ -64,7 +64,7 @@ def _joined(parts: list[list[str]]) -> list[str]:
 
 
 if __name__ == "__main__":
-    from furrowmap.core.values.languages.catalogue import catalogue
+    from furrowmap.core.runtime.languages.catalogue import catalogue
 
     known = catalogue("ja")
     for code, texts in templates().items():

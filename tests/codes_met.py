@@ -19,7 +19,7 @@ from typing import Any
 
 import pytest
 
-from furrowmap.core.values.errors import FurrowmapError, Notice
+from furrowmap.core.runtime.errors import FurrowmapError, Notice
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 FOLDER = "FURROWMAP_TEST_CODES"

@@ -6,7 +6,7 @@ import re
 import runpy
 from pathlib import Path
 
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from tests.codes_met import MET, listed, named
 from tests.core.readers.las.test_hostile import ERRORS, NOTICES
 

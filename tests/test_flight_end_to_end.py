@@ -17,7 +17,7 @@ from scipy.ndimage import maximum_filter
 from scipy.spatial.transform import Rotation
 
 import furrowmap
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.point_classes import PointClass
 

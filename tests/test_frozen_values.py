@@ -29,7 +29,7 @@ COLLECTING: Final = {
     "core/readers/velodyne/clock.py SensorClock",
     "core/readers/velodyne/counts.py PacketCounts",
     "core/readers/velodyne/traffic.py Traffic",
-    "core/values/record_spool.py _Block",
+    "core/runtime/record_spool.py _Block",
     "app/workflows/clean.py _Lost",
     "exporters/exchange/partitions.py Partition",
 }

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 SCRIPT = runpy.run_path(str(Path(__file__).resolve().parents[1] / "scripts" / "picture.py"))
 Track, draw_map, ground_around = SCRIPT["Track"], SCRIPT["draw_map"], SCRIPT["ground_around"]

@@ -14,8 +14,8 @@ from typing import Final
 
 import msgspec
 
-from furrowmap.core.values.errors import FurrowmapError, InputError, Notice
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.batch_state import STATE, BatchState, Failure, Outcome, Stamp, batch_state, same_files
 from furrowmap.exporters.files.lease import leased, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT

@@ -14,7 +14,7 @@ from dask import config
 from distributed import Client, LocalCluster, WorkerPlugin, wait
 from distributed.scheduler import KilledWorker
 
-from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.process import prepare_process
 from furrowmap.workflows.batch_engine import ATTEMPTS, Lost
 

@@ -13,11 +13,11 @@ from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Any, Final, Protocol, Self, TypeVar
 
-from furrowmap.core.values.allowances import ALL, allowing, allows, free_memory_bytes
-from furrowmap.core.values.errors import RefusedError
-from furrowmap.core.values.languages.choice import language_of_user, using_language
-from furrowmap.core.values.progress import Progress
-from furrowmap.core.values.threads import asked_threads, available_processors, using_threads
+from furrowmap.core.runtime.allowances import ALL, allowing, allows, free_memory_bytes
+from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.languages.choice import language_of_user, using_language
+from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.runtime.threads import asked_threads, available_processors, using_threads
 from furrowmap.process import prepare_process
 
 Item = TypeVar("Item")
@@ -38,7 +38,7 @@ class Manner:
 
     Attributes:
         threads: of the work; None for the default.
-        allowed: what is allowed (`core/values/allowances.py`).
+        allowed: what is allowed (`core/runtime/allowances.py`).
         language: of messages; empty for the default.
     """
 

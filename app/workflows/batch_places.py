@@ -11,8 +11,8 @@ from typing import Any, Final
 
 import msgspec
 
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
-from furrowmap.core.values.file_names import is_file_name
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.exporters.files.batch_state import Outcome, Stamp, same_files
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION
 from furrowmap.workflows.batch_sources import Source, holds_scans

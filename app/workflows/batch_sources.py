@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.file_names import is_file_name
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.exporters.files.batch_state import Stamp
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION
 

@@ -13,9 +13,9 @@ from typing import Any, Final
 
 import msgspec
 
+from furrowmap.core.runtime.errors import FurrowmapError, RefusedError
+from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.session.opened import OpenSession
-from furrowmap.core.values.errors import FurrowmapError, RefusedError
-from furrowmap.core.values.json_text import plain
 from furrowmap.exporters.files.batch_state import Failure, Outcome, Stamp
 from furrowmap.exporters.files.file_records import file_records, files_in
 from furrowmap.exporters.files.result_folder import REPORT

@@ -22,14 +22,14 @@ from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
 from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.runtime.errors import Notice, UsageError
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
 from furrowmap.core.surfaces.spool import TILE, PointSpool
 from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import Notice, UsageError
-from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.record_spool import RecordSpool, square_keys, square_of
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (

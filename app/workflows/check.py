@@ -11,7 +11,7 @@ from furrowmap.core.checking.cloud_at_points import Targets
 from furrowmap.core.checking.paired_points import PairedPoints, pairs_of_files, pairs_of_product
 from furrowmap.core.checking.surveyed_points import SurveyOptions
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.reports.check_table import write_check_table, write_pairs_table
 

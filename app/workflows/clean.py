@@ -20,13 +20,13 @@ from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
+from furrowmap.core.runtime.json_text import plain
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.record_spool import RecordArray
 from furrowmap.core.surfaces.cloth import require_cloth
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
-from furrowmap.core.values.json_text import plain
-from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.record_spool import RecordArray
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import RETURNS, PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from furrowmap.core.pointclouds.clouds import Clouds
-from furrowmap.core.values.progress import Progress
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.exporters.files.file_records import FileRecord, file_records, rooted_records
 
 

@@ -18,13 +18,13 @@ from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.pointclouds.surfaces import GroundMethod, cloud_tiles
 from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.depressions import Depressions, find_depressions
 from furrowmap.core.surfaces.gaps import bridged
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.surfaces.terrain import PLOT_M, hillshade, random_roughness, slope_deg
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.progress import Progress
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (

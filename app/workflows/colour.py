@@ -15,14 +15,14 @@ from furrowmap.core.pipeline import companions, ground_scale
 from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.readers.exif import expect_pillow
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.json_text import plain
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.record_spool import RecordArray
+from furrowmap.core.runtime.scratch import scratch_in
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.located import locate
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.images import CONTRADICTING
-from furrowmap.core.values.json_text import plain
-from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.record_spool import RecordArray
-from furrowmap.core.values.scratch import scratch_in
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.provenance import Origin

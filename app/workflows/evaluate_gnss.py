@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from furrowmap.core.evaluation.evaluation import Evaluation
 from furrowmap.core.evaluation.receivers import evaluate_logs
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.reports.evaluation_figures import table_rows
 from furrowmap.exporters.reports.evaluation_page import write_evaluation
 

@@ -10,8 +10,8 @@ from typing import Final
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.values.errors import Notice, RefusedError, UsageError
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.exchange.stac import write_collection
 from furrowmap.exporters.exchange.task_data import write_task_data
 from furrowmap.exporters.exchange.textured_mesh import MESH, write_textured_mesh

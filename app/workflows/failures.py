@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from furrowmap.core.values.errors import Cancelled, FurrowmapError
+from furrowmap.core.runtime.errors import Cancelled, FurrowmapError
 from furrowmap.exporters.files.batch_state import Failure
 
 Found = TypeVar("Found")

@@ -15,11 +15,11 @@ import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
+from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
-from furrowmap.core.values.languages.choice import language_of_user
-from furrowmap.core.values.languages.translation import translated
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.edit import FarmEdit, KnownSession
 from furrowmap.exporters.farm.geopackage import geopackage_edit
 from furrowmap.exporters.farm.ground_files import report_of, write_ground_files

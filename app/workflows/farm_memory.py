@@ -13,9 +13,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from furrowmap.core.values.errors import InputError, UsageError
-from furrowmap.core.values.languages.choice import language_of_user
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.errors import InputError, UsageError
+from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.farm.edit import FarmEdit
 from furrowmap.exporters.farm.memory import FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import TRACKS

@@ -22,11 +22,11 @@ from furrowmap.core.crops.treatments import day_of
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
+from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import InputError, Notice, UsageError
-from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
+from furrowmap.core.runtime.json_text import json_text
+from furrowmap.core.runtime.packed import packed, unpacked
 from furrowmap.core.session.opened import OpenSession
-from furrowmap.core.values.json_text import json_text
-from furrowmap.core.values.packed import packed, unpacked
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import FileRecord
 

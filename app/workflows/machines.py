@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from furrowmap.core.runtime.errors import InputError, UsageError
+from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.session.file import load_session
 from furrowmap.core.session.machine import load_machine, machine_of, machine_text
-from furrowmap.core.values.errors import InputError, UsageError
-from furrowmap.core.values.file_names import is_file_name
 from furrowmap.core.values.machine import Machine
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
 from furrowmap.workflows.qgis_plugin import user_data

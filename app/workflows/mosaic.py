@@ -9,8 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import InputError, Notice, UsageError
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.farm.mosaic import SUFFIXES, Mosaic, MosaicSettings, write_mosaic
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.result_folder import open_result

@@ -23,12 +23,12 @@ from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.errors import Notice, UsageError
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import Notice, UsageError
-from furrowmap.core.values.json_text import json_text, plain
 from furrowmap.core.values.parcel import SOIL_METHODS, Parcel
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (

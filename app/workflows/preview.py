@@ -13,15 +13,15 @@ import msgspec
 from furrowmap.core import pipeline
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.runtime.json_text import json_text
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.threads import using_threads
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.surfaces.passage import Passages
 from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.json_text import json_text
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan_poses import ScanPoses
-from furrowmap.core.values.threads import using_threads
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.files.file_records import files_in

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, printable
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.machine import load_machine
 from furrowmap.core.session.proposal import Proposal, common_folder
 from furrowmap.core.session.proposal import propose_session as proposal_of
-from furrowmap.core.values.errors import InputError, Notice, RefusedError, printable
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.workflows.machines import machine_file
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.languages.choice import language_of_user
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import PAGE
 from furrowmap.exporters.reports.area_units import filled_in

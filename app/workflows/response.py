@@ -21,8 +21,8 @@ from furrowmap.core.crops.measured_table import MEASURE, MeasuredTable, read_mea
 from furrowmap.core.crops.response import Response, response_to
 from furrowmap.core.crops.treatments import TREATMENT, day_of, read_treatments, with_treatments
 from furrowmap.core.crops.variance import Variance, analysis_of_variance
-from furrowmap.core.values.errors import InputError, Notice, UsageError
-from furrowmap.core.values.json_text import json_text, plain
+from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.csv_cells import cell

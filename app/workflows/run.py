@@ -17,12 +17,12 @@ from furrowmap.core import pipeline
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.json_text import plain
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.scratch import release, scratch_in
+from furrowmap.core.runtime.threads import using_threads
 from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.values.errors import RefusedError
-from furrowmap.core.values.json_text import plain
-from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.scratch import release, scratch_in
-from furrowmap.core.values.threads import using_threads
 from furrowmap.core.work.boundary import ground_to_map
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.result_folder import REPORT, RUN_PRODUCTS

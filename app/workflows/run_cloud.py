@@ -14,11 +14,11 @@ import numpy as np
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.runtime.background import behind
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.local_ground import GroundSampler
-from furrowmap.core.values.ahead import behind
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.intervals import Interval, interval_numbers
-from furrowmap.core.values.progress import Progress
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt

@@ -16,11 +16,11 @@ from furrowmap.core.images.colour_maker import ColourMaker
 from furrowmap.core.images.colouring import NO_FRAME, Colours
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pointclouds.placed import PlacedScan
-from furrowmap.core.values.ahead import behind
+from furrowmap.core.runtime.background import behind
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.point_classes import PointClass
-from furrowmap.core.values.progress import Progress
 from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO, packaged_style, style_of

@@ -11,8 +11,8 @@ from furrowmap.core.features.cloud_features import Found, density, with_features
 from furrowmap.core.pointclouds.cleaning import Cleaning
 from furrowmap.core.pointclouds.clouds import box_in, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.progress import Progress
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.values.session import FeatureSearch
 from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.workflows.features import found_layers, sparse_notices

@@ -19,12 +19,12 @@ import tomli_w
 
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.implement.saved import save_implement
+from furrowmap.core.runtime.background import beside
+from furrowmap.core.runtime.errors import printable
+from furrowmap.core.runtime.languages.choice import language_of_user, using_language
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.implements import together
 from furrowmap.core.session.opened import OpenSession
-from furrowmap.core.values.beside import beside
-from furrowmap.core.values.errors import printable
-from furrowmap.core.values.languages.choice import language_of_user, using_language
-from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.session import Session
 from furrowmap.core.work.field_surfaces import REACH_M, FieldPoints
 from furrowmap.core.work.run_result import RunResult

@@ -12,10 +12,10 @@ from typing import Any, Final
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.runtime.errors import FurrowmapError, Notice, RefusedError, UsageError
+from furrowmap.core.runtime.json_text import json_text
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import FurrowmapError, Notice, RefusedError, UsageError
-from furrowmap.core.values.json_text import json_text
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.exchange.stac import CATALOGUE
 from furrowmap.exporters.files.atomic import remove_unfinished
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder

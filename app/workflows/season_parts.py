@@ -13,8 +13,8 @@ from typing import Any, Final
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.file_names import is_file_name
 from furrowmap.exporters.farm.mosaic import common_crs, grid_in
 from furrowmap.exporters.farm.results import short_hash
 from furrowmap.exporters.farm.surface_file import SurfaceFile, same_map, surface_file, unusable

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from furrowmap.core.values.json_text import json_text
-from furrowmap.core.values.languages.choice import language_of_user
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.json_text import json_text
+from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.result_folder import open_result, reading_result
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.share.field_project import FIELD_PRODUCTS, PROJECT, write_field_project

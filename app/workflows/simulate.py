@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.simulator import simulate as simulator
 from furrowmap.core.simulator.scenario_file import PACKAGED, demo_scenario, load_scenario
-from furrowmap.core.values.errors import RefusedError
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.atomic import naming
 from furrowmap.exporters.files.staging import recover, staged_folder
 

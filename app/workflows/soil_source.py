@@ -19,10 +19,10 @@ from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.header import SIGNATURE
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.spool import PointSpool
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.parcel import SOIL_METHODS, SoilMethod
-from furrowmap.core.values.progress import Progress
 from furrowmap.exporters.files.result_folder import CLOUD, DSM, DTM
 from furrowmap.workflows.cloud_inputs import input_records
 from furrowmap.workflows.cloud_rasters import CloudRasters

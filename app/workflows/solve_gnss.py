@@ -13,10 +13,10 @@ from typing import Final
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import look
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
 
 PROGRAM: Final = "rnx2rtkp"

@@ -15,12 +15,12 @@ from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.pointclouds.surfaces import GroundMethod
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.json_text import json_text, plain
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.files.result_folder import DSM, SURFACE_PRODUCTS, SURFACES_REPORT, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.workflows.cloud_inputs import area_records, input_records, input_rows

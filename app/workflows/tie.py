@@ -21,11 +21,11 @@ from furrowmap.core.dates.network import Network, network
 from furrowmap.core.dates.pair_tie import PLACE, PairTie, pair_tie
 from furrowmap.core.dates.upright import Upright
 from furrowmap.core.dates.upright_tie import upright_tie
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
-from furrowmap.core.values.json_text import json_text, plain
-from furrowmap.core.values.languages.choice import language_of_user
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.surface_file import heights_of, same_map
 from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin

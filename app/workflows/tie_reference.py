@@ -16,8 +16,8 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.checking.surveyed_points import SurveyOptions
 from furrowmap.core.dates.pair_tie import PLACE, PairTie, pair_tie, points_tie
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import RefusedError
 from furrowmap.exporters.farm.surface_file import heights_of, same_map, surface_file
 from furrowmap.exporters.rasters.dated_surface import DatedSurface, OpenSurface, resampled
 from furrowmap.exporters.rasters.tied_surfaces import ground_pairs

@@ -16,8 +16,8 @@ from furrowmap.core.estimation.aiding import AIDED, GYRO_SCALE, MISALIGNMENT
 from furrowmap.core.estimation.inertial import RATE_BIAS
 from furrowmap.core.estimation.states import Block
 from furrowmap.core.matching.returns import PIXEL_M
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.laser_ranges import LaserRanges
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.time_span import Span

@@ -28,11 +28,11 @@ from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.states import State
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import GroundReturns
+from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
 from furrowmap.core.trajectory.positions import WHITE_SHARE
 from furrowmap.core.trajectory.vague_headings import with_vague_headings
-from furrowmap.core.values import scratch
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.laser_ranges import LaserRanges
 from furrowmap.core.values.mounting import Mounting

@@ -16,7 +16,7 @@ from furrowmap.core.estimation.knots import STEP_S
 from furrowmap.core.estimation.level import LEVEL_SIGMA
 from furrowmap.core.estimation.states import State
 from furrowmap.core.matching.ground import CORRELATED
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 FloatArray = NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from furrowmap.core.matching.placing import Placing, Sensor, Tool, placing_of
 from furrowmap.core.matching.portions import Gap
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.wall_registration import WallRegistration
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.time_span import Span

@@ -17,11 +17,11 @@ from furrowmap.core.calibration.clock_search import CERTAIN, motion_certainty
 from furrowmap.core.calibration.ground_plane import GroundTilt, ground_tilt
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
+from furrowmap.core.runtime.background import SCANS_AHEAD, ahead
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import LidarRecording, watched
 from furrowmap.core.trajectory.located import Located, lever_arm_m
-from furrowmap.core.values.ahead import SCANS_AHEAD, ahead
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory

@@ -24,7 +24,7 @@ from furrowmap.core.estimation.relaxation import Relaxation
 from furrowmap.core.matching.ground_registration import session_surface
 from furrowmap.core.matching.placing import GUARD_S
 from furrowmap.core.matching.portions import blocks
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 WINDOW_ROUNDS: Final = (2, 14)
 """Fewest and most rounds of windows; they end when no heading turns by more than TURNED."""

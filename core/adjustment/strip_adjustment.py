@@ -26,12 +26,12 @@ from furrowmap.core.calibration.strips import CELL_M, LASERS, StripReturns, at_s
 from furrowmap.core.estimation.correlated_prior import root_of, solved
 from furrowmap.core.estimation.robust import huber_weight
 from furrowmap.core.estimation.states import POSE
+from furrowmap.core.runtime.background import beside
+from furrowmap.core.runtime.progress import silent
 from furrowmap.core.trajectory.from_inertial import ANY_TIME
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
-from furrowmap.core.values.beside import beside
 from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.progress import silent
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

@@ -15,7 +15,7 @@ from pyproj import CRS
 from furrowmap.core.areas.polygon_file import polygons_on_map
 from furrowmap.core.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.readers.vector_file import FORMATS
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
-from furrowmap.core.values.errors import InputError
 
 
 def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) -> NDArray[Any]:

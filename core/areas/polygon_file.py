@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.areas.corner_table import corner_polygons, is_corner_table
 from furrowmap.core.areas.placing import placed
 from furrowmap.core.readers.vector_file import Unreadable, read_polygons
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.calibration.cell_adjustment import GroupHeights, adjusted
 from furrowmap.core.calibration.cell_heights import PARAMETERS, cell_heights, derivatives, smooth_groups
 from furrowmap.core.calibration.strips import LASERS, StripReturns, at_shifted_times
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.trajectory import Trajectory
 

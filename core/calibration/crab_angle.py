@@ -12,7 +12,7 @@ from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
 from furrowmap.core.estimation.knots import Knots
 from furrowmap.core.estimation.states import POSE, State
 from furrowmap.core.estimation.wheels import AxleSteps
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 FloatArray = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ from furrowmap.core.checking.positional_accuracy import Accuracy, Component
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.checking.surveyed_points import SurveyedPoints, SurveyOptions
 from furrowmap.core.readers.las.header import SIGNATURE
-from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.progress import Progress, silent
 
 FloatArray = NDArray[np.float64]
 

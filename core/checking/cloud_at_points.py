@@ -20,8 +20,8 @@ from furrowmap.core.checking.target_discs import find_disc
 from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours, open_clouds
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.progress import Progress, silent
 
 FloatArray = NDArray[np.float64]
 Targets = Literal["none", "intensity", "colour"]

@@ -10,7 +10,7 @@ import numpy as np
 from furrowmap.core.checking.internal_precision import InternalPrecision
 from furrowmap.core.checking.point_check import PointCheck
 from furrowmap.core.checking.positional_accuracy import FEWEST, Accuracy
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 
 GEOID_M: Final = 2.0
 """A larger mean error in height comes from a geoid or a wrong point."""

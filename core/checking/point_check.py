@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, SwathKey
 from furrowmap.core.checking.surveyed_points import SurveyedPoints
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 
 FloatArray = NDArray[np.float64]
 Box = tuple[float, float, float, float]

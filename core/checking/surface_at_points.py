@@ -10,7 +10,7 @@ import pyproj
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
 from furrowmap.core.checking.surveyed_points import SurveyOptions, survey_of
 from furrowmap.core.readers.geotiff import expect_heights, open_geotiff
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 
 def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = SurveyOptions()) -> ProductAtPoints:

@@ -14,7 +14,7 @@ from furrowmap.core.areas.area import nothing_within, read_area
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.survey_table import read_table
 from furrowmap.core.readers.vector_file import named_by_content
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
 FloatArray = NDArray[np.float64]
 

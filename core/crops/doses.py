@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel
 
 _DOSES: Final = ("n_kg_ha", "dose", "rate", "kg_ha")

@@ -22,8 +22,8 @@ from furrowmap.core.crops.soil import (
 )
 from furrowmap.core.crops.soil_cells import CELL_M, SoilCells, without_crop
 from furrowmap.core.crops.soil_raster import SoilRaster
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.surfaces.gaps import filled
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.parcel import Parcel
 
 FloatArray = NDArray[np.float64]

@@ -17,9 +17,9 @@ from furrowmap.core.crops.figures import ParcelFigures, parcel_figures
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.crops.published import christiansen2017
 from furrowmap.core.crops.soil import Soil, SoilPatch
+from furrowmap.core.runtime.threads import in_threads
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.core.values.threads import in_threads
 
 FloatArray = NDArray[np.float64]
 

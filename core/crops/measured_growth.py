@@ -14,8 +14,8 @@ from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
 from furrowmap.core.crops.soil import soil_around
 from furrowmap.core.crops.soil_cells import SoilCells
 from furrowmap.core.crops.soil_change import ChangedSoil, SoilChange, joined_cells, soil_change
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.core.values.progress import Progress
 
 
 @dataclass(frozen=True)

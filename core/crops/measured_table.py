@@ -14,7 +14,7 @@ from furrowmap.core.areas.corner_table import IDS
 from furrowmap.core.crops.parcels import BLOCKS
 from furrowmap.core.readers.sheet import read_sheet
 from furrowmap.core.readers.survey_table import SurveyTable
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel
 
 FloatArray = NDArray[np.float64]

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from furrowmap.core.areas.rings import ring_at, rings_of
 from furrowmap.core.crops.soil_cells import SoilCells, noise_in_pixels, soil_cells
+from furrowmap.core.runtime.record_spool import RecordSpool, square_keys
+from furrowmap.core.runtime.threads import in_threads
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.core.values.record_spool import RecordSpool, square_keys
-from furrowmap.core.values.threads import in_threads
 
 Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]

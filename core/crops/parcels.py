@@ -19,7 +19,7 @@ from furrowmap.core.areas.polygon_file import MapPolygons, polygons_on_map
 from furrowmap.core.crops.net_parcel import net_of
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.readers.vector_file import FORMATS
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Attribute, Parcel
 
 BLOCKS: Final = ("block", "replicate", "replication", "rep", "blk")

@@ -10,7 +10,7 @@ from furrowmap.core.crops.given_soil import GivenSoil, given_soil
 from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
 from furrowmap.core.crops.soil import Soil, SoilAround, soil_around
 from furrowmap.core.crops.soil_raster import SoilRaster
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.parcel import SoilMethod
 
 

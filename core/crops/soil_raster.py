@@ -15,7 +15,7 @@ from scipy.ndimage import map_coordinates, uniform_filter
 
 from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
 from furrowmap.core.readers.geotiff import expect_heights, open_geotiff
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 FloatArray = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from furrowmap.core.areas.corner_table import IDS
 from furrowmap.core.crops.parcels import BLOCKS, listed
 from furrowmap.core.readers.sheet import read_sheet
 from furrowmap.core.readers.survey_table import SurveyTable
-from furrowmap.core.values.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.values.parcel import Attribute, Parcel
 
 TREATMENT: Final = "treatment"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 FloatArray = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.positions import without_repeats
 from furrowmap.core.estimation.preintegration import increments
 from furrowmap.core.estimation.states import GNSS_DRIFT, POSE, ROTATION, Block, Layout, State
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
 from furrowmap.core.values.trajectory import Trajectory
 

@@ -12,7 +12,7 @@ from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.states import State
 from furrowmap.core.estimation.wheels import AxleSteps
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 SIDEWAYS: Final = 0.1
 """Sideways way as a share of the way: slip on a slope, and the yaw of an IMU mounted by hand."""

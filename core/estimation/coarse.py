@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
 from furrowmap.core.estimation.states import State
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -10,7 +10,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.states import GNSS_DRIFT, State
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 from furrowmap.core.values.positions import DRIFT_CORRELATION_S, Positions
 
 

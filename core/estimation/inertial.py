@@ -14,7 +14,7 @@ from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.preintegration import Increments, increments
 from furrowmap.core.estimation.states import GNSS_DRIFT, POSE, POSITION, ROTATION, Block, Layout, State
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
 
 FloatArray = NDArray[np.float64]

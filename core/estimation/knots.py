@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.states import POSE, VEHICLE, Layout, State
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 from furrowmap.core.values.trajectory import Motion, Trajectory
 
 FloatArray = NDArray[np.float64]

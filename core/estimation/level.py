@@ -11,7 +11,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.states import ROTATION, State
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 LEVEL_SIGMA: Final = np.radians(3.0)
 LEVEL_CORRELATION_S: Final = 20.0

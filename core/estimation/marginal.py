@@ -7,7 +7,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -11,7 +11,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, Knots, turns
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.states import POSITION, ROTATION, State
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 ACCELERATION: Final = 0.5
 """Of a tractor over ground, in m/s per square root of a second; heaving is a little less."""

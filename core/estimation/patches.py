@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.slices import UPPER
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 FloatArray = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from furrowmap.core.estimation.knots import Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.robust import huber_weight
 from furrowmap.core.estimation.states import GNSS_DRIFT, POSITION, ROTATION, State
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 from furrowmap.core.values.positions import Positions
 
 FloatArray = NDArray[np.float64]

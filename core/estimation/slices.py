@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import Knots
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.observation import Observation
 from furrowmap.core.estimation.states import POSE, ROTATION, State
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 FloatArray = NDArray[np.float64]
 

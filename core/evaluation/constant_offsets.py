@@ -7,8 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.compass import compass_direction
-from furrowmap.core.values.errors import Notice
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from furrowmap.core.evaluation.constant_offsets import offset_notices
 from furrowmap.core.evaluation.continuity import Continuity
 from furrowmap.core.evaluation.matching import Matched, match
 from furrowmap.core.evaluation.statistics import Table, outliers, table, time_ahead_s, within_sigmas
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 FEW: Final = 30

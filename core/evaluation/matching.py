@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.earth import earth_centred_m, east_north_up
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 FloatArray = NDArray[np.float64]

@@ -13,10 +13,10 @@ import numpy as np
 from furrowmap.core.evaluation.evaluation import Evaluation, evaluate
 from furrowmap.core.evaluation.matching import at_rest
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions, open_recording
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
-from furrowmap.core.values.progress import Progress, silent
 
 PLACE: Final = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*,\s*([-+]?\d+(?:\.\d*)?)\s*,\s*([-+]?\d+(?:\.\d*)?)\s*")
 """LAT,LON,HEIGHT of a stationary antenna."""

@@ -37,11 +37,11 @@ from furrowmap.core.pointclouds.cleaning import (
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.record_spool import RecordArray, Square, square_keys
+from furrowmap.core.runtime.threads import in_turn, threads
 from furrowmap.core.values.extents import bounds, cells_with_points
 from furrowmap.core.values.point_classes import PointClass
-from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.record_spool import RecordArray, Square, square_keys
-from furrowmap.core.values.threads import in_turn, threads
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -13,8 +13,8 @@ from pyproj.aoi import AreaOfInterest
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
 
 FloatArray = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from pyproj.enums import PJType
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
-from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.values.session import ELLIPSOIDAL
 
 FloatArray = NDArray[np.float64]

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy import pos2jgd
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.foreign_content import binary_kind
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.foreign_content import binary_kind
 
 FloatArray = NDArray[np.float64]
 

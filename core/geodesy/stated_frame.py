@@ -12,7 +12,7 @@ from pyproj.crs import ProjectedCRS
 from pyproj.database import CRSInfo, query_crs_info
 from pyproj.enums import PJType
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 FIRST_EPOCH: Final = 1984.0
 LAST_EPOCH: Final = 2100.0

@@ -26,12 +26,12 @@ from furrowmap.core.images.frame_poses import frame_poses
 from furrowmap.core.images.neighbours import overlapping
 from furrowmap.core.images.ties import Ties, thinned, tracks
 from furrowmap.core.readers.exif import image_size
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.images import CONTRADICTING, Images
-from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

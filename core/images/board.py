@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.images.board_pivot import FEWEST as FEWEST_FOR_PIVOT
 from furrowmap.core.images.board_pivot import WORSE, about_pivot
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
 
 FloatArray = NDArray[np.float64]
 

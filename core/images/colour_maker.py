@@ -12,8 +12,8 @@ from furrowmap.core.images.colouring import Colours, observations
 from furrowmap.core.images.frame_pixels import FramePixels, decoded
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.images.visibility import Visibility, VisibilityMaker
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress, silent
 
 FloatArray = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.exif import write_image
+from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.runtime.threads import threads
 from furrowmap.core.values.camera import COLMAP_MIDDLE, Camera
 from furrowmap.core.values.images import RAW, ImageFile, StoredImage
-from furrowmap.core.values.progress import Progress
-from furrowmap.core.values.threads import threads
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

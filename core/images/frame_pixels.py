@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.readers.exif import read_pixels
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.threads import threads
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.threads import threads
 
 MOST_BYTES: Final = 6_000_000_000
 """On disk, of all frames together; larger ones are reduced by 2, 4, ... until they fit."""

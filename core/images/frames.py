@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.images.frame_poses import FramePoses, frame_poses
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.images import ImageFile, Images
 from furrowmap.core.values.trajectory import Trajectory
 

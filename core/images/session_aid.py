@@ -12,10 +12,10 @@ from furrowmap.core.checking.surveyed_points import read_points
 from furrowmap.core.images.aiding import ImageAid, aided_by_images, unused
 from furrowmap.core.images.control_points import ControlPoints
 from furrowmap.core.readers.survey_table import SurveyTable, read_table
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.located import Located
-from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.progress import Progress
 
 EXTRA: Final = ("pycolmap", "cv2", "PIL")
 _COLUMNS: Final = ("file", "name", "u", "v")

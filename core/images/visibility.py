@@ -17,7 +17,7 @@ from scipy.ndimage import minimum_filter
 
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.images.projection import pixel_of
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 FloatArray = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from furrowmap.core.implement.model import Box, Hint, Learned, Levels
 from furrowmap.core.implement.near_scans import NearScan
 from furrowmap.core.implement.template import CELL_X_M, CELL_Z_M, Template, fit_height
 from furrowmap.core.implement.views import FEWEST_POINTS, SEARCH_M, Views, ground_plane, views_of
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.tool_states import ToolState
 
 FloatArray = NDArray[np.float64]

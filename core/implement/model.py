@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.implement.template import Template
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.tool_states import ToolState
 
 Box = tuple[float, float, float, float]

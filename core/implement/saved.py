@@ -10,8 +10,8 @@ import numpy as np
 from furrowmap.core.implement.model import DepthImages, Implement, Levels, Region
 from furrowmap.core.implement.range_image import COLUMNS
 from furrowmap.core.implement.template import SideViewGrid, Template
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.npz import read_npz
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.npz import read_npz
 from furrowmap.core.values.tool_states import ToolState
 
 FORM: Final = 1

@@ -15,7 +15,7 @@ from scipy.special import expit, ndtr
 from furrowmap.core.implement.heights import ToolHeights
 from furrowmap.core.implement.levels import SHORTEST_S
 from furrowmap.core.implement.model import Implement
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 FloatArray = NDArray[np.float64]

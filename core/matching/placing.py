@@ -17,7 +17,7 @@ from furrowmap.core.matching.portions import Gap
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.surface import Passage, layers, passage_of
 from furrowmap.core.matching.walls import PlacedUpright, UprightReturns
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 from furrowmap.core.values.laser_ranges import LaserRanges, shortened
 
 FloatArray = NDArray[np.float64]

@@ -20,8 +20,8 @@ from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.values.crs_name import full_name_of
-from furrowmap.core.values.errors import InputError, Notice, UsageError
 from furrowmap.core.values.point_classes import PointClass
 
 FloatArray = NDArray[np.float64]

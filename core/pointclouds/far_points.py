@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.readers.las.cloud import Box
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress, silent
 
 FAR_M: Final = 1000.0
 """Gap to the others, along either axis."""

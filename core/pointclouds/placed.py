@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.areas.area import Area
 from furrowmap.core.pointclouds.placing import Placer
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.scan_poses import ScanPoses

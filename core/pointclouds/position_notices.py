@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.placed import Placement
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan_poses import ScanPoses
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers.reader import ClockReading
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.session.examination import likely_offset
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory

@@ -11,9 +11,9 @@ import numpy as np
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.spool import PointSpool
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.progress import Progress, silent
 
 CELLS_M: Final = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 POINTS_A_CELL: Final = 4.0

@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.threads import threads
 from furrowmap.core.surfaces.cloth import cloth_ground, require_cloth
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface
@@ -25,9 +28,6 @@ from furrowmap.core.surfaces.outlier_filter import FilteredTiles, Outliers
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.spool import TILE, PointSpool
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.threads import threads
 
 Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]

@@ -16,8 +16,8 @@ from furrowmap.core.readers.inertial_rows import joined_name
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.time_scale import utc_of
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, UNSTATED, AttitudeTrack
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]

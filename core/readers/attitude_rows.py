@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.facts import timing_facts, utc_facts
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.clock import runs_forward
-from furrowmap.core.values.errors import InputError, Notice
 
 FloatArray = NDArray[np.float64]
 

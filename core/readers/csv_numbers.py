@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.last_line import cut_line_notice, is_whole
 from furrowmap.core.readers.source import Source, cut_notice
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 
 CHUNK_BYTES: Final = 1 << 23
 LONGEST_TAIL: Final = 8192

@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.earth import earth_centred_m
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
 
 FloatArray = NDArray[np.float64]

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S, WEEK_S, iso_utc, nearest_in_cycle, runs_forward, unroll, utc_to_gps_s
-from furrowmap.core.values.errors import InputError, Notice
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.raw_pixels import raw_pixels
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.images import ImageFile, Images, StoredImage
 
 TAKEN, OFFSET, SUBSECOND = 0x9003, 0x9011, 0x9291

@@ -12,9 +12,9 @@ from furrowmap.core.readers.csv_header import columns_of
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Source, cut_notice
 from furrowmap.core.readers.time_scale import utc_of
-from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.file_names import leads_out
-from furrowmap.core.values.foreign_content import binary_kind
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.file_names import leads_out
+from furrowmap.core.runtime.foreign_content import binary_kind
 from furrowmap.core.values.images import Images
 
 FILES: Final = ("file", "image", "filename", "name")

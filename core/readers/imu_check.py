@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
 
 FloatArray = NDArray[np.float64]

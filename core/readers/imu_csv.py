@@ -20,8 +20,8 @@ from furrowmap.core.readers.iso_times import tied_to_utc, with_unix_times
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.time_scale import utc_of
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.attitude import AttitudeTrack
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
 from furrowmap.core.values.scan import Clock
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.facts import timing_facts, utc_facts
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import runs_forward
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.inertial import InertialTrack
 
 FloatArray = NDArray[np.float64]

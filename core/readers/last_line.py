@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 
 COMPARED: Final = 8
 """Lines that the last one is compared with."""

@@ -18,7 +18,7 @@ from furrowmap.core.readers.line_points import FARTHEST_M, mostly_invalid, sweep
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.time_scale import utc_of
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.scan import Clock, Scan
 
 FloatArray = NDArray[np.float64]

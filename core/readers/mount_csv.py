@@ -13,8 +13,8 @@ from furrowmap.core.readers.csv_numbers import complete_rows, pieces
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Source
 from furrowmap.core.readers.time_scale import utc_of
-from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.foreign_content import binary_kind
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.foreign_content import binary_kind
 from furrowmap.core.values.mount_motion import MountMotion
 
 TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}

@@ -27,7 +27,7 @@ from furrowmap.core.readers.pcap_walk import (
     walk_pcapng,
 )
 from furrowmap.core.readers.source import Source
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]

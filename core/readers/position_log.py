@@ -16,8 +16,8 @@ from furrowmap.core.readers.epochs import in_order, week_time
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Source, cut_notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Clock
 

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
 
 from furrowmap.core.readers.source import Head, look
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.foreign_content import SIGNATURES
 from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.foreign_content import SIGNATURES
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack

@@ -15,7 +15,7 @@ from furrowmap.core.readers.framing import Framing, find_frames
 from furrowmap.core.readers.messages import MessageCounts, Messages, read_messages
 from furrowmap.core.readers.position_log import PositionLog, Positions, byte_place, log_name
 from furrowmap.core.readers.source import Head
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix
 
 LEAST_SHARE: Final = 0.02

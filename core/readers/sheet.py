@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from furrowmap.core.readers.survey_table import SurveyTable, column_name, read_table
 from furrowmap.core.readers.zipped_layer import ZIP
-from furrowmap.core.values.allowances import expect_growth, expect_memory
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.allowances import expect_growth, expect_memory
+from furrowmap.core.runtime.errors import InputError
 
 LARGEST_BYTES: Final = 20_000_000
 _OLE: Final = b"\xd0\xcf\x11\xe0"

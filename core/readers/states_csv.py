@@ -15,8 +15,8 @@ from furrowmap.core.readers.csv_header import columns_of, head_columns
 from furrowmap.core.readers.last_line import cut_line_notice, is_whole
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import LAST_S, iso_utc
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 LARGEST_BYTES: Final = 50_000_000

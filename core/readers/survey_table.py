@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.foreign_content import binary_kind
+from furrowmap.core.runtime.foreign_content import binary_kind
 
 FloatArray = NDArray[np.float64]
 

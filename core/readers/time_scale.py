@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import GPS_EPOCH_S, WEEK_S, gps_to_utc_s, nearest_in_cycle, unroll, utc_to_gps_s
-from furrowmap.core.values.errors import InputError
 
 FloatArray = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.kml import is_kml, kml_polygons
 from furrowmap.core.readers.zipped_layer import ZIP, unpacked_layer
-from furrowmap.core.values.errors import InputError, RefusedError
-from furrowmap.core.values.foreign_content import binary_kind
+from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.foreign_content import binary_kind
 
 LARGEST_BYTES: Final = 100_000_000
 FORMATS: Final = "GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped) or KML"

@@ -9,9 +9,9 @@ from typing import Final
 
 from furrowmap.core.readers.exif import exif_images
 from furrowmap.core.readers.image_table import read_image_table
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.file_names import leads_out
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
-from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.file_names import leads_out
 from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.session import CameraSource
 

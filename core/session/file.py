@@ -16,11 +16,12 @@ from typing import Any, Final, Literal, get_args, get_origin
 import msgspec
 from msgspec.inspect import is_struct_type
 
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.foreign_content import LOOKED_AT, binary_kind
+from furrowmap.core.runtime.toml_text import parse_toml
 from furrowmap.core.session.camera import camera_faults
 from furrowmap.core.session.implements import FURTHER, TABLE, apart, implement_faults
 from furrowmap.core.values.attitude import MAGNETIC
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.foreign_content import LOOKED_AT, binary_kind
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
 from furrowmap.core.values.session import (
     CHECK,
@@ -31,7 +32,6 @@ from furrowmap.core.values.session import (
     Imu,
     Session,
 )
-from furrowmap.core.values.toml_text import parse_toml
 
 FARTHEST_M: Final = 15.0
 """Largest plausible distance from the vehicle origin; larger values are millimetres or centimetres."""

@@ -12,9 +12,10 @@ from typing import Any, Final
 
 import msgspec
 
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.toml_text import parse_toml
 from furrowmap.core.session.file import FARTHEST_M
 from furrowmap.core.session.implements import FURTHER, TABLE, apart, implement_faults, together
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.machine import (
     MACHINE_SCHEMA,
     NOT_SHOWN_DEG,
@@ -26,7 +27,6 @@ from furrowmap.core.values.machine import (
 )
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.session import ORIGIN, Implement, Lidar, Session
-from furrowmap.core.values.toml_text import parse_toml
 
 REFERENCE: Final = "docs/how-to/machine-profiles.md shows a whole one"
 _HEAD: Final = """\

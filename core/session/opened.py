@@ -28,14 +28,14 @@ from furrowmap.core.readers.reader import (
     ReadOptions,
     open_recording,
 )
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.file_names import leads_out
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.camera import camera_of, camera_table, images_of, mounted
 from furrowmap.core.session.file import load_session
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.file_names import leads_out
 from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.parcel import SOIL_METHODS
-from furrowmap.core.values.progress import Progress
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import ALL, Span, scans_within

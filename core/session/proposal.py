@@ -15,6 +15,7 @@ from pyproj import Transformer
 
 from furrowmap.core.geodesy.crs_choice import CrsChoice, choose_crs
 from furrowmap.core.readers.reader import ClockReading, GivesPoses, GivesTrack, ReadOptions
+from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.session.examination import Examined, time_matches
 from furrowmap.core.session.proposed_places import (
     antenna_table,
@@ -26,7 +27,6 @@ from furrowmap.core.session.proposed_places import (
     places_missing,
 )
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError, Notice, printable
 from furrowmap.core.values.machine import Machine
 from furrowmap.core.values.session import SCHEMA
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
+from furrowmap.core.runtime.errors import Notice, printable
 from furrowmap.core.session.machine import stated, toml_value
-from furrowmap.core.values.errors import Notice, printable
 from furrowmap.core.values.machine import NOT_SHOWN_DEG, Machine
 
 _MOUNTING: Final = """\

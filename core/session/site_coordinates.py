@@ -14,10 +14,10 @@ from furrowmap.core.geodesy.coordinates import JGD2024_SINCE_S, TransformSummary
 from furrowmap.core.geodesy.crs_choice import choose_crs
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.compass import compass_direction
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
 
 FloatArray = NDArray[np.float64]

@@ -6,7 +6,7 @@ import re
 import tomllib
 from typing import Final
 
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.runtime.errors import RefusedError
 
 _HEADER: Final = re.compile(r"^[ \t]*\[+[ \t]*[A-Za-z]", re.MULTILINE)
 _VALUE: Final = r"(\[[^\]]*\]|[^#\n]*?)(\s*(?:#[^\n]*)?)$"

@@ -9,12 +9,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.simulator.flight_scenario import Line
 from furrowmap.core.simulator.motion import mount_rotation
 from furrowmap.core.simulator.rays import Firings, Met, make_optics, make_scene
 from furrowmap.core.simulator.recording import World, cast_in_order
 from furrowmap.core.simulator.vlp16 import RANGE_STEP_M
-from furrowmap.core.values.progress import Progress
 
 _BATCH: Final = 20_000
 """Beams cast together."""

@@ -15,6 +15,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.simulator.capture import FILE_HEADER, records
 from furrowmap.core.simulator.drive import Track
 from furrowmap.core.simulator.gnss import gprmc
@@ -28,7 +29,6 @@ from furrowmap.core.simulator.site import Site
 from furrowmap.core.simulator.soil import Ground
 from furrowmap.core.simulator.truth import SeenAfter
 from furrowmap.core.simulator.vlp16 import DATA_PORT, ELEVATION_DEG, FIRING_S, LASERS, POSITION_PORT
-from furrowmap.core.values.progress import Progress
 
 _BATCH: Final = 400
 """Data packets cast together, half a second of recording."""

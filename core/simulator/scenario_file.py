@@ -14,9 +14,9 @@ from typing import Any, Final
 
 import msgspec
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.table import waits
-from furrowmap.core.values.errors import InputError
 
 PACKAGED: Final = ("demo", "road", "flight")
 """Scenarios that come with furrowmap: two passes of a tractor and a turn, 25 seconds; a tractor on a road, 54

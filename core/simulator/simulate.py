@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.simulator.drive import drive_front, drive_path
 from furrowmap.core.simulator.gnss import receivers, report, sentences
 from furrowmap.core.simulator.motion import stand_on
@@ -31,7 +32,6 @@ from furrowmap.core.simulator.truth import (
     write_trajectory,
     write_worked,
 )
-from furrowmap.core.values.progress import Progress, silent
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.simulator.flight import duration_s, fly, laid_out_flight
 from furrowmap.core.simulator.flight_scenario import Flight, Imu
 from furrowmap.core.simulator.flight_truth import make_crop, write_flight_trajectory, write_ground, write_mounting
@@ -23,7 +24,6 @@ from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.sensor import make_spin
 from furrowmap.core.simulator.site import find_site
 from furrowmap.core.simulator.soil import make_ground
-from furrowmap.core.values.progress import Progress
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.simulator.path import DrivenPath
 from furrowmap.core.simulator.scenario import Scenario
-from furrowmap.core.values.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import Transformer

@@ -9,7 +9,7 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]

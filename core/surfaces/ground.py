@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import map_coordinates
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.tiles import tiles
-from furrowmap.core.values.errors import InputError
 
 FloatArray = NDArray[np.float64]
 GroundMethod = Literal["smrf", "csf"]

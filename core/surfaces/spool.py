@@ -13,10 +13,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.record_spool import RecordSpool, Square, square_keys, square_of
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.statistic import Statistic
-from furrowmap.core.values.record_spool import RecordSpool, Square, square_keys, square_of
 
 FloatArray = NDArray[np.float64]
 

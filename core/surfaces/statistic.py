@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Final, Self
 
-from furrowmap.core.values.errors import UsageError
+from furrowmap.core.runtime.errors import UsageError
 
 NMAD: Final = 1.4826
 """Standard deviation over median absolute deviation of a normal distribution."""

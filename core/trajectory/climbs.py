@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.positions import sigmas_m
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import GnssTrack
 
 FloatArray = NDArray[np.float64]

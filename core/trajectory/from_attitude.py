@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
 from furrowmap.core.trajectory.motion import STANDING_MPS, longest_gap_s
 from furrowmap.core.trajectory.positions import (
@@ -29,7 +30,6 @@ from furrowmap.core.trajectory.positions import (
 from furrowmap.core.trajectory.smoothing import smooth_path
 from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, AttitudeTrack
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_attitude, unwrap_deg

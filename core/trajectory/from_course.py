@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.elsewhere import without_elsewhere
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.positions import sigmas_m, without_jumps
 from furrowmap.core.trajectory.smoothing import smooth_path, white_noise
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
 

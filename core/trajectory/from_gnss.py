@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.trajectory.climbs import climb_notices
 from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
 from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
@@ -29,7 +30,6 @@ from furrowmap.core.trajectory.positions import (
 )
 from furrowmap.core.trajectory.vague_headings import with_vague_headings
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.rotation import unwrap_deg, wrap_deg

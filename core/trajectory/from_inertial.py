@@ -30,6 +30,8 @@ from furrowmap.core.estimation.positions import AntennaPositions
 from furrowmap.core.estimation.robust import HUBER
 from furrowmap.core.estimation.states import POSE, ROTATION, State
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.climbs import climb_notices
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
 from furrowmap.core.trajectory.imu_mounting import check_mounting
@@ -56,8 +58,6 @@ from furrowmap.core.trajectory.positions import (
 )
 from furrowmap.core.trajectory.shown_noise import with_shown_noise
 from furrowmap.core.trajectory.whiteness import Whiteness
-from furrowmap.core.values import scratch
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
 

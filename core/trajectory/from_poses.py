@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.trajectory.motion import STANDING_MPS, WINDOW_S, local_velocity, longest_gap_s
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
 

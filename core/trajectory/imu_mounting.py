@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.rotation import quaternion_to_matrix
 from furrowmap.core.values.trajectory import Trajectory

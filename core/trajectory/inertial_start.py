@@ -20,11 +20,11 @@ from furrowmap.core.estimation.standing import Standing
 from furrowmap.core.estimation.states import State
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
+from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.trajectory.alignment import HALF_S, attitudes
 from furrowmap.core.trajectory.heading_hints import Course, HeadingHint, HeadingLog, RecordedHeading
-from furrowmap.core.values import scratch
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
 from furrowmap.core.values.mounting import Mounting

@@ -16,6 +16,7 @@ from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, tran
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.reader import AttitudeReader, GivesPoses, GivesTrack, InertialReader, Reader
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.trajectory.from_attitude import (
     AttitudeLogs,
     from_stated_north,
@@ -31,7 +32,6 @@ from furrowmap.core.trajectory.inertial_start import Hints, Imu, site_of
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
 from furrowmap.core.values.attitude import TRUE
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.mounting import Mounting

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from furrowmap.core.readers.mount_csv import read_mount
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.mount_motion import MountMotion
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory, same_hemisphere

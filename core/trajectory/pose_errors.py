@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.states import POSE, ROTATION
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 from furrowmap.core.values.trajectory import Trajectory, same_hemisphere
 
 FloatArray = NDArray[np.float64]

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
 
 FloatArray = NDArray[np.float64]

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 FloatArray = NDArray[np.float64]
 

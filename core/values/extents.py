@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.record_spool import square_keys
+from furrowmap.core.runtime.record_spool import square_keys
 
 FloatArray = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ def bounds(place_m: FloatArray) -> tuple[FloatArray, FloatArray]:
 def cells_with_points(place_m: FloatArray, cell_m: float) -> NDArray[np.int64]:
     """Keys of the square cells, of a side, in which points (n, 2 or 3) lie, increasing.
 
-    They are those of :func:`~furrowmap.core.values.record_spool.square_keys`.
+    They are those of :func:`~furrowmap.core.runtime.record_spool.square_keys`.
     """
     if not len(place_m):
         return np.zeros(0, np.int64)

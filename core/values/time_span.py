@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import PoseTrack

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.areas.area import Area
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.boundary import FieldOutline, read_fields
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
 LEAST_SHARE: Final = 0.01
 """A field in which the vehicle is for less of the time is passed by or crossed."""

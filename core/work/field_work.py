@@ -19,7 +19,7 @@ from furrowmap.core.implement.model import Hint, Learned
 from furrowmap.core.implement.model import Implement as SeenImplement
 from furrowmap.core.implement.near_scans import FRONT_M, NearScan, NearScans
 from furrowmap.core.implement.states import ToolHistory, tool_history
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.intervals import interval_numbers
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan

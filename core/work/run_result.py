@@ -17,9 +17,9 @@ from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers.reader import ClockReading
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.straight_passes import Strip
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.session import Session
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.strip_differences import StripDifferences

@@ -17,9 +17,9 @@ from furrowmap.core.geodesy.crs_choice import choose_crs
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.isoxml.files import open_task_files
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.trajectory.from_course import CourseTrajectory, trajectory_from_course
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.values.session import WIDEST_M, Crs, Implement
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import Motion

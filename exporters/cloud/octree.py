@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.record_spool import RecordSpool
+from furrowmap.core.runtime.record_spool import RecordSpool
 from furrowmap.exporters.cloud.cube import DEPTH, Cube, codes_of, places, sorted_order
 from furrowmap.exporters.cloud.levels import Plan, draw_nodes, plan_levels
 from furrowmap.exporters.cloud.records import Chosen, Records, copy_records, gathered

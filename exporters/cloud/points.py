@@ -10,8 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.values.clock import utc_to_las_time
-from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.exporters.cloud.records import Records, field_type
 
 Whole = NDArray[np.integer[Any]] | int

@@ -13,7 +13,7 @@ from typing import Final, Self
 import laspy
 import numpy as np
 
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.cloud.cube import Cube
 from furrowmap.exporters.cloud.file import CopcFile, CopcFormat, describe, las_header

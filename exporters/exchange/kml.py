@@ -15,9 +15,9 @@ import pandas as pd
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
-from furrowmap.core.values.errors import Notice, printable
-from furrowmap.core.values.languages.choice import language_of_user
-from furrowmap.core.values.languages.translation import translated
+from furrowmap.core.runtime.errors import Notice, printable
+from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.languages.translation import translated
 from furrowmap.exporters.exchange.kml_styles import PASSES, LayerLooks, Look, layer_looks, style_name
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import TRAJECTORY

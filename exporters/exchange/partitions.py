@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.values.json_text import json_text
+from furrowmap.core.runtime.json_text import json_text
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pyproj import CRS
 
+from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.exchange.stac import CATALOGUE, COG, COLLECTION, LICENCE, PROCESSING, footprint, link, run_item
 
 if TYPE_CHECKING:

@@ -16,9 +16,9 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.stated_frame import stated_frame
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.file_names import is_file_name
-from furrowmap.core.values.json_text import json_text
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.json_text import json_text
 from furrowmap.exporters.files.atomic import relative_path
 from furrowmap.exporters.files.result_folder import (
     CLOUD,

@@ -20,7 +20,7 @@ from pyproj import CRS, Geod
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.isoxml.work import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA, WORK_STATE
-from furrowmap.core.values.errors import InputError, Notice, printable
+from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_matrix
 from furrowmap.core.values.tool_states import ToolState

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.geotiff import open_geotiff
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO, ResultFolder
 

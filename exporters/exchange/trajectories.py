@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS, Geod, Proj, Transformer
 
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.values.clock import WEEK_S, utc_to_gps_s
-from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.rotation import attitude_to_quaternion
 from furrowmap.core.values.session import ELLIPSOIDAL
 from furrowmap.exporters.files.atomic import atomic_output

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
-from furrowmap.core.values.errors import FurrowmapError, InputError, Notice
-from furrowmap.core.values.file_names import inside
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
+from furrowmap.core.runtime.file_names import inside
 from furrowmap.exporters.exchange.kml import write_kml
 from furrowmap.exporters.files.atomic import atomic_output, naming
 from furrowmap.exporters.files.csv_cells import cell

@@ -9,7 +9,7 @@ from typing import Any, Final
 import psycopg
 from psycopg.conninfo import conninfo_to_dict
 
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
 
 _CONNECT_S: Final = 10
 _PUBLIC: Final = ("service", "host", "hostaddr", "port", "dbname", "user", "sslmode")

@@ -8,7 +8,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.exporters.farm.edit import SETTINGS, check_schema
 
 BUSY_S: Final = 5.0

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.values.errors import Notice, RefusedError
+from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.exporters.vectors.field_layers import Layer
 
 SCHEMA: Final = 3

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.farm.database import (
     BUSY_S,
     check_farm_map,

@@ -10,9 +10,9 @@ from typing import Any, Final
 
 from pyproj import CRS
 
+from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import FurrowmapError
-from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.exchange.stac import run_item
 from furrowmap.exporters.farm.surface_file import SurfaceFile, same_map, surface_file
 from furrowmap.exporters.farm.virtual_raster import virtual_raster

@@ -10,8 +10,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import RefusedError
-from furrowmap.core.values.progress import Progress
+from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.progress import Progress
 
 _PATIENCE_S: Final = 60.0
 _STEP_S: Final = 0.05

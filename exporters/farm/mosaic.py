@@ -21,10 +21,10 @@ from rasterio.vrt import WarpedVRT
 from rasterio.windows import Window
 
 from furrowmap.core.geodesy.crs_change import crs_change, optional_crs
+from furrowmap.core.runtime.errors import Notice, RefusedError
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.errors import Notice, RefusedError
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.exporters.farm.surface_file import SurfaceFile, heights_of, horizontal, same_map, surface_file, unusable
 from furrowmap.exporters.farm.virtual_raster import virtual_raster
 from furrowmap.exporters.files.atomic import atomic_output

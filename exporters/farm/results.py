@@ -20,8 +20,8 @@ from pyproj import CRS, Transformer
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.local_time import local_time, zone_at
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.file_names import leads_out
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.file_names import leads_out
 from furrowmap.exporters.farm.memory import DERIVED, FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.result_folder import (

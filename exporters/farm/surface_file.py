@@ -11,8 +11,8 @@ from typing import Any, Final
 from pyproj import CRS
 
 from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.rasters.cog import Band
 
 _OFF_CELLS: Final = 1e-3

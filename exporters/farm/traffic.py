@@ -14,8 +14,8 @@ from rasterio import Affine
 from rasterio.enums import MergeAlg
 from rasterio.features import rasterize
 
+from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.progress import Progress, silent
 from furrowmap.core.work.wheel_traffic import wheel_passages
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output

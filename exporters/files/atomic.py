@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import FurrowmapError, RefusedError
+from furrowmap.core.runtime.errors import FurrowmapError, RefusedError
 from furrowmap.exporters.files.lease import is_staged
 from furrowmap.exporters.files.owner import PATTERN, Owner, machine
 

@@ -16,7 +16,7 @@ from typing import Any, Final, Self
 
 import msgspec
 
-from furrowmap.core.values.errors import FurrowmapError, InputError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError
 
 STATE: Final = ".batch.sqlite"
 _SCHEMA: Final = 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from furrowmap.core.values.errors import printable
+from furrowmap.core.runtime.errors import printable
 
 _FORMULA: Final = frozenset("=+-@＝＋－＠")
 """Spreadsheets evaluate a cell that begins with one of these (OWASP: CSV injection); the wide ones in East Asia."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.progress import Progress, silent
+from furrowmap.core.runtime.progress import Progress, silent
 
 _BLOCK_BYTES: Final = 4 << 20
 

@@ -20,7 +20,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import RefusedError, printable
+from furrowmap.core.runtime.errors import RefusedError, printable
 from furrowmap.exporters.files.owner import PATTERN, Owner
 
 PREFIX: Final = ".furrowmap-run-"

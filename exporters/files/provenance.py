@@ -8,9 +8,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
+from furrowmap.core.runtime.errors import printable
+from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.values.clock import decimal_year, iso_utc
-from furrowmap.core.values.errors import printable
-from furrowmap.core.values.json_text import json_text
 
 BESIDE: Final = "provenance.json"
 

@@ -15,8 +15,8 @@ import msgspec
 import numpy as np
 import shapely
 
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
-from furrowmap.core.values.file_names import inside
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.file_names import inside
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import recover, refuse_products
 

@@ -11,8 +11,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
-from furrowmap.core.values.errors import InputError, RefusedError
-from furrowmap.core.values.file_names import is_relative_name
+from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.core.runtime.file_names import is_relative_name
 from furrowmap.exporters.files.atomic import flush, flush_folder, flush_together
 from furrowmap.exporters.files.lease import PRODUCTS, is_real_folder, is_revoked, leased, read_small, refuse_leased
 

@@ -19,8 +19,8 @@ from rasterio.errors import CRSError
 from rasterio.shutil import copy
 from rasterio.windows import Window
 
+from furrowmap.core.runtime.threads import threads
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.values.threads import threads
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.windows import common

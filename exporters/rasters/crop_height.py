@@ -10,8 +10,8 @@ import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.crops.canopy import PIXEL_M, Canopy
+from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.record_spool import RecordSpool, square_keys, square_of
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
 

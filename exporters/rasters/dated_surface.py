@@ -21,8 +21,8 @@ from rasterio.vrt import WarpedVRT
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.farm.surface_file import SurfaceFile, horizontal, surface_file, unusable
 from furrowmap.exporters.files.result_folder import DSM, DSM_BEFORE, ResultFolder
 from furrowmap.exporters.rasters.windows import common, window

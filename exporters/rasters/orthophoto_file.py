@@ -17,10 +17,10 @@ from rasterio.windows import Window
 from furrowmap.core.images.colouring import Colours
 from furrowmap.core.images.orthophoto import Picture, finer_grid, orthophoto, pixels_a_cell
 from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.threads import threads
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.progress import Progress, silent
-from furrowmap.core.values.threads import threads
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import BLOCK, tags_of

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote
 
-from furrowmap.core.values.languages.choice import language_of_user
+from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import PAGE
 from furrowmap.exporters.reports.area_units import HECTARE, area, filled_in

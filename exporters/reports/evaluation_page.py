@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from furrowmap.core.evaluation.evaluation import Evaluation
 from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Table
 from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
+from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.json_text import json_text
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports.drawings import fix_colour
 from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs, write_table

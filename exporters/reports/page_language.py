@@ -12,8 +12,8 @@ import re
 from collections.abc import Callable
 from typing import Final
 
-from furrowmap.core.values.languages.catalogue import ENGLISH
-from furrowmap.core.values.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import ENGLISH
+from furrowmap.core.runtime.languages.translation import translated
 
 KEPT: Final = "furrowmap-english"
 """Name of the <meta> with the English texts: a list of pairs of the number of the text in the page, and its HTML."""
@@ -30,7 +30,7 @@ def in_language(page: str, language: str) -> str:
 
     Args:
         page: HTML, in any language.
-        language: one of :data:`~furrowmap.core.values.languages.catalogue.LANGUAGES`.
+        language: one of :data:`~furrowmap.core.runtime.languages.catalogue.LANGUAGES`.
 
     Raises:
         ValueError: if there is no such language.

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Sequence
 from importlib.resources import files
 from string import Template
 
-from furrowmap.core.values.errors import printable
+from furrowmap.core.runtime.errors import printable
 
 
 def filled(

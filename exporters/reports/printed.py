@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.exporters.files.atomic import atomic_output
 
 VARIABLE: Final = "FURROWMAP_BROWSER"

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.geodesy.local_time import clock_words, in_local_time, span_words
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.surfaces.visits import SwathDifferences
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.languages.choice import language_of_user
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_work import FieldWork

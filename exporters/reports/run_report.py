@@ -19,13 +19,13 @@ from furrowmap.core.calibration.boresight import NAMES, Boresight
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
 from furrowmap.core.images.aiding import ImageAid
 from furrowmap.core.pointclouds.position_notices import fix_shares
+from furrowmap.core.runtime.errors import CONTRADICTION, Notice
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES
+from furrowmap.core.runtime.languages.translation import translated, translated_notice
 from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import CONTRADICTION, Notice
-from furrowmap.core.values.json_text import json_text, plain
-from furrowmap.core.values.languages.catalogue import LANGUAGES
-from furrowmap.core.values.languages.translation import translated, translated_notice
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from furrowmap.core.geodesy.local_time import clock_words, local_time
-from furrowmap.core.values.errors import printable
+from furrowmap.core.runtime.errors import printable
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
 from furrowmap.exporters.share.symbols import LayerStyle, Symbol, layer_style
 from furrowmap.exporters.share.words import LAYER_TITLES

@@ -11,9 +11,9 @@ from pyproj import CRS
 
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.runtime.errors import printable
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import printable
-from furrowmap.core.values.progress import Progress
 from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.qgis_project import (
     ProjectLayer,

@@ -16,10 +16,10 @@ from pyproj import CRS, Proj, Transformer
 
 from furrowmap.core.geodesy.local_time import local_time, zone_words
 from furrowmap.core.readers.las.cloud import Box
-from furrowmap.core.values.errors import RefusedError, printable
-from furrowmap.core.values.languages.catalogue import LANGUAGES
-from furrowmap.core.values.languages.translation import translated
-from furrowmap.core.values.progress import Progress
+from furrowmap.core.runtime.errors import RefusedError, printable
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES
+from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.progress import Progress
 from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
 from furrowmap.exporters.reports.page_parts import duration_words, escape, policy

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from pyproj import CRS
 
-from furrowmap.core.values.errors import UsageError
+from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
 

@@ -6,7 +6,7 @@ import re
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from furrowmap.core.values.languages.catalogue import ENGLISH, catalogue
+from furrowmap.core.runtime.languages.catalogue import ENGLISH, catalogue
 from furrowmap.exporters.files.qgis_project import DOCTYPE
 from furrowmap.exporters.vectors.layer_words import VALUES
 
@@ -26,7 +26,7 @@ def in_language(style: str, language: str) -> str:
 
     Args:
         style: QML as packaged, in English.
-        language: one of :data:`~furrowmap.core.values.languages.catalogue.LANGUAGES`.
+        language: one of :data:`~furrowmap.core.runtime.languages.catalogue.LANGUAGES`.
     """
     if language == ENGLISH:
         return style

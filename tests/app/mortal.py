@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from furrowmap.cli.main import _in_three_lines
-from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.core.runtime.errors import FurrowmapError
 from tests.app.writers import WRITERS
 
 CHANGES = {"os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.truncate", "os.link", "os.symlink"}

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 import furrowmap
 from furrowmap.cli.main import command_line
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.exporters.files.batch_state import STATE, batch_state
 from furrowmap.workflows import batch_engine
 from furrowmap.workflows.batch import _lost

@@ -11,7 +11,7 @@ import pytest
 from moto.server import ThreadedMotoServer
 
 import furrowmap
-from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.exporters.files.batch_state import STATE
 from furrowmap.workflows.batch_engine import Manner
 from furrowmap.workflows.batch_jobs import Job

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import furrowmap
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.workflows.calibrate import Calibration, calibrated_text
 

@@ -15,8 +15,8 @@ import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.images.projection import unproject
 from furrowmap.core.readers.mount_csv import read_mount
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.mounting import Mounting
 from tests.app.told_progress import Told
 

@@ -16,7 +16,7 @@ import shapely
 
 import furrowmap
 from furrowmap.cli.main import command_line
-from furrowmap.core.values.errors import InputError, UsageError
+from furrowmap.core.runtime.errors import InputError, UsageError
 from tests.app.told_progress import Told
 
 CRS = "EPSG:6677"

@@ -12,7 +12,7 @@ from pyproj import CRS
 
 import furrowmap
 from furrowmap.cli.main import command_line
-from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from tests.core.images.scenes import CAMERA, HEIGHT_M, behind_board, cloud, frames_above, texture
 
 CORNER_M = np.array([500_000.0, 5_900_000.0, 0.0])

@@ -23,7 +23,7 @@ from pystac.extensions.pointcloud import PointcloudExtension
 from pystac.extensions.projection import ProjectionExtension
 from rasterio.transform import from_origin
 
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.exchange.trajectories import TRAJECTORIES
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.reports.drawings import pass_colour

@@ -12,7 +12,7 @@ from pyproj import CRS
 import furrowmap
 from furrowmap.core.pointclouds.clouds import open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
-from furrowmap.core.values.progress import silent
+from furrowmap.core.runtime.progress import silent
 from furrowmap.core.values.session import FeatureSearch
 from furrowmap.workflows.run_features import run_features
 from tests.app.told_progress import Told

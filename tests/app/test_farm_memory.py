@@ -13,7 +13,7 @@ import rasterio
 from rio_cogeo.cogeo import cog_validate
 
 import furrowmap
-from furrowmap.core.values.errors import InputError, RefusedError, UsageError
+from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from tests.app.told_progress import Told
 from tests.exporters.exchange.test_task_data import products  # noqa: F401 (a fixture)
 from tests.exporters.farm.result_folders import write_result

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.values.errors import InputError, RefusedError, UsageError
+from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.workflows.farm import add_to_farm_map
 from furrowmap.workflows.mosaic import find_surfaces, mosaic
 from tests.exporters.farm.result_folders import write_result

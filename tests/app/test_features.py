@@ -16,7 +16,7 @@ import pytest
 import furrowmap
 from benchmarks.yards import Yard, yard
 from furrowmap.cli.main import command_line
-from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from tests.app.told_progress import Told
 
 EAST, NORTH = -20_000.0, -40_000.0

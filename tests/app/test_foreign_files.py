@@ -13,8 +13,8 @@ from pyproj import CRS
 
 import furrowmap
 from furrowmap.core.readers.boundary import read_fields
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import HEIGHT, write_cog

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 import furrowmap
 from furrowmap.cli.main import command_line
+from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.session.file import load_session
 from furrowmap.core.session.machine import LearnedMounting, learned, load_machine, machine_text, parse_machine
-from furrowmap.core.values.errors import InputError, RefusedError, UsageError
 from furrowmap.core.values.machine import (
     NOT_SHOWN_DEG,
     Calibrated,

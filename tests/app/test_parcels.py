@@ -17,10 +17,10 @@ import shapely
 
 import furrowmap
 from furrowmap.cli.main import command_line
+from furrowmap.core.runtime.errors import FurrowmapError, UsageError
+from furrowmap.core.runtime.progress import silent
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.values.errors import FurrowmapError, UsageError
 from furrowmap.core.values.parcel import SOIL_METHODS, SoilMethod
-from furrowmap.core.values.progress import silent
 from furrowmap.workflows.parcels import parcel_settings
 from furrowmap.workflows.soil_source import soil_source
 from tests.app.told_progress import Told

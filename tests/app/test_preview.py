@@ -13,7 +13,7 @@ import rasterio
 from numpy.typing import NDArray
 
 import furrowmap
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, RUN_PRODUCTS
 from tests.app.told_progress import Told
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.values.threads import using_threads
+from furrowmap.core.runtime.threads import using_threads
 from furrowmap.process import COMPILING, VARIABLE, importing, importing_beside, keep_blas_single, keep_kernels
 
 CODE = """

@@ -21,15 +21,15 @@ import rasterio
 
 import furrowmap
 from furrowmap.cli import worker
+from furrowmap.core.runtime import errors
+from furrowmap.core.runtime.errors import FurrowmapError, InputError
+from furrowmap.core.runtime.threads import threads, using_threads
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.implements import FURTHER
-from furrowmap.core.values import errors
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.core.values.errors import FurrowmapError, InputError
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS, InertialNoise, inertial_noise
 from furrowmap.core.values.session import Session
-from furrowmap.core.values.threads import threads, using_threads
 
 REFERENCE = Path(__file__).resolve().parents[2] / "docs" / "reference"
 LEAST = 'furrowmap = 1\n[recording]\nlidar = ["a.pcap"]\ngnss = ["a.nmea"]\n[crs]\nmap = "EPSG:6677"\n'

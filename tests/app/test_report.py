@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import furrowmap
-from furrowmap.core.values.languages.choice import using_language
+from furrowmap.core.runtime.languages.choice import using_language
 from furrowmap.exporters.reports import printed
 from tests.exporters.reports.test_page_language import PAGE
 

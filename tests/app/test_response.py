@@ -13,7 +13,7 @@ import pytest
 
 import furrowmap
 from furrowmap.cli.main import command_line
-from furrowmap.core.values.errors import InputError, RefusedError, UsageError
+from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.exporters.files.workbook import write_workbook
 
 RATES = np.array([0, 50, 100, 150, 200, 250, 300])

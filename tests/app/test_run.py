@@ -18,8 +18,8 @@ import rasterio
 from pyproj import CRS
 
 import furrowmap
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.session.file import load_session
-from furrowmap.core.values.errors import RefusedError
 from furrowmap.exporters.cloud.file import las_wkt
 from furrowmap.workflows.run import SPACE
 

@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 import furrowmap
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 
 def polygons(path: Path, *shapes: shapely.Geometry) -> Path:

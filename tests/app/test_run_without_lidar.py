@@ -13,9 +13,9 @@ import furrowmap
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.work.run_result import RunResult
 
 SESSION = """furrowmap = 1

@@ -29,8 +29,8 @@ from rio_cogeo import cog_validate
 
 import furrowmap
 from furrowmap.cli.main import command_line
+from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError, RefusedError, UsageError
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import HEIGHT, STANDARD_ERROR, Band, with_heights, write_cog
 from furrowmap.workflows import season_parts

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import furrowmap
-from furrowmap.core.values.errors import Cancelled, InputError
+from furrowmap.core.runtime.errors import Cancelled, InputError
 from tests.app.conftest import SCENARIO
 
 

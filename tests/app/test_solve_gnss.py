@@ -12,7 +12,7 @@ from pyproj import Transformer
 
 import furrowmap
 from furrowmap.cli.main import command_line
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.recordings import open_recording
 from tests.conftest import _installed
 

@@ -19,8 +19,8 @@ from scipy.ndimage import gaussian_filter
 
 import furrowmap
 from furrowmap.cli.main import command_line
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, write_cog
 from tests.app.told_progress import Told

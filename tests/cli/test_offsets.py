@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from furrowmap.cli.gnss import _offset
-from furrowmap.core.values.errors import UsageError
+from furrowmap.core.runtime.errors import UsageError
 
 
 def test_offset__is_forward_left_and_up() -> None:

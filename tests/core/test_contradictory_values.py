@@ -21,6 +21,10 @@ from furrowmap.core.readers.nmea.sentences import Sentences
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.states_csv import StatesCsv
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
+from furrowmap.core.runtime import npz
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.npz import read_npz
+from furrowmap.core.runtime.packed import packed, unpacked
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.surfaces.cloth import cloth_ground
 from furrowmap.core.surfaces.gaps import bridged, filled
@@ -29,18 +33,14 @@ from furrowmap.core.surfaces.outliers import mean_distance_to, mean_neighbour_di
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.tiles import tiles
 from furrowmap.core.trajectory.positions import fixes_from_labels
-from furrowmap.core.values import npz
 from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.datum import datum_shift_m
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.mount_motion import MountMotion
 from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.npz import read_npz
-from furrowmap.core.values.packed import packed, unpacked
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.tool_states import ToolStates

@@ -27,10 +27,10 @@ from furrowmap.core.images.session_aid import read_pixels
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.image_table import read_image_table
 from furrowmap.core.readers.mount_csv import read_mount
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.foreign_content import binary_kind
 from furrowmap.core.session.file import load_session
 from furrowmap.core.simulator.scenario_file import load_scenario
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.foreign_content import binary_kind
 
 MAP = CRS.from_epsg(6677)
 READERS: dict[str, Callable[[Path], object]] = {

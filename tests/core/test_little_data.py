@@ -13,9 +13,9 @@ from furrowmap.core.checking.local_plane import local_plane
 from furrowmap.core.checking.positional_accuracy import Component
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.geodesy.datum_guard import check_datum
+from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.trajectory.motion import _runs
 from furrowmap.core.trajectory.positions import jumps
-from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.exporters.farm.surface_file import surface_file
 
 

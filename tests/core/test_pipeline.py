@@ -14,8 +14,8 @@ import pytest
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.runtime.errors import Cancelled, InputError
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.values.errors import Cancelled, InputError
 from furrowmap.core.work.run_result import RunResult
 
 SESSION = """furrowmap = 1

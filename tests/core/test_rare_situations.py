@@ -37,6 +37,7 @@ from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.sbf.log import SbfLog
 from furrowmap.core.readers.source import look
 from furrowmap.core.readers.ubx.log import UbxLog
+from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.simulator.scenario_file import demo_scenario, load_scenario
 from furrowmap.core.simulator.simulate import simulate
@@ -44,7 +45,6 @@ from furrowmap.core.surfaces.ground import classify_ground
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import Located
-from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.tool_states import ToolStates

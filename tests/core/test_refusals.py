@@ -28,8 +28,8 @@ from furrowmap.core.readers.reader import GROUP, ReadOptions, readers
 from furrowmap.core.readers.rosbag.bags import RosBag2
 from furrowmap.core.readers.rosbag.storage import ByteStream, Damage
 from furrowmap.core.readers.states_csv import StatesCsv
+from furrowmap.core.runtime.errors import FurrowmapError, Notice
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.values.errors import FurrowmapError, Notice
 from furrowmap.exporters.farm.connection import public_name
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 

@@ -13,11 +13,11 @@ from furrowmap.core.estimation.knots import STEP_S, knots_over
 from furrowmap.core.matching.portions import windows
 from furrowmap.core.pointclouds import far_points
 from furrowmap.core.readers.rosbag import clouds
+from furrowmap.core.runtime import allowances
+from furrowmap.core.runtime import threads as threads_in_force
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.session.file import FARTHEST_M, parse_session
 from furrowmap.core.trajectory.positions import usable
-from furrowmap.core.values import allowances
-from furrowmap.core.values import threads as threads_in_force
-from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import IMU_CLASSES
 from furrowmap.core.values.session import WIDEST_M

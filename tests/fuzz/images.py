@@ -11,7 +11,7 @@ from PIL import Image
 from furrowmap.core.readers.exif import exif_images, image_size, read_pixels
 from furrowmap.core.readers.image_table import is_image_table, read_image_table
 from furrowmap.core.readers.reader import Recognised
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from tests.core.readers.image_bags import filmed
 from tests.core.readers.small_bags import ROS1, write_bag1, write_bag2
 from tests.fuzz.trials import Entry

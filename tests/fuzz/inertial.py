@@ -9,7 +9,7 @@ from pathlib import Path
 from furrowmap.cli.inspect import _value
 from furrowmap.core.readers.imu_csv import QUANTITIES, ImuCsv
 from furrowmap.core.readers.reader import ReadOptions, Recognised
-from furrowmap.core.values.json_text import plain
+from furrowmap.core.runtime.json_text import plain
 from tests.core.readers.inertial_bags import sentences, turning_imu
 from tests.core.readers.small_bags import ROS1, T0_NS, write_bag1, write_bag2
 from tests.core.readers.test_line_scanners import laser_scan

@@ -24,7 +24,7 @@ from typing import Any
 
 from furrowmap.cli.main import attempt
 from furrowmap.cli.worker import WorkerConsole, _arguments
-from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.exporters.files import lease
 from furrowmap.exporters.files.owner import machine
 from tests.exporters.farm.result_folders import rename_layer, write_result

@@ -21,8 +21,8 @@ from furrowmap.core.readers.reader import (
     ReadOptions,
     Recognised,
 )
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.json_text import plain
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.json_text import plain
 
 OPTIONS = ReadOptions(date="2026-06-11", week=2422)
 

@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from random import Random
 
-from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.core.runtime.errors import FurrowmapError
 from tests.fuzz.mutations import Files, mutant
 
 LONGEST_S = 10.0

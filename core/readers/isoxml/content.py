@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.isoxml.files import MAIN, TaskFiles
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 
 ROOT: Final = "ISO11783_TaskData"
 EXTERNAL: Final = "XFC"

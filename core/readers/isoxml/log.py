@@ -14,8 +14,8 @@ from furrowmap.core.readers.isoxml.files import MAIN, is_task_data, open_task_fi
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Head
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.tool_states import ToolState, ToolStates

@@ -15,7 +15,7 @@ from furrowmap.core.readers.isoxml.content import Partfield, Task, TaskData, rea
 from furrowmap.core.readers.isoxml.files import TaskFiles
 from furrowmap.core.readers.isoxml.time_log import TimeLog, read_time_log
 from furrowmap.core.readers.isoxml.work import LoggedWork, logged_work
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.isoxml.records import find_records, read_values
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 
 FloatArray = NDArray[np.float64]
 

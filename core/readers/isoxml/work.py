@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.isoxml.content import PARALLEL, DeviceElement
 from furrowmap.core.readers.isoxml.time_log import TimeLog
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.session import WIDEST_M
 from furrowmap.core.values.tool_states import ToolState
 

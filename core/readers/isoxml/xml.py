@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 from xml.parsers import expat  # document types, and with them entities, are rejected below
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 DEEPEST: Final = 64
 MOST_ELEMENTS: Final = 5_000_000

@@ -26,7 +26,7 @@ from furrowmap.core.readers.las.laz import (
 )
 from furrowmap.core.readers.las.points import CloudBatch, layout, unpack
 from furrowmap.core.readers.las.records import ExtraDimension, Record, extra_dimensions, read_records
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 
 BATCH_POINTS: Final = 1_000_000
 BATCH_BYTES: Final = 1 << 26

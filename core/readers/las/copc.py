@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.las.header import LasHeader, is_number
 from furrowmap.core.readers.las.laz import LazPoints
 from furrowmap.core.readers.las.records import Record
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 
 INFO_BYTES: Final = 160
 ENTRY: Final = np.dtype([("key", "<i4", 4), ("offset", "<u8"), ("bytes", "<i4"), ("points", "<i4")])

@@ -12,7 +12,7 @@ from pyproj.exceptions import CRSError, ProjError
 
 from furrowmap.core.readers.las.header import LasHeader
 from furrowmap.core.readers.las.records import Record
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 
 _USER: Final = "LASF_Projection"
 _WKT, _KEYS, _DOUBLES, _TEXTS = 2112, 34735, 34736, 34737

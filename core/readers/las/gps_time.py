@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.header import LasHeader
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import GPS_EPOCH_S, LAS_STANDARD_OFFSET_S, WEEK_S, las_time_to_utc
-from furrowmap.core.values.errors import Notice
 
 FloatArray = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from furrowmap.core.values.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 
 SIGNATURE: Final = b"LASF"
 LEAST_RECORD_BYTES: Final = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)

@@ -11,7 +11,7 @@ from typing import BinaryIO, Final
 import numpy as np
 
 from furrowmap.core.readers.las.header import LasHeader
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 
 LONGEST: Final = 1 << 20
 """Bytes that are read of an extended record, at most: a CRS, or the page of a small hierarchy, has less."""

@@ -12,7 +12,7 @@ from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentence
 from furrowmap.core.readers.nmea.track import assemble, time_of_day
 from furrowmap.core.readers.position_log import PositionLog, Positions, byte_place, log_name
 from furrowmap.core.readers.source import Head
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 
 MOST_OTHER_BYTES: Final = 0.5
 """Largest share of other bytes in a file that is recognised by its sentences alone."""

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.epochs import MOST_DISORDER, in_order, midnight_utc_s, midnights_utc_s
 from furrowmap.core.readers.nmea.sentences import FIELDS, Kind, Sentences
 from furrowmap.core.readers.position_log import Positions
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, unroll
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 FloatArray = NDArray[np.float64]

@@ -18,7 +18,7 @@ from furrowmap.core.readers.csv_numbers import complete_rows, pieces
 from furrowmap.core.readers.poses.file import PoseFile, RawPoses, too_few
 from furrowmap.core.readers.reader import Inspection
 from furrowmap.core.readers.source import Head, Source
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 FloatArray = NDArray[np.float64]
 

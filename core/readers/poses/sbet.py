@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.poses.file import PoseFile, RawPoses, too_few
 from furrowmap.core.readers.source import Head, Source, cut_notice
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 FloatArray = NDArray[np.float64]
 

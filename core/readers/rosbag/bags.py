@@ -26,10 +26,10 @@ from furrowmap.core.readers.rosbag.messages import (
 )
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.readers.source import Head
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack

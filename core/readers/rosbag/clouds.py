@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.scan import Clock, Scan
 
 FloatArray = NDArray[np.float64]

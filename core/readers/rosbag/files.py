@@ -14,8 +14,8 @@ from furrowmap.core.readers.rosbag.mcap import McapFile
 from furrowmap.core.readers.rosbag.rosbag1 import Rosbag1File
 from furrowmap.core.readers.rosbag.storage import BagMessage, Storage
 from furrowmap.core.readers.source import look
-from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.file_names import is_file_name
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.file_names import is_file_name
 
 METADATA: Final = "metadata.yaml"
 

@@ -16,8 +16,8 @@ from furrowmap.core.readers.attitude_rows import attitude_track
 from furrowmap.core.readers.inertial_rows import first_beyond, inertial_track
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.attitude import UNSTATED, AttitudeTrack
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.rotation import quaternion_to_attitude
 

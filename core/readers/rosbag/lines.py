@@ -9,7 +9,7 @@ import numpy as np
 from furrowmap.core.readers.line_points import FARTHEST_M, mostly_invalid, sweep
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan
 
 LONGEST_S: Final = 10.0

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, unpacked
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 if TYPE_CHECKING:

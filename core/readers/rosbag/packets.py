@@ -12,7 +12,7 @@ from furrowmap.core.readers.rosbag.messages import packets
 from furrowmap.core.readers.rosbag.storage import BagMessage
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.models import BLOCK_MARK, RETURN_WORDS
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan
 
 _BATCH: Final = 1000

@@ -18,9 +18,9 @@ from furrowmap.core.readers.exif import MOST_PIXELS
 from furrowmap.core.readers.raw_pixels import layout_fault
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
+from furrowmap.core.runtime.scratch import scratch_file
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import RAW, Images, RawLayout, StoredImage
-from furrowmap.core.values.scratch import scratch_file
 
 PACKED: Final = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
 """First bytes of the formats of CompressedImage that are read."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, RecordsFile, inflate, ros2_type
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 MAGIC: Final = b"#ROSBAG V"
 _VERSION: Final = b"#ROSBAG V2.0\n"

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 from furrowmap.core.readers.source import Source
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import Notice
 
 if sys.version_info >= (3, 14):
     from compression import zstd

@@ -14,9 +14,9 @@ from furrowmap.core.readers.epochs import midnights_utc_s
 from furrowmap.core.readers.position_log import PositionLog, Positions, file_at, log_name
 from furrowmap.core.readers.rtklib.rows import ROWS, Form, Header, Rows, finished, read_rows
 from furrowmap.core.readers.source import Head
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import geodetic, variances_enu
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix
 
 FloatArray = NDArray[np.float64]

@@ -14,9 +14,9 @@ from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, l
 from furrowmap.core.readers.position_log import Positions
 from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.readers.sbf.names import NAMES
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import east_north_up, geodetic, variances_enu
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix
 
 FloatArray = NDArray[np.float64]

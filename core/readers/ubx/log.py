@@ -15,8 +15,8 @@ from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, l
 from furrowmap.core.readers.position_log import Positions
 from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.readers.ubx.names import NAMES
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s, nearest_in_cycle, utc_to_gps_s
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix
 
 FloatArray = NDArray[np.float64]

@@ -16,9 +16,9 @@ from furrowmap.core.readers.inertial_rows import first_beyond, inertial_facts, i
 from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.vectornav import binary, sentences
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.attitude import UNSTATED, AttitudeTrack
 from furrowmap.core.values.clock import gps_to_utc_s
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.scan import Clock
 

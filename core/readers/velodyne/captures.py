@@ -18,7 +18,7 @@ from furrowmap.core.readers.velodyne.clock import PositionPacket, settle
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.models import BLOCK_MARK, model_named
 from furrowmap.core.readers.velodyne.traffic import Traffic, address_of, kinds_of, position_packets
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan
 
 GLANCE_S: Final = 0.12

@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc, nearest_in_cycle
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.velodyne.models import DUAL, MODELS, OTHER_PRODUCTS, RETURN_WORDS, STRONGEST, Model
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]

@@ -15,8 +15,8 @@ from furrowmap.core.readers.velodyne.clock import SensorClock, settle
 from furrowmap.core.readers.velodyne.counts import PacketCounts
 from furrowmap.core.readers.velodyne.models import PACKET_BYTES, Model, model_named, model_of
 from furrowmap.core.readers.velodyne.returns import Carry, Tables, decode_returns
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan
 
 FloatArray = NDArray[np.float64]

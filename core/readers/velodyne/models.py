@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 FloatArray = NDArray[np.float64]
 

@@ -21,8 +21,8 @@ from furrowmap.core.readers.velodyne.clock import (
 )
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.models import BLOCK_MARK, PACKET_BYTES, RETURN_WORDS
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.scan import Clock
 
 _POSITION_PORT: Final = 8308

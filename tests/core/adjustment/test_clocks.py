@@ -22,6 +22,7 @@ from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import named_offset
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.simulator.scenario import Drive, Field, Scenario
@@ -29,7 +30,6 @@ from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory

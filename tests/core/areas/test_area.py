@@ -16,8 +16,8 @@ from shapely import affinity
 
 from furrowmap.core.areas.area import MANY, Area, read_area
 from furrowmap.core.areas.rings import pixels_in, ring_at, rings_of
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError
 
 MAP = CRS.from_epsg(25832)
 EAST, NORTH = 651_000.0, 6_132_600.0

@@ -21,7 +21,7 @@ from furrowmap.core.checking.check import check_product
 from furrowmap.core.checking.positional_accuracy import Component
 from furrowmap.core.checking.surveyed_points import SurveyOptions, read_points
 from furrowmap.core.crops.parcels import read_parcels
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 
 E, N = 22_900.0, 11_600.0
 SIDE_M = 24.0

@@ -12,7 +12,7 @@ from pyproj import Transformer
 
 import furrowmap
 from furrowmap.cli.main import command_line
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 SURVEYED = {
     "P1": (651_500.0, 6_133_880.0, 70.0),

@@ -20,7 +20,7 @@ from furrowmap.core.crops.soil_cells import SoilCells, noise_in_pixels, without_
 from furrowmap.core.crops.soil_raster import SoilRaster
 from furrowmap.core.features.neighbours import MOST_COLUMNS, columns
 from furrowmap.core.features.segment_votes import colour_segments
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel
 
 MAP = CRS.from_epsg(6677)

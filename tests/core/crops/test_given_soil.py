@@ -16,7 +16,7 @@ from furrowmap.core.crops.given_soil import GivenSoil, given_soil
 from furrowmap.core.crops.soil import soil_around
 from furrowmap.core.crops.soil_cells import SoilCells, soil_cells
 from furrowmap.core.crops.soil_raster import open_soil_raster
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel
 
 MAP = CRS.from_epsg(25832)

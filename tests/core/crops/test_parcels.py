@@ -17,7 +17,7 @@ from shapely.affinity import rotate, translate
 
 from furrowmap.core.crops.net_parcel import net_of
 from furrowmap.core.crops.parcels import read_parcels
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 MAP = CRS.from_epsg(25832)
 SHAPES = [rotate(shapely.box(e, 6_132_600.0, e + 10.0, 6_132_602.5), 4.0) for e in (651_000.0, 651_011.0)]

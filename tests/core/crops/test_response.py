@@ -13,7 +13,7 @@ from furrowmap.core.crops.growth import growth_of
 from furrowmap.core.crops.logistic import Observations, fit_logistic, p_of_no_response
 from furrowmap.core.crops.response import response_to
 from furrowmap.core.crops.variance import analysis_of_variance
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 RATES = np.array([0.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0])
 DOSE = np.tile(RATES, 4)

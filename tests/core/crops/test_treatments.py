@@ -13,7 +13,7 @@ from pyproj import CRS
 
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.treatments import read_treatments, with_treatments
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel
 
 BOX = shapely.box(0.0, 0.0, 10.0, 2.5)

@@ -15,7 +15,7 @@ from furrowmap.core.estimation.knots import STEP_S, Knots, knots_over, start_fro
 from furrowmap.core.estimation.observation import normal_equations
 from furrowmap.core.estimation.states import State
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from furrowmap.core.evaluation.constant_offsets import offset_notices
 from furrowmap.core.evaluation.receivers import evaluate_logs
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.compass import compass_direction
-from furrowmap.core.values.errors import InputError
 
 
 def told(east: float, north: float, up: float, scatter: float) -> list[str]:

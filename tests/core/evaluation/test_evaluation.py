@@ -19,7 +19,7 @@ from furrowmap.core.evaluation.evaluation import Evaluation, evaluate
 from furrowmap.core.evaluation.matching import match
 from furrowmap.core.evaluation.receivers import evaluate_logs
 from furrowmap.core.evaluation.statistics import Row, outliers, table
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 LAT, LON, HEIGHT = 36.1, 140.2, 60.0

@@ -27,8 +27,8 @@ from furrowmap.core.geodesy.height_system import height_system
 from furrowmap.core.geodesy.parameter_file import ParameterFile, read_parameters
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.geodesy.stated_frame import stated_frame
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.session.opened import resolve
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.session import Crs

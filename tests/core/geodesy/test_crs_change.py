@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pyproj import CRS, Proj
 
 from furrowmap.core.geodesy.crs_change import crs_change
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.runtime.errors import RefusedError
 
 ZONE_IX, ZONE_X, JGD2011 = CRS("EPSG:6677"), CRS("EPSG:6678"), CRS("EPSG:6668")
 FIELD = (16_000.0, 96_000.0, 17_000.0, 97_000.0)

@@ -7,7 +7,7 @@ import pytest
 from pyproj import CRS, Geod, Proj, Transformer
 
 from furrowmap.core.geodesy.projection import map_frame, middle_deg, scale_at
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.values.session import Crs
 
 PLANE_RECTANGULAR = {

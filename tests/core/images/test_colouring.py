@@ -13,9 +13,9 @@ from furrowmap.core.images.colour_maker import ColourMaker
 from furrowmap.core.images.colouring import NO_FRAME, Colours
 from furrowmap.core.images.frames import Frames, frames_along
 from furrowmap.core.images.orthophoto import orthophoto, pixels_a_cell
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 

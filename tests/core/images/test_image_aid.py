@@ -14,12 +14,12 @@ from furrowmap.core.images.aiding import ImageAid, aided_by_images
 from furrowmap.core.images.control_points import ControlPoints
 from furrowmap.core.images.frame_poses import frame_poses
 from furrowmap.core.images.projection import unproject
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import silent
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.images import Images
-from furrowmap.core.values.progress import silent
 from furrowmap.exporters.reports.image_section import image_sections
 from tests.core.images.test_block_adjustment import DELAY_S, NODES_S, SCALE, STATED, TRUE_TURN, Flight, true_camera
 

@@ -30,13 +30,13 @@ from furrowmap.core.images.control_points import ControlPoints, control_views
 from furrowmap.core.images.frame_poses import frame_poses
 from furrowmap.core.images.neighbours import overlapping
 from furrowmap.core.images.session_aid import read_pixels
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.progress import silent
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.images import Images
-from furrowmap.core.values.progress import silent
 from tests.core.images.test_block_adjustment import NODES_S, SCALE, STATED, T_S, Flight, flown, true_camera
 
 pytest.importorskip("pycolmap")

@@ -11,9 +11,9 @@ import pytest
 
 from furrowmap.core.geodesy.local_time import in_local_time
 from furrowmap.core.pointclouds.position_notices import fix_shares, quality_notices
+from furrowmap.core.runtime.languages.translation import translated_notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.languages.translation import translated_notice
 from furrowmap.core.values.scan_poses import ScanPoses
 from tests.exporters.vectors.worked_field import worked_field
 

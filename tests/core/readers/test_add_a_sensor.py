@@ -22,7 +22,7 @@ LOOK = """
 import json, sys
 from pathlib import Path
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, Recognised, open_recording
-from furrowmap.core.values.errors import FurrowmapError
+from furrowmap.core.runtime.errors import FurrowmapError
 
 paths = [Path(p) for p in sys.argv[1:]]
 try:

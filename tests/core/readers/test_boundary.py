@@ -13,7 +13,7 @@ import shapely
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.isoxml.content import read_content
 from furrowmap.core.readers.isoxml.files import open_task_files
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 FIELD = shapely.Polygon(
     [(140.02, 36.87), (140.021, 36.87), (140.021, 36.871), (140.02, 36.871)],

@@ -21,7 +21,7 @@ from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.sbf.log import SbfLog
 from furrowmap.core.readers.source import look
 from furrowmap.core.readers.ubx.log import UbxLog
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 DAMAGE = st.lists(st.tuples(st.floats(0, 1), st.binary(max_size=40), st.integers(0, 200)), max_size=8)
 OPTIONS = ReadOptions(date="2026-06-11", week=2422)

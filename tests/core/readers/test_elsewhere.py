@@ -27,8 +27,8 @@ from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.sbf.log import SBF, SbfLog
 from furrowmap.core.readers.ubx.log import UbxLog
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.trajectory.from_gnss import trajectory_from_gnss
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.session import Crs
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.epochs import day_of_week, in_order, midnights_utc_s, week_time, week_times
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 PARTS = st.tuples(st.integers(1970, 2110), st.integers(-1, 14), st.integers(-1, 33))
 

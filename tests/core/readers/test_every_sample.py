@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from furrowmap.core.readers.reader import Inspection, Recognised
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 SHARED_DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
 

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from furrowmap.core.readers.exif import exif_images
-from furrowmap.core.values.errors import Notice
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.images import Images
 
 EXIF_TAGS, GPS_TAGS = 0x8769, 0x8825

@@ -11,8 +11,8 @@ import rasterio
 
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.readers.geotiff import open_geotiff
-from furrowmap.core.values import allowances
-from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.runtime import allowances
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.results import read_raster
 

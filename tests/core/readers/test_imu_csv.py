@@ -10,7 +10,7 @@ import pytest
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.source import look
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 HEAD = "time_unix_s,gyro_x_dps,gyro_y_dps,gyro_z_dps,force_x_mps2,force_y_mps2,force_z_mps2"
 ROWS = [f"{1779529271.8 + 0.005 * k:.3f},{k},0.5,-1,0.1,0.2,9.{k}" for k in range(8)]

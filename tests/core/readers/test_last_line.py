@@ -15,7 +15,7 @@ from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.states_csv import StatesCsv
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 ROWS = 12
 

@@ -16,10 +16,10 @@ import furrowmap
 from furrowmap.core.readers.line_csv import LineCsv
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.rosbag.bags import RosBag2
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.proposal import propose_session
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Scan
 from tests.core.readers.small_bags import ROS2, T0_NS, header, write_bag2
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.readers.mount_csv import read_mount
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.mount_motion import MountMotion
 
 T0 = 1_781_172_000.0

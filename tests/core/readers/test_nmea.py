@@ -21,7 +21,7 @@ from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentences, scan_bytes
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import look, zstd
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.scan import Clock
 

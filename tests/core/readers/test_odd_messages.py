@@ -11,7 +11,7 @@ import pytest
 
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rosbag.bags import RosBag2
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from tests.core.readers.small_bags import T0_NS, nav_sat_fix, point_cloud, revolution, write_bag2
 from tests.core.readers.test_line_scanners import laser_scan
 

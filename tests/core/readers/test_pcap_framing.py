@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.readers.pcap import Capture
 from furrowmap.core.readers.source import Source
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from tests.core.readers.velodyne_packets import Frame, frame, write_pcap
 
 PAYLOADS = [bytes([65 + i]) * (20 + i) for i in range(6)]

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import look
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import utc_to_gps_s
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Clock

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording, readers
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 # Files of the folder gnss that are NMEA 0183; the suffix of the others shows their reader.
 NMEA = (

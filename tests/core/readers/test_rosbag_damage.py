@@ -23,7 +23,7 @@ import pytest
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording
 from furrowmap.core.readers.rosbag.files import BagFiles
 from furrowmap.core.readers.rosbag.storage import LARGEST_BYTES, Damage, inflate, unpacked
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan import Clock
 from tests.core.readers.small_bags import ROS1, ROS2, T0_NS, mixed, nav_sat_fix, velodyne_scan, write_bag1, write_bag2

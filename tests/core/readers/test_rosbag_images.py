@@ -12,8 +12,8 @@ import pytest
 from furrowmap.core.readers.exif import image_size, read_pixels, write_image
 from furrowmap.core.readers.reader import Reader, ReadOptions
 from furrowmap.core.readers.rosbag.bags import RosBag1, RosBag2
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.images import StoredImage
 from tests.core.readers.image_bags import HEIGHT, WIDTH, compressed, filmed, gradient, image
 from tests.core.readers.small_bags import ROS1, ROS2, T0_NS, nav_sat_fix, write_bag1, write_bag2

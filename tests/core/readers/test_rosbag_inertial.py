@@ -12,10 +12,10 @@ from rosbags.typesys import Stores, get_typestore
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import GivesInertial, Reader, ReadOptions, Recognised, open_recording
 from furrowmap.core.readers.rosbag.bags import RosBag1, RosBag2
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.session.proposal import propose_session
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from tests.core.readers.inertial_bags import imu, sentences, turning_imu
 from tests.core.readers.small_bags import ROS1, T0_NS, nav_sat_fix, write_bag1, write_bag2

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.reader import ReadOptions, open_recording
 from furrowmap.core.readers.rosbag.clouds import CloudScans
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.scan import Scan
 from tests.core.readers.small_bags import ROS1, T0_NS, mixed, point_cloud, revolution, write_bag1
 

@@ -17,7 +17,7 @@ from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.rtklib.rows import Header
 from furrowmap.core.readers.source import look
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 # As the samples' README lists them; times are GPS time there, 18 s ahead of these.

@@ -14,8 +14,8 @@ from pyproj import Transformer
 from furrowmap.core.readers.poses.sbet import Sbet
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.source import Head, look
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import GPS_EPOCH_S, gps_to_utc_s, las_time_to_utc
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.pose_track import PoseTrack
 
 WEEK = 1678

@@ -18,8 +18,8 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.sbf.log import LAYOUTS, SBF, SbfLog
 from furrowmap.core.readers.sbf.names import NAMES
 from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import GPS_EPOCH_S, WEEK_S
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 LEAP_S = 18

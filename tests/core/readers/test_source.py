@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from furrowmap.core.readers.source import Source, look
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 if sys.version_info >= (3, 14):
     from compression import zstd

@@ -9,7 +9,7 @@ import pytest
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.states_csv import StatesCsv
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 TABLE = """time,state

@@ -20,7 +20,7 @@ from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import Source
 from furrowmap.core.readers.ubx.log import LAYOUTS, PVT, UBX, UbxLog
 from furrowmap.core.readers.ubx.names import NAMES
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 # As the samples' README lists them; positions by kind of fix, first and last time.

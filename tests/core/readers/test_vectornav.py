@@ -12,9 +12,9 @@ import pytest
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.vectornav import binary, sentences
 from furrowmap.core.readers.vectornav.log import VectorNavAscii, VectorNavBinary
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.values.clock import gps_to_utc_s
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.json_text import plain
 from tests.core.readers.vectornav_logs import TOW_S, WEEK, common, grouped, sentence, vnimu, vnins
 
 BEGIN_S = float(gps_to_utc_s(604_800 * WEEK + TOW_S))

@@ -17,7 +17,7 @@ from furrowmap.core.readers.velodyne.captures import VelodynePcap
 from furrowmap.core.readers.velodyne.clock import SensorClock
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.models import MODELS, PACKET_BYTES, model_named
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan
 from tests.core.readers.velodyne_packets import (
     DUAL,

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.reader import GivesScans, Inspection, ReadOptions, Recognised, open_recording
 from furrowmap.core.readers.source import look
 from furrowmap.core.readers.velodyne.captures import VelodynePcap
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan
 from tests.core.readers.velodyne_packets import (
     DUAL,

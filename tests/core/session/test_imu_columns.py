@@ -9,8 +9,8 @@ import pytest
 
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.values.errors import InputError
 
 HEAD = "tick,unixTime,gyroX,gyroY,gyroZ,accelX,accelY,accelZ,note"
 COLUMNS = """

@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.file import load_session, parse_session
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.session.proposal import UNKNOWN, Proposal, common_folder, propose_session
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.session import Session
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pyproj import Geod, Transformer
 
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.session.site_coordinates import SiteCoordinates, site_coordinates
-from furrowmap.core.values.errors import RefusedError
 
 TSUKUBA = 140.08785504166664, 36.103774791666666
 

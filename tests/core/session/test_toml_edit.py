@@ -6,8 +6,8 @@ import tomllib
 
 import pytest
 
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.session.toml_edit import with_value
-from furrowmap.core.values.errors import RefusedError
 
 REST = '\n[implement]\nwidth_m = 2.0 # as built\n[[more]]\nfiles = [\n  "a",\n  "b",\n]\n'
 

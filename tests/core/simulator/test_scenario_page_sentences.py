@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.simulator.gnss import FLOAT, receive
 from furrowmap.core.simulator.motion import Motion
 from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import Drive, Receiver
 from furrowmap.core.simulator.scenario_file import scenario_from
 from furrowmap.core.simulator.site import Site
-from furrowmap.core.values.errors import InputError
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "scenario.md").read_text(encoding="utf-8")
 

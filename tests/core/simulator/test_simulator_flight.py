@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.simulator.flight import duration_s, fly, laid_out_flight, waypoints
 from furrowmap.core.simulator.flight_truth import make_crop
 from furrowmap.core.simulator.inertial import exact, measure
@@ -24,7 +25,6 @@ from furrowmap.core.simulator.scenario_file import as_toml, demo_scenario, scena
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.simulator.site import Site, find_site
 from furrowmap.core.simulator.soil import make_ground
-from furrowmap.core.values.errors import InputError
 
 FloatArray = NDArray[np.float64]
 DOWN = """

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.simulator.scenario import SOILS, TOOL_BOXES, Implement, Lidar, Scenario, Soil
 from furrowmap.core.simulator.scenario_file import as_toml, demo_scenario, load_scenario, scenario_from
-from furrowmap.core.values.errors import InputError
 
 
 @pytest.mark.parametrize("name", ["tractor_loop", "tractor_fishtail"])

@@ -19,11 +19,11 @@ import velodyne_decoder as vd
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.file import load_session
 from furrowmap.core.simulator.scenario import Drive, Field, Lidar, Noise, Scenario
 from furrowmap.core.simulator.scenario_file import load_scenario
 from furrowmap.core.simulator.simulate import Simulated, simulate
-from furrowmap.core.values.errors import InputError
 from tests.core.simulator.conftest import SHORT
 
 

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import InputError, UsageError
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.surfaces.statistic import NMAD, TRIM, Statistic
-from furrowmap.core.values.errors import InputError, UsageError
 
 GRID = Grid(0.5, -3, 4, (7, 5))
 NAMES = ["median", "trimmed", "mean", "min", "max", "p0", "p37.5", "p90"]

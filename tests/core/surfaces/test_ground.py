@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.ground import GroundMethod, classify_ground
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.tiles import tiles
-from furrowmap.core.values.errors import InputError
 
 Scene: TypeAlias = tuple[NDArray[np.float64], NDArray[np.bool_]]
 

@@ -10,9 +10,9 @@ from affine import Affine
 from hypothesis import given
 from hypothesis import strategies as st
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.passage import Passages, Track
-from furrowmap.core.values.errors import InputError
 
 METRES = st.floats(-2e6, 2e6, allow_nan=False)
 CELLS = st.sampled_from([0.02, 0.05, 0.1, 0.25, 0.3, 1.0])

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.trajectory.from_attitude import (
     AttitudeLogs,
     from_stated_north,
@@ -17,7 +18,6 @@ from furrowmap.core.trajectory.from_attitude import (
     trajectory_from_attitude_logs,
 )
 from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, UNSTATED, AttitudeTrack
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.rotation import mounting_rotation, quaternion_to_attitude, wrap_deg
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.trajectory import Motion, Trajectory

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.trajectory.from_course import LONGEST_GAP_S, trajectory_from_course
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.trajectory import Motion

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.knots import STEP_S
+from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
 from furrowmap.core.trajectory.heading_hints import HeadingLog
 from furrowmap.core.trajectory.inertial_start import NO_HINTS, Hints, Imu
 from furrowmap.core.trajectory.located import Companions, locate
 from furrowmap.core.trajectory.shown_noise import densities
-from furrowmap.core.values import scratch
-from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack, inertial_noise
 from furrowmap.core.values.rotation import attitude_to_quaternion, wrap_deg

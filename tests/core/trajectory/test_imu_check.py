@@ -15,10 +15,10 @@ import furrowmap
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial
 from furrowmap.core.trajectory.imu_mounting import check_mounting
 from furrowmap.core.trajectory.inertial_start import Imu
-from furrowmap.core.values.errors import InputError
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.rotation import attitude_to_quaternion

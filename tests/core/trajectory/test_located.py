@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from furrowmap.core.pipeline import companions
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.located import Companions, Located, locate
-from furrowmap.core.values.errors import InputError, RefusedError
 
 BEGIN_S = 1_779_529_272.0
 SESSION = """\

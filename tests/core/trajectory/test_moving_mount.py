@@ -14,9 +14,9 @@ from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.pointclouds.run_notices import refuse_empty
 from furrowmap.core.readers.mount_csv import read_mount
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.moving_mount import carrier_of, mount_trajectory
-from furrowmap.core.values.errors import InputError, Notice
 from furrowmap.core.values.mount_motion import MountMotion
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.scan import Scan

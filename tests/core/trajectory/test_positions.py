@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.trajectory.positions import (
     WHITE_SHARE,
     judge_rate,
@@ -18,7 +19,6 @@ from furrowmap.core.trajectory.positions import (
     white_noise_m,
     without_jumps,
 )
-from furrowmap.core.values.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
 N = 2000

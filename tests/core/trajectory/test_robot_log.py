@@ -16,10 +16,10 @@ from rosbags.typesys import Stores, get_typestore
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rosbag.bags import RosBag1
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.trajectory.climbs import climb_notices
 from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
 from furrowmap.core.trajectory.inertial_start import Hints, Imu
-from furrowmap.core.values.errors import RefusedError
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.mounting import Mounting

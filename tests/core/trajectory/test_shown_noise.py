@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.shown_noise import densities, with_shown_noise
-from furrowmap.core.values.errors import Notice
 from furrowmap.core.values.inertial import InertialTrack
 from tests.core.trajectory.flights import INDUSTRIAL
 

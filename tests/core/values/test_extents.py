@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from furrowmap.core.runtime.record_spool import square_keys
 from furrowmap.core.values import extents
 from furrowmap.core.values.extents import bounds, cells_with_points
-from furrowmap.core.values.record_spool import square_keys
 
 
 @settings(max_examples=20, deadline=None)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from furrowmap.core.runtime.toml_text import parse_toml
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.gnss import GnssTrack
@@ -18,7 +19,6 @@ from furrowmap.core.values.mount_motion import MountMotion
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.scan_poses import ScanPoses
-from furrowmap.core.values.toml_text import parse_toml
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory
 

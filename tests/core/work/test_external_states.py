@@ -11,7 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.external_states import compare_states, external_states

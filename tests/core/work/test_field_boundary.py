@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.session import Crs
 from furrowmap.core.work.boundary import field_boundary
 

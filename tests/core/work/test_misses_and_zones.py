@@ -10,7 +10,7 @@ import shapely
 
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.boundary import read_fields
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.session import Crs, Implement
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.core.work.ground import worked_ground

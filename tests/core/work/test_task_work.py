@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.work.task_work import TaskWorks, task_works
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 

@@ -26,8 +26,8 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.core.values.errors import FurrowmapError
 from furrowmap.exporters.cloud.file import CopcFormat
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import LEAST_NODE_POINTS, CopcSummary, CopcWriter, _check

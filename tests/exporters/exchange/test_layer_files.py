@@ -12,7 +12,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.exchange.vectors import FORMATS, _short_names, write_vectors
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.workflows.export import export

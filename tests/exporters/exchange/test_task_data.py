@@ -17,8 +17,8 @@ from isoxml.converter.shapely_geom import ShapelyConverterV4
 from isoxml.util.isoxml_io import isoxml_from_path
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.json_text import json_text
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.values.session import Crs
 from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.task_data import write_task_data

@@ -17,7 +17,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from rasterio.transform import from_origin
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.exchange import textured_mesh
 from furrowmap.exporters.exchange.textured_mesh import triangles, write_textured_mesh
 from furrowmap.exporters.files.result_folder import ResultFolder

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.values.errors import RefusedError, UsageError
+from furrowmap.core.runtime.errors import RefusedError, UsageError
 from furrowmap.exporters.exchange.trajectories import _Poses
 from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.workflows.export import export

@@ -6,7 +6,7 @@ import pytest
 from psycopg import errors
 from psycopg.conninfo import conninfo_to_dict
 
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.farm.connection import (
     _database_error,
     _unreachable,

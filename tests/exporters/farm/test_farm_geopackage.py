@@ -26,7 +26,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pyproj import CRS
 
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.exporters.farm import lock
 from furrowmap.workflows.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
 from tests.exporters.farm.processes import adders, ask, ended

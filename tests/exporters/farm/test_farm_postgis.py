@@ -21,7 +21,7 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.values.errors import FurrowmapError, InputError, RefusedError, UsageError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.farm import postgis
 from furrowmap.workflows.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
 from tests.exporters.farm.processes import adders, ended

@@ -7,7 +7,7 @@ import io
 import zipfile
 from xml.etree import ElementTree as ET
 
-from furrowmap.core.values.languages.choice import using_language
+from furrowmap.core.runtime.languages.choice import using_language
 from furrowmap.exporters.farm.project import CLOUDS, POINT_CLOUD, background_layer, layer_title, project_archive
 from furrowmap.exporters.files.qgis_project import ProjectLayer
 from tests.exporters.farm.result_folders import JAPAN

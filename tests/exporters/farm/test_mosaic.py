@@ -16,8 +16,8 @@ from hypothesis.extra import numpy as arrays
 from pyproj import CRS, Transformer
 from rio_cogeo import cog_validate
 
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError, RefusedError
 from furrowmap.exporters.farm.mosaic import MosaicSettings, write_mosaic
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters import windows

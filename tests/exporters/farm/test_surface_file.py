@@ -11,8 +11,8 @@ import rasterio
 import shapely
 from pyproj import CRS
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.farm.database import check_farm_map
 from furrowmap.exporters.farm.surface_file import SurfaceFile, surface_file
 from furrowmap.exporters.files.provenance import Origin

@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.exporters.files import lease
 from furrowmap.exporters.files.staging import staged_folder
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.exporters.files import lease as lease_module
 from furrowmap.exporters.files.lease import PREFIX, leased, leases
 from furrowmap.exporters.files.owner import Owner

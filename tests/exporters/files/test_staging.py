@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.lease import leases
 from furrowmap.exporters.files.staging import recover, staged_folder

@@ -10,8 +10,8 @@ import pytest
 import rasterio
 import shapely
 
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import ResultFolder, open_result

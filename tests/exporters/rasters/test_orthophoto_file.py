@@ -12,8 +12,8 @@ from pyproj import CRS
 from rasterio.enums import ColorInterp
 
 from furrowmap.core.images.colour_maker import ColourMaker
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.errors import InputError
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import HEIGHT, with_heights, write_cog
 from furrowmap.exporters.rasters.orthophoto_file import write_orthophoto

@@ -17,7 +17,7 @@ import pytest
 import shapely
 
 from furrowmap.core.evaluation.evaluation import Evaluation, evaluate
-from furrowmap.core.values.errors import RefusedError
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.exporters.reports.evaluation_figures import HEADER
 from furrowmap.exporters.reports.evaluation_page import PRODUCTS, page, write_evaluation

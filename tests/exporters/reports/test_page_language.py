@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from furrowmap.core.values.languages.translation import translated
+from furrowmap.core.runtime.languages.translation import translated
 from furrowmap.exporters.reports.area_units import ACRE_M2, UNITS, area, area_words, filled_in, rate_words, work_rate
 from furrowmap.exporters.reports.page_language import in_language, language_of, texts
 from furrowmap.exporters.reports.page_parts import escape, figure, filled, key, key_figure, section, table

@@ -11,8 +11,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.json_text import json_text, plain
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.values.scan import Clock
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.reports.run_report import write_report

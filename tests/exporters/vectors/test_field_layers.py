@@ -14,7 +14,7 @@ import numpy as np
 import pyogrio
 import pytest
 
-from furrowmap.core.values.languages.choice import using_language
+from furrowmap.core.runtime.languages.choice import using_language
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.vectors.geopackage import write_field
 from tests.core.work.drives_with_tool import FRAME

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from furrowmap.core.values.languages.choice import using_language
+from furrowmap.core.runtime.languages.choice import using_language
 from furrowmap.exporters.farm.styling import styles
 from furrowmap.exporters.vectors.style_words import in_language
 

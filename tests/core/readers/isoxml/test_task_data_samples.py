@@ -15,7 +15,7 @@ from pyproj import Geod
 from furrowmap.core.readers.isoxml.files import open_task_files
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.readers.reader import Recognised
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.tool_states import ToolState
 
 HARVEST = "isoxml/field_days/harvest_21_fields"

@@ -14,7 +14,7 @@ from furrowmap.core.readers.isoxml.content import read_content
 from furrowmap.core.readers.isoxml.files import MAIN, is_task_data, open_task_files
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.runtime.errors import InputError, RefusedError
 
 EMPTY = '<ISO11783_TaskData VersionMajor="4" VersionMinor="3"/>'
 

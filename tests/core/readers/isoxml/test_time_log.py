@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from furrowmap.core.readers.isoxml.time_log import EPOCH_S, TimeLog, read_header, read_time_log
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from tests.core.readers.isoxml.time_logs import Record, header
 
 CHANNELS = [(67, "DET-1"), (141, "DET-1"), (116, "DET-2")]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.readers.las.survey import survey
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 
 def outcome(path: Path) -> dict[str, object]:

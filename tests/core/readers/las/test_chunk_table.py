@@ -12,7 +12,7 @@ import pytest
 
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.readers.las.header import HEADER_BYTES, read_header
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from tests.fuzz.recordings import las
 
 

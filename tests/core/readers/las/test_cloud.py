@@ -14,8 +14,8 @@ from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import survey
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.core.values.errors import InputError
 
 # Points, CRS by EPSG code or name, kind of time: from the collection's own list.
 GOOD: dict[str, tuple[int, int | str | None, TimeKind]] = {

@@ -13,7 +13,7 @@ from pyproj import CRS
 
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
 from furrowmap.core.readers.las.copc import ENTRY
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.cloud.file import CopcFormat
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter

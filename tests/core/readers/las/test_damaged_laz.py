@@ -15,8 +15,8 @@ from furrowmap.cli.main import attempt
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
 from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.readers.las.survey import survey
-from furrowmap.core.values.allowances import allowing, expect_growth
-from furrowmap.core.values.errors import InputError, RefusedError
+from furrowmap.core.runtime.allowances import allowing, expect_growth
+from furrowmap.core.runtime.errors import InputError, RefusedError
 from tests.fuzz.recordings import copc_seeds, las
 
 

@@ -13,8 +13,8 @@ import pytest
 
 from furrowmap.core.readers.las.gps_time import LasClock, TimeKind, clock_of
 from furrowmap.core.readers.las.header import LasHeader, read_header
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.core.values.errors import InputError
 
 SIZES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
 """Bytes of the header by minor version (LAS 1.0 to 1.4, "header size")."""

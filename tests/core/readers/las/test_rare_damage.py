@@ -13,7 +13,7 @@ from pyproj import CRS
 
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.readers.reader import Recognised
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 
 def cloud(folder: Path, name: str = "a.las", **extra: type) -> Path:

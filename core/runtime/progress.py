@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class Progress(Protocol):
-    """A callback for progress. It may raise :class:`~furrowmap.core.values.errors.Cancelled` to stop the work."""
+    """A callback for progress. It may raise :class:`~furrowmap.core.runtime.errors.Cancelled` to stop the work."""
 
     def __call__(self, stage: str, share: float) -> None:
         """Called when `share` (0 to 1) of `stage` is done."""

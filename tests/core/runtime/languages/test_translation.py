@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.values.errors import UsageError
-from furrowmap.core.values.languages.catalogue import HOLE, Template, catalogue
-from furrowmap.core.values.languages.choice import VARIABLE, language_of_user, using_language
-from furrowmap.core.values.languages.translation import translated
+from furrowmap.core.runtime.errors import UsageError
+from furrowmap.core.runtime.languages.catalogue import HOLE, Template, catalogue
+from furrowmap.core.runtime.languages.choice import VARIABLE, language_of_user, using_language
+from furrowmap.core.runtime.languages.translation import translated
 
 
 def test_catalogue__takes_every_value_over_once_at_least() -> None:

@@ -7,11 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from furrowmap.core.values.ahead import ahead, behind
-from furrowmap.core.values.beside import beside
-from furrowmap.core.values.errors import Cancelled
-from furrowmap.core.values.progress import Progress
-from furrowmap.core.values.threads import using_threads
+from furrowmap.core.runtime.background import ahead, behind, beside
+from furrowmap.core.runtime.errors import Cancelled
+from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.runtime.threads import using_threads
 
 
 def threads() -> set[str]:

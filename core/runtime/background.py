@@ -1,4 +1,4 @@
-"""Work in a background thread: items computed ahead of the caller, or written behind it."""
+"""Work in background threads: items computed ahead of the caller or written behind it, and work beside other work."""
 
 from __future__ import annotations
 
@@ -6,9 +6,14 @@ import queue
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Final, TypeVar
+
+from furrowmap.core.runtime.errors import Cancelled
+from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.runtime.threads import threads
 
 Item = TypeVar("Item")
 
@@ -109,3 +114,46 @@ def _wait_for(thread: threading.Thread) -> None:
     """
     if not sys.is_finalizing():
         thread.join()
+
+
+Found = TypeVar("Found")
+
+
+@contextmanager
+def beside(work: Callable[[Progress], Found], progress: Progress) -> Iterator[Future[Found]]:
+    """`work` in a background thread beside the body of the context; its result is there when the context has ended.
+
+    With a single thread it is done after the body. What `work` reports of its progress is passed on, by the caller's
+    thread, once the body has ended. If that or the body raises, `work` is stopped where it reports next.
+
+    Args:
+        work: takes a progress of its own.
+        progress: receives its progress.
+    """
+    last: list[tuple[str, float]] = []
+    stopped = threading.Event()
+
+    def report(stage: str, share: float) -> None:
+        if stopped.is_set():
+            raise Cancelled
+        last[:] = [(stage, share)]
+
+    if threads() < 2:
+        found: Future[Found] = Future()
+        yield found
+        found.set_result(work(progress))
+        return
+    with ThreadPoolExecutor(1, "beside") as pool:
+        found = pool.submit(work, report)
+        try:
+            yield found
+            while not found.done():
+                with suppress(TimeoutError):
+                    found.exception(_POLL_S)
+                if last:
+                    progress(*last[0])
+        finally:
+            stopped.set()
+    found.result()
+    if last:  # also of work that was done before the body
+        progress(*last[0])

@@ -6,8 +6,8 @@ import re
 from functools import lru_cache
 from typing import Final
 
-from furrowmap.core.values.errors import FurrowmapError, Notice
-from furrowmap.core.values.languages.catalogue import ENGLISH, HOLE, catalogue
+from furrowmap.core.runtime.errors import FurrowmapError, Notice
+from furrowmap.core.runtime.languages.catalogue import ENGLISH, HOLE, catalogue
 
 DEEPEST: Final = 5
 """Texts in holes of texts in holes: a cause within a warning within a list."""
@@ -21,7 +21,7 @@ def translated(text: str, language: str, code: str = "") -> str:
 
     Args:
         text: English, as the product wrote it.
-        language: one of :data:`~furrowmap.core.values.languages.catalogue.LANGUAGES`.
+        language: one of :data:`~furrowmap.core.runtime.languages.catalogue.LANGUAGES`.
         code: of the error or warning; its own texts are looked for first.
 
     Raises:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from furrowmap.core.values.allowances import expect_growth, expect_memory
+from furrowmap.core.runtime.allowances import expect_growth, expect_memory
 
 MOST_ARRAYS: Final = 1000
 

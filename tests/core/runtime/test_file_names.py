@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.file_names import inside, is_file_name
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.file_names import inside, is_file_name
 
 PARTS = st.sampled_from(
     [

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from itertools import pairwise
 from typing import Final, TypeVar
 
-from furrowmap.core.values.errors import UsageError
+from furrowmap.core.runtime.errors import UsageError
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")

@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Final, Literal
 
-from furrowmap.core.values.errors import RefusedError, UsageError
+from furrowmap.core.runtime.errors import RefusedError, UsageError
 
 Allowance = Literal["large", "damaged"]
 

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Final
 
-from furrowmap.core.values.errors import UsageError
-from furrowmap.core.values.languages.catalogue import ENGLISH, LANGUAGES
+from furrowmap.core.runtime.errors import UsageError
+from furrowmap.core.runtime.languages.catalogue import ENGLISH, LANGUAGES
 
 VARIABLE: Final = "FURROWMAP_LANG"
 """Variable of the environment with the language, for whom it is the same every day."""
@@ -21,7 +21,7 @@ def using_language(language: str | None) -> Iterator[None]:
     """Within it, texts are in a language; None leaves it to the environment.
 
     Args:
-        language: one of :data:`~furrowmap.core.values.languages.catalogue.LANGUAGES`.
+        language: one of :data:`~furrowmap.core.runtime.languages.catalogue.LANGUAGES`.
     """
     token = _CHOSEN.set(language if language is not None else _CHOSEN.get())
     try:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.values.errors import InputError, Notice
-from furrowmap.core.values.languages.catalogue import HOLE, catalogue
-from furrowmap.core.values.languages.translation import translated, translated_error, translated_notice
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.languages.catalogue import HOLE, catalogue
+from furrowmap.core.runtime.languages.translation import translated, translated_error, translated_notice
 
 CHECKOUT = Path(__file__).resolve().parents[4]
 TEMPLATES: dict[str, list[str]] = runpy.run_path(str(CHECKOUT / "scripts" / "message_texts.py"))["templates"]()

@@ -123,7 +123,7 @@ def catalogue(language: str) -> Catalogue:
         message = f"there is no catalogue of {language!r}"
         raise ValueError(message)
     tables: dict[str, dict[str, str]] = {}
-    folder = files("furrowmap.core.values.languages")
+    folder = files("furrowmap.core.runtime.languages")
     for name in sorted(f.name for f in folder.iterdir() if f.name.startswith(f"{language}_")):
         for code, table in tomllib.loads(folder.joinpath(name).read_text("utf-8")).items():
             tables.setdefault(code, {}).update(table)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 
 def anonymous() -> int:

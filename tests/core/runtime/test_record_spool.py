@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.values.record_spool import RecordSpool, square_keys, square_of
+from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
 
 LAYOUT = np.dtype([("key", "<i8"), ("number", "<u2"), ("height_m", "<f4")])
 

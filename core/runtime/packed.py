@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values import scratch
+from furrowmap.core.runtime import scratch
 
 _ARRAY: Final = 1
 """Code of an array in MessagePack: its type, shape and first byte."""

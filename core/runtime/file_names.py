@@ -7,7 +7,7 @@ import unicodedata
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.values.errors import InputError
+from furrowmap.core.runtime.errors import InputError
 
 LONGEST_BYTES: Final = 255
 """Longest name of a file, in UTF-8, on the usual file systems."""

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
-from furrowmap.core.values.errors import Notice
-from furrowmap.core.values.packed import packed, unpacked
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.packed import packed, unpacked
 
 KINDS = st.sampled_from([np.float64, np.float32, np.int8, np.int64, np.bool_, np.dtype("<U4")])
 

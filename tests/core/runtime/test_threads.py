@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.values.errors import UsageError
-from furrowmap.core.values.threads import VARIABLE, available_processors, in_threads, in_turn, threads, using_threads
+from furrowmap.core.runtime.errors import UsageError
+from furrowmap.core.runtime.threads import VARIABLE, available_processors, in_threads, in_turn, threads, using_threads
 
 
 def test_threads__innermost_count_wins_then_the_environment_then_the_processors(

@@ -6,10 +6,10 @@ import tomllib
 
 import pytest
 
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.toml_text import parse_toml
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.simulator.scenario_file import scenario_from
-from furrowmap.core.values.errors import InputError
-from furrowmap.core.values.toml_text import parse_toml
 
 HOSTILE = ["a = " + "9" * 5000, "a = 0x" + "f" * 5000, "a = [9223372036854775808]", "a = " + "[" * 5000, "a = ="]
 

@@ -1,0 +1,1 @@
+"""How the program runs: errors and notices, languages, progress, threads, background work, scratch files, limits."""
