@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import copy
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 import click
 
@@ -30,27 +34,53 @@ An error message has three lines: what is wrong and where, what that means, and 
 """
 
 
+WIDTH: Final = {"terminal_width": 100, "max_content_width": 100}
+COMMON: Final = 20
+"""An option that at least so many commands have alike is described once."""
+
+
 def page() -> str:
     """The generated page."""
-    sections = [HEAD, section("furrowmap", furrowmap)]
+    commands = dict(all_commands())
+    uses = Counter(_key(option) for command in commands.values() for option in command.params)
+    common = {key for key, number in uses.items() if number >= COMMON}
+    sections = [HEAD, _common(next(c for c in commands.values() if common <= set(map(_key, c.params))), common)]
+    return "\n".join([*sections, *(section(name, command, common) for name, command in commands.items())])
+
+
+def all_commands() -> Iterator[tuple[str, click.Command]]:
+    """Every command under its full name, groups before their commands."""
+    yield "furrowmap", furrowmap
     for name in COMMANDS:
         command = furrowmap.get_command(click.Context(furrowmap), name)
         assert command is not None
-        sections.append(section(f"furrowmap {name}", command))
+        yield f"furrowmap {name}", command
         if name == "calibrate":
-            sections.append(section(f"furrowmap {name} {mount.name}", mount))
+            yield f"furrowmap {name} {mount.name}", mount
         if isinstance(command, click.Group):
-            sections += [
-                section(f"furrowmap {name} {below_name}", below) for below_name, below in command.commands.items()
-            ]
-    return "\n".join(sections)
+            yield from ((f"furrowmap {name} {below_name}", below) for below_name, below in command.commands.items())
 
 
-def section(name: str, command: click.Command) -> str:
-    """The help of one command under its name."""
-    width = {"terminal_width": 100, "max_content_width": 100}
-    context = click.Context(command, info_name=name, help_option_names=["-h", "--help"], **width)
-    return f"## {name}\n\n```text\n{command.get_help(context)}\n```\n"
+def section(name: str, command: click.Command, common: set[str]) -> str:
+    """The help of one command under its name, without the common options."""
+    shown = copy.copy(command)
+    shown.params = [option for option in command.params if _key(option) not in common]
+    shown.add_help_option = False
+    context = click.Context(shown, info_name=name, **WIDTH)
+    return f"## {name}\n\n```text\n{shown.get_help(context)}\n```\n"
+
+
+def _common(command: click.Command, common: set[str]) -> str:
+    shown = copy.copy(command)
+    shown.params = [option for option in command.params if _key(option) in common]
+    context = click.Context(shown, help_option_names=["-h", "--help"], **WIDTH)
+    formatter = context.make_formatter()
+    shown.format_options(context, formatter)
+    return f"## Options of most commands\n\n```text\n{formatter.getvalue().strip()}\n```\n"
+
+
+def _key(option: click.Parameter) -> str:
+    return f"{option.opts} {getattr(option, 'help', None)}"
 
 
 if __name__ == "__main__":

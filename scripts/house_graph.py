@@ -1,4 +1,4 @@
-"""Draws the import graph of `core` into docs/images/house.svg, and its table into docs/explanation/house.md.
+"""Draws the import graph of `core` into docs/images/house.svg, and its table into docs/development/house.md.
 
 Nodes are the folders of `core` and the files beside them. A node stands one floor above the highest node that it
 imports.
@@ -16,7 +16,7 @@ from typing import Final
 
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
 PICTURE: Final = CHECKOUT / "docs" / "images" / "house.svg"
-PAGE: Final = CHECKOUT / "docs" / "explanation" / "house.md"
+PAGE: Final = CHECKOUT / "docs" / "development" / "house.md"
 BEGIN, END = "<!-- Written by scripts/house_graph.py from the imports. -->", "<!-- End of what is written. -->"
 CORE: Final = "furrowmap.core."
 BOX: Final = (112, 34)

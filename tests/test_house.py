@@ -306,7 +306,7 @@ def house() -> dict[str, Any]:
 def test_house__is_drawn_as_it_is(house: dict[str, Any]) -> None:
     nodes = house["places"]()
     arrows = house["graph"](nodes)
-    written = (CHECKOUT / "docs" / "explanation" / "house.md").read_text(encoding="utf-8")
+    written = (CHECKOUT / "docs" / "development" / "house.md").read_text(encoding="utf-8")
     drawn = (CHECKOUT / "docs" / "images" / "house.svg").read_text(encoding="utf-8")
     assert written == house["page"](nodes, arrows, written), "run scripts/house_graph.py"
     assert drawn == house["picture"](arrows), "run scripts/house_graph.py"

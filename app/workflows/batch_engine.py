@@ -26,7 +26,7 @@ Found = TypeVar("Found")
 ATTEMPTS: Final = 3
 """Workers that an item may lose before it is given up."""
 BYTES_A_WORKER: Final = 3 << 30
-"""Free memory for each worker: a run of 77 million points takes 1.3 GB (docs/benchmarks.md)."""
+"""Free memory for each worker: a run of 77 million points takes 1.3 GB (docs/development/benchmarks.md)."""
 SESSIONS_A_PROCESS: Final = 200
 """Then a process makes room for a new one."""
 _TICK_S: Final = 0.2

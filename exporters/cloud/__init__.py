@@ -3,5 +3,5 @@
 ``points`` turns batches into ``records``; ``cube`` names the cells of space and ``levels`` draws each point's level;
 ``octree`` sorts records into nodes, with ``spool`` for those that memory does not hold; ``chunk`` compresses a node,
 layer by layer (``layers``, ``time_layer``, ``colour_layer``, on ``arithmetic`` and ``integers``); ``file`` writes
-header, chunks and hierarchy; ``writer`` is the interface. Reasons and measurements: docs/explanation/copc.md.
+header, chunks and hierarchy; ``writer`` is the interface. Reasons and measurements: docs/development/files.md.
 """
