@@ -31,8 +31,8 @@ from furrowmap.workflows.machines import machine_file
 
 START_S: Final = 2.0
 BYTES_A_SECOND: Final = 5e6
-"""Of a core and of recordings (docs/development/benchmarks.md: 0.85 million points for each second of processor time, 6.6
-bytes of a capture for each), where no session of the batch has been run yet."""
+"""Of a core and of recordings (docs/development/benchmarks.md: 0.85 million points for each second of processor time,
+6.6 bytes of a capture for each), where no session of the batch has been run yet."""
 _LOOKING: Final = "looking at recordings"
 _RUNNING: Final = "running sessions"
 
