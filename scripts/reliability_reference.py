@@ -1,4 +1,4 @@
-"""Writes into docs/reliability.md, below each promise, the tests named after it: `test_promise_07__what_holds`."""
+"""Writes into docs/reliability.md, below each promise, the files and number of its tests, `test_promise_07__what_holds`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PROMISES: Final = range(1, 26)
 
 
 def tests() -> dict[int, dict[str, list[str]]]:
-    """Promise → test file → what its tests hold, in words."""
+    """Promise → test file → its tests, in words."""
     found: defaultdict[int, dict[str, list[str]]] = defaultdict(dict)
     for path in sorted((CHECKOUT / "tests").rglob("*.py")):
         file, text = path.relative_to(CHECKOUT).as_posix(), path.read_text(encoding="utf-8")
@@ -27,7 +27,8 @@ def page() -> str:
     found = tests()
 
     def listed(mark: re.Match[str]) -> str:
-        lines = [f"- `{file}`: {'; '.join(words)}" for file, words in found[int(mark[1])].items()]
+        files = [f"`{file}` ({len(words)})" for file, words in found[int(mark[1])].items()]
+        lines = [f"- {', '.join(files)}"] * bool(files)
         return "\n".join([f"<!-- tests {mark[1]} -->", "", *lines, *[""] * bool(lines), ""])
 
     text = PAGE.read_text(encoding="utf-8")
