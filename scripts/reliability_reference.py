@@ -1,4 +1,4 @@
-"""Writes into docs/reliability.md, below each promise, the files and number of its tests, `test_promise_07__what_holds`."""
+"""Writes into docs/reliability.md, below each promise, the files with its tests (`test_promise_07__what_holds`)."""
 
 from __future__ import annotations
 
