@@ -19,10 +19,10 @@ HEAD = """\
 
 <!-- Written by scripts/scenario_reference.py from the definition of the scenario. -->
 
-The input of `furrowmap simulate SCENARIO -o DIR`. All keys are optional; unknown keys are errors. Names of keys contain
-their units; see [frames and angles](../explanation/frames.md). Positions in the field are relative to the south-western
-corner of the ground grid. The output folder contains a `scenario.toml` with all keys, which reproduces the recording
-exactly.
+The input of `furrowmap simulate SCENARIO -o DIR`. All keys are optional; unknown keys are errors. A line is a key with its
+default, its allowed values and its meaning. Names contain units; see [frames and angles](../explanation/frames.md).
+Positions in the field are relative to the south-western corner of the ground grid. The output folder contains a
+`scenario.toml` with all keys, which reproduces the recording exactly.
 
 With `[flight]`, an aircraft flies: `[drive]`, `[sway]`, `[tractor]`, `[implement]` and `[gnss.clas]` do not matter
 then, and `[lidar]` and `[antenna]` are to be stated, for their defaults are a tractor's. Its receiver is `[gnss.rtk]`.
@@ -122,8 +122,9 @@ def section(name: str, kind: type[msgspec.Struct], value: msgspec.Struct) -> str
             continue
         type_, meta = typing.get_args(hint)
         stated = getattr(value, key) if name.startswith("gnss") else fresh[key]
-        rows.append(f"| `{key}` | {default(stated, name)} | {limits(type_, meta)} | {meta.description} |")
-    return "\n".join([title, "| key | default | values | meaning |", "| --- | --- | --- | --- |", *rows]) + "\n"
+        values = f" ({allowed})" if (allowed := limits(type_, meta)) else ""
+        rows.append(f"- `{key}` = {default(stated, name)}{values}: {meta.description}")
+    return "\n".join([title, *rows]) + "\n"
 
 
 def default(value: Any, table: str) -> str:
@@ -143,7 +144,7 @@ def limits(type_: Any, meta: msgspec.Meta) -> str:
     if words := list(literals(type_)):
         return ", ".join(f"`{json.dumps(word)}`" for word in words)
     signs = (("≥", meta.ge), (">", meta.gt), ("≤", meta.le), ("<", meta.lt))
-    return ", ".join(f"{sign} {limit:g}" for sign, limit in signs if limit is not None)
+    return ", ".join(f"{sign}{limit:g}" for sign, limit in signs if limit is not None)
 
 
 def literals(type_: Any) -> Iterator[Any]:

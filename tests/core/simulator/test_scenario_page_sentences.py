@@ -21,8 +21,8 @@ PAGE = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "scenario.m
 
 def stated(table: str, key: str, meaning: str) -> None:
     section = PAGE[PAGE.index(f"## `[{table}]`") :]
-    (row,) = [line for line in section.partition("\n## ")[0].splitlines() if line.startswith(f"| `{key}` |")]
-    assert row.rstrip(" |").endswith(meaning)
+    (row,) = [line for line in section.partition("\n## ")[0].splitlines() if line.startswith(f"- `{key}` = ")]
+    assert row.endswith(f": {meaning}")
 
 
 def test_speeds__on_passes_in_turns_and_in_reverse() -> None:
