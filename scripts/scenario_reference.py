@@ -19,8 +19,8 @@ HEAD = """\
 
 <!-- Written by scripts/scenario_reference.py from the definition of the scenario. -->
 
-The input of `furrowmap simulate SCENARIO -o DIR`. All keys are optional; unknown keys are errors. A line is a key with its
-default, its allowed values and its meaning. Names contain units; see [frames and angles](../explanation/frames.md).
+The input of `furrowmap simulate SCENARIO -o DIR`. All keys are optional; unknown keys are errors. A line is a key with
+its default, its allowed values and its meaning. Names contain units; see [frames and angles](../explanation/frames.md).
 Positions in the field are relative to the south-western corner of the ground grid. The output folder contains a
 `scenario.toml` with all keys, which reproduces the recording exactly.
 
