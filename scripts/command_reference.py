@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,6 +32,8 @@ Results go to standard output; progress, warnings and errors go to standard erro
 | 130 | interrupted; no partial files are left |
 
 An error message has three lines: what is wrong and where, what that means, and what to do.
+
+`furrowmap COMMAND --help` describes all options of a command; so do the algorithms in QGIS.
 """
 
 
@@ -62,12 +65,32 @@ def all_commands() -> Iterator[tuple[str, click.Command]]:
 
 
 def section(name: str, command: click.Command, common: set[str]) -> str:
-    """The help of one command under its name, without the common options."""
-    shown = copy.copy(command)
-    shown.params = [option for option in command.params if _key(option) not in common]
-    shown.add_help_option = False
-    context = click.Context(shown, info_name=name, **WIDTH)
-    return f"## {name}\n\n```text\n{shown.get_help(context)}\n```\n"
+    """A command: its usage, what it does, the names of its options and its examples."""
+    own = [option for option in command.params if isinstance(option, click.Option) and _key(option) not in common]
+    names = ", ".join(f"`{max(option.opts, key=len)}`" for option in own)
+    text = [f"## {name}", f"```text\n{_usage(name, command)}\n```", _paragraphs(command)]
+    if isinstance(command, click.Group):
+        context = click.Context(command)
+        below = [(word, command.get_command(context, word)) for word in command.list_commands(context)]
+        text.append("\n".join(f"- `{word}`: {one.get_short_help_str(100)}" for word, one in below if one is not None))
+    return "\n\n".join([*text, *[f"Options: {names}."] * bool(names)]) + "\n"
+
+
+def full_help(name: str) -> str:
+    """What `--help` prints for a command by its full name."""
+    command = dict(all_commands())[name]
+    return command.get_help(click.Context(command, info_name=name, help_option_names=["-h", "--help"], **WIDTH))
+
+
+def _usage(name: str, command: click.Command) -> str:
+    usage = command.get_usage(click.Context(command, info_name=name, **WIDTH)).removeprefix("Usage: ")
+    return "\n".join([usage, *(line.strip() for line in (command.epilog or "").splitlines() if "furrowmap " in line)])
+
+
+def _paragraphs(command: click.Command) -> str:
+    """The description without the help's layout."""
+    parts = inspect.cleandoc(command.help or "").replace("\b\n", "").split("\n\n")
+    return "\n\n".join(" ".join(part.split()) for part in parts)
 
 
 def _common(command: click.Command, common: set[str]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -197,7 +198,9 @@ def test_worker_page__messages_and_their_fields(simulated: furrowmap.Simulated, 
 
 
 def test_commands_page__folder_of_a_preview_by_default(simulated: furrowmap.Simulated, tmp_path: Path) -> None:
-    stated("commands", "[default: SESSION_result beside SESSION, or SESSION_preview with --preview]")
+    full_help = runpy.run_path(str(REFERENCE.parents[1] / "scripts" / "command_reference.py"))["full_help"]
+    words = "[default: SESSION_result beside SESSION, or SESSION_preview with --preview]"
+    assert words in " ".join(full_help("furrowmap run").split())
     shutil.copytree(simulated.folder, tmp_path / "drive")
     furrowmap.preview(tmp_path / "drive" / simulated.session.name)
     assert {path.name for path in (tmp_path / "drive").iterdir()} - {

@@ -6,6 +6,7 @@ import csv
 import inspect as python_inspect
 import json
 import re
+import runpy
 from pathlib import Path
 
 import laspy
@@ -21,13 +22,14 @@ from tests.app.test_export import write_report
 from tests.core.work.drives_with_tool import FRAME
 from tests.exporters.vectors.worked_field import worked_field
 
-COMMANDS = (Path(__file__).resolve().parents[2] / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
+CHECKOUT = Path(__file__).resolve().parents[2]
+COMMANDS = (CHECKOUT / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
+FULL_HELP = runpy.run_path(str(CHECKOUT / "scripts" / "command_reference.py"))["full_help"]
 
 
 def stated(command: str, *sentences: str) -> None:
     """The help of a command has these words, wherever its lines break."""
-    (section,) = re.findall(rf"^## {command}\n(.*?)(?=^## |\Z)", COMMANDS, re.MULTILINE | re.DOTALL)
-    flat = " ".join(section.split())
+    flat = " ".join(FULL_HELP(command).split())
     assert [words for words in sentences if words not in flat] == []
 
 
@@ -196,7 +198,7 @@ def test_inspect__status_is_3_if_one_of_several_cannot_be_read(
 
 def test_quiet_and_log_file(cloud: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stated(
-        "Options of most commands",
+        "furrowmap inspect",
         "Show only warnings and errors, and no progress bar.",
         "Log every step to standard error; -vv includes libraries.",
         "Append a log with timestamps to this file.",
