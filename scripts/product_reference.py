@@ -14,7 +14,9 @@ _TABLE: Final = re.compile(r"(?<=<!-- Written by scripts/product_reference\.py -
 
 def page(text: str) -> str:
     """The page with its table as it should be."""
-    rows = "".join(f"| `{name}` | {content} |\n" for name, content in RUN_PRODUCTS.items() if not name.endswith(".qml"))
+    shown = {name: content for name, content in RUN_PRODUCTS.items() if not re.search(r"\.qml|_[23]\.", name)}
+    rows = "".join(f"| `{name}` | {content} |\n" for name, content in shown.items())
+    rows += "| `implement_2.npz`, `states_2.csv`, … | the same of the second and third implement of several |\n"
     rows += "| `*.qml` | styles of the rasters of the same names, which QGIS loads with them |\n"
     return _TABLE.sub(lambda _: f"| file | content |\n| --- | --- |\n{rows}", text, count=1)
 

@@ -25,8 +25,7 @@ _TABLE: Final = re.compile(r"(?<=<!-- Written by scripts/reader_reference\.py --
 def table() -> str:
     """The table of furrowmap's own readers, those with laser scans first."""
     ours = [reader for reader in readers() if reader.__module__.startswith("furrowmap.")]
-    head = f"| format | title | {' | '.join(GIVES.values())} |\n| --- | --- | {' | '.join(['---'] * len(GIVES))} |\n"
-    return head + "".join(map(_row, sorted(ours, key=_order)))
+    return "| format | title | data |\n| --- | --- | --- |\n" + "".join(map(_row, sorted(ours, key=_order)))
 
 
 def page(text: str) -> str:
@@ -35,8 +34,8 @@ def page(text: str) -> str:
 
 
 def _row(reader: type[Reader]) -> str:
-    gives = " | ".join("yes" if hasattr(reader, method) else "–" for method in GIVES)
-    return f"| `{reader.format}` | {reader.title} | {gives} |\n"
+    gives = ", ".join(data for method, data in GIVES.items() if hasattr(reader, method))
+    return f"| `{reader.format}` | {reader.title} | {gives or 'points'} |\n"
 
 
 def _order(reader: type[Reader]) -> tuple[list[bool], str]:

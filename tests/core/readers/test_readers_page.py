@@ -22,9 +22,17 @@ def test_page__is_what_the_script_writes() -> None:
 def test_page__has_every_reader() -> None:
     ours = [reader for reader in readers() if reader.__module__.startswith("furrowmap.")]
     for reader in ours:
-        methods = ("scans", "track", "inertial", "attitude", "images", "poses", "states")
-        gives = [hasattr(reader, method) for method in methods]
-        row = f"| `{reader.format}` | {reader.title} | {' | '.join('yes' if given else '–' for given in gives)} |"
+        methods = {
+            "scans": "laser scans",
+            "track": "positions",
+            "inertial": "IMU",
+            "attitude": "attitudes",
+            "images": "images",
+            "poses": "poses",
+            "states": "implement states",
+        }
+        gives = ", ".join(data for method, data in methods.items() if hasattr(reader, method)) or "points"
+        row = f"| `{reader.format}` | {reader.title} | {gives} |"
         assert row in PAGE.splitlines()
 
 
