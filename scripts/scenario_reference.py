@@ -87,8 +87,10 @@ KINDS = """\
 def page() -> str:
     """The generated page."""
     parts = [HEAD, section("", Scenario, Scenario())]
+    shown: dict[type[msgspec.Struct], str] = {}
     for name, value in tables(Scenario()):
-        parts.append(section(name, type(value), value))
+        first = shown.setdefault(type(value), name)
+        parts.append(section(name, type(value), value) if first == name else repeated(name, value, first))
         if name == "soil":
             rows = [
                 f"| `{kind}` | {s['sigma'] * 1000:.0f} mm | {s['corr'] * 100:.0f} cm | {s['row'] * 1000:.0f} mm, "
@@ -125,6 +127,12 @@ def section(name: str, kind: type[msgspec.Struct], value: msgspec.Struct) -> str
         values = f" ({allowed})" if (allowed := limits(type_, meta)) else ""
         rows.append(f"- `{key}` = {default(stated, name)}{values}: {meta.description}")
     return "\n".join([title, *rows]) + "\n"
+
+
+def repeated(name: str, value: msgspec.Struct, first: str) -> str:
+    """The section of a table with the keys of an earlier one: its defaults."""
+    defaults = ", ".join(f"`{key}` = {default(getattr(value, key), name)}" for key in value.__struct_fields__)
+    return f"## `[{name}]`\n\nThe keys of `[{first}]`: {defaults}.\n"
 
 
 def default(value: Any, table: str) -> str:
