@@ -92,12 +92,7 @@ class Points:
         try:
             import open3d
         except ImportError as error:
-            raise RefusedError(
-                f"The package open3d is not installed ({error}).",
-                "Points cannot be handed to it.",
-                'Install it with pip install "furrowmap[open3d]".',
-                code="no-open3d",
-            ) from None
+            raise RefusedError("no-open3d", error=error) from None
         points = self.read()
         cloud = open3d.geometry.PointCloud()
         cloud.points = open3d.utility.Vector3dVector(np.column_stack([points[axis] for axis in "xyz"]))

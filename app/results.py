@@ -149,12 +149,7 @@ class Result:
     def _file(self, name: str) -> Path:
         path = self.path / name
         if not path.is_file():
-            raise InputError(
-                f"{self.path} contains no {name}.",
-                "The run did not write it, or it was moved.",
-                f"The report lists what the run wrote: {', '.join(self.report['products'])}.",
-                code="no-product",
-            )
+            raise InputError("no-product", path=self.path, name=name, report=", ".join(self.report["products"]))
         return path
 
 
@@ -204,9 +199,4 @@ def read_raster(path: Path) -> Any:
 
 
 def _no_raster(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path} {why}.",
-        "It is not a raster of a run or of surfaces.",
-        "Make it again with `furrowmap run` or `furrowmap surface`.",
-        code="raster-unreadable",
-    )
+    return InputError("raster-unreadable", path=path, why=why)

@@ -106,12 +106,7 @@ def _board(text: str, square_m: float) -> Board:
     """
     numbers = re.fullmatch(r"(\d{1,3})[xX×](\d{1,3})", text.strip())
     if numbers is None or min(int(numbers[1]), int(numbers[2])) < FEWEST_CORNERS:
-        raise UsageError(
-            f"--board {text!r} is no number of corners in a row and of rows.",
-            "The board is not known.",
-            "Count the inner corners, where four squares meet: --board 9x6.",
-            code="bad-board",
-        )
+        raise UsageError("bad-board", text=text)
     return furrowmap.Board(int(numbers[1]), int(numbers[2]), square_m)
 
 
@@ -126,12 +121,7 @@ def _board_angles(text: str) -> tuple[float, float, float]:
     except ValueError:
         roll = pitch = yaw = math.nan
     if not all(map(math.isfinite, (roll, pitch, yaw))):
-        raise UsageError(
-            f"--board-rpy {text!r} is not ROLL,PITCH,YAW.",
-            "Nothing was done.",
-            "Give three comma-separated numbers in degrees, such as 180,0,90.",
-            code="usage",
-        )
+        raise UsageError("usage.board-angles", text=text)
     return roll, pitch, yaw
 
 

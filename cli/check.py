@@ -149,12 +149,8 @@ def _exit_unless_met(verdicts: dict[str, Any]) -> None:
 
 
 def _unmet(name: str, rmse_m: float | None, required_m: float) -> RefusedError:
-    known = f"is {rmse_m:.3f} m" if rmse_m is not None else "is unknown: no disc was found"
     return RefusedError(
-        f"The {name} RMSE {known}; required is at most {required_m:g} m.",
-        f"The product does not meet the {100 * required_m:g} cm accuracy class.",
-        "Look for the largest errors in the table of points (--table), and see `accuracy` in the run's report.json.",
-        code="check-not-met",
+        "check-not-met", name=name, rmse_m=rmse_m, required_m=required_m, required_m_share=100 * required_m
     )
 
 

@@ -15,7 +15,7 @@ import click
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.core.runtime.errors import FurrowmapError, Notice, printable
 from furrowmap.core.runtime.languages.choice import language_of_user
-from furrowmap.core.runtime.languages.translation import translated, translated_error, translated_notice
+from furrowmap.core.runtime.languages.translation import translated
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.process import reporting_compilation
 
@@ -51,14 +51,17 @@ class Console:
 
     def warn(self, notice: Notice) -> None:
         """Write a warning."""
-        language = language_of_user()
-        told = f"{translated('warning:', language)} {printable(translated_notice(notice, language).text)}"
-        click.secho(told, err=True, fg="yellow", color=colour())
+        self.put_warning(notice.code, notice.text_in(language_of_user()))
 
     def warn_of(self, account: Mapping[str, Any]) -> None:
         """Write the warnings in the report of finished work."""
         for warning in account["warnings"]:
-            self.warn(Notice(warning["code"], warning["text"]))
+            self.put_warning(warning["code"], translated(warning["text"], language_of_user(), warning["code"]))
+
+    def put_warning(self, code: str, text: str) -> None:  # noqa: ARG002 (programs read the code)
+        """Write the text of a warning."""
+        line = f"{translated('warning:', language_of_user())} {printable(text)}"
+        click.secho(line, err=True, fg="yellow", color=colour())
 
     @contextmanager
     def work(self, *, passing: bool = False) -> Iterator[Progress]:
@@ -129,7 +132,7 @@ def put_json(value: object) -> None:
 
 def put_error(error: FurrowmapError) -> None:
     """Write `error` to standard error."""
-    what, *rest = translated_error(error, language_of_user())
+    what, *rest = error.lines_in(language_of_user())
     click.secho(what, err=True, fg="red", color=colour())
     for line in rest:
         click.echo(line, err=True)
@@ -137,7 +140,7 @@ def put_error(error: FurrowmapError) -> None:
 
 def error_value(error: FurrowmapError) -> dict[str, str]:
     """`error` for JSON, in the language of the user."""
-    what, meaning, remedy = translated_error(error, language_of_user())
+    what, meaning, remedy = error.lines_in(language_of_user())
     return {"code": error.code, "what": what, "meaning": meaning, "remedy": remedy}
 
 

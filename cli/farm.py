@@ -215,12 +215,7 @@ def traffic(console: Console, target: str, output: Path, **options: Any) -> None
     """
     widths = [options.pop("track_width"), options.pop("tyre_width")]
     if (widths[0] is None) != (widths[1] is None):
-        raise UsageError(
-            "Only one of --track-width and --tyre-width is given.",
-            "Wheels cannot be counted.",
-            "Give both, or neither.",
-            code="usage",
-        )
+        raise UsageError("usage.traffic")
     since, until = (day and day.date() for day in (options.pop("since"), options.pop("until")))
     settings = furrowmap.TrafficSettings(
         options.pop("season"),
@@ -275,9 +270,4 @@ def _zone(name: str | None) -> ZoneInfo | None:
     try:
         return ZoneInfo(name)
     except (KeyError, ValueError, OSError):
-        raise UsageError(
-            f"--time-zone: unknown time zone {name!r}.",
-            "Nothing was done.",
-            "Give a name of the IANA database such as Asia/Tokyo, or omit the option.",
-            code="usage",
-        ) from None
+        raise UsageError("usage.zone", name=name) from None

@@ -180,24 +180,14 @@ def _place(text: str) -> tuple[float, float, float]:
     except ValueError:
         lat = lon = height = float("nan")
     if not (abs(lat) <= 90.0 and abs(lon) <= 360.0 and isfinite(height)):
-        raise UsageError(
-            f"--base-position {text!r} is not LAT,LON,HEIGHT.",
-            "Nothing was done.",
-            "Give degrees and metres, latitude first: --base-position 43.0645,141.3503,46.2",
-            code="invalid-position",
-        )
+        raise UsageError("invalid-position", text=text)
     return lat, lon, height
 
 
 def _labels(test: Sequence[Path], names: Sequence[str]) -> list[str]:
     """A name for each log, no two alike."""
     if names and (len(names) != len(test) or len(set(names)) != len(names) or not all(map(str.strip, names))):
-        raise UsageError(
-            f"{len(test)} logs, and {len(set(names))} different names.",
-            "Nothing was done.",
-            "Give --name once for each TEST, in their order, or not at all.",
-            code="usage",
-        )
+        raise UsageError("usage.labels", test=len(test), names=len(set(names)))
     labels: list[str] = []
     for label in names or [path.name for path in test]:
         same = sum(other == label or other.startswith(f"{label} (") for other in labels)
@@ -207,12 +197,7 @@ def _labels(test: Sequence[Path], names: Sequence[str]) -> list[str]:
 
 def _offsets(texts: Sequence[str], tests: int) -> list[tuple[float, float, float]]:
     if len(texts) not in (0, 1, tests):
-        raise UsageError(
-            f"{tests} logs, and {len(texts)} antenna offsets.",
-            "Nothing was done.",
-            "Give --antenna-offset once for all, or once for each TEST, in their order.",
-            code="usage",
-        )
+        raise UsageError("usage.offsets", tests=tests, texts=len(texts))
     offsets = [_offset(text) for text in texts or ("0,0,0",)]
     return offsets if len(offsets) == tests else offsets * tests
 
@@ -225,12 +210,7 @@ def _offset(text: str) -> tuple[float, float, float]:
     else:
         if all(isfinite(part) and abs(part) < 100.0 for part in (forward, left, up)):
             return forward, left, up
-    raise UsageError(
-        f"--antenna-offset {text!r} is not FORWARD,LEFT,UP.",
-        "Nothing was done.",
-        "Give three comma-separated numbers in metres, such as 0.30,-0.12,0.",
-        code="usage",
-    )
+    raise UsageError("usage.offset", text=text)
 
 
 _DEFINITIONS = (

@@ -23,8 +23,9 @@ class CommandGroup(click.Group):
             return found
         near = get_close_matches(cmd_name, self.commands, 1, 0.5)
         raise UsageError(
-            f"furrowmap {self.name}: unknown command {cmd_name!r}.",
-            "Nothing was done.",
-            f"Did you mean `furrowmap {self.name} {near[0]}`?" if near else f"Commands: {', '.join(self.commands)}.",
-            code="no-such-verb",
+            "no-such-verb",
+            name=self.name,
+            cmd_name=cmd_name,
+            near_first=near[0] if near else None,
+            commands=", ".join(self.commands) if not (near) else None,
         )

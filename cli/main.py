@@ -79,10 +79,10 @@ class Commands(click.Group):
             return None
         near = get_close_matches(cmd_name, COMMANDS, 1, 0.5)
         raise UsageError(
-            f"furrowmap: unknown command {cmd_name!r}.",
-            "Nothing was done.",
-            f"Did you mean `furrowmap {near[0]}`?" if near else f"Commands: {', '.join(COMMANDS)}.",
-            code="no-such-verb",
+            "no-such-verb.get-command",
+            cmd_name=cmd_name,
+            near_first=near[0] if near else None,
+            commands=", ".join(COMMANDS) if not (near) else None,
         )
 
     def invoke(self, ctx: click.Context) -> Any:
@@ -109,12 +109,7 @@ def furrowmap(ctx: click.Context, *, versions: bool, as_json: bool) -> None:
         _put_versions(as_json=as_json)
         ctx.exit()
     if ctx.invoked_subcommand is None:
-        raise UsageError(
-            "furrowmap: no command given.",
-            "Nothing was done.",
-            f"Commands: {', '.join(COMMANDS)}. `furrowmap --help` describes them.",
-            code="usage",
-        )
+        raise UsageError("usage.furrowmap", commands=", ".join(COMMANDS))
 
 
 def _put_versions(*, as_json: bool) -> None:
@@ -226,8 +221,5 @@ def _usage(raised: click.UsageError, arguments: Sequence[str]) -> UsageError:
     near = getattr(raised, "possibilities", None)
     message = raised.message if near else raised.format_message()
     return UsageError(
-        f"{path}: {message.rstrip('.')}.",
-        "Nothing was done.",
-        f"Did you mean {' or '.join(near)}?" if near else f"`{path} --help` lists its arguments and options.",
-        code="usage",
+        "usage.usage", path=path, message=message.rstrip("."), near_list=" or ".join(near) if near else None
     )

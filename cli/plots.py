@@ -130,10 +130,5 @@ def _place(option: str, text: str, crs: str | None) -> Any:
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
-        raise UsageError(
-            f"{option} is {text!r}.",
-            "It is two numbers separated by a comma: easting,northing or longitude,latitude.",
-            f"Write for example `{option} 651010.2,6132601.5`.",
-            code="usage",
-        ) from None
+        raise UsageError("usage.place", option=option, text=text) from None
     return furrowmap.Place(x, y, crs)

@@ -103,9 +103,4 @@ def _numbers(text: str | None, option: str, count: int | None = None) -> list[fl
 
 
 def _no_list(option: str, text: str | None, wanted: str) -> UsageError:
-    return UsageError(
-        f"{option} {text!r} is not {wanted}.",
-        "Nothing was done.",
-        "Examples: --bbox 500000,5000000,500100,5000100, --class 2,9, --net-inset 1.0,0.11.",
-        code="usage",
-    )
+    return UsageError("usage.no-list", option=option, text=text, wanted=wanted)

@@ -42,12 +42,7 @@ def install(console: Console, profile: str | None, plugins_folder: Path | None) 
     from furrowmap.workflows.qgis_plugin import enable_plugin, find_profiles, install_plugin
 
     if profile is not None and plugins_folder is not None:
-        raise UsageError(
-            "furrowmap qgis install: --profile cannot be combined with --plugins-folder.",
-            "Nothing was done.",
-            "Give only one of them.",
-            code="usage",
-        )
+        raise UsageError("usage.install")
     if plugins_folder is not None:
         installed = [install_plugin(plugins_folder)]
     else:

@@ -11,7 +11,7 @@ import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, common_options
 from furrowmap.cli.tables import table
-from furrowmap.core.runtime.errors import Notice, printable
+from furrowmap.core.runtime.errors import printable
 
 
 @click.command(
@@ -45,8 +45,7 @@ def response(
     """
     settings = furrowmap.ResponseSettings(measure, dose, days or None)
     account = furrowmap.response(tables, treatments, output, settings, overwrite=overwrite)
-    for notice in account["warnings"]:
-        console.warn(Notice(notice["code"], notice["text"]))
+    console.warn_of(account)
     console.answer({"folder": output, **account}, _words(account, output))
 
 

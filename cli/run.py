@@ -79,14 +79,7 @@ def run(
     console.answer({"folder": folder, **report}, _words(report, folder))
     verdict = report.get("verdict", {})
     if strict and verdict.get("text"):
-        put_error(
-            RefusedError(
-                f"{printable(str(folder))}: the results contradict each other.",
-                "They were written, with enlarged standard deviations, but must not be relied on.",
-                "Correct the session as the warning `contradiction` describes, and run it again.",
-                code="contradiction",
-            )
-        )
+        put_error(RefusedError("contradiction", folder=printable(str(folder))))
         click.get_current_context().exit(RefusedError.exit_status)
 
 

@@ -37,9 +37,8 @@ import msgspec
 from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.cli.main import asked_language, attempt
-from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, Notice, UsageError
-from furrowmap.core.runtime.languages.choice import language_of_user, using_language
-from furrowmap.core.runtime.languages.translation import translated_notice
+from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
+from furrowmap.core.runtime.languages.choice import using_language
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.process import prepare_process, reporting_compilation
 
@@ -127,10 +126,9 @@ class WorkerConsole(Console):
         """Send a log message."""
         self.send("log", text=text)
 
-    def warn(self, notice: Notice) -> None:
+    def put_warning(self, code: str, text: str) -> None:
         """Send a warning."""
-        told = translated_notice(notice, language_of_user())
-        self.send("warning", code=told.code, text=told.text)
+        self.send("warning", code=code, text=text)
 
     @contextmanager
     def work(self, *, passing: bool = False) -> Iterator[Progress]:  # noqa: ARG002 (there is no progress bar)
@@ -186,25 +184,16 @@ def _arguments(line: bytes) -> list[str]:
     try:
         order = msgspec.json.decode(line, type=_Order)
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise _misunderstood(f"The first line is not a start message ({error}).") from None
+        raise UsageError("worker-order.no-start", error=error) from None
     if not order.arguments or order.arguments[0] == "worker":
-        raise _misunderstood("The start message names no command.")
+        raise UsageError("worker-order.no-command")
     if any("\0" in argument for argument in order.arguments):
-        raise _misunderstood("The start message has an argument with a null byte.")
+        raise UsageError("worker-order.null")
     return order.arguments
 
 
 class _Order(msgspec.Struct, tag_field="type", tag="start", forbid_unknown_fields=True):
     arguments: list[str]
-
-
-def _misunderstood(what: str) -> UsageError:
-    return UsageError(
-        what,
-        "Nothing was done.",
-        'Send {"type": "start", "arguments": ["run", "session.toml"]} as the first line.',
-        code="worker-order",
-    )
 
 
 def _heed(orders: BinaryIO) -> None:

@@ -213,8 +213,7 @@ def _give_frames(
     if camera is None or sink is None:
         return notices
     if find_spec("PIL") is None:
-        text = "The images are not used: Pillow is not installed. Install the extra: pip install furrowmap[photo]"
-        return [Notice("images-unused", text)]
+        return [Notice("images-unused")]
     images = opened.images(notices)
     if images:
         from furrowmap.core.images.frames import frames_along

@@ -352,21 +352,11 @@ def _size(stamps: Sequence[Stamp]) -> int:
 
 def _no_session(without: Sequence[Source]) -> Notice:
     shown = ", ".join(source.url or str(source.file.parent) for source in without[:3])
-    return Notice(
-        "batch-no-session",
-        f"{len(without)} folders with recordings have no session.toml and are left out: {shown}"
-        f"{' and others' if len(without) > 3 else ''}. Name the machine that made them with --machine.",
-    )
+    return Notice("batch-no-session", without=len(without), shown=shown, is_without=len(without) > 3)
 
 
 def _nothing(without: Sequence[Source]) -> InputError:
-    there = f"{len(without)} folders with recordings have no session" if without else "no session.toml and no recording"
-    return InputError(
-        f"Nothing to run was found: {there}.",
-        "There is nothing to do.",
-        "Write sessions with `furrowmap init`, or name the machine that made the recordings with --machine.",
-        code="batch-nothing",
-    )
+    return InputError("batch-nothing", without_count=len(without) if without else None)
 
 
 def _is_settled(before: Outcome, job: Job, whole: set[str] | None) -> bool:
@@ -377,11 +367,4 @@ def _is_settled(before: Outcome, job: Job, whole: set[str] | None) -> bool:
 
 
 def _lost(name: str) -> Failure:
-    return Failure.of(
-        FurrowmapError(
-            f"{name}: the worker process ended {ATTEMPTS} times during the run.",
-            "It was killed, for want of memory in most cases, or a library crashed; there is no result.",
-            "Use fewer workers, or run the session alone with `furrowmap run` to see what happens.",
-            code="batch-worker-lost",
-        )
-    )
+    return Failure.of(FurrowmapError("batch-worker-lost", name=name, attempts=ATTEMPTS))

@@ -183,12 +183,7 @@ def cluster_of_scheduler(address: str, say: Callable[[str], None]) -> Iterator[D
     try:
         engine = DaskWorkers(lambda: Client(address, timeout=_CONNECT_S))
     except (OSError, TimeoutError, ValueError) as error:
-        raise FurrowmapError(
-            f"{address}: no Dask scheduler answers ({error}).",
-            "Nothing was run.",
-            "Start one with `dask scheduler`, and workers with `dask worker`; or leave --scheduler out.",
-            code="no-scheduler",
-        ) from None
+        raise FurrowmapError("no-scheduler", address=address, error=error) from None
     try:
         say(f"Dashboard: {engine.dashboard}")
         yield engine
@@ -214,27 +209,12 @@ def _found(future: Any) -> Any:
 
 
 def _not_started(error: BaseException) -> FurrowmapError:
-    return FurrowmapError(
-        f"The worker processes ended while they were started ({error}).",
-        "The work has stopped; results that are finished are kept.",
-        "Check the free memory, use fewer workers, or use one with `--workers 1`.",
-        code="batch-no-workers",
-    )
+    return FurrowmapError("batch-no-workers", error=error)
 
 
 def _unusable(error: BaseException) -> FurrowmapError:
-    return FurrowmapError(
-        f"The cluster could not work ({type(error).__name__}: {error}).",
-        "The work has stopped; results that are finished are kept.",
-        "Install the same versions of furrowmap, dask and distributed on all machines, and run the command again.",
-        code="batch-cluster",
-    )
+    return FurrowmapError("batch-cluster", name=type(error).__name__, error=error)
 
 
 def _lost_scheduler() -> FurrowmapError:
-    return FurrowmapError(
-        f"The Dask scheduler has not answered for {RECONNECT_S:.0f} s.",
-        "The work has stopped; results that are finished are kept.",
-        "Start the scheduler and its workers, and run the command again: it goes on where it stopped.",
-        code="batch-scheduler-lost",
-    )
+    return FurrowmapError("batch-scheduler-lost", reconnect_s=RECONNECT_S)

@@ -164,12 +164,7 @@ def workers_here() -> int:
 
 
 def _no_dask() -> RefusedError:
-    return RefusedError(
-        "The packages dask and distributed are not installed.",
-        "Several workers, or those of other machines, need them.",
-        'Install them with pip install "furrowmap[cluster]", or use one worker.',
-        code="no-dask",
-    )
+    return RefusedError("no-dask")
 
 
 class OneProcess:

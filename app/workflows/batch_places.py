@@ -74,12 +74,7 @@ class Store:
         system, root = self._opened()
         for name in names:
             if not all(is_file_name(part) for part in name.split("/")):
-                raise InputError(
-                    f"{self.url}: {name!r} cannot be the name of a file here.",
-                    "The recording was not copied.",
-                    "Rename it in the store.",
-                    code="batch-file-name",
-                )
+                raise InputError("batch-file-name", url=self.url, name=name)
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             system.get_file(f"{root}/{name}", str(folder / name))
 
@@ -116,12 +111,7 @@ class Store:
 
             system, root = url_to_fs(self.url)
         except ImportError as error:
-            raise RefusedError(
-                f"{self.url}: a package for this kind of address is not installed ({error}).",
-                "Nothing can be read or written there.",
-                'Install it with pip install "furrowmap[remote]" for S3, and sshfs or paramiko for SFTP.',
-                code="no-fsspec",
-            ) from None
+            raise RefusedError("no-fsspec", url=self.url, error=error) from None
         return system, str(root).rstrip("/")
 
 
@@ -134,12 +124,7 @@ def find_remote(url: str) -> Iterator[Source]:
     store = Store(url.rstrip("/"))
     files = store.files()
     if not files:
-        raise InputError(
-            f"{url} holds no file, or does not exist.",
-            "There is nothing to run.",
-            "Check the address, and the credentials and endpoint that the environment states.",
-            code="batch-no-store",
-        )
+        raise InputError("batch-no-store", url=url)
     folders: dict[str, dict[str, Stamp]] = {}
     for name, stamp in files.items():
         folders.setdefault(posixpath.dirname(name), {})[posixpath.basename(name)] = stamp
@@ -190,12 +175,7 @@ def scratch() -> TemporaryDirectory[str]:
 
 def store_failure(url: str, error: Exception) -> FurrowmapError:
     """What a store or its library raised, as an error with a remedy."""
-    return FurrowmapError(
-        f"{url}: {type(error).__name__}: {error}.",
-        "The store did not give or take a file.",
-        "Check the address, the credentials and the endpoint that the environment states, and the network.",
-        code="batch-store",
-    )
+    return FurrowmapError("batch-store", url=url, name=type(error).__name__, error=error)
 
 
 def _is_in(name: str, folder: str) -> bool:

@@ -64,12 +64,7 @@ def find_sources(folders: Sequence[Path], results: Path) -> list[Source]:
             for source in _below(folder.resolve(), results.resolve()):
                 found.setdefault(source.file, source)
         else:
-            raise InputError(
-                f"{folder} does not exist.",
-                "There is nothing to run.",
-                "Give folders with sessions or recordings, or session files.",
-                code="batch-no-folder",
-            )
+            raise InputError("batch-no-folder", folder=folder)
     return [found[path] for path in sorted(found)]
 
 

@@ -172,12 +172,7 @@ def _day(located: Located) -> dt.date:
 
 
 def _not_shown(session_file: Path, why: str) -> RefusedError:
-    return RefusedError(
-        f"{session_file.name}: the recording shows no mounting, because {why}.",
-        "There is nothing to calibrate with.",
-        "Use a recording of some passes back and forth on open ground, with its GNSS log.",
-        code="calibration-refused",
-    )
+    return RefusedError("calibration-refused", session_file=session_file.name, why=why)
 
 
 def _origin(calibration: Calibration) -> str:

@@ -112,9 +112,7 @@ def calibrate_mount(
     source, notices = Path(frames), list[Notice]()
     target = Path(out) if out is not None else source.resolve().with_name("mount.csv")
     if target.exists() and not overwrite:
-        raise RefusedError(
-            f"{target} exists.", "It was not replaced.", "Choose another file, or --overwrite.", code="output-exists"
-        )
+        raise RefusedError("output-exists", target=target)
     stated = _camera(Path(camera)) if camera is not None else None
     images = _images(source, notices)
     corners, size = _corners(images, board, progress)
@@ -138,12 +136,7 @@ def _camera(session_file: Path) -> Camera:
     """
     table = load_session(session_file).camera
     if table is None:
-        raise InputError(
-            f"{session_file} has no table [camera].",
-            "So the intrinsics of the camera are not known.",
-            "State width, height, fx, fy, cx, cy and the distortion there, or leave --camera out.",
-            code="no-camera",
-        )
+        raise InputError("no-camera", session_file=session_file)
     if table.topic is not None and not table.has_intrinsics:
         return open_session(session_file).camera()
     return camera_of(table)
@@ -162,12 +155,7 @@ def _images(source: Path, notices: list[Notice]) -> Images:
     else:
         images = read_image_table(source, source.resolve().parent, notices)
     if not len(images):
-        raise InputError(
-            f"{source}: no images with a time.",
-            "A series of attitudes needs the time of each frame.",
-            "Put a table with the columns file and time_unix_s into the folder, or use images with EXIF times.",
-            code="no-images",
-        )
+        raise InputError("no-images", source=source)
     return images
 
 
@@ -194,10 +182,5 @@ def _corners(images: Images, board: Board, progress: Progress) -> tuple[list[Flo
             progress("looking for the board", (k + 1) / len(images))
     size = next((size for size in sizes if size is not None), None)
     if size is None:
-        raise InputError(
-            f"{images.paths[0]} and {len(images) - 1} other images cannot be read.",
-            "So no board can be found in them.",
-            "Name JPEG, PNG or TIFF files.",
-            code="no-images",
-        )
+        raise InputError("no-images.corners", paths=images.paths[0], images=len(images) - 1)
     return [corners if at == size else None for corners, at in zip(found, sizes, strict=True)], size

@@ -94,19 +94,14 @@ class CanopySettings:
     def __post_init__(self) -> None:
         sizes = [self.pixel_m, self.cell_m, self.layer_m]
         faults = {
-            "Cells and polygons are both given.": self.cell_m is not None and self.polygons is not None,
-            "Neither cells nor polygons are given.": self.cell_m is None and self.polygons is None,
-            "A size is not above zero.": any(size is not None and not size > 0.0 for size in sizes),
-            "A height of the ground is below zero.": not self.ground_m >= 0.0,
+            "usage.canopy-both": self.cell_m is not None and self.polygons is not None,
+            "usage.canopy-neither": self.cell_m is None and self.polygons is None,
+            "usage.canopy-size": any(size is not None and not size > 0.0 for size in sizes),
+            "usage.canopy-ground": not self.ground_m >= 0.0,
         }
-        fault = next((words for words, given in faults.items() if given), None)
+        fault = next((key for key, given in faults.items() if given), None)
         if fault is not None:
-            raise UsageError(
-                fault,
-                "It is not clear which areas the figures are of.",
-                "State either the side of cells in metres (--cell 5) or a file with polygons (--polygons stands.gpkg).",
-                code="usage",
-            )
+            raise UsageError(fault)
 
 
 def canopy(

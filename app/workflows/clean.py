@@ -207,21 +207,15 @@ class _Lost:
     def notices(self, clouds: Clouds) -> Iterator[Notice]:
         """Warnings about attributes of the clouds that the file does not keep."""
         if not clouds.week_times and any(file.clock.kind is TimeKind.WEEK for file in clouds.files):
-            text = (
-                f"{self.timeless:,} of {self.points:,} points have GPS week time without a week number, or no time. "
-                "Their time is 0 in the output."
-            )
-            yield Notice("times-of-week-lost", text)
+            yield Notice("times-of-week-lost", timeless=self.timeless, points=self.points)
         elif self.timeless:
-            text = f"{self.timeless:,} of {self.points:,} points have no time. It is 0 in the output."
-            yield Notice("times-none", text)
+            yield Notice("times-none", timeless=self.timeless, points=self.points)
         if self.unnumbered:
-            text = f"{self.unnumbered:,} points had return number 0 or number of returns 0. It is 1 in the output."
-            yield Notice("returns-zero", text)
+            yield Notice("returns-zero", unnumbered=self.unnumbered)
         lost = {dimension.name for file in clouds.files for dimension in file.extra}
         lost |= {"nir" for file in clouds.files if "nir" in file.dimensions}
         if lost:
-            yield Notice("dimensions-left-out", f"Dimensions not written: {', '.join(sorted(lost))}.")
+            yield Notice("dimensions-left-out", lost=", ".join(sorted(lost)))
 
 
 def batch_of(
@@ -269,21 +263,9 @@ def refuse_target(target: Path, paths: Sequence[Path], *, overwrite: bool) -> No
         InputError: if it is a folder.
     """
     if not target.name.lower().endswith(".laz"):
-        raise UsageError(
-            f"{target} does not end in .copc.laz.",
-            "The output is a COPC file, which other programs recognise by that suffix.",
-            f"Name it {target.name.split('.')[0] or 'cloud'}.copc.laz.",
-            code="usage",
-        )
+        raise UsageError("usage", target=target, value=target.name.split(".")[0] or "cloud")
     if target.is_dir():
-        raise InputError(
-            f"{target} is a folder.", "The output is one file.", "Choose another name with -o.", code="output-is-folder"
-        )
+        raise InputError("output-is-folder", target=target)
     if any(target.exists() and path.exists() and target.samefile(path) for path in paths):
-        raise RefusedError(
-            f"{target} is one of the input clouds.",
-            "It would be overwritten while it is read.",
-            "Choose another name with -o.",
-            code="output-is-input",
-        )
+        raise RefusedError("output-is-input", target=target)
     refuse_existing(target, overwrite=overwrite)

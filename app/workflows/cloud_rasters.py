@@ -132,11 +132,9 @@ class CloudRasters:
         if CELLS_A_PLOT * cell_m <= PLOT_M:
             self._roughness(progress)
         else:
-            text = (
-                f"Cells of {cell_m:g} m are too coarse for random roughness in plots of {PLOT_M:g} m, which was not "
-                f"computed. It needs cells of {PLOT_M / CELLS_A_PLOT:g} m or less."
+            notices.append(
+                Notice("roughness-too-coarse", cell_m=cell_m, plot_m=PLOT_M, plot_m_scaled=PLOT_M / CELLS_A_PLOT)
             )
-            notices.append(Notice("roughness-too-coarse", text))
         spots, coarse = self._low_spots(progress)
         if coarse is not None:
             notices.append(coarse)
@@ -227,11 +225,7 @@ class CloudRasters:
             _write_outlines(self.folder / LOW_SPOT_OUTLINES, spots, self.clouds.crs, origin)
         if factor == 1:
             return spots, None
-        text = (
-            f"Low spots are computed in cells of {coarse.cell_m:g} m, means of {factor} x {factor} of the surface: "
-            "all of them must fit into memory."
-        )
-        return spots, Notice("low-spots-coarser", text)
+        return spots, Notice("low-spots-coarser", cell_m=coarse.cell_m, factor=factor)
 
     def _seen(self) -> int:
         """Number of cells of the surface with a height."""

@@ -80,12 +80,7 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
     """
     camera = opened.session.camera
     if camera is None:
-        raise InputError(
-            f"{opened.file} has no table [camera].",
-            "So there are no images that could colour the cloud.",
-            "State the camera and its images there.",
-            code="no-camera",
-        )
+        raise InputError("no-camera.frames", file=opened.file)
     expect_pillow()
     images = opened.images(notices)
     located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
@@ -93,20 +88,15 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
     located, aid = aided_session(opened, located, scale, notices, progress)
     contradicting = next((notice for notice in notices if notice.code == CONTRADICTING), None)
     if contradicting is not None:
-        raise RefusedError(
-            f"{opened.file}: {contradicting.text}",
-            "The cloud would have the colours of other places.",
-            "Correct [camera], or set camera.aid = false, which colours by the poses as they are stated.",
-            code=contradicting.code,
-        )
+        raise RefusedError(f"{CONTRADICTING}.colour", file=opened.file, contradiction=contradicting.text)
     used = aid.camera if aid is not None else opened.camera()
     frames = frames_along(images, used, located.trajectory, scale, notices) if len(images) else None
     if frames is None:
         raise InputError(
-            f"{opened.file}: none of {len(images)} images has a pose.",
-            "So nothing can be coloured." + "".join(f" {notice.text}" for notice in notices),
-            "Check the files and times of the images.",
-            code="no-images",
+            "no-images.frames",
+            file=opened.file,
+            images=len(images),
+            notices="".join(f" {notice.text}" for notice in notices),
         )
     return frames
 

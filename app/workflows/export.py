@@ -71,9 +71,9 @@ def export(
     """
     folders, wanted = [Path(folder) for folder in results], optional_crs(crs)
     if to not in FORMATS and (layers or crs is not None):
-        raise _usage(f"{to} cannot be combined with layers or a CRS.", "Leave --layer and --dst-crs out.")
+        raise UsageError("usage.export-layers", to=to)
     if to != STAC and len(folders) != 1:
-        raise _usage(f"{to} takes one result folder, not {len(folders)}.", "Export them one by one.")
+        raise UsageError("usage.export-one-folder", to=to, count=len(folders))
     opened = [open_result(folder) for folder in folders]
     progress("exporting", 0.0)
     target = Path(out) if out is not None else _default(folders[0], to)
@@ -134,13 +134,4 @@ def refuse_result(target: Path) -> None:
         RefusedError: if it is.
     """
     if (target / REPORT).exists():
-        raise RefusedError(
-            f"{target} is the result folder of a run.",
-            "Exported files would be mixed with its products.",
-            "Choose another target with -o.",
-            code="output-is-result",
-        )
-
-
-def _usage(what: str, remedy: str) -> UsageError:
-    return UsageError(what, "Nothing was written.", remedy, code="usage")
+        raise RefusedError("output-is-result", target=target)

@@ -26,22 +26,12 @@ def in_three_lines(raised: BaseException) -> FurrowmapError:
     if isinstance(raised, KeyboardInterrupt):
         return Cancelled()
     if isinstance(raised, MemoryError):
-        return FurrowmapError(
-            "Out of memory.",
-            "The command stopped; no partial files were left.",
-            "Close other programs, or process a part of the recording.",
-            code="out-of-memory",
-        )
+        return FurrowmapError("out-of-memory")
     if isinstance(raised, OSError) and raised.strerror:
         return FurrowmapError(
-            f"{raised.filename}: {raised.strerror}." if raised.filename else f"{raised.strerror}.",
-            "A file could not be read or written; no partial files were left.",
-            "Check that the folder exists, that you have permission to write there, and that the disk is not full.",
-            code="system",
+            "system",
+            filename=raised.filename or None,
+            strerror=raised.strerror if raised.filename else None,
+            raised_strerror=raised.strerror if not (raised.filename) else None,
         )
-    return FurrowmapError(
-        f"{type(raised).__name__}: {raised}.",
-        "This is a bug in furrowmap; no partial files were left.",
-        "Run the command again with --debug, and report the output together with that of `furrowmap --version`.",
-        code="fault",
-    )
+    return FurrowmapError("fault", name=type(raised).__name__, raised=raised)

@@ -91,12 +91,7 @@ def open_edit(
         try:
             from furrowmap.exporters.farm.postgis import postgis_edit
         except ImportError as error:
-            raise RefusedError(
-                f"The package psycopg is not installed ({error}).",
-                "A farm map in PostGIS needs it.",
-                'Install it with pip install "furrowmap[postgis]", or name a GeoPackage.',
-                code="no-psycopg",
-            ) from None
+            raise RefusedError("no-psycopg", error=error) from None
         return postgis_edit(str(farm_map), create=create, schema=schema)
     return geopackage_edit(Path(farm_map), create=create, progress=progress)
 
@@ -209,11 +204,11 @@ def _read_results(folders: Sequence[Path], zone: ZoneInfo | None, progress: Prog
         for result in read_tasks(folder, zone) if folder.suffix == ".gpkg" else [read_result(folder, zone)]:
             if result.session in results:
                 raise InputError(
-                    f"{folder} and {results[result.session].folder} hold results of the same session "
-                    f"('{result.name}' of {result.date}).",
-                    "A farm map holds one result of each session.",
-                    "Name only the folder that counts.",
-                    code="session-twice",
+                    "session-twice",
+                    folder=folder,
+                    folder_2=results[result.session].folder,
+                    result=result.name,
+                    date=result.date,
                 )
             results[result.session] = result
     return results
@@ -246,12 +241,7 @@ def _month_day(text: str) -> tuple[int, int]:
     try:
         day = dt.date.fromisoformat(f"2024-{text}")
     except ValueError:
-        raise UsageError(
-            f"{text!r} is not a day of the year.",
-            "The seasons cannot be told apart.",
-            "Give month and day, such as 04-01.",
-            code="usage",
-        ) from None
+        raise UsageError("usage.month-day", text=text) from None
     return day.month, day.day
 
 
@@ -259,12 +249,7 @@ def _target_crs(edit: FarmEdit, wanted: CRS | None) -> CRS | None:
     """The CRS of the farm map; None for a new one without `wanted`."""
     current = edit.crs()
     if current is not None and wanted is not None and not current.equals(wanted, ignore_axis_order=True):
-        raise RefusedError(
-            f"{edit.name()} is in {name_of(current)}, not in {name_of(wanted)}.",
-            "All layers of a farm map have the same CRS.",
-            "Leave --crs out: sessions are transformed to that of the farm map. Or start another farm map.",
-            code="base-crs",
-        )
+        raise RefusedError("base-crs", edit=edit.name(), current=name_of(current), wanted=name_of(wanted))
     return current or wanted
 
 
@@ -277,10 +262,11 @@ def _transformed(
     for result in results:
         if same_crs and not result.crs.equals(target, ignore_axis_order=True):
             raise RefusedError(
-                f"{result.folder} is in {name_of(result.crs)}, {farm_map} in {name_of(target)}.",
-                "With --same-crs nothing is transformed.",
-                "Run the session with the CRS of the farm map, or leave --same-crs out.",
-                code="base-crs",
+                "base-crs.transformed",
+                folder=result.folder,
+                crs=name_of(result.crs),
+                farm_map=farm_map,
+                target=name_of(target),
             )
         moved, changes = result.in_crs(target)
         placed.append(moved)
@@ -295,15 +281,10 @@ def _plausibility_notices(known: Sequence[KnownSession], fresh: Sequence[Session
         twins = [s.name for s in known if s.recordings == result.recordings and s.session != result.session]
         twins += [r.name for r in fresh if r.recordings == result.recordings and r.name < result.name]
         if twins:
-            text = (
-                f"'{result.name}' is made of the same recordings as '{twins[0]}', so its ground counts twice. If it is "
-                f"the same session under a new name, take the other out with `furrowmap farm remove`."
-            )
-            notices.append(Notice("session-renamed", text))
+            notices.append(Notice("session-renamed", result=result.name, twins=twins[0]))
     kinds = sorted({session.heights for session in known} | {result.heights for result in fresh})
     if fresh and len(kinds) > 1:
-        text = f"This farm map mixes height systems ({', '.join(kinds)}): see the column 'heights' of sessions."
-        notices.append(Notice("heights-mixed", text))
+        notices.append(Notice("heights-mixed", kinds=", ".join(kinds)))
     return notices
 
 
@@ -378,10 +359,5 @@ def _match(word: str, known: Sequence[KnownSession], farm_map: str) -> KnownSess
         return named[0]
     listed = ", ".join(f"{s.session} ({s.date}, {s.name})" for s in (named or known)[:5]) or "none"
     raise InputError(
-        f"{farm_map} has {'several sessions' if named else 'no session'} '{word}'.",
-        "No session was removed.",
-        f"Name one by its identity, such as {listed}; `furrowmap farm list` shows all."
-        if known
-        else "The farm map is empty.",
-        code="no-such-session",
+        "no-such-session", farm_map=farm_map, named=bool(named), word=word, known=bool(known), listed=listed
     )

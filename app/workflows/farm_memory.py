@@ -174,12 +174,7 @@ def field_history(
     target = Path(out) if out is not None else None
     if target is not None:
         if target.suffix not in (".html", ".csv"):
-            raise UsageError(
-                f"{target}: unknown format of a history.",
-                "Nothing was written.",
-                "Name it with .html for a page, or with .csv for a table.",
-                code="usage",
-            )
+            raise UsageError("usage.field-history", target=target)
         refuse_existing(target, overwrite=overwrite)
     with open_edit(farm_map, schema=schema, progress=progress) as edit:
         fields = edit.read(FIELDS, FIELD_COLUMNS)
@@ -232,12 +227,7 @@ def farm_traffic(
         name, crs = edit.name(), edit.crs()
         traffic = _traffic(edit, _sessions_of(edit, settings))
     if crs is None or not len(traffic.tracks):
-        raise InputError(
-            f"{name} has no sessions of that time.",
-            "There is no traffic to count.",
-            "Check the season and the days; `furrowmap farm list` shows those of all sessions.",
-            code="no-traffic",
-        )
+        raise InputError("no-traffic", name=name)
     cell_m = settings.cell_m or CELL_M
     origin = Origin("Traffic: times worked and driven on", parameters=settings.plain())
     grid = write_traffic(target, traffic, crs, cell_m, settings.wheels, origin, progress)
@@ -284,12 +274,7 @@ def _field_row(fields: Layer, wanted: str, farm_map: str) -> int:
     if len(found) == 1:
         return found[0]
     listed = ", ".join(f"{ids[k]} ({names[k]})" for k in (found or range(len(ids)))[:5]) or "none"
-    raise InputError(
-        f"{farm_map} has {'several fields' if found else 'no field'} '{wanted}'.",
-        "There is no history to show.",
-        f"Name one by its identity, such as {listed}; `furrowmap farm fields` shows all.",
-        code="no-such-field",
-    )
+    raise InputError("no-such-field", farm_map=farm_map, found=bool(found), wanted=wanted, listed=listed)
 
 
 def _rows(layer: Layer, rows: NDArray[np.intp] | None = None) -> list[dict[str, Any]]:

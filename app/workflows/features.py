@@ -112,12 +112,7 @@ def _write(clouds: Clouds, staging: Path, settings: FeatureSettings, progress: P
     if method == "auto":
         method = "class" if spacing.classified else "smrf"
     if method == "class" and not spacing.classified:
-        raise InputError(
-            "Ground by 'class': no or hardly any point of the clouds has the class 2, ground.",
-            "The files have not been classified, or their ground points are not selected.",
-            "Choose --ground-method smrf.",
-            code="no-ground-class",
-        )
+        raise InputError("no-ground-class")
     cell_m = settings.cell_m or spacing.cell_m
     cleaning = Cleaning(box, every=settings.every, ground="none" if method == "class" else method)
     inputs = input_records(clouds, progress)
@@ -185,8 +180,4 @@ def sparse_notices(cell_m: float) -> list[Notice]:
     """A warning where points are too far apart for thin things."""
     if cell_m < CELLS_M[1]:
         return []
-    text = (
-        f"The points are {cell_m:g} m apart or more, so that posts, wires and small planes cannot be told from plants. "
-        "Large planes and the ground can."
-    )
-    return [Notice("features-sparse", text)]
+    return [Notice("features-sparse", cell_m=cell_m)]

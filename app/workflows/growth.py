@@ -174,22 +174,12 @@ def _by_day(clouds: Clouds, parcels: Sequence[Parcel], stated: Sequence[str] | N
         UsageError: if there are fewer than two days, or not one for each cloud.
     """
     if stated is not None and len(stated) != len(clouds.files):
-        raise UsageError(
-            f"{len(stated)} days for {len(clouds.files)} clouds.",
-            "It is not clear when each was flown.",
-            "State one --day for each cloud, in their order.",
-            code="usage",
-        )
+        raise UsageError("usage.by-day", stated=len(stated), files=len(clouds.files))
     parts = [replace(clouds, files=(file,), notices=()) for file in clouds.files]
     texts = stated if stated is not None else [None] * len(parts)
     days = [day_of(text) or _day_of_points(part, parcels) for text, part in zip(texts, parts, strict=True)]
     if len(set(days)) < 2:
-        raise UsageError(
-            f"All clouds are of {days[0]}.",
-            "Growth needs flights of two days or more.",
-            "Add a cloud of another day, or state the days: --day 2017-05-13 --day 2017-05-23.",
-            code="usage",
-        )
+        raise UsageError("usage.by-day-2", days=days[0])
     return {
         day: replace(clouds, files=tuple(file for file, own in zip(clouds.files, days, strict=True) if own == day))
         for day in sorted(set(days))
@@ -211,12 +201,7 @@ def _day_of_points(part: Clouds, parcels: Sequence[Parcel]) -> dt.date:
                 return day
         if batch.t_s is None:
             break
-    raise InputError(
-        f"{part.files[0].path}: its points have no date.",
-        "It is not clear when it was flown.",
-        "State the days, one for each cloud: --day 2017-05-13 --day 2017-05-23.",
-        code="cloud-day",
-    )
+    raise InputError("cloud-day", files=part.files[0].path)
 
 
 def _aligned(days: Sequence[dt.date], found: Sequence[SoilChange | None]) -> Iterator[SoilChange]:
@@ -227,14 +212,7 @@ def _aligned(days: Sequence[dt.date], found: Sequence[SoilChange | None]) -> Ite
     """
     for day, change in zip(days[1:], found, strict=True):
         if change is None:
-            raise InputError(
-                f"Fewer than {FEWEST_COMMON} cells (25 cm) of bare soil near the parcels are seen on {days[0]} and on "
-                f"{day}.",
-                "The flights cannot be aligned in height, and growth would be off by the difference of their heights.",
-                "Use clouds that reach 3 m beyond the parcels, or measure each day with `furrowmap parcels`, and give "
-                "the tables to `furrowmap response`.",
-                code="growth-soil",
-            )
+            raise InputError("growth-soil", fewest_common=FEWEST_COMMON, days=days[0], day=day)
         yield change
 
 
@@ -255,8 +233,4 @@ def _unmeasured(grown: MeasuredGrowth) -> list[Notice]:
     if not names:
         return []
     shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
-    text = (
-        f"{len(names)} of {len(grown.parcels)} parcels have no growth ({shown}): fewer than two days have points in "
-        "them and bare soil near them."
-    )
-    return [Notice("growth-unmeasured", text)]
+    return [Notice("growth-unmeasured", names=len(names), parcels=len(grown.parcels), shown=shown)]

@@ -66,12 +66,7 @@ def machine_file(machine: str | Path) -> Path:
     if is_file_name(str(machine)) and saved.is_file():
         return saved
     names = ", ".join(each.name for each in known_machines())
-    raise InputError(
-        f"{machine}: no saved machine has this name, and there is no such file.",
-        "The places of the machine's sensors are not known.",
-        f"Saved machines: {names}." if names else "Save one: `furrowmap machine save session.toml NAME`.",
-        code="no-machine",
-    )
+    raise InputError("no-machine", machine=machine, names=names or None)
 
 
 def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = False) -> KnownMachine:
@@ -90,12 +85,7 @@ def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = 
     target = _target(machine)
     found = machine_of(load_session(Path(session)), target.stem)
     if found == Machine(name=target.stem):
-        raise InputError(
-            f"{session} states no place of a sensor or tool.",
-            "The machine would have an empty profile.",
-            "Fill in [antenna], [lidar] and [implement] first.",
-            code="machine-empty",
-        )
+        raise InputError("machine-empty", session=session)
     refuse_existing(target, overwrite=overwrite)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_machine(target, found)
@@ -113,9 +103,4 @@ def _target(machine: str | Path) -> Path:
         return Path(machine)
     if is_file_name(f"{machine}{SUFFIX}"):
         return machines_folder() / f"{machine}{SUFFIX}"
-    raise UsageError(
-        f"{str(machine)!r} cannot be the name of a machine.",
-        "Machines are files with their names.",
-        "Use a name without slashes, or a path that ends with .toml.",
-        code="usage",
-    )
+    raise UsageError("usage.target", machine=str(machine))

@@ -49,12 +49,7 @@ def mosaic(
     """
     output = Path(out)
     if output.suffix not in SUFFIXES:
-        raise UsageError(
-            f"{output}: unknown format of a mosaic.",
-            "Nothing was written.",
-            "Name it with .vrt for a virtual raster, or with .tif for a GeoTIFF.",
-            code="usage",
-        )
+        raise UsageError("usage.mosaic", output=output)
     refuse_existing(output, overwrite=overwrite)
     paths, missing = find_surfaces(sources, product, schema=schema, progress=progress)
     made = write_mosaic(paths, output, settings, progress)
@@ -71,12 +66,7 @@ def find_surfaces(
         InputError: if a farm map or folder cannot be read, or none has the product.
     """
     if not _PRODUCT.fullmatch(product):
-        raise UsageError(
-            f"--product: {product!r} is not the name of a product.",
-            "Nothing was written.",
-            "Give the file name without its suffix, such as dsm.",
-            code="usage",
-        )
+        raise UsageError("usage.find-surfaces", product=product)
     folders: dict[Path, dt.datetime] = {}
     for source in sources:
         if str(source).startswith(DATABASES) or not Path(source).is_dir():
@@ -90,13 +80,10 @@ def find_surfaces(
     missing = [path for path in paths if path not in found]
     if not found:
         raise InputError(
-            f"None of the {len(paths)} sessions has a {product}.tif in its folder.",
-            "There is nothing to make a mosaic of.",
-            "Check --product, and that the folders of the results are still where they were when they were added"
-            + (f" (the first is {missing[0].parent})." if missing else "."),
-            code="no-surfaces",
+            "no-surfaces", paths=len(paths), product=product, parent=missing[0].parent if missing else None
         )
     if not missing:
         return found, ()
-    text = f"{len(missing)} of {len(paths)} sessions have no {product}.tif, among them {missing[0].parent}."
-    return found, (Notice("surfaces-missing", text),)
+    return found, (
+        Notice("surfaces-missing", missing=len(missing), paths=len(paths), product=product, parent=missing[0].parent),
+    )

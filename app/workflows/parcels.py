@@ -85,12 +85,7 @@ class ParcelSettings:
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
-            raise UsageError(
-                f"{self.method!r} is no method for heights of crops.",
-                "Nothing was done.",
-                f"Methods: {', '.join(METHODS)}.",
-                code="usage",
-            )
+            raise UsageError("usage.post-init", method=self.method, methods=", ".join(METHODS))
         soil_file(self.soil)
         day_of(self.day)
 
@@ -305,8 +300,4 @@ def _treated(
 
 def _unmeasured(names: Sequence[str], total: int) -> Notice:
     shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
-    text = (
-        f"{len(names)} of {total} parcels have no height ({shown}): no points lie in them, or no bare soil is near. "
-        "Bare soil is looked for up to 3 m around the gross parcels; a given one has to cover them."
-    )
-    return Notice("parcels-unmeasured", text)
+    return Notice("parcels-unmeasured", names=len(names), total=total, shown=shown)

@@ -80,12 +80,7 @@ def plots(
         refuse_existing(Path(out), overwrite=overwrite)
     target = _known(crs)
     if not target.is_projected or {axis.unit_name for axis in target.axis_info[:2]} != {"metre"}:
-        raise InputError(
-            f"{crs} ({target.name}) is not projected in metres.",
-            "Sizes of plots are in metres.",
-            "State a projected CRS of the site, such as EPSG:25832.",
-            code="crs-not-projected",
-        )
+        raise InputError("crs-not-projected", crs=crs, target=target.name)
     begin = _on_map(corner, target)
     finish = _on_map(end, target) if end is not None else None
     found, notices = plot_grid(grid, begin, finish, azimuth_deg, scale_at(target, *begin.tolist()))
@@ -104,9 +99,4 @@ def _known(text: str) -> CRS:
     try:
         return CRS.from_user_input(text)
     except CRSError as error:
-        raise InputError(
-            f"PROJ does not know the CRS {text!r} ({error}).",
-            "The plots cannot be placed.",
-            "Write an EPSG code such as EPSG:25832, or a WKT text.",
-            code="crs-unknown",
-        ) from None
+        raise InputError("crs-unknown", text=text, error=error) from None

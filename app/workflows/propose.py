@@ -66,12 +66,7 @@ def propose_session(
         else common_folder([_home(path) for path in paths]) / "session.toml"
     )
     if target.exists() and not overwrite:
-        raise RefusedError(
-            f"{target} exists already.",
-            "It may hold measured values, so it was left as it is.",
-            "Give another name with -o, or replace it with --overwrite.",
-            code="exists",
-        )
+        raise RefusedError("exists", target=target)
     proposal, skipped = proposed(paths, target.parent, machine, progress)
     with atomic_output(target) as unfinished:
         unfinished.write_text(proposal.text, encoding="utf-8")
@@ -116,14 +111,9 @@ def _examined(path: Path, skipped: list[Notice]) -> list[Examined]:
             found.append(Examined.of(file))
         except InputError as error:
             names.append(printable(file.name))
-            skipped.append(Notice("recording-unused", f"{printable(file.name)} is not used in a session: {error.what}"))
+            skipped.append(Notice("recording-unused", file=printable(file.name), what=error.what))
     if not found:
-        raise InputError(
-            f"{path} holds no recording ({', '.join(names) or 'it is empty'}).",
-            "There is nothing to make a session from.",
-            "Give the folder with the scanner's recording and the receiver's log, or the files themselves.",
-            code="no-recording",
-        )
+        raise InputError("no-recording", path=path, names=", ".join(names) or "it is empty")
     return found
 
 

@@ -59,12 +59,8 @@ def find_profiles(name: str | None, data: Path | None = None) -> list[Profile]:
         others += [path.name for path in here]
         found += [Profile(path, path / "QGIS" / f"{release}.ini") for path in here if path.name == wanted]
     if not found:
-        there = f"Profiles: {', '.join(dict.fromkeys(others))}." if others else "This user has no QGIS profile yet."
         raise InputError(
-            f"QGIS profile {name or 'default'!r} not found. {there}",
-            "The plugin was not installed.",
-            "Start QGIS once, name another profile with --profile, or give a plugins folder with --plugins-folder.",
-            code="no-qgis-profile",
+            "no-qgis-profile", name=name or "default", others_list=", ".join(dict.fromkeys(others)) if others else None
         )
     return found
 
@@ -81,12 +77,7 @@ def install_plugin(plugins: Path) -> Path:
     """
     target = plugins / PLUGIN
     if target.is_symlink() or (target.exists() and not _is_plugin(target)):
-        raise RefusedError(
-            f"{target} exists, but is not the furrowmap plugin.",
-            "It was not replaced, and the plugin was not installed.",
-            "Move it away, or give another folder with --plugins-folder.",
-            code="exists",
-        )
+        raise RefusedError("exists.install-plugin", target=target)
     unfinished, old = (plugins / f".{PLUGIN}.{suffix}" for suffix in ("new", "old"))
     plugins.mkdir(parents=True, exist_ok=True)
     try:

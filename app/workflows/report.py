@@ -41,12 +41,7 @@ def write_report_page(
     try:
         page = source.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{source} cannot be read ({error}).",
-            "The report is written again from that page.",
-            "Give the folder of a run, or run the session again.",
-            code="result-unreadable",
-        ) from None
+        raise InputError("result-unreadable", source=source, error=error) from None
     page = in_language(page, language or language_of_user(language_of(page)))
     page = filled_in(page, area_unit) if area_unit is not None else page
     target = Path(out) if out is not None else source.with_suffix(".pdf" if pdf else ".html")

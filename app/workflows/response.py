@@ -129,19 +129,9 @@ def response(
 
 def _days(texts: Sequence[str], tables: int) -> list[dt.date | None]:
     if texts and len(texts) != tables:
-        raise UsageError(
-            f"{tables} tables and {len(texts)} days.",
-            "Each table is of a flight on a day.",
-            "State --day once for each table, in their order.",
-            code="response-days",
-        )
+        raise UsageError("response-days", tables=tables, texts=len(texts))
     if tables > 1 and len(set(texts)) != tables:
-        raise UsageError(
-            f"{tables} tables need as many different days.",
-            "Growth is the change between two days.",
-            "State --day once for each table, such as --day 2017-05-23.",
-            code="response-days",
-        )
+        raise UsageError("response-days.days", tables=tables)
     return [day_of(text) for text in texts] or [None] * tables
 
 
@@ -171,7 +161,7 @@ def _variance(
     try:
         return analysis_of_variance(table.value[known], [str(labels[k]) for k in known], blocks)
     except InputError as error:
-        notices.append(Notice("variance-missing", f"{error.what} {error.remedy}"))
+        notices.append(Notice("variance-missing", what=error.what, remedy=error.remedy))
         return None
 
 

@@ -154,12 +154,7 @@ def _expect_space(folder: Path, opened: OpenSession) -> None:
     there = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())
     free = shutil.disk_usage(there).free
     if needed > free:
-        raise RefusedError(
-            f"{folder} has {free / 1e9:.2f} GB of free space; the run needs at least {needed / 1e9:.2f} GB.",
-            "It would end on a full disk after long work, so it did not start.",
-            "Free some space, or choose a folder on another disk with -o.",
-            code="disk-space",
-        )
+        raise RefusedError("disk-space", folder=folder, free=free / 1e9, needed=needed / 1e9)
 
 
 def _refuse_original(folder: Path, session_file: Path) -> None:
@@ -169,12 +164,7 @@ def _refuse_original(folder: Path, session_file: Path) -> None:
         RefusedError: if it would.
     """
     if session_file.resolve() in {(folder / name).resolve() for name in RUN_PRODUCTS}:
-        raise RefusedError(
-            f"{folder} contains {session_file.name} itself.",
-            "The run writes its own file of that name, which would replace yours.",
-            "Choose another folder with -o.",
-            code="output-is-input",
-        )
+        raise RefusedError("output-is-input.refuse-original", folder=folder, session_file=session_file.name)
 
 
 def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> list[FileRecord] | None:
@@ -203,12 +193,7 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
     except (OSError, ValueError, LookupError, TypeError, AttributeError):
         same = False
     if not same:
-        raise RefusedError(
-            f"{folder} holds {', '.join(there)} of another recording.",
-            "Their report names other recordings, so they were not replaced.",
-            "Choose another folder with -o, or replace them with --overwrite.",
-            code="output-exists",
-        )
+        raise RefusedError("output-exists.refuse-foreign", folder=folder, there=", ".join(there))
     return inputs
 
 

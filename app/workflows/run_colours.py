@@ -164,11 +164,7 @@ class RunColours:
         pixels, balance = self.colours.pixels, self.colours.balance
         coloured, unseen, left_out = self._counts.tolist()
         if coloured + unseen and not coloured:
-            text = (
-                "No point has a colour: no image shows any of them. Check [camera] xyz_m and rpy_deg (`furrowmap "
-                "frames`) and the times of the images."
-            )
-            self._notices.append(Notice("nothing-coloured", text))
+            self._notices.append(Notice("nothing-coloured"))
         return ColourFigures(
             int(pixels.usable.sum()),
             coloured,

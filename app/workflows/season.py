@@ -150,20 +150,10 @@ def season(
 def _content(settings: SeasonSettings) -> tuple[str, ...]:
     unknown = [name for name in settings.content if name not in CONTENTS]
     if unknown:
-        raise UsageError(
-            f"{unknown[0]!r} is no content of a season.",
-            "Nothing was written.",
-            f"Choose from {', '.join(CONTENTS)}.",
-            code="usage",
-        )
+        raise UsageError("usage.content", unknown=unknown[0], contents=", ".join(CONTENTS))
     content = tuple(settings.content) or CONTENTS
     if content != (MOSAICS,) and find_spec("pyarrow") is None:
-        raise RefusedError(
-            "GeoParquet is written by pyarrow, which is not installed.",
-            "Nothing was written.",
-            'Install it: pip install "furrowmap[parquet]"; or write the mosaics alone.',
-            code="extra-missing",
-        )
+        raise RefusedError("extra-missing")
     return content
 
 
@@ -194,12 +184,7 @@ def _make(due: Sequence[tuple[str, Any]], told: dict[str, Any], force: Workforce
 
 
 def _lost(name: str) -> FurrowmapError:
-    return FurrowmapError(
-        f"{name}: the worker process ended {ATTEMPTS} times.",
-        "It was killed, for want of memory in most cases, or a library crashed; the season was not written.",
-        "Use fewer workers, or leave the result out.",
-        code="season-worker-lost",
-    )
+    return FurrowmapError("season-worker-lost", name=name, attempts=ATTEMPTS)
 
 
 def _put_record(staging: Path, parts: Mapping[str, Planned], told: Mapping[str, Any]) -> None:

@@ -100,20 +100,11 @@ def find_sessions(sources: Sequence[Path], out: Path) -> tuple[list[SeasonSessio
     sessions.sort(key=lambda session: (session.span[1], session.name))
     heights = sorted({session.heights for session in sessions})
     if len(heights) > 1:
-        raise RefusedError(
-            f"The sessions have several height systems: {', '.join(heights)}.",
-            "Their heights may differ by tens of metres.",
-            "Run the sessions with the same heights, or make a season for each height system.",
-            code="season-heights",
-        )
+        raise RefusedError("season-heights", heights=", ".join(heights))
     notices = []
     if ties:
         used = sum(session.folder in moved for session in sessions)
-        text = (
-            f"Of {used} of {len(sessions)} sessions the surface as its tie moved it was taken; "
-            "points and trajectories are as measured."
-        )
-        notices.append(Notice("season-ties", text))
+        notices.append(Notice("season-ties", used=used, sessions=len(sessions)))
     return sessions, notices
 
 
@@ -130,10 +121,11 @@ def season_crs(sessions: Sequence[SeasonSession], wanted: CRS | None) -> tuple[C
             continue
         if wanted is None:
             raise RefusedError(
-                f"{sessions[-1].folder} is in {name_of(crs)}, {session.folder} in {name_of(session.crs)}.",
-                "A season has one CRS.",
-                "Choose it with --dst-crs.",
-                code="season-crs",
+                "season-crs",
+                folder=sessions[-1].folder,
+                crs=name_of(crs),
+                session_folder=session.folder,
+                crs_2=name_of(session.crs),
             )
         (west, south, _), (east, north, _) = session.report["figures"]["bounds_m"]
         change = crs_change(session.crs, crs, (west, south, east, north))
@@ -200,19 +192,9 @@ def _expect_different(sessions: Sequence[SeasonSession]) -> None:
     for session in sessions:
         other = places.setdefault(session.name.casefold(), session.folder)
         if other != session.folder:
-            raise InputError(
-                f"{other} and {session.folder} contain results of the same session, '{session.name}'.",
-                "A season has each session once.",
-                "Name one folder for each session.",
-                code="session-twice",
-            )
+            raise InputError("session-twice.expect-different", other=other, folder=session.folder, session=session.name)
 
 
 def _nothing(source: Path) -> InputError:
     exists = source.is_dir()
-    return InputError(
-        f"{source} {'holds no result of a run' if exists else 'does not exist'}.",
-        "A season is made of results: folders with a report.json.",
-        "Name the folder of results of a `furrowmap batch`, or the folders that runs wrote.",
-        code="season-nothing",
-    )
+    return InputError("season-nothing", source=source, exists=bool(exists))

@@ -34,12 +34,7 @@ def simulate(
     folder = Path(out)
     recover(folder)
     if not overwrite and folder.is_dir() and any(folder.iterdir()):
-        raise RefusedError(
-            f"{folder} is not empty.",
-            "A simulation would replace files in it, so nothing was done.",
-            "Give another folder with -o, or replace the files with --overwrite.",
-            code="exists",
-        )
+        raise RefusedError("exists.simulate", folder=folder)
     described = demo_scenario(str(scenario)) if str(scenario) in PACKAGED else load_scenario(Path(scenario))
     with staged_folder(folder) as staging, naming(folder):
         made = simulator.simulate(described, staging, progress)

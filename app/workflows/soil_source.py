@@ -45,11 +45,7 @@ def soil_file(source: str | Path) -> Path | None:
     if not path.is_file():
         names = ", ".join(IN_FOLDER)
         raise InputError(
-            f"{path} {f'has none of {names}' if path.is_dir() else 'is not there'}.",
-            "The soil below the crop is unknown.",
-            "Give a surface or terrain model (GeoTIFF), a cloud of the bare soil, the folder of a result, or one of "
-            f"{', '.join(SOIL_METHODS)}.",
-            code="soil-missing",
+            "soil-missing", path=path, is_path=bool(path.is_dir()), names=names, soil_methods=", ".join(SOIL_METHODS)
         )
     return path
 

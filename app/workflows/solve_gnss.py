@@ -94,12 +94,7 @@ def solve_gnss(
     """
     program = shutil.which(PROGRAM)
     if program is None:
-        raise FurrowmapError(
-            f"{PROGRAM} is not installed: no such program in PATH.",
-            "RTKLIB computes positions from raw observations; furrowmap does not.",
-            "Install RTKLIB (Debian, Ubuntu: `apt install rtklib`), or post-process elsewhere and use the .pos file.",
-            code="no-rtklib",
-        )
+        raise FurrowmapError("no-rtklib")
     rover, base = Path(rover), Path(base)
     for path, kind in ((rover, "O"), (base, "O"), *((Path(name), "NGLHPJC") for name in navigation)):
         _expect_rinex(path, kind)
@@ -138,34 +133,25 @@ def _expect_rinex(path: Path, kinds: str) -> None:
     line = look(path).data.partition(b"\n")[0].decode("latin-1").rstrip("\r")
     wanted = "observations" if kinds == "O" else "navigation messages"
     if line[60:].startswith("CRINEX VERS"):
-        what, remedy = "is compressed by Hatanaka's method", f"Unpack it with `crx2rnx {path.name}`."
-    elif not line[60:].startswith("RINEX VERSION"):
-        what = "is not a RINEX file"
-        remedy = "Convert the receiver's own log to RINEX, as with RTKLIB's `convbin`, and give that file."
-    elif line[20:21].upper() not in kinds:
-        what, remedy = f"is a RINEX file, but not of {wanted}", "Give the files in the order ROVER BASE NAV."
-    else:
-        return
-    raise InputError(f"{path} {what}.", f"{PROGRAM} needs {wanted} there.", remedy, code="not-rinex")
+        raise InputError("not-rinex.hatanaka", path=path, name=path.name, program=PROGRAM, wanted=wanted)
+    if not line[60:].startswith("RINEX VERSION"):
+        raise InputError("not-rinex.other", path=path, program=PROGRAM, wanted=wanted)
+    if line[20:21].upper() not in kinds:
+        raise InputError("not-rinex.order", path=path, program=PROGRAM, wanted=wanted)
 
 
 def _base_position(base: Path, settings: SolveSettings) -> tuple[list[str], tuple[Notice, ...]]:
     """Options with the position of the base, and what is uncertain about it."""
     if settings.base is not None:
         return ["-l", *(f"{value:.10f}" for value in settings.base)], ()
-    advice = "Positions are off by as much as it is: state the base's own with --base-position."
     found = _APPROXIMATE.search(look(base).data)
     try:
         xyz = [float(part) for part in found.groups()] if found is not None else [0.0]
     except ValueError:
         xyz = [0.0]
     if sum(value**2 for value in xyz) < LEAST_RADIUS_M**2:
-        text = (
-            f"{base.name} states no position: the mean of the base's own single positions is used, to metres. {advice}"
-        )
-        return [], (Notice("base-position-assumed", text),)
-    text = f"The base's position is the approximate one in {base.name}, to decimetres or metres. {advice}"
-    return ["-r", *(f"{value:.4f}" for value in xyz)], (Notice("base-position-assumed", text),)
+        return [], (Notice("base-position-assumed.base-position", base=base.name),)
+    return ["-r", *(f"{value:.4f}" for value in xyz)], (Notice("base-position-assumed", base=base.name),)
 
 
 def _solution(path: Path, done: subprocess.CompletedProcess[bytes], rover: Path) -> GnssTrack:
@@ -182,9 +168,4 @@ def _solution(path: Path, done: subprocess.CompletedProcess[bytes], rover: Path)
             fault = "it wrote no position"
     said = [line for line in re.split(r"[\r\n]+", done.stderr.decode("utf-8", "replace")) if line.strip()]
     words = fault or (said[-1].strip()[:200] if said else f"it ended with status {done.returncode}")
-    raise InputError(
-        f"{rover}: {PROGRAM} solved no position ({words}).",
-        "Rover, base and navigation messages have no time or no satellites in common, or too few for a solution.",
-        "Check with `rnx2rtkp` or RTKPLOT that the three files cover the same hours.",
-        code="gnss-unsolved",
-    )
+    raise InputError("gnss-unsolved", rover=rover, words=words)

@@ -130,12 +130,7 @@ def ground_method(stated: GroundMethod | Literal["auto"], spooled: SpooledClouds
         InputError: if by the files' classes, and they have none.
     """
     if stated == "class" and not spooled.ground_count:
-        raise InputError(
-            "Ground by 'class': no point of the clouds has the class 2, ground.",
-            "The files have not been classified, or their ground points are not selected.",
-            "Choose --ground-method smrf.",
-            code="no-ground-class",
-        )
+        raise InputError("no-ground-class.ground-method")
     if stated == "auto":
         return "class" if spooled.classified else "smrf"
     return stated
@@ -146,9 +141,8 @@ def _mostly_empty(grid: Grid, points: int) -> list[Notice]:
     cells = grid.rows * grid.columns
     if cells < MANY_CELLS or points >= SPARSE_SHARE * cells:
         return []
-    text = (
-        f"{points:,} points lie in a grid of {grid.columns:,} x {grid.rows:,} = {cells:,} cells of {grid.cell_m:g} m, "
-        "so most cells will be empty and the work takes minutes. Use larger cells (--cell, or omit it to choose them "
-        "by point density), a box (--bbox), or remove points that lie far from the others."
-    )
-    return [Notice("cells-mostly-empty", text)]
+    return [
+        Notice(
+            "cells-mostly-empty", points=points, columns=grid.columns, rows=grid.rows, cells=cells, cell_m=grid.cell_m
+        )
+    ]

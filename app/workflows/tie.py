@@ -128,12 +128,7 @@ def tie(
     """
     folder = Path(out)
     if len(results) < (2 if settings.reference is None else 1):
-        raise UsageError(
-            f"{len(results)} result to tie.",
-            "A tie needs two dates, or a date and a reference.",
-            "Give the folders of two results or more, or --reference.",
-            code="usage",
-        )
+        raise UsageError("usage.tie", results=len(results))
     refuse_occupied(folder, (TIE, TIE_REPORT, TIE_PAGE), "surfaces", overwrite=overwrite)
     dates = sorted((dated_surface(open_result(Path(each))) for each in results), key=lambda date: date.start)
     _expect_alike(dates)
@@ -157,12 +152,7 @@ def _expect_alike(dates: Sequence[DatedSurface]) -> None:
         for surface in (date.after, date.before):
             same = same_map(surface.crs, first.after.crs) and heights_of(surface.crs) == heights_of(first.after.crs)
             if not same or surface.grid is None or surface.cell_m != first.after.cell_m:
-                raise RefusedError(
-                    f"{surface.path} has another CRS, height system or cell size than {first.after.path}.",
-                    "Dates are compared cell by cell.",
-                    "Run the sessions with the same [crs], and give their folders again.",
-                    code="tie-crs",
-                )
+                raise RefusedError("tie-crs", surface=surface.path, after=first.after.path)
 
 
 def _opened(dates: list[DatedSurface], settings: TieSettings, stack: ExitStack) -> _Work:
@@ -213,33 +203,31 @@ def _notices(work: _Work, net: Network, prior: FloatArray) -> list[Notice]:
     dates, first, found = work.dates, work.first, []
     alone = [date.name for k, date in enumerate(dates) if (net.group == net.group[first + k]).sum() == 1]
     if alone:
-        text = (
-            f"{len(alone)} of {len(dates)} dates are not tied ({', '.join(alone)}): they have no ground in common with "
-            "the others that no tool touched in between."
-        )
-        found.append(Notice("tie-none", text))
+        found.append(Notice("tie-none", alone=len(alone), dates=len(dates), alone_list=", ".join(alone)))
     if len(set(net.group.tolist())) > 1 + len(alone):
-        text = "The dates fall apart into groups that are not tied to each other; changes are computed within groups."
-        found.append(Notice("tie-groups", text))
+        found.append(Notice("tie-groups"))
     unknown = [date.name for date in dates if not date.work_known]
     if unknown:
-        text = f"Where the tool worked is unknown for {', '.join(unknown)}: its ground may have taken part in the ties."
-        found.append(Notice("tie-work-unknown", text))
+        found.append(Notice("tie-work-unknown", unknown=", ".join(unknown)))
     for (one, other), tension in net.tension.items():
         if tension > CONTRADICTED:
             names = (_name(work, one), _name(work, other))
-            text = f"The tie between {names[0]} and {names[1]} contradicts the others by {tension:.1f} of its sigmas."
-            found.append(Notice("tie-contradiction", text))
+            found.append(Notice("tie-contradiction", names=names[0], names_other=names[1], tension=tension))
     for (one, other), tied in work.ties.items():
         if tied.upright is not None and len(tied.upright.moved_m):
             moved, count = tied.upright.moved_m, len(tied.upright.used_m) + len(tied.upright.moved_m)
             east, north = np.median(moved, axis=0).tolist()
-            text = (
-                f"{len(moved)} of {count} pieces of walls and posts are elsewhere on {_name(work, other)} than on "
-                f"{_name(work, one)} (by about {east:.1f} m east, {north:.1f} m north): something moved. "
-                "They do not count."
+            found.append(
+                Notice(
+                    "tie-moved",
+                    moved=len(moved),
+                    count=count,
+                    work=_name(work, other),
+                    work_2=_name(work, one),
+                    east=east,
+                    north=north,
+                )
             )
-            found.append(Notice("tie-moved", text))
     unseen = [
         f"{_name(work, one)} and {_name(work, other)}"
         for one, other in work.ties
@@ -247,8 +235,7 @@ def _notices(work: _Work, net: Network, prior: FloatArray) -> list[Notice]:
         > UNSEEN_SHARE * np.hypot(prior[one], prior[other])[:2].max()
     ]
     if unseen:
-        text = f"The ground does not show the shift in place between {'; '.join(unseen)}: it is that of the positions."
-        found.append(Notice("tie-place", text))
+        found.append(Notice("tie-place", unseen="; ".join(unseen)))
     return found
 
 
@@ -336,9 +323,4 @@ def _moved(shape: BaseGeometry, mover: Mover) -> BaseGeometry:
 
 
 def _nothing_common(dates: Sequence[DatedSurface]) -> InputError:
-    return InputError(
-        f"No two of the {len(dates)} dates have ground in common that no tool touched in between.",
-        "They cannot be tied, and a change between them would be off by the errors of their positions.",
-        "Give results of one field that see the same unworked ground, such as headlands and edges, or a --reference.",
-        code="tie-nothing-common",
-    )
+    return InputError("tie-nothing-common", dates=len(dates))

@@ -73,12 +73,7 @@ def open_reference(
     file, first = surface_file(path), dates[0].after
     heights = {heights_of(surface.crs) for surface in (file, first)}
     if not same_map(file.crs, first.crs) or len(heights - {""}) > 1:
-        raise RefusedError(
-            f"{path} has another CRS or height system than {first.path}.",
-            "The dates cannot be moved onto it.",
-            "Convert it to the CRS and the heights of the sessions.",
-            code="tie-crs",
-        )
+        raise RefusedError("tie-crs.open-reference", path=path, first=first.path)
     grid = Grid.of_bounds(first.cell_m, bounds_m)
     surface = stack.enter_context(resampled(file, grid))
     sigma = np.full(6, _SURE)

@@ -139,8 +139,7 @@ def contradiction_notice(seen: Seen) -> Notice | None:
     if seen.lever_m is not None:
         x, y, z = seen.lever_m
         shown.append(f"scans agree better with the antenna at [{x:g}, {y:g}, {z:g}]")
-    text = f"These results contradict each other: {'; '.join(shown)}. {_LIKELY[cause]}"
-    return Notice("contradiction", f"{text} The standard deviations are enlarged.")
+    return Notice("contradiction.contradiction-notice", shown="; ".join(shown), likely=_LIKELY[cause])
 
 
 def _sway_in_words(sway: AntennaSway) -> str:
@@ -165,10 +164,11 @@ def clock_notice(stated_s: float, used_s: float, sigma_s: float) -> Notice:
     cause = named_offset(used_s)
     return Notice(
         "clock-offset",
-        f"The scanner's clock is {abs(used_s):.3f} s {'ahead of' if used_s > 0 else 'behind'} that of the positions"
-        f"{f' ({cause})' if cause else ''}, beyond what the session states: scans and positions agree with "
-        f"lidar_minus_gnss_s = {stated_s + used_s:.3f} (± {sigma_s:.3f} s), which is used. `furrowmap calibrate "
-        "--write` writes it into the session.",
+        used_s=abs(used_s),
+        is_used_s=used_s > 0,
+        cause=cause or None,
+        stated_s=stated_s + used_s,
+        sigma_s=sigma_s,
     )
 
 

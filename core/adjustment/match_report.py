@@ -23,20 +23,10 @@ from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.time_span import Span
 
 HEIGHT_REPORTED_M: Final = 0.05
-FACING_ASSUMED: Final = Notice(
-    "facing-assumed",
-    "The scans do not show which way the scanner faces: the ground has too little relief, and nothing upright stands "
-    "out. The yaw in [lidar] rpy_deg is assumed; were it wrong, the cloud would be turned about the vehicle, by "
-    "metres, which the standard deviations do not include.",
-)
+FACING_ASSUMED: Final = Notice("facing-assumed")
 
 
-LEVER_ASSUMED: Final = Notice(
-    "lever-assumed",
-    "Neither relief nor the vehicle's sway shows where the antenna stands: the lever arm in [antenna] xyz_m is "
-    "assumed. Were it wrong, the vehicle would be off by as much, and turned wherever it drives in curves, which the "
-    "standard deviations do not include.",
-)
+LEVER_ASSUMED: Final = Notice("lever-assumed")
 
 
 def match_notices(
@@ -61,26 +51,13 @@ def unheld_notices(unheld: Sequence[Span]) -> list[Notice]:
     if not unheld:
         return []
     total_s = sum(end_s - begin_s for begin_s, end_s in unheld)
-    return [
-        Notice(
-            "scans-not-held",
-            f"Scans of {total_s:.1f} s, the first from {iso_utc(unheld[0][0])}, are cut off by pauses of the scanner "
-            "where positions are missing or do not show the heading: nothing shows where they belong. They take no "
-            "part in scan matching; their poses come from the motion prior alone, with large standard deviations, or "
-            "are missing.",
-        )
-    ]
+    return [Notice("scans-not-held", total_s=total_s, unheld=iso_utc(unheld[0][0]))]
 
 
 def _gap_notices(adjusted: Adjusted) -> list[Notice]:
     """Gaps between positions that the scans did not bridge."""
     return [
-        Notice(
-            "gap-not-bridged",
-            f"From {iso_utc(gap.begin_s)} there are no positions for {gap.end_s - gap.begin_s:.0f} s, and the poses "
-            "matched into the gap from its two ends do not meet: the poses in it come from the motion prior alone, and "
-            "their standard deviations are large.",
-        )
+        Notice("gap-not-bridged", begin_s=iso_utc(gap.begin_s), end_s=gap.end_s - gap.begin_s)
         for gap in adjusted.unbridged
     ]
 
@@ -90,34 +67,13 @@ def mounting_notices(found: MountingCalibration, facing: Facing, stated: Mountin
     notices = []
     was, now = (", ".join(f"{angle:.2f}" for angle in m.rpy_deg) for m in (stated, used))
     if facing.offset_deg:
-        notices.append(
-            Notice(
-                "mounting-off",
-                f"The session states rpy_deg = [{was}] for the scanner, but the ground is consistent with [{now}], "
-                "which is used: the scanner faces another direction, or the vehicle drove in reverse all the time. "
-                "`furrowmap calibrate` writes it into the session.",
-            )
-        )
+        notices.append(Notice("mounting-off", was=was, now=now))
     elif used is not stated:
-        notices.append(
-            Notice(
-                "mounting-off",
-                f"The session states rpy_deg = [{was}] for the scanner, but the ground under the wheels is level and "
-                f"the vehicle travels straight ahead with [{now}], which is used. `furrowmap calibrate` writes it into "
-                "the session.",
-            )
-        )
+        notices.append(Notice("mounting-off.mounting-notices", was=was, now=now))
     if not facing.shown:
         notices.append(FACING_ASSUMED)
     if height_is_off(found):
-        notices.append(
-            Notice(
-                "mounting-height",
-                f"The vehicle's origin is {found.height_m:+.2f} m above the ground under the wheels: the scanner's "
-                "height in [lidar] xyz_m is off by that much. Heights of the cloud are not corrected for it; their "
-                "standard deviation includes it.",
-            )
-        )
+        notices.append(Notice("mounting-height", height_m=found.height_m))
     return notices
 
 

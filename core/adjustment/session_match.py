@@ -30,11 +30,7 @@ FIRST_SCANS: Final = 20
 """Scans that show how the ground lies."""
 CLOCK_ROUNDS: Final = 6
 """Clocks that are off are corrected at most so often, less one."""
-_UNSOLVED: Final = Notice(
-    "matching-unsolved",
-    "The scans were not matched: positions and ground do not determine a part of the drive, so that the normal "
-    "equations have no solution. The trajectory is that of GNSS alone.",
-)
+_UNSOLVED: Final = Notice("matching-unsolved")
 
 
 @dataclass(frozen=True)

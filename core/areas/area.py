@@ -77,12 +77,7 @@ def read_area(path: Path, target: CRS) -> Area:
     found = polygons_on_map(path, target, partial(_unreadable, path))
     faulty = [k for k, shape in enumerate(found.shapes, start=1) if not (shape.is_valid and shape.area > 0.0)]
     if faulty:
-        raise InputError(
-            f"{path}: polygon {faulty[0]} crosses itself, or has no area.",
-            "It is not clear what lies in it.",
-            "Correct it in a GIS (QGIS: Fix geometries).",
-            code="within-invalid",
-        )
+        raise InputError("within-invalid", path=path, faulty=faulty[0])
     parts = shapely.get_parts(np.array(found.shapes, object))
     return Area(path, tuple(parts))
 
@@ -96,19 +91,15 @@ def nothing_within(area: Area, what: str, at_m: tuple[float, float] | None) -> I
         at_m: easting and northing of some of them; None where there are none.
     """
     bounds = ", ".join(f"{end:.1f}" for end in area.bounds_m)
-    place = f"; they lie around {at_m[0]:.1f}, {at_m[1]:.1f}" if at_m is not None else ""
     return InputError(
-        f"{area.path}: none of {what} lies in its polygons (west, south, east, north: {bounds}){place}.",
-        "The polygons are of another place, or their coordinates are not in the CRS that the file states.",
-        "Name the right file, or state its CRS; GeoJSON has longitude before latitude.",
-        code="within-nothing",
+        "within-nothing",
+        area=area.path,
+        what=what,
+        bounds=bounds,
+        at_m=at_m[0] if at_m is not None else None,
+        at_m_other=at_m[1] if at_m is not None else None,
     )
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: {why}.",
-        "What lies in the polygons cannot be told from what does not.",
-        f"Provide polygons as {FORMATS}, or a CSV with one row per corner: id, e_m, n_m (or lon_deg, lat_deg).",
-        code="within-unreadable",
-    )
+    return InputError("within-unreadable", path=path, why=why, formats=FORMATS)

@@ -34,12 +34,7 @@ def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) 
         return given
     base, map_base = source.geodetic_crs, flat.geodetic_crs
     if base is None or map_base is None:
-        raise InputError(
-            f"{what}: its CRS {source.name} or that of the map, {flat.name}, is not tied to the earth.",
-            "The polygons cannot be placed on the map.",
-            "State a projected CRS of the site for both.",
-            code="polygons-crs",
-        )
+        raise InputError("polygons-crs", what=what, source=source.name, flat=flat.name)
     to_base = Transformer.from_crs(source, base.to_2d(), always_xy=True)
     to_map = Transformer.from_crs(map_base.to_2d(), flat, always_xy=True)
     round_earth = shapely.transform(given, lambda xy: np.column_stack(to_base.transform(*xy.T)))
@@ -48,12 +43,7 @@ def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) 
         _expect_modern((base, map_base), float(lon), float(lat), what)
     moved = shapely.transform(round_earth, lambda xy: np.column_stack(to_map.transform(*xy.T)))
     if not np.isfinite(shapely.get_coordinates(moved)).all():
-        raise InputError(
-            f"{what}: the coordinates lie at {lat:.4f}, {lon:.4f} (latitude, longitude): {flat.name} is not for there.",
-            "They are not those of a place on this map.",
-            "Name the right file, or state its CRS; GeoJSON has longitude before latitude.",
-            code="polygons-elsewhere",
-        )
+        raise InputError("polygons-elsewhere", what=what, lat=lat, lon=lon, flat=flat.name)
     return np.asarray(moved, object)
 
 
@@ -61,12 +51,7 @@ def _expect_modern(bases: tuple[CRS, CRS], lon_deg: float, lat_deg: float, what:
     for base in bases:
         shift_m = datum_shift_m(base, round(lon_deg, 1), round(lat_deg, 1))
         if shift_m is not None and shift_m > LARGEST_DATUM_SHIFT_M:
-            raise InputError(
-                f"{what}: the coordinates of {base.name} and of the other CRS differ by {shift_m:.0f} m.",
-                "The polygons would be shifted by that distance.",
-                "Export them from a GIS in the CRS of the map, which transforms the datum.",
-                code="polygons-datum",
-            )
+            raise InputError("polygons-datum", what=what, base=base.name, shift_m=shift_m)
 
 
 def _flat(crs: CRS) -> CRS:

@@ -257,11 +257,7 @@ def _free_fit(free: _Fitted, state: _State, begin: _State) -> FreeFit:
 def boresight_notices(found: Boresight | None, stated: Mounting) -> list[Notice]:
     """The mounting of a scanner on a vehicle with an IMU: used as found, or assumed as stated."""
     if found is None or not found.certain:
-        text = (
-            "The scans do not show how the scanner is mounted: too little smooth ground is seen at several times. The "
-            "session's [lidar] rpy_deg is used as it is; an error of 0.1° in it moves points by 2 cm at 10 m."
-        )
-        return [Notice("boresight-assumed", text)]
+        return [Notice("boresight-assumed")]
     return [*_angle_notices(found), *_other_notices(found, stated)]
 
 
@@ -271,12 +267,15 @@ def _angle_notices(found: Boresight) -> list[Notice]:
     angles, sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
         found.mounting.rpy_deg, found.sigma_deg
     ))  # fmt: skip
-    text = (
-        f"The scanner's mounting is off: ground seen at several times coincides to {1e3 * found.scatter_m[1]:.0f} mm "
-        f"instead of {1e3 * found.scatter_m[0]:.0f} mm with rpy_deg = [{angles}] (± {sigmas}° about the vehicle's "
-        "axes), which is used."
-    )
-    return [Notice("boresight-off", text)]
+    return [
+        Notice(
+            "boresight-off",
+            scatter_m=1e3 * found.scatter_m[1],
+            scatter_m_scaled=1e3 * found.scatter_m[0],
+            angles=angles,
+            sigmas=sigmas,
+        )
+    ]
 
 
 def _other_notices(found: Boresight, stated: Mounting) -> list[Notice]:
@@ -286,18 +285,16 @@ def _other_notices(found: Boresight, stated: Mounting) -> list[Notice]:
         place, sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
             found.mounting.xyz_m, found.free.sigma[PLACE].tolist()
         ))  # fmt: skip
-        text = (
-            f"The scanner's place is off: ground seen at several times shows xyz_m = [{place}] (± {sigmas} m), which "
-            "is used."
-        )
-        notices.append(Notice("lever-arm-off", text))
+        notices.append(Notice("lever-arm-off", place=place, sigmas=sigmas))
     if found.clock_used_s:
-        text = (
-            f"The scanner's clock is {1e3 * abs(found.clock_used_s):.1f} ms "
-            f"{'behind' if found.clock_used_s > 0.0 else 'ahead of'} that of the positions "
-            f"(± {1e3 * found.time_offset_s[1]:.1f} ms), by ground seen at several times: its times are corrected."
+        notices.append(
+            Notice(
+                "scanner-clock-off",
+                clock_used_s=1e3 * abs(found.clock_used_s),
+                is_clock_used_s=found.clock_used_s > 0.0,
+                time_offset_s=1e3 * found.time_offset_s[1],
+            )
         )
-        notices.append(Notice("scanner-clock-off", text))
     return notices
 
 

@@ -67,12 +67,7 @@ def check_product(
         RefusedError: if PROJ has no exact transformation between their CRS.
     """
     if not product.is_file():
-        raise InputError(
-            f"{product} {'is a folder' if product.is_dir() else 'is not there'}.",
-            "Nothing was checked.",
-            "Give a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF).",
-            code="no-such-file",
-        )
+        raise InputError("no-such-file", product=product, is_product=bool(product.is_dir()))
     with product.open("rb") as file:
         is_cloud = file.read(4) == SIGNATURE
     found = (
@@ -87,12 +82,13 @@ def check_product(
     accuracy = _accuracy(checks, stated, found.swath_key)
     if accuracy.vertical is None:
         raise InputError(
-            f"None of the {len(survey)} points in {points_file.name} lies where {product.name} has heights: "
-            f"{checks[0].name} {checks[0].why_not}.",
-            "Nothing was compared.",
-            _exchanged(survey, found.box_m)
-            or "Compare their locations in a GIS; state the CRS of the points with --crs if it differs.",
-            code="check-nowhere",
+            "check-nowhere",
+            count=len(survey),
+            points_file=points_file.name,
+            product=product.name,
+            first=checks[0].name,
+            why_not=checks[0].why_not,
+            swapped=_inside_if_swapped(survey, found.box_m) or None,
         )
     notices = [*found.notices, *accuracy_notices(checks, accuracy, class_m, targets=targets != "none")]
     if is_cloud:
@@ -100,16 +96,10 @@ def check_product(
     return Check("cloud" if is_cloud else "surface", found.crs, checks, accuracy, tuple(notices))
 
 
-def _exchanged(survey: SurveyedPoints, box: Box) -> str:
-    """Remedy for points that lie in the product once easting and northing are swapped; empty where none do."""
+def _inside_if_swapped(survey: SurveyedPoints, box: Box) -> int:
+    """Number of points that lie in the product once easting and northing are swapped."""
     north, east = survey.xyz_m[:, 0], survey.xyz_m[:, 1]
-    inside = (east >= box[0]) & (east <= box[2]) & (north >= box[1]) & (north <= box[3])
-    if not inside.any():
-        return ""
-    return (
-        f"With easting and northing swapped {int(inside.sum())} points lie in it: X is the northing in Japan's plane "
-        "coordinates. Name the columns n_m and e_m."
-    )
+    return int(((east >= box[0]) & (east <= box[2]) & (north >= box[1]) & (north <= box[3])).sum())
 
 
 def _accuracy(checks: tuple[PointCheck, ...], sigma_m: FloatArray, swath_key: SwathKey) -> Accuracy:

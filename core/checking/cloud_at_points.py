@@ -87,12 +87,7 @@ def _opened(product: Path, crs: pyproj.CRS | None) -> Clouds:
         if error.code != "crs-not-metres":
             raise
         if crs is None or {axis.unit_name for axis in crs.axis_info} != {"metre"}:
-            raise InputError(
-                error.lines[0],
-                "Points and returns are compared in metres.",
-                "State the CRS of the points with --crs, projected and in metres; the cloud is transformed to it.",
-                code="crs-not-metres",
-            ) from None
+            raise InputError("crs-not-metres.check", what=error.what) from None
     return open_clouds([product], crs, crs)
 
 

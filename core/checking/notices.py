@@ -24,11 +24,9 @@ LABELS: Final = {
 def precision_notices(precision: InternalPrecision, class_m: float | None) -> list[Notice]:
     """Notices about internal precision."""
     if precision.swath_key == "nothing":
-        nothing = "The points have neither times nor sources that separate swaths: internal precision is unknown."
-        return [Notice("check-swaths-unknown", nothing)]
+        return [Notice("check-swaths-unknown")]
     if not precision.swath_pairs:
-        once = "No point is covered by two swaths: their agreement is unknown."
-        return [Notice("check-swaths-single", once)]
+        return [Notice("check-swaths-single")]
     beyond = [
         f"{LABELS[name]} {verdict['found_m']:.3f} m of {verdict['limit_m']:.3g} m"
         for name, verdict in (precision.verdicts(class_m) if class_m is not None else {}).items()
@@ -36,8 +34,7 @@ def precision_notices(precision: InternalPrecision, class_m: float | None) -> li
     ]
     if not beyond or class_m is None:
         return []
-    apart = f"The internal precision of the cloud does not meet the class of {100 * class_m:g} cm: {', '.join(beyond)}."
-    return [Notice("check-precision", apart)]
+    return [Notice("check-precision", class_m=100 * class_m, beyond=", ".join(beyond))]
 
 
 def accuracy_notices(
@@ -49,36 +46,21 @@ def accuracy_notices(
     unused = [check for check in checks if check.why_not]
     if unused:
         reasons = "; ".join(f"{check.name} {check.why_not}" for check in unused[:3])
-        text = f"{len(unused)} of {len(checks)} points were not compared: {reasons}{'; …' if len(unused) > 3 else ''}."
-        notices.append(Notice("check-unused", text))
+        notices.append(
+            Notice("check-unused", unused=len(unused), checks=len(checks), reasons=reasons, more=len(unused) > 3)
+        )
     if accuracy.vertical.n < FEWEST:
-        text = (
-            f"{accuracy.vertical.n} points were compared; ASPRS (Edition 2, 2023) requires at least {FEWEST} for a "
-            "statement of accuracy."
-        )
-        notices.append(Notice("check-few", text))
+        notices.append(Notice("check-few", n=accuracy.vertical.n, fewest=FEWEST))
     if not np.isfinite(accuracy.vertical.survey_m):
-        text = (
-            "The accuracy of the points is not stated (columns sigma_e_m, sigma_n_m, sigma_h_m, or --points-sigma), so "
-            "the figures do not include it as the standard requires."
-        )
-        notices.append(Notice("check-survey-unknown", text))
+        notices.append(Notice("check-survey-unknown"))
     elif class_m is not None and accuracy.vertical.survey_m > 0.5 * class_m:
-        coarse = (
-            f"The heights of the points are accurate to {accuracy.vertical.survey_m:.3f} m; the standard requires "
-            f"points twice as accurate as the class of {100 * class_m:g} cm."
-        )
-        notices.append(Notice("check-survey-coarse", coarse))
+        notices.append(Notice("check-survey-coarse", survey_m=accuracy.vertical.survey_m, class_m=100 * class_m))
     for name, part in (("height", accuracy.vertical), ("easting", accuracy.easting), ("northing", accuracy.northing)):
         if part is not None and part.biased:
-            cause = "look for its cause"
-            if name == "height" and abs(part.mean_m) > GEOID_M:
-                cause = "check whether both heights are ellipsoidal or both above sea level"
-            text = f"The mean error in {name} is {part.mean_m:+.3f} m, more than scatter explains: {cause}."
-            notices.append(Notice("check-bias", text))
+            geoid = name == "height" and abs(part.mean_m) > GEOID_M
+            notices.append(Notice("check-bias", name=name, mean_m=part.mean_m, geoid=geoid))
     if targets:
         found = sum(bool(np.isfinite(check.found_m[0])) for check in checks)
         if found < len(checks):
-            text = f"At {len(checks) - found} of {len(checks)} points no disc was found."
-            notices.append(Notice("check-targets", text))
+            notices.append(Notice("check-targets", checks=len(checks) - found, checks_count=len(checks)))
     return notices

@@ -109,19 +109,9 @@ def pairs_of_files(
         RefusedError: if PROJ has no exact transformation.
     """
     if crs is None and any(in_degrees(path) for path in (measured, surveyed)):
-        raise InputError(
-            f"{measured.name} and {surveyed.name}: longitudes and latitudes, without a CRS.",
-            "Differences in metres need a plane.",
-            "Give a projected CRS with --crs, such as that of the session.",
-            code="pairs-need-crs",
-        )
+        raise InputError("pairs-need-crs", measured=measured.name, surveyed=surveyed.name)
     if crs is None and within is not None:
-        raise InputError(
-            f"{within}: polygons, without a CRS of the points.",
-            "The polygons cannot be placed among them.",
-            "Give the CRS of the points with --crs, such as that of the session.",
-            code="pairs-need-crs",
-        )
+        raise InputError("pairs-need-crs.pairs-of-files", within=within)
     target = crs if crs is not None else _PLANE
     chosen = survey_of(surveyed, target, SurveyOptions(within=within))
     return paired(read_points(measured, target), chosen, measured, surveyed)
@@ -136,21 +126,11 @@ def paired(one: SurveyedPoints, other: SurveyedPoints, measured: Path, surveyed:
     for points, path in ((one, measured), (other, surveyed)):
         name, count = Counter(points.name).most_common(1)[0]
         if count > 1:
-            raise InputError(
-                f"{path} names the point {name!r} {count} times.",
-                "Points are paired by their names.",
-                "Give each point a name of its own.",
-                code="pairs-repeated",
-            )
+            raise InputError("pairs-repeated", path=path, name=name, count=count)
     there = {name: k for k, name in enumerate(one.name)}
     chosen = [k for k, name in enumerate(other.name) if name in there]
     if not chosen:
-        raise InputError(
-            f"{measured} and {surveyed} have no point of the same name.",
-            f"Points are paired by their names, such as {one.name[0]!r} and {other.name[0]!r}.",
-            "Give the points of both the same names.",
-            code="pairs-none",
-        )
+        raise InputError("pairs-none", measured=measured, surveyed=surveyed, one=one.name[0], other=other.name[0])
     names = tuple(other.name[k] for k in chosen)
     return PairedPoints(
         names,

@@ -48,9 +48,4 @@ def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = Su
 
 
 def _no_surface(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path} {why}.",
-        "Surveyed points cannot be compared with it.",
-        "Give a cloud (LAS, LAZ, COPC) or a surface with a CRS (GeoTIFF).",
-        code="check-product",
-    )
+    return InputError("check-product", path=path, why=why)

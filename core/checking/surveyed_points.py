@@ -112,11 +112,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     whole = np.isfinite(xyz).all(axis=1)
     if not whole.any():
         raise _unreadable(path, "has no point with easting, northing and height")
-    notices = (
-        []
-        if whole.all()
-        else [Notice("points-incomplete", f"{path.name}: {int((~whole).sum())} points have no full coordinates.")]
-    )
+    notices = [] if whole.all() else [Notice("points-incomplete", path=path.name, whole=int((~whole).sum()))]
     xyz = xyz[whole]
     kept, sigma = np.flatnonzero(whole), np.column_stack([columns[f"sigma_{k}"] for k in "xyh"])[whole]
     names = tuple(str(columns["name"][k]) for k in kept)
@@ -217,12 +213,7 @@ def _expect_same_heights(path: Path, source: pyproj.CRS, target: pyproj.CRS) -> 
     kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in (source, target)]
     if None in kinds or kinds[0] == kinds[1]:
         return
-    raise RefusedError(
-        f"{path} has heights in '{kinds[0]}', the product in '{kinds[1]}'.",
-        "They may differ by tens of metres, so nothing was compared.",
-        "Run the session with `[crs] heights` of the points, or convert the points to the heights of the product.",
-        code="check-heights",
-    )
+    raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
 
 
 def _flat(crs: pyproj.CRS) -> pyproj.CRS:
@@ -230,10 +221,4 @@ def _flat(crs: pyproj.CRS) -> pyproj.CRS:
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path} {why}.",
-        "Nothing was compared.",
-        "Give a CSV with the columns name, e_m, n_m, h_m (or lon_deg, lat_deg, h_m), or a GeoPackage of points with "
-        "heights.",
-        code="points-unreadable",
-    )
+    return InputError("points-unreadable", path=path, why=why)

@@ -27,12 +27,7 @@ def dose_name(parcels: Sequence[Parcel], stated: str | None = None) -> str | Non
     if stated is not None:
         found = next((name for name in numbers if name.casefold() == stated.casefold()), None)
         if found is None:
-            raise InputError(
-                f"No parcel has a number under {stated!r}.",
-                "There is no dose to respond to.",
-                f"Columns with numbers: {', '.join(numbers) or 'none'}.",
-                code="dose-unknown",
-            )
+            raise InputError("dose-unknown", stated=stated, numbers=", ".join(numbers) or "none")
         return found
     return next((name for word in _DOSES for name in numbers if word in name.casefold()), None)
 

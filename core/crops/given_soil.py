@@ -67,11 +67,7 @@ class GivenSoil:
         """A warning where nothing shows the offset."""
         if math.isfinite(self.offset_sigma_m):
             return []
-        text = (
-            f"{self.name} and the points have no bare soil in common near the parcels. Its heights are used as they "
-            "are, and the standard deviations of the crop's heights are unknown."
-        )
-        return [Notice("soil-not-aligned", text)]
+        return [Notice("soil-not-aligned", name=self.name)]
 
 
 def given_soil(raster: SoilRaster, parcels: Sequence[Parcel], near: Mapping[str, SoilCells]) -> GivenSoil:

@@ -88,9 +88,4 @@ def _names(table: SurveyTable) -> str:
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: {why}.",
-        "Without figures of parcels there is no response.",
-        f"Give the parcels.csv of a run, or a CSV or spreadsheet with the columns id, block and {MEASURE}.",
-        code="parcel-table-unreadable",
-    )
+    return InputError("parcel-table-unreadable", path=path, why=why)

@@ -71,11 +71,11 @@ def read_parcels(
         parcels.append(Parcel(found.id, found.shape, inner, None if block is None else label(block), rest))
     if small:
         raise InputError(
-            f"{path}: nothing is left of {listed(small, 'parcel')} after {net_inset_m[0]:g} m off each end and "
-            f"{net_inset_m[1]:g} m off each side.",
-            "Without a net parcel there are no figures.",
-            "Reduce net_inset_m (metres: off each end, off each side), or correct the parcels.",
-            code="parcels-inset",
+            "parcels-inset",
+            path=path,
+            small=listed(small, "parcel"),
+            net_inset_m=net_inset_m[0],
+            net_inset_m_other=net_inset_m[1],
         )
     return tuple(parcels)
 
@@ -89,14 +89,7 @@ def elsewhere_error(path: Path, points: int, box_m: tuple[float, float, float, f
         box_m: west, south, east, north of the parcels and what surrounds them.
     """
     within = ", ".join(f"{end:.1f}" for end in box_m)
-    return InputError(
-        f"{path}: none of {points:,} points lies in or around its parcels ({within}).",
-        "The parcels are of another place, or their coordinates are not in the CRS that the file states; or the points "
-        "have other classes.",
-        "Name the right file, or state its CRS; GeoJSON has longitude before latitude. `furrowmap inspect` shows the "
-        "extent and classes of the points.",
-        code="parcels-elsewhere",
-    )
+    return InputError("parcels-elsewhere", path=path, points=points, within=within)
 
 
 def _scale(gross: Sequence[_Found], target: CRS) -> float:
@@ -130,12 +123,12 @@ def _identifiers(path: Path, attributes: Sequence[Mapping[str, Any]]) -> list[st
     nameless = [str(k) for k, name in enumerate(names, start=1) if not name]
     repeated = [name for name, count in Counter(names).items() if count > 1 and name]
     if nameless or repeated:
-        fault = f"{listed(nameless, 'polygon')} without one" if nameless else f"{listed(repeated, 'identifier')} twice"
         raise InputError(
-            f"{path}: the column {column} has {fault}.",
-            "Treatments and figures could not be told apart.",
-            "Give each parcel an identifier of its own.",
-            code="parcels-identifiers",
+            "parcels-identifiers",
+            path=path,
+            column=column,
+            nameless_list=listed(nameless, "polygon") if nameless else None,
+            repeated=listed(repeated, "identifier") if not (nameless) else None,
         )
     return names
 
@@ -168,12 +161,7 @@ def _valid(path: Path, names: Sequence[str], shapes: Sequence[BaseGeometry]) -> 
     ]
     for faulty, fault in ((several, "several parts"), (crossed, "a ring that crosses itself, or no area")):
         if faulty:
-            raise InputError(
-                f"{path}: {listed(faulty, 'parcel')} with {fault}.",
-                "It is not clear what belongs to the parcel.",
-                "Correct the polygons in a GIS (QGIS: Fix geometries, Multipart to singleparts).",
-                code="parcels-invalid",
-            )
+            raise InputError("parcels-invalid", path=path, faulty=listed(faulty, "parcel"), fault=fault)
     return [shape for shape in shapes if isinstance(shape, shapely.Polygon)]
 
 
@@ -181,10 +169,7 @@ def _expect_same(path: Path, gross: Sequence[str], net_path: Path, nets: Mapping
     missing = [name for name in gross if name not in nets] + [name for name in nets if name not in gross]
     if missing:
         raise InputError(
-            f"{path} and {net_path}: {listed(missing, 'identifier')} in only one of the files.",
-            "Gross and net parcels belong together by their identifiers.",
-            "Correct the identifiers, or leave the net parcels out and state net_inset_m.",
-            code="parcels-identifiers",
+            "parcels-identifiers.expect-same", path=path, net_path=net_path, missing=listed(missing, "identifier")
         )
 
 
@@ -195,9 +180,4 @@ def listed(names: Sequence[str], what: str) -> str:
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: {why}.",
-        "Without parcels there are no figures of them.",
-        f"Provide polygons as {FORMATS}, or a CSV with one row per corner: id, e_m, n_m (or lon_deg, lat_deg).",
-        code="parcels-unreadable",
-    )
+    return InputError("parcels-unreadable", path=path, why=why, formats=FORMATS)

@@ -85,13 +85,10 @@ def plot_grid(
         along = base / max(scale * measured, 1e-12)
         length_m = grid.length_m if grid.length_m is not None else (measured - gaps_m) / grid.columns
         if length_m <= 0.0:
-            raise _refused(f"The corners are {measured:.2f} m apart, and the alleys alone take {gaps_m:.2f} m.")
+            raise InputError("plots-grid.alleys", measured=measured, gaps_m=gaps_m)
         needed = grid.columns * length_m + gaps_m
         if abs(needed - measured) > CLOSE_M:
-            text = (
-                f"The corners are {measured:.2f} m apart; plots and alleys take {needed:.2f} m from the first corner."
-            )
-            notices.append(Notice("plots-baseline", text))
+            notices.append(Notice("plots-baseline", measured=measured, needed=needed))
     else:
         assert azimuth_deg is not None
         assert grid.length_m is not None
@@ -143,19 +140,10 @@ def _numbered(grid: PlotGrid, plots: list[tuple[int, int, shapely.Polygon]]) -> 
 
 def _check(grid: PlotGrid, end_m: FloatArray | None, azimuth_deg: float | None) -> None:
     if (end_m is None) == (azimuth_deg is None):
-        raise _refused("The direction of the base line is stated " + ("twice." if end_m is not None else "nowhere."))
+        raise InputError("plots-grid.direction", twice=end_m is not None)
     if end_m is None and grid.length_m is None:
-        raise _refused("The length of a plot is not stated, and without the end of the base line it does not follow.")
+        raise InputError("plots-grid.length")
     if grid.by_block and grid.block is None:
-        raise _refused("Numbers begin anew in each block, but there are no blocks.")
+        raise InputError("plots-grid.blocks")
     if grid.rows * grid.columns > LARGEST:
-        raise _refused(f"The grid has {grid.rows * grid.columns:,} plots, more than {LARGEST:,}.")
-
-
-def _refused(what: str) -> InputError:
-    return InputError(
-        what,
-        "The plots of the grid are not known.",
-        "State the first corner, and either the end of the base line or its azimuth and the length of a plot.",
-        code="plots-grid",
-    )
+        raise InputError("plots-grid.many", plots=grid.rows * grid.columns, largest=LARGEST)

@@ -92,10 +92,4 @@ def open_soil_raster(path: Path, target: CRS, box_m: tuple[float, float, float, 
 
 
 def _no_soil(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path} {why}.",
-        "The soil below the crop is unknown.",
-        "Give a surface or terrain model with a CRS (GeoTIFF), or a cloud of the bare soil (LAS, LAZ, COPC), or leave "
-        "--soil out: then it is that around the parcels.",
-        code="soil-unusable",
-    )
+    return InputError("soil-unusable", path=path, why=why)

@@ -65,24 +65,14 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
         raise _unreadable(path, f"no rows under a column id or treatment (its columns: {_names(table)})")
     columns = _Columns.of(path, table, column)
     if columns.dated and day is None:
-        raise InputError(
-            f"{path}: doses have dates, and the day of the flight is not known.",
-            "It is not clear which doses the crop had received.",
-            "State the day: `--day 2017-05-23`.",
-            code="treatments-day",
-        )
+        raise InputError("treatments-day", path=path)
     rows: dict[str, dict[str, Attribute]] = {}
     for k, cell in enumerate(table.columns[column]):
         key = _label(cell)
         if not key:
             raise _unreadable(path, f"line {table.lines[k]} has no {column}")
         if key in rows and not columns.by_row:
-            raise InputError(
-                f"{path}, line {table.lines[k]}: {column} {key} is there twice.",
-                "It is not clear which treatment counts.",
-                "Keep one row, or add a column date if the rows are doses at different days.",
-                code="treatments-twice",
-            )
+            raise InputError("treatments-twice", path=path, lines=table.lines[k], column=column, key=key)
         rows[key] = columns.merged(rows.get(key), k, day)
     return Treatments(path, TREATMENT if column == TREATMENT else "id", rows)
 
@@ -100,10 +90,10 @@ def with_treatments(parcels: Sequence[Parcel], treatments: Treatments) -> tuple[
     if unknown:
         what = "parcel" if treatments.by == "id" else TREATMENT
         raise InputError(
-            f"{treatments.path}: {listed(unknown, what)} that the parcels do not have.",
-            "Table and parcels are of different trials, or identifiers are written differently.",
-            f"The parcels have {', '.join(list(dict.fromkeys(keys))[:5])}, …: correct the table.",
-            code="treatments-unknown",
+            "treatments-unknown",
+            path=treatments.path,
+            unknown=listed(unknown, what),
+            keys=", ".join(list(dict.fromkeys(keys))[:5]),
         )
     done = tuple(
         _treated(parcel, treatments.rows[key]) if key in treatments.rows else parcel
@@ -112,8 +102,7 @@ def with_treatments(parcels: Sequence[Parcel], treatments: Treatments) -> tuple[
     bare = [parcel.id for parcel, key in zip(parcels, keys, strict=True) if key not in treatments.rows]
     notices = list(treatments.notices)
     if bare:
-        text = f"{treatments.path.name} has no treatment for {listed(bare, 'parcel')}."
-        notices.append(Notice("treatments-missing", text))
+        notices.append(Notice("treatments-missing", treatments=treatments.path.name, bare=listed(bare, "parcel")))
     return done, notices
 
 
@@ -126,12 +115,7 @@ def day_of(text: str | None) -> dt.date | None:
     try:
         return dt.date.fromisoformat(text) if text is not None else None
     except ValueError:
-        raise UsageError(
-            f"The day {text!r} is no date.",
-            "Doses are summed up to the day of the flight.",
-            "Write it as 2017-05-23.",
-            code="usage",
-        ) from None
+        raise UsageError("usage.day-of", text=text) from None
 
 
 def _treated(parcel: Parcel, row: Mapping[str, Attribute]) -> Parcel:
@@ -234,9 +218,4 @@ def _names(table: SurveyTable) -> str:
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: {why}.",
-        "Without treatments there is no response to them.",
-        "Provide a CSV or spreadsheet with the columns id (of the parcel), treatment, and doses such as n_kg_ha.",
-        code="treatments-unreadable",
-    )
+    return InputError("treatments-unreadable", path=path, why=why)

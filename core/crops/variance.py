@@ -83,12 +83,7 @@ def analysis_of_variance(
         from statsmodels.formula.api import ols
         from statsmodels.stats.anova import anova_lm
     except ImportError:
-        raise InputError(
-            "The analysis of variance is made by statsmodels, which is not installed.",
-            "There is no analysis of variance; the curve needs none.",
-            "Install it with `pip install 'furrowmap[trials]'`.",
-            code="extra-missing",
-        ) from None
+        raise InputError("extra-missing.analysis-of-variance") from None
     names = list(dict.fromkeys(treatment))
     blocked = block is not None and len(set(block)) > 1
     table = pd.DataFrame({"value": value, "treatment": list(treatment), "block": list(block or [""] * len(value))})

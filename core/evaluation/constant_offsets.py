@@ -26,32 +26,18 @@ def offset_notices(error_m: FloatArray, test: str, reference: str) -> list[Notic
     horizontal = error_m[:, :2]
     distance = float(np.median(np.hypot(*horizontal.T)))
     if distance > ELSEWHERE_M:
-        text = (
-            f"{test} lies {distance:,.0f} m from {reference} in the median: the logs are of different places, or the "
-            "coordinates of one are wrong."
-        )
-        return [Notice("not-the-same-place", text)]
+        return [Notice("not-the-same-place", test=test, distance=distance, reference=reference)]
     if not error_m[np.isfinite(error_m)].any():
-        return [
-            Notice("same-positions", f"{test} and {reference} hold the same positions: there is nothing to evaluate.")
-        ]
+        return [Notice("same-positions", test=test, reference=reference)]
     notices = []
     east, north = horizontal.mean(axis=0)
     length, scatter = float(np.hypot(east, north)), float(np.hypot(*horizontal.std(axis=0)))
     if length > max(LEAST_M, SIGMAS * scatter):
         way = compass_direction(float(east), float(north))
-        constant = (
-            f"{test} has a constant offset of {length:.3f} m to the {way} of {reference}, with a scatter of "
-            f"{scatter:.3f} m "
-            "about it: the cause is another frame or epoch (CLAS, MADOCA and PPP give coordinates of the day) or "
-            "another antenna (--antenna-offset), not an error of the receiver."
+        notices.append(
+            Notice("constant-offset", test=test, length=length, way=way, reference=reference, scatter=scatter)
         )
-        notices.append(Notice("constant-offset", constant))
     up = error_m[np.isfinite(error_m[:, 2]), 2]
     if len(up) and abs(up.mean()) > max(GEOID_M, SIGMAS * up.std()):
-        high = (
-            f"The heights of {test} and {reference} differ by a constant {up.mean():+.2f} m: one log has ellipsoidal "
-            "heights, the other heights above sea level."
-        )
-        notices.append(Notice("heights-apart", high))
+        notices.append(Notice("heights-apart", test=test, reference=reference, up=up.mean()))
     return notices

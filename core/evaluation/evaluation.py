@@ -87,14 +87,13 @@ def evaluate(
     """
     for track in (test, reference):
         if not len(track):
-            raise _nothing(f"{track.source}: it has no positions.")
+            raise InputError("nothing-to-compare.empty", source=track.source)
     found = match(test, reference, antenna_offset_m=antenna_offset_m, max_gap_s=max_gap_s)
     certain = np.isin(found.reference_fix, (Fix.FIXED, Fix.MANUAL, Fix.SIMULATED))
     kept = certain if fixed_reference_only else np.ones(len(found), bool)
     left_out = int(np.sum(~kept))
     if not kept.any():
-        why = "the reference is never fixed" if left_out else "no heading is known to rotate the antenna offset"
-        raise _nothing(f"{test.source}: {why}.")
+        raise InputError("nothing-to-compare.unmatched", source=test.source, unfixed=left_out > 0)
     found = _part(found, kept)
     fix, error = test.fix[found.epoch], found.error_m
     outlier = outliers(error, fix)
@@ -146,43 +145,27 @@ def _part(found: Matched, kept: NDArray[np.bool_]) -> Matched:
 def _notices(test: GnssTrack, reference: GnssTrack, found: Matched, certain: NDArray[np.bool_]) -> list[Notice]:
     notices = []
     if not certain.all():
-        text = (
-            f"{reference.source} has no fixed position at {np.mean(~certain):.1%} of the compared epochs: there "
-            "the differences include its errors. --reference-fix fixed skips those epochs."
-        )
-        notices.append(Notice("reference-not-fixed", text))
+        notices.append(Notice("reference-not-fixed", source=reference.source, certain=np.mean(~certain)))
     if found.without_heading:
-        text = f"{found.without_heading} epochs are skipped: no heading is known to rotate the antenna offset."
-        notices.append(Notice("heading-unknown", text))
+        notices.append(Notice("heading-unknown.epochs", without_heading=found.without_heading))
     if not np.isfinite(found.error_m[:, 2]).any():
-        notices.append(
-            Notice("no-heights", "One of the logs has no ellipsoidal heights, so there are no 3D and Z figures.")
-        )
+        notices.append(Notice("no-heights"))
     error_m = found.interpolation_m[1]
     if found.interpolated.any() and error_m > 0.1 * np.sqrt(np.mean(np.sum(found.error_m[:, :2] ** 2, axis=1))):
-        text = (
-            f"{np.mean(found.interpolated):.0%} of the epochs lie between those of {reference.source}. Interpolating "
-            f"every other epoch of it gives errors up to {error_m:.3f} m (95 %). Use a reference with a higher rate."
+        notices.append(
+            Notice(
+                "interpolation-coarse",
+                interpolated=np.mean(found.interpolated),
+                source=reference.source,
+                error_m=error_m,
+            )
         )
-        notices.append(Notice("interpolation-coarse", text))
     if len(found) < FEW:
-        text = f"Only {len(found)} epochs were compared: too few for meaningful averages and percentiles."
-        notices.append(Notice("few-epochs", text))
+        notices.append(Notice("few-epochs", found=len(found)))
     notices += offset_notices(found.error_m, test.source, reference.source)
     covered = len(found) / len(test)
     if covered < 0.5:
-        text = (
-            f"Only {covered:.0%} of the positions in {test.source} were compared ({found.outside} lie outside the "
-            f"time span of the reference, {found.in_gaps} in its gaps)."
+        notices.append(
+            Notice("half-compared", covered=covered, source=test.source, outside=found.outside, in_gaps=found.in_gaps)
         )
-        notices.append(Notice("half-compared", text))
     return notices
-
-
-def _nothing(what: str) -> InputError:
-    return InputError(
-        what,
-        "There is no epoch at which the two logs can be compared.",
-        "Run `furrowmap inspect` on both logs and compare their times, gaps and fixes.",
-        code="nothing-to-compare",
-    )

@@ -309,15 +309,7 @@ class _Curve:
 def _apart(test: GnssTrack, reference: GnssTrack, in_gaps: int) -> InputError:
     spans = [f"{iso_utc(float(track.t_s[0]))} to {iso_utc(float(track.t_s[-1]))}" for track in (test, reference)]
     if in_gaps:
-        return InputError(
-            f"{reference.source}: all {in_gaps} epochs of {test.source} lie in its gaps.",
-            "Positions are compared at equal times only, and gaps are not interpolated.",
-            "If the reference has such long intervals, raise the limit with --max-gap SECONDS.",
-            code="reference-gaps",
-        )
+        return InputError("reference-gaps", source=reference.source, in_gaps=in_gaps, test_source=test.source)
     return InputError(
-        f"{test.source} ({spans[0]}) and {reference.source} ({spans[1]}) have no time in common.",
-        "Positions are compared at equal times.",
-        "Give logs of the same drive; run `furrowmap inspect` on both to compare their clocks.",
-        code="no-time-in-common",
+        "no-time-in-common", source=test.source, spans=spans[0], reference_source=reference.source, spans_other=spans[1]
     )

@@ -90,20 +90,10 @@ def _place(text: str) -> tuple[float, float, float] | None:
         return None
     found = PLACE.fullmatch(text)
     if found is None:
-        raise InputError(
-            f"{text!r} is neither a file nor a place.",
-            "A place is LAT,LON,HEIGHT: degrees, degrees, metres above the ellipsoid, with decimal points.",
-            "Write it as 35.339325776,139.522173128,65.712.",
-            code="bad-place",
-        )
+        raise InputError("bad-place", text=text)
     lat, lon, height = (float(number) for number in found.groups())
     if abs(lat) > 90.0 or abs(lon) > 360.0:
-        raise InputError(
-            f"{text!r}: there is no latitude {lat:g}°, longitude {lon:g}°.",
-            "A place is LAT,LON,HEIGHT: degrees, degrees, metres above the ellipsoid.",
-            "Check the order: latitude comes first.",
-            code="bad-place",
-        )
+        raise InputError("bad-place.place", text=text, lat=lat, lon=lon)
     return lat, lon, height
 
 
@@ -111,8 +101,7 @@ def _with_date(error: InputError) -> InputError:
     """The error with the remedy of this command, which has an option where a session has a key."""
     if error.code != "no-date":
         return error
-    what, meaning, _ = error.lines
-    return InputError(what, meaning, "Give the UTC date of its first position: --date YYYY-MM-DD.", code=error.code)
+    return InputError("no-date.receiver", what=error.what, meaning=error.meaning)
 
 
 def _track(paths: Sequence[Path], options: ReadOptions) -> tuple[GnssTrack, list[Notice]]:
@@ -122,22 +111,12 @@ def _track(paths: Sequence[Path], options: ReadOptions) -> tuple[GnssTrack, list
         return reader.track(), reader.notices
     if isinstance(reader, GivesPoses):
         return _of_poses(reader.poses()), reader.notices
-    raise InputError(
-        f"{paths[0]}: {reader.title} holds no positions of a receiver.",
-        "There is nothing to compare.",
-        "Give a GNSS log, a trajectory in geographic coordinates, or LAT,LON,HEIGHT of a stationary antenna.",
-        code="no-positions",
-    )
+    raise InputError("no-positions", paths=paths[0], title=reader.title)
 
 
 def _of_poses(poses: PoseTrack) -> GnssTrack:
     if poses.projected:
-        raise InputError(
-            f"{poses.source}: its positions are map coordinates without a stated CRS.",
-            "They cannot be compared with longitudes and latitudes.",
-            "Give the trajectory with the columns lon_deg, lat_deg, h_m.",
-            code="trajectory-projected",
-        )
+        raise InputError("trajectory-projected", source=poses.source)
     return GnssTrack.build(
         poses.t_s,
         source=poses.source,

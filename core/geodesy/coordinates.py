@@ -134,15 +134,12 @@ def transform_poses(track: PoseTrack, frame: MapFrame) -> tuple[PoseTrack, Trans
     if track.projected:
         en = track.position[:, :2]
         if bool(((np.abs(en) <= (180.0, 90.0)) & (np.ptp(en, axis=0) < DEGREES_OF_A_DRIVE)).all()):
-            degrees = (
-                f"{track.source} has eastings and northings such as {en[0, 0]:.6g}, {en[0, 1]:.6g}: if these are "
-                "degrees, name the columns lon_deg and lat_deg."
+            return track, TransformSummary(
+                notices=(Notice("coordinates-look-like-degrees", source=track.source, en=en[0, 0], en_2=en[0, 1]),)
             )
-            return track, TransformSummary(notices=(Notice("coordinates-look-like-degrees", degrees),))
         if frame.parameters is None and frame.heights.vertical is None:
             return track, UNCHANGED
-        unmoved = f"{track.source} has coordinates of the map itself: they were not transformed."
-        return track, TransformSummary(notices=(Notice("coordinates-of-the-map", unmoved),))
+        return track, TransformSummary(notices=(Notice("coordinates-of-the-map", source=track.source),))
     lon, lat, height, done = _transform(frame, track.t_s, *track.position.T)
     return replace(track, position=np.column_stack([lon, lat, height])), done
 
@@ -189,28 +186,16 @@ def _unused_heights(frame: MapFrame) -> list[Notice]:
     if frame.unused is None:
         return []
     code = name_of(frame.unused)
-    beside = (
-        f"The CRS of the map includes heights ({frame.unused.name}), but heights stay ellipsoidal, tens of metres off: "
-        f'write `heights = "{code}"` under [crs] to convert them.'
-    )
-    return [Notice("heights-not-asked-for", beside)]
+    return [Notice("heights-not-asked-for", unused=frame.unused.name, code=code)]
 
 
 def _epoch_notices(frame: MapFrame, t_s: FloatArray) -> list[Notice]:
     """Notices of parameters without a year, and of a stated epoch far from that of the recording."""
     if frame.parameters is not None and frame.parameters.holds_s is None:
-        unchecked = (
-            f"The name of {frame.parameters.name} does not include its fiscal year, so it was not checked against the "
-            "date of the recording."
-        )
-        return [Notice("epoch-unchecked", unchecked)]
+        return [Notice("epoch-unchecked", parameters=frame.parameters.name)]
     recorded = 1970.0 + float(np.median(t_s)) / YEAR_S
     if frame.stated is not None and abs(frame.stated.epoch - recorded) > EPOCH_APART:
-        apart = (
-            f"The stated epoch of the coordinates is {frame.stated.epoch:.10g}, but the recording was made in "
-            f"{recorded:.1f}: positions at the current epoch, as from PPP, would be of that epoch."
-        )
-        return [Notice("epoch-apart", apart)]
+        return [Notice("epoch-apart", epoch=frame.stated.epoch, recorded=recorded)]
     return []
 
 
@@ -220,12 +205,7 @@ def _of_today(frame: MapFrame, track: GnssTrack) -> list[Notice]:
     if not by_ppp or frame.parameters is not None or frame.stated is not None:
         return []
     service = track.service.upper() or "PPP"
-    said = (
-        f"{track.source} has positions by {service}, which are at the current epoch, but they are used in {frame.name} "
-        "as recorded. Maps refer to an epoch years ago, since when the ground in Japan has moved by decimetres: unless "
-        "the receiver corrects for that, set `coordinates` under [crs]."
-    )
-    return [Notice("epoch-of-the-day", said)]
+    return [Notice("epoch-of-the-day", source=track.source, service=service, frame=frame.name)]
 
 
 def _expect_year(frame: MapFrame, t_s: FloatArray) -> None:
@@ -236,11 +216,12 @@ def _expect_year(frame: MapFrame, t_s: FloatArray) -> None:
     if holds is None or (holds[0] <= t_s[0] and t_s[-1] < holds[1]):
         return
     raise InputError(
-        f"{parameters.name} is valid from {iso_utc(holds[0])} to {iso_utc(holds[1])}; the positions are from "
-        f"{iso_utc(t_s[0])} to {iso_utc(t_s[-1])}.",
-        "The ground moves by centimetres a year; parameters of another time would leave that in the map.",
-        "Use the file for the date of the recording; the fiscal year of SemiDyna begins on 1 April.",
-        code="epoch-out-of-range",
+        "epoch-out-of-range",
+        parameters=parameters.name,
+        holds=iso_utc(holds[0]),
+        holds_other=iso_utc(holds[1]),
+        t_s=iso_utc(t_s[0]),
+        t_s_last=iso_utc(t_s[-1]),
     )
 
 
@@ -251,11 +232,12 @@ def _expect_geoid(frame: MapFrame, lon_deg: FloatArray, lat_deg: FloatArray, geo
         return
     k = int(np.flatnonzero(missing)[0])
     raise InputError(
-        f"{frame.heights.name} has no geoid at {lat_deg[k]:.5f}, {lon_deg[k]:.5f} (latitude, longitude), nor at "
-        f"{int(missing.sum()) - 1} more of {len(geoid_m)} positions.",
-        "Heights above it cannot be computed there.",
-        'Choose a model that covers the site, or write `heights = "ellipsoidal"`.',
-        code="geoid-outside",
+        "geoid-outside",
+        heights=frame.heights.name,
+        lat_deg=lat_deg[k],
+        lon_deg=lon_deg[k],
+        missing=int(missing.sum()) - 1,
+        geoid_m=len(geoid_m),
     )
 
 
@@ -264,22 +246,25 @@ def _mixed(frame: MapFrame, t_s: FloatArray, lon_deg: float, lat_deg: float) -> 
     belongs = JAPAN.get(frame.heights.name)
     if belongs is None:
         return []
-    if frame.stated is not None:
-        results, why = None, f"coordinates are those of {frame.stated.name}"
-    elif frame.parameters is not None and frame.parameters.holds_s is not None:
-        results = "JGD2024" if frame.parameters.holds_s[0] >= JGD2024_SINCE_S else "JGD2011"
-        why = f"{frame.parameters.name} leads to {results}"
-    else:
-        results = "JGD2024" if float(np.median(t_s)) >= JGD2024_SINCE_S else "JGD2011"
-        why = f"network corrections in Japan were in {results} at the time of the recording"
+    stated = frame.stated.name if frame.stated is not None else None
+    holds_s = frame.parameters.holds_s if frame.parameters is not None else None
+    at_s = holds_s[0] if holds_s is not None else float(np.median(t_s))
+    results = None if stated is not None else "JGD2024" if at_s >= JGD2024_SINCE_S else "JGD2011"
     if results == belongs:
         return []
     base = frame.crs.geodetic_crs or frame.crs
     here = np.array([lon_deg]), np.array([lat_deg])
     both = [float(height_system(name, base).geoid_m(*here)[0]) for name in JAPAN]
-    mixed = (
-        f"{frame.heights.name} applies to ellipsoidal heights in {belongs}, but {why}. "
-        f"{' and '.join(JAPAN)} differ by {100.0 * abs(both[0] - both[1]):.1f} cm here, the possible error of heights"
-        + (", besides vertical ground motion since that epoch." if results is None else ".")
-    )
-    return [Notice("epoch-and-geoid", mixed)]
+    return [
+        Notice(
+            "epoch-and-geoid",
+            heights=frame.heights.name,
+            belongs=belongs,
+            stated=stated,
+            parameters=frame.parameters.name if frame.parameters is not None and holds_s is not None else None,
+            results=results,
+            geoids=" and ".join(JAPAN),
+            apart_cm=100.0 * abs(both[0] - both[1]),
+            moved=results is None,
+        )
+    ]

@@ -46,12 +46,7 @@ class CrsChange:
         try:
             moved_x, moved_y = self.transformer.transform(x, y, errcheck=True)
         except ProjError as error:
-            raise RefusedError(
-                f"Some coordinates lie outside the domain of {name_of(self.target)} ({error}).",
-                "They would be infinite, so nothing was written.",
-                "Choose a CRS for the site.",
-                code="crs-change-outside",
-            ) from None
+            raise RefusedError("crs-change-outside", target=name_of(self.target), error=error) from None
         return np.asarray(moved_x, np.float64), np.asarray(moved_y, np.float64)
 
     def points(self, xy: FloatArray) -> FloatArray:
@@ -63,10 +58,16 @@ class CrsChange:
         """Of a transformation with a poor or unstated accuracy."""
         if self.accuracy_m is not None and self.accuracy_m <= LOOSE_M:
             return ()
-        known = "without a stated accuracy" if self.accuracy_m is None else f"accurate to {self.accuracy_m:g} m"
-        between = f"{name_of(self.source)} to {name_of(self.target)}"
-        text = f"The datum transformation from {between} is {known} ({self.words})."
-        return (Notice("crs-change-loose", text),)
+        return (
+            Notice(
+                "crs-change-loose",
+                source=name_of(self.source),
+                target=name_of(self.target),
+                has_accuracy_m=self.accuracy_m is not None,
+                accuracy_m=self.accuracy_m if self.accuracy_m is not None else None,
+                words=self.words,
+            ),
+        )
 
 
 def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, float]) -> CrsChange:
@@ -93,19 +94,10 @@ def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, floa
     if missing:
         needed = "; ".join(dict.fromkeys(grid.short_name for grid in missing[0].grids if not grid.available))
         raise RefusedError(
-            f"The transformation from {name_of(source)} to {name_of(target)} here is '{missing[0].name}', whose grid "
-            f"({needed}) is not installed.",
-            "Without it PROJ would silently return the coordinates unchanged.",
-            "Put the grid into the PROJ data folder (`projsync` downloads free ones), or keep the CRS of the session.",
-            code="crs-change-grid",
+            "crs-change-grid", source=name_of(source), target=name_of(target), missing=missing[0].name, needed=needed
         )
     if not group.transformers:
-        raise RefusedError(
-            f"PROJ has no transformation from {name_of(source)} to {name_of(target)} at this site.",
-            "A ballpark transformation could be off by hundreds of metres.",
-            "Choose another CRS.",
-            code="crs-change-unknown",
-        )
+        raise RefusedError("crs-change-unknown", source=name_of(source), target=name_of(target))
     best = group.transformers[0]
     accuracy_m = best.accuracy if best.accuracy is not None and best.accuracy >= 0 else None
     if source.geodetic_crs == target.geodetic_crs:
@@ -128,19 +120,10 @@ def crs_of(text: str | CRS) -> CRS:
     try:
         crs = CRS.from_user_input(text).to_2d()
     except CRSError as error:
-        raise _unknown(f"PROJ does not know the CRS {text!r} ({error}).") from None
+        raise InputError("crs-unknown.target", text=text, error=error) from None
     if not (crs.is_projected or crs.is_geographic):
-        raise _unknown(f"{text!r} is not a horizontal CRS, but a {crs.type_name}.")
+        raise InputError("crs-unknown.not-horizontal", text=text, type_name=crs.type_name)
     return crs
-
-
-def _unknown(what: str) -> InputError:
-    return InputError(
-        what,
-        "Coordinates cannot be transformed to it.",
-        'Write an EPSG code such as "EPSG:4326", or a WKT text.',
-        code="crs-unknown",
-    )
 
 
 def _better(accuracy_m: float, group: TransformerGroup) -> bool:

@@ -24,19 +24,7 @@ def check_datum(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: flo
         return []
     apart = datum_shift_m(base, round(lon_deg, 1), round(lat_deg, 1))
     if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
-        raise RefusedError(
-            f"{name} is based on {base.name}, whose coordinates differ by {apart:.0f} m from satellite positions at "
-            f"{lat_deg:.4f}, {lon_deg:.4f} (latitude, longitude).",
-            "Using recorded positions in it would shift everything by that distance.",
-            "Set `[crs] map` to a CRS on a current datum (`furrowmap init` proposes one) and transform the products "
-            "with `furrowmap export --dst-crs`; or state the datum, if your network corrects to it: "
-            f'`coordinates = "{base.name}@2026.4"`.',
-            code="crs-datum",
-        )
+        raise RefusedError("crs-datum", name=name, base=base.name, apart=apart, lat_deg=lat_deg, lon_deg=lon_deg)
     if base.name == "JGD2000" and time_s > JGD2000_UNTIL_S:
-        text = (
-            f"{name} is based on JGD2000, but positions recorded since October 2011 are in JGD2011. They are used as "
-            "they are; where the earthquake of that year moved the ground, the two differ by up to 5 m."
-        )
-        return [Notice("datum-superseded", text)]
+        return [Notice("datum-superseded", name=name)]
     return []

@@ -119,10 +119,7 @@ def _vertical(name: str) -> CRS:
         crs = None
     if crs is None or not crs.is_vertical or crs.is_compound:
         raise InputError(
-            f"`crs.heights` is {name!r}, which is neither a known geoid model nor a vertical CRS.",
-            "The reference of the heights is unknown.",
-            f'Write "{ELLIPSOIDAL}", {", ".join(JAPAN)}, {", ".join(VERTICAL)}, or a vertical CRS such as "EPSG:5703".',
-            code="heights-unknown",
+            "heights-unknown", name=name, ellipsoidal=ELLIPSOIDAL, japan=", ".join(JAPAN), vertical=", ".join(VERTICAL)
         )
     return crs
 
@@ -131,24 +128,14 @@ def _from_grid(grid: Path) -> tuple[GeoidHeight, str]:
     """A grid of geoid heights, interpolated bilinearly by PROJ."""
     place = grid.resolve().as_posix()
     if any(sign in place for sign in ',"'):
-        raise InputError(
-            f"{grid}: PROJ cannot read a grid whose path contains a comma or a quotation mark.",
-            "Heights cannot be computed.",
-            "Rename the file or the folder.",
-            code="geoid-unreadable",
-        )
+        raise InputError("geoid-unreadable", grid=grid)
     try:
         shift = Transformer.from_pipeline(
             "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
             f'+step +proj=vgridshift +grids="{place}" +multiplier=1 +step +proj=unitconvert +xy_in=rad +xy_out=deg'
         )
     except ProjError as error:
-        raise InputError(
-            f"PROJ cannot read the geoid grid {grid} ({error}).",
-            "Heights cannot be computed.",
-            "Give a vertical grid in a format of the PROJ data packages (GeoTIFF, or GTX).",
-            code="geoid-unreadable",
-        ) from None
+        raise InputError("geoid-unreadable.from-grid", grid=grid, error=error) from None
     return _taken(shift, 1.0), f"the grid {grid.name}"
 
 
@@ -163,19 +150,8 @@ def _from_proj(name: str, vertical: CRS, base: CRS) -> tuple[GeoidHeight, str]:
         return _taken(best, -1.0), best.description
     needed = [grid.short_name for operation in group.unavailable_operations for grid in operation.grids]
     if needed:
-        raise RefusedError(
-            f"Heights of {name} need the grid {needed[0]}, which is not installed.",
-            "Without it PROJ would return ellipsoidal heights unchanged, tens of metres off.",
-            f'Put {needed[0]} next to the session and write `geoid_grid = "{needed[0]}"` under [crs], or put it into '
-            "the PROJ data folder (`projsync` downloads free ones).",
-            code="geoid-grid-missing",
-        )
-    raise RefusedError(
-        f"PROJ has no transformation from ellipsoidal heights of {base.name} to {vertical.name}.",
-        "A ballpark transformation could be off by tens of metres.",
-        "State the geoid grid under [crs] as `geoid_grid`, or choose other heights.",
-        code="geoid-unknown",
-    )
+        raise RefusedError("geoid-grid-missing", name=name, needed=needed[0])
+    raise RefusedError("geoid-unknown", base=base.name, vertical=vertical.name)
 
 
 def _taken(change: Transformer, sign: float) -> GeoidHeight:

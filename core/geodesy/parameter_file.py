@@ -131,11 +131,12 @@ class ParameterFile:
     def _outside(self, lon_deg: FloatArray, lat_deg: FloatArray, where: NDArray[np.bool_]) -> InputError:
         k = int(np.flatnonzero(where)[0])
         return InputError(
-            f"{self.name} has no parameters for {lat_deg[k]:.5f}, {lon_deg[k]:.5f} (latitude, longitude): "
-            f"{int(where.sum())} of {len(lon_deg)} positions lie outside its mesh.",
-            "The ground motion there is unknown, so nothing was transformed.",
-            "Use the complete official file for the site; there is none at sea and abroad.",
-            code="parameters-outside",
+            "parameters-outside",
+            name=self.name,
+            lat_deg=lat_deg[k],
+            lon_deg=lon_deg[k],
+            where=int(where.sum()),
+            lon_deg_count=len(lon_deg),
         )
 
 
@@ -213,9 +214,4 @@ def _kind(lines: list[str], head: int) -> str | None:
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: {why}.",
-        "It is not a parameter file for transforming coordinates.",
-        "Give an official .par file of the Geospatial Information Authority of Japan, such as SemiDyna2023.par.",
-        code="parameters-unreadable",
-    )
+    return InputError("parameters-unreadable", path=path, why=why)

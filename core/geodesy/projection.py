@@ -117,11 +117,14 @@ class MapFrame:
         inside_lon = east <= width + AREA_MARGIN_DEG or east >= 360.0 - AREA_MARGIN_DEG
         if not (inside_lon and area.south - AREA_MARGIN_DEG <= lat <= area.north + AREA_MARGIN_DEG):
             raise RefusedError(
-                f"The recording is at {lat:.4f}, {lon:.4f} (latitude, longitude); the area of use of {self.name} is "
-                f"{area.south:g} to {area.north:g}, {area.west:g} to {area.east:g}.",
-                "Outside its area of use a projection distorts lengths and areas.",
-                "Set `[crs] map` to a projected CRS of the site; `furrowmap init` proposes one.",
-                code="crs-outside-area",
+                "crs-outside-area",
+                lat=lat,
+                lon=lon,
+                name=self.name,
+                south=area.south,
+                north=area.north,
+                west=area.west,
+                east=area.east,
             )
 
     def scale(self, lon_deg: float, lat_deg: float) -> float:
@@ -138,12 +141,7 @@ class MapFrame:
             return
         scale = self.scale(*middle_deg(lon_deg, lat_deg))
         if abs(scale - 1.0) > SCALE_OFF:
-            raise RefusedError(
-                f"{self.name} has a scale of {scale:.4f} at the site of the recording.",
-                "Scans are in true metres, so the cloud would not fit its trajectory, and areas would be wrong.",
-                "Set `[crs] map` to a projected CRS of the site (UTM or a national one): see `furrowmap init`.",
-                code="crs-scale",
-            )
+            raise RefusedError("crs-scale", name=self.name, scale=scale)
 
 
 def scale_of(crs: CRS, lon_deg: float, lat_deg: float) -> float:
@@ -186,10 +184,7 @@ def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | 
     stated = stated_frame(crs.coordinates)
     if stated is None and crs.coordinates not in (AS_RECORDED, CURRENT_EPOCH):
         raise InputError(
-            f"`crs.coordinates` is {crs.coordinates!r}, which is not a known setting.",
-            "The frame of the recorded coordinates is unknown.",
-            f'Write "{AS_RECORDED}", "{CURRENT_EPOCH}" with a parameter file, or a frame and epoch: "itrf2020@2026.4".',
-            code="crs-coordinates",
+            "crs-coordinates", coordinates=crs.coordinates, as_recorded=AS_RECORDED, current_epoch=CURRENT_EPOCH
         )
     base = (stated.frame if stated is not None else flat.geodetic_crs) or flat
     heights = height_system(crs.heights, base, geoid_grid)
@@ -203,20 +198,12 @@ def _projected(crs: Crs) -> tuple[CRS, CRS | None]:
     try:
         whole = CRS.from_user_input(crs.map)
     except CRSError as error:
-        raise InputError(
-            f"`crs.map`: PROJ does not know the CRS {crs.map!r} ({error}).",
-            "Without the CRS of the map no point can be placed.",
-            'Write an EPSG code such as "EPSG:6677", or a WKT text.',
-            code="crs-unknown",
-        ) from None
+        raise InputError("crs-unknown.projected", map=crs.map, error=error) from None
     flat, *vertical = whole.sub_crs_list if whole.is_compound else [whole.to_2d()]
     units = {axis.unit_name for axis in flat.axis_info}
     if not flat.is_projected or units != {"metre"}:
         raise InputError(
-            f"`crs.map`: {crs.map} ({whole.name}) is in {' and '.join(sorted(units))}, not projected in metres.",
-            "Heights, distances and areas need a map in metres.",
-            "Choose a projected CRS of the site; `furrowmap init` proposes one.",
-            code="crs-not-projected",
+            "crs-not-projected.projected", map=crs.map, whole=whole.name, units=" and ".join(sorted(units))
         )
     return flat, vertical[0] if vertical else None
 
@@ -227,26 +214,10 @@ def _parameters(crs: Crs, flat: CRS, file: Path | None) -> ParameterFile | None:
         return None
     base = flat.geodetic_crs
     if base is None or not base.name.startswith(("JGD2011", "JGD2024")):
-        raise RefusedError(
-            f"No supported parameter file leads to the epoch of {crs.map} ({flat.name}).",
-            "Parameters between epochs are supported for Japan, to the epoch of JGD2011 and JGD2024.",
-            'Choose a CRS on JGD2011, or keep the frame of the receiver: `coordinates = "itrf2020@2026.4"`.',
-            code="epoch-map",
-        )
+        raise RefusedError("epoch-map", map=crs.map, flat=flat.name)
     if file is None:
-        raise RefusedError(
-            f'`crs.coordinates` is "{CURRENT_EPOCH}", but `crs.parameters` names no file.',
-            "Only the file holds the ground motion since the epoch of the map, which is decimetres.",
-            "Download the file for the fiscal year of the recording from the Geospatial Information Authority of Japan "
-            'and write `parameters = "SemiDyna2026.par"` under [crs]; or state frame and epoch: "itrf2020@2026.4".',
-            code="parameters-missing",
-        )
+        raise RefusedError("parameters-missing", current_epoch=CURRENT_EPOCH)
     found = read_parameters(file)
     if found.format not in BETWEEN_EPOCHS:
-        raise InputError(
-            f"{found.name} holds {found.format} parameters, which lead from one datum to another.",
-            "They do not include the steady ground motion since the epoch of the map.",
-            "Use the SemiDyna file for the fiscal year of the recording, or the POS2JGD file for its quarter.",
-            code="parameters-kind",
-        )
+        raise InputError("parameters-kind", found=found.name, format=found.format)
     return found

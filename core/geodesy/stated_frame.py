@@ -55,19 +55,11 @@ def stated_frame(text: str) -> StatedFrame | None:
         return None
     info = _frames().get(found[1].casefold())
     if info is None:
-        raise InputError(
-            f"`crs.coordinates` names the frame {found[1]!r}, which PROJ does not know.",
-            "The coordinates of the products could not be described.",
-            'Write a frame by its EPSG name, and the epoch: "ITRF2020@2026.4", "ITRF2014@2024.0", "JGD2011@2011.4".',
-            code="frame-unknown",
-        )
+        raise InputError("frame-unknown", found=found[1])
     epoch = float(found[2])
     if not FIRST_EPOCH <= epoch <= LAST_EPOCH:
         raise InputError(
-            f"`crs.coordinates` has the epoch {found[2]}.",
-            f"An epoch is a decimal year between {FIRST_EPOCH:g} and {LAST_EPOCH:g}.",
-            "Write the epoch of the coordinates, such as 2026.4 for the end of May 2026.",
-            code="epoch-out-of-range",
+            "epoch-out-of-range.stated-frame", found=found[2], first_epoch=FIRST_EPOCH, last_epoch=LAST_EPOCH
         )
     return StatedFrame(CRS.from_authority(info.auth_name, info.code), epoch)
 

@@ -212,12 +212,12 @@ def notices_beside(notices: tuple[Notice, ...], known: Known) -> tuple[Notice, .
 
 def unused(why: str) -> Notice:
     """The notice of images that do not aid the trajectory."""
-    return Notice("images-not-adjusted", f"The images do not aid the trajectory: {why}.")
+    return Notice("images-not-adjusted", why=why)
 
 
 def contradicting(why: str) -> Notice:
     """The notice of images that contradict what else is known, so that their colours would be wrong as well."""
-    return Notice(CONTRADICTING, f"The images are used neither for the trajectory nor for colours: {why}.")
+    return Notice(CONTRADICTING, why=why)
 
 
 def misstated(adjusted: AdjustedBlock, stated: Camera) -> list[Notice]:
@@ -225,28 +225,15 @@ def misstated(adjusted: AdjustedBlock, stated: Camera) -> list[Notice]:
     found = []
     late_s = adjusted.camera.shutter_delay_s - stated.shutter_delay_s
     if abs(late_s) > TOLD_SIGMAS * AS_STATED[3]:
-        text = (
-            f"The images were taken {abs(late_s):.3f} s {'after' if late_s > 0.0 else 'before'} the times stated for "
-            "them; that is used. State it as shutter_delay_s in [camera]."
-        )
-        found.append(Notice("camera-times-off", text))
+        found.append(Notice("camera-times-off", late_s=abs(late_s), is_late_s=late_s > 0.0))
     off_deg = float(np.linalg.norm(adjusted.correction_deg))
     if off_deg > np.degrees(TOLD_SIGMAS * AS_STATED[0]):
         angles = ", ".join(f"{angle:.2f}" for angle in adjusted.camera.rpy_deg)
-        text = f"The camera is mounted {off_deg:.1f}° off what [camera] states: rpy_deg is [{angles}]; that is used."
-        found.append(Notice("camera-mounting-off", text))
+        found.append(Notice("camera-mounting-off", off_deg=off_deg, angles=angles))
     if adjusted.tension > TOLD_TENSION:
-        text = (
-            f"The images find errors {adjusted.tension:.1f} times as large as GNSS and IMU leave open. Check fx and fy "
-            "in [camera]: with a focal length some percent off, colours are some pixels off."
-        )
-        found.append(Notice("camera-tension", text))
+        found.append(Notice("camera-tension", tension=adjusted.tension))
     if adjusted.sigma_px > TOLD_PX:
-        text = (
-            f"The images fit their poses to {adjusted.sigma_px:.1f} pixels only: the intrinsics in [camera] are not "
-            "those of the camera, or its shutter rolls. Colours are off by as much, or more."
-        )
-        found.append(Notice("camera-residuals", text))
+        found.append(Notice("camera-residuals", sigma_px=adjusted.sigma_px))
     return found
 
 
@@ -263,11 +250,16 @@ def _usable(images: Images, camera: Camera, trajectory: Trajectory, notices: lis
         fits[k] = image_size(images.paths[k]) == (camera.width, camera.height)
     if not fits[posed].all():
         first = images.paths[int(np.flatnonzero(posed & ~fits)[0])].name
-        text = (
-            f"{int((posed & ~fits).sum())} of {len(images)} images cannot be read or are not of {camera.width} × "
-            f"{camera.height} pixels, the first of them {first}: they take no part in the adjustment."
+        notices.append(
+            Notice(
+                "images-unreadable",
+                posed=int((posed & ~fits).sum()),
+                images=len(images),
+                width=camera.width,
+                height=camera.height,
+                first=first,
+            )
         )
-        notices.append(Notice("images-unreadable", text))
     chosen = np.flatnonzero(fits)
     return Images(tuple(images.paths[k] for k in chosen.tolist()), images.t_s[chosen], images.lon_lat_h[chosen])
 
@@ -312,11 +304,7 @@ def with_control(
     """The adjustment with control points; as it was where none is seen."""
     views = control_views(control, block, adjusted, images.paths)
     if views is None:
-        text = (
-            f"None of the {len(control.name)} control points is seen in two images: they take no part. Plates need "
-            "quadrants of black and white, 20 pixels wide or more; or state their places in `[camera] control_pixels`."
-        )
-        notices.append(Notice("control-points-unseen", text))
+        notices.append(Notice("control-points-unseen", control=len(control.name)))
         return adjusted, NOTHING_KNOWN
     ties, known = joined_views(adjusted.ties, *views)
     return adjusted_block(block, ties, known), known

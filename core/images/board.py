@@ -85,12 +85,7 @@ def expect_opencv() -> None:
         InputError: if it is not.
     """
     if find_spec("cv2") is None:
-        raise InputError(
-            "OpenCV is not installed.",
-            "Boards cannot be found in images without it.",
-            'Install the extra: pip install "furrowmap[photo]"',
-            code="extra-missing",
-        )
+        raise InputError("extra-missing.expect-opencv")
 
 
 def found_corners(image: NDArray[np.uint8], board: Board) -> FloatArray | None:
@@ -143,10 +138,7 @@ def board_poses(
     shown = [found for found in corners if found is not None]
     if len(shown) < (1 if camera is not None else FEWEST):
         raise RefusedError(
-            f"The board of {board.columns} x {board.rows} inner corners is in {len(shown)} of {len(corners)} frames.",
-            "So there is no attitude to be written.",
-            "Check --board, which counts inner corners, not squares; the whole board must be in view and sharp.",
-            code="board-not-found",
+            "board-not-found", columns=board.columns, rows=board.rows, shown=len(shown), corners=len(corners)
         )
     used = camera if camera is not None else _estimated(shown, board, size)
     poses: list[_Pose] = []
@@ -234,14 +226,12 @@ def board_notices(found: BoardPoses, count: int) -> list[Notice]:
     notices = []
     if len(found.frame) < count:
         missing = count - len(found.frame)
-        text = f"The board is not in {missing} of {count} frames; the mount has no attitude at their times."
-        notices.append(Notice("board-not-in-frames", text))
+        notices.append(Notice("board-not-in-frames", missing=missing, count=count))
     if found.estimated:
         camera = found.camera
-        text = (
-            f"The camera was estimated from the same frames: fx {camera.fx:.1f}, fy {camera.fy:.1f}, "
-            f"cx {camera.cx:.1f}, cy {camera.cy:.1f}, k1 {camera.k1:.4f}, k2 {camera.k2:.4f}. Its errors are not in "
-            "the standard deviations: a calibrated camera (--camera) is better."
+        notices.append(
+            Notice(
+                "camera-estimated", fx=camera.fx, fy=camera.fy, cx=camera.cx, cy=camera.cy, k1=camera.k1, k2=camera.k2
+            )
         )
-        notices.append(Notice("camera-estimated", text))
     return notices

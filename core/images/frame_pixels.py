@@ -72,11 +72,16 @@ def decoded(frames: Frames, notices: list[Notice], progress: Progress = silent) 
             progress("reading images", (k + 1) / len(frames))
     bad = [fault for fault in faults if fault]
     if bad:
-        text = (
-            f"{len(bad)} of {len(frames)} images cannot be read, or have not the {camera.width} × {camera.height} "
-            f"pixels that [camera] states, and are not used. The first: {bad[0]}."
+        notices.append(
+            Notice(
+                "images-not-decoded",
+                bad=len(bad),
+                frames=len(frames),
+                width=camera.width,
+                height=camera.height,
+                bad_first=bad[0],
+            )
         )
-        notices.append(Notice("images-not-decoded", text))
     return FramePixels(small, rgb, np.array([not fault for fault in faults], bool), reduction)
 
 

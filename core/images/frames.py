@@ -66,12 +66,17 @@ def frames_along(
     if not known.all():
         first = int(np.argmin(known))
         begin_s, end_s = trajectory.span_s
-        text = (
-            f"{int((~known).sum())} of {len(images)} images have no pose and are not used, the first of them "
-            f"{images.paths[first].name} of {iso_utc(float(images.t_s[first]))}: the trajectory, from "
-            f"{iso_utc(begin_s)} to {iso_utc(end_s)}, does not reach there or has a gap."
+        notices.append(
+            Notice(
+                "images-without-pose",
+                known=int((~known).sum()),
+                images=len(images),
+                paths=images.paths[first].name,
+                t_s=iso_utc(float(images.t_s[first])),
+                begin_s=iso_utc(begin_s),
+                end_s=iso_utc(end_s),
+            )
         )
-        notices.append(Notice("images-without-pose", text))
     if not known.any():
         return None
     kept = replace(poses, t_s=poses.t_s[known], xyz_m=poses.xyz_m[known], rotation=poses.rotation[known])

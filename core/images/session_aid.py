@@ -95,10 +95,4 @@ def _rows(path: Path, table: SurveyTable, names: tuple[str, ...]) -> list[tuple[
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: {why}.",
-        "It should say where control points are in images.",
-        "Write a CSV with a row for each view: file, name, u, v (column and row in pixels; 0, 0 is the middle of the "
-        "top left pixel).",
-        code="control-pixels-unreadable",
-    )
+    return InputError("control-pixels-unreadable", path=path, why=why)

@@ -42,11 +42,7 @@ _BETTER: Final = 1.01
 """Least difference of another travel, and least ratio of its fit, to replace the first."""
 _BEYOND_M: Final = 0.2
 """Search range beyond both positions."""
-_NO_GROUND: Final = Notice(
-    "implement-no-ground",
-    "The ground near the vehicle is not where the mounting of the scanner ([lidar] xyz_m, rpy_deg) puts it, so the "
-    "implement cannot be separated from it. Its state is unknown throughout.",
-)
+_NO_GROUND: Final = Notice("implement-no-ground")
 
 
 def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
@@ -234,28 +230,11 @@ def _nothing(views: Views, hint: Hint | None) -> Notice:
     """The reason for the missing states of the tool."""
     points = float(np.median([len(view) for view in views.views])) if len(views) else 0.0
     if hint is not None and points < FEWEST_POINTS:
-        return Notice(
-            "implement-not-seen",
-            f"The scanner does not see the implement: at [implement] xy_m a scan has {points:.0f} points above the "
-            "ground. Its state is unknown throughout.",
-        )
-    return Notice(
-        "implement-never-moves",
-        "No object near the vehicle moves up and down in this recording: the state of the implement is unknown "
-        "throughout.",
-    )
+        return Notice("implement-not-seen", points=points)
+    return Notice("implement-never-moves")
 
 
 def _out_of_view(hidden: ToolState, lift_m: float | None) -> tuple[Notice, ...]:
     if hidden == ToolState.DOWN:
-        known = "from the session" if lift_m is not None else "a default; set [implement] lift_m"
-        text = (
-            "The scanner sees the implement only when it is lifted. It is taken as down where it is out of view, with "
-            f"its working position {lift_m or USUAL_LIFT_M:g} m below the lifted one ({known}): times and heights are "
-            "approximate. Tilt the scanner further down to see it at work."
-        )
-    elif hidden == ToolState.UP:
-        text = "The scanner sees the implement only when it is down. It is taken as up where it is out of view."
-    else:
-        return ()
-    return (Notice("implement-out-of-view", text),)
+        return (Notice("implement-out-of-view.down", lift_m=lift_m or USUAL_LIFT_M, stated=lift_m is not None),)
+    return (Notice("implement-out-of-view.up"),) if hidden == ToolState.UP else ()

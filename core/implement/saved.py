@@ -55,12 +55,7 @@ def load_implement(path: Path) -> Implement:
     try:
         implement = _implement(read_npz(path))
     except (OSError, ValueError, KeyError) as error:
-        raise InputError(
-            f"{path} is not an implement file of an earlier run ({error}).",
-            "The session refers to it as [implement] learned, so the run did not start.",
-            "Use the implement.npz of an earlier run with the same scanner on the same machine, or remove the key.",
-            code="implement-unreadable",
-        ) from error
+        raise InputError("implement-unreadable", path=path, error=error) from error
     return implement
 
 

@@ -39,11 +39,7 @@ _USUAL_MPS: Final = 0.4  # of a lift
 # Confidence of a state out of view, and factor of the confidence while the tool is occluded.
 _UNSEEN: Final = 0.9
 _COVERED: Final = 0.5
-_UNCLEAR: Final = Notice(
-    "implement-unclear",
-    "The height of the implement changes too often for a tool that is lifted and lowered: its state is unknown "
-    "throughout.",
-)
+_UNCLEAR: Final = Notice("implement-unclear")
 
 
 @dataclass(frozen=True)

@@ -198,8 +198,7 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
         target = flat
     unit_m = _height_unit_m(flat, height)
     if unit_m != 1.0:
-        text = f"Heights are converted to metres from units of {unit_m:.10g} m."
-        notices.append(Notice("heights-in-feet", text))
+        notices.append(Notice("heights-in-feet", unit_m=unit_m))
     whole = target
     if height is not None and unit_m == 1.0:
         whole = CompoundCRS(f"{target.name} + {height.name}", [target, height])
@@ -235,12 +234,11 @@ def no_points_error(clouds: Clouds, box: Box | None) -> InputError:
         return nothing_within(
             clouds.area, f"{clouds.points:,} points in {len(clouds.files)} file(s)", at if clouds.points else None
         )
-    within = f" within {', '.join(f'{value:g}' for value in box)}" if box is not None else ""
     return InputError(
-        f"None of {clouds.points:,} points in {len(clouds.files)} file(s) is selected{within}.",
-        "All lie outside the box or have other classes, or the files are empty.",
-        "`furrowmap inspect` shows the extent and classes of the points.",
-        code="no-points-left",
+        "no-points-left",
+        points=clouds.points,
+        files=len(clouds.files),
+        box=", ".join(f"{value:g}" for value in box) if box is not None else None,
     )
 
 
@@ -250,12 +248,7 @@ def _refuse_twice(paths: Sequence[Path]) -> None:
     for path in paths:
         first = seen.setdefault(path.resolve(), path)
         if first is not path:
-            raise UsageError(
-                f"{path} is the same file as {first}.",
-                "Its points would count twice.",
-                "Give each cloud once.",
-                code="cloud-twice",
-            )
+            raise UsageError("cloud-twice", path=path, first=first)
 
 
 def _within(batch: CloudBatch, box: Box | None) -> CloudBatch:
@@ -275,21 +268,17 @@ def _common_crs(files: Sequence[CloudFile], crs: pyproj.CRS | None) -> pyproj.CR
     for file in files:
         stated = file.crs or crs
         if stated is None:
-            raise InputError(
-                f"{file.path} states no CRS{' that PROJ knows' if _unreadable(file) else ''}.",
-                "The location and unit of its points are unknown.",
-                "State the CRS with --crs, such as --crs EPSG:6677.",
-                code="crs-missing",
-            )
+            raise InputError("crs-missing", file=file.path, is_file=bool(_unreadable(file)))
         found.append((file, stated))
     first_file, first = found[0]
     for file, other in found[1:]:
         if not first.equals(other, ignore_axis_order=True):
             raise InputError(
-                f"{first_file.path} is in {full_name_of(first)}, {file.path} in {full_name_of(other)}.",
-                "Clouds of different CRS cannot be combined.",
-                "Process those of each CRS separately, with the same --dst-crs if the results are to align.",
-                code="crs-mixed",
+                "crs-mixed",
+                first_file=first_file.path,
+                first=full_name_of(first),
+                file=file.path,
+                other=full_name_of(other),
             )
     return first
 
@@ -329,10 +318,7 @@ def _require_metres(flat: pyproj.CRS, stated_by: str, files: Sequence[CloudFile]
         return
     units = " and ".join(sorted({axis.unit_name for axis in flat.axis_info}))
     raise InputError(
-        f"{stated_by}: {full_name_of(flat)} is in {units}.",
-        "Cells and distances need a projected CRS in metres.",
-        f"Choose one with --dst-crs{_proposal(files, source)}.",
-        code="crs-not-metres",
+        "crs-not-metres", stated_by=stated_by, flat=full_name_of(flat), units=units, files=_proposal(files, source)
     )
 
 

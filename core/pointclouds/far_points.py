@@ -46,11 +46,11 @@ def near_box(clouds: Clouds, progress: Progress = silent) -> tuple[Box | None, t
         return None, ()
     west, south = (squares[near].min(axis=0) * _SIDE_M).tolist()
     east, north = ((squares[near].max(axis=0) + 1.0) * _SIDE_M).tolist()
-    text = (
-        f"{far:,} of {int(counts.sum()):,} points lie more than {FAR_M:g} m from all others and are left out. The "
-        f"others lie within {west:.0f},{south:.0f},{east:.0f},{north:.0f} (--bbox chooses other points)."
+    return (west, south, east, north), (
+        Notice(
+            "points-far", far=far, counts=int(counts.sum()), far_m=FAR_M, west=west, south=south, east=east, north=north
+        ),
     )
-    return (west, south, east, north), (Notice("points-far", text),)
 
 
 def _near(place: NDArray[np.float64], counts: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -204,12 +204,7 @@ class _Counts:
 
 
 def _runs_back(number: int, at_s: float, last_s: float) -> InputError:
-    return InputError(
-        f"Scan {number} is of {iso_utc(at_s)}, but the one before it ends at {iso_utc(last_s)}.",
-        "Time runs back, so the files of the recording are not in its order, or one of them is there twice.",
-        "Name them in `[recording] lidar` in the order of time; `furrowmap inspect` says when each begins.",
-        code="scans-not-in-order",
-    )
+    return InputError("scans-not-in-order", number=number, at_s=iso_utc(at_s), last_s=iso_utc(last_s))
 
 
 def _middle_s(t_s: NDArray[np.float64], trajectory: Trajectory) -> float:

@@ -60,11 +60,15 @@ def _gaps(placement: Placement, located: Located) -> list[Notice]:
         return []
     length = inside[:, 1] - inside[:, 0]
     longest = int(np.argmax(length))
-    text = (
-        f"Positions are missing for {length.sum():.1f} s during the scans ({len(inside)} gaps, the longest of "
-        f"{length[longest]:.1f} s from {iso_utc(float(inside[longest, 0]))}). Scans in gaps have no pose."
-    )
-    return [Notice("gaps", text)]
+    return [
+        Notice(
+            "gaps",
+            length=length.sum(),
+            inside=len(inside),
+            length_2=length[longest],
+            inside_2=iso_utc(float(inside[longest, 0])),
+        )
+    ]
 
 
 def _outages(poses: ScanPoses) -> list[Notice]:
@@ -77,12 +81,15 @@ def _outages(poses: ScanPoses) -> list[Notice]:
     if not told.any():
         return []
     longest = int(np.argmax(length))
-    text = (
-        f"The receiver has no position for {length[told].sum():.1f} s in all (outages: {int(told.sum())}, the longest "
-        f"of {length[longest]:.1f} s from {iso_utc(float(begin[longest]))}). Poses there come from scans or an IMU "
-        "alone, and their standard deviations are larger."
-    )
-    return [Notice("gnss-outage", text)]
+    return [
+        Notice(
+            "gnss-outage",
+            length=length[told].sum(),
+            told=int(told.sum()),
+            length_2=length[longest],
+            begin=iso_utc(float(begin[longest])),
+        )
+    ]
 
 
 def _not_fixed(poses: ScanPoses) -> list[Notice]:
@@ -95,11 +102,7 @@ def _not_fixed(poses: ScanPoses) -> list[Notice]:
     kinds = [Fix(code) for code in np.unique(poses.fix[others]).tolist()]
     words = ", ".join(f"{kind.label} {seconds[poses.fix == kind].sum():.1f} s" for kind in kinds)
     first = iso_utc(float(poses.t_s[np.argmax(others)]))
-    text = (
-        f"For {others.mean():.0%} of the time the receiver has no fixed solution ({words}), first at {first}: "
-        "positions there may be off by decimetres."
-    )
-    return [Notice("gnss-not-fixed", text)]
+    return [Notice("gnss-not-fixed", others=others.mean(), words=words, first=first)]
 
 
 def _duration_s(t_s: NDArray[np.float64]) -> NDArray[np.float64]:

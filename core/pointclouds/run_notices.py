@@ -29,27 +29,16 @@ def refuse_empty(placement: Placement, trajectory: Trajectory, session: Session)
     if placement.points:
         return
     if not placement.points_read:
-        raise InputError(
-            f"{', '.join(session.recording.lidar)}: no laser returns.",
-            "There is nothing to place.",
-            "Check with `furrowmap inspect` what the file holds; another capture may be the recording.",
-            code="no-points",
-        )
+        raise InputError("no-points", lidar=", ".join(session.recording.lidar))
     if placement.scans_standing:
-        raise InputError(
-            f"The vehicle stands still in all {placement.scans_standing} scans.",
-            "Scans of a standing vehicle are left out, so the cloud is empty.",
-            "Set `[run] standing = true` to keep them.",
-            code="only-standing",
-        )
+        raise InputError("only-standing", scans_standing=placement.scans_standing)
     scans = ClockReading(Clock.SENSOR, placement.first_s, placement.last_s)
     if session.mount is not None and _has_poses(trajectory, scans):
         raise InputError(
-            f"{session.mount.attitude}: no attitude of the mount at the time of the scans "
-            f"({iso_utc(scans.first_s)} to {iso_utc(scans.last_s)}), while there are positions.",
-            "A scan from a mount that moves cannot be placed without its attitude.",
-            "Record the mount during the scans, without pauses; its times are UTC or GPS time.",
-            code="no-common-time",
+            "no-common-time",
+            attitude=session.mount.attitude,
+            first_s=iso_utc(scans.first_s),
+            last_s=iso_utc(scans.last_s),
         )
     raise _no_common_time(scans, trajectory, session.recording.lidar_minus_gnss_s)
 
@@ -70,29 +59,18 @@ def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float
         stated_s: clock offset in the session, which has been subtracted from the times of the scans.
     """
     begin_s, end_s = trajectory.span_s
-    spans = (
-        f"The scans ({iso_utc(scans.first_s)} to {iso_utc(scans.last_s)}"
-        f"{f', after subtracting lidar_minus_gnss_s = {stated_s:+g} s' if stated_s else ''}) and the positions "
-        f"({iso_utc(begin_s)} to {iso_utc(end_s)})"
-    )
-    meaning = "A scan cannot be placed without a position at its time."
+    spans = {
+        "first_s": iso_utc(scans.first_s),
+        "last_s": iso_utc(scans.last_s),
+        "stated_s": stated_s or None,
+        "begin_s": iso_utc(begin_s),
+        "end_s": iso_utc(end_s),
+    }
     if scans.first_s <= end_s and scans.last_s >= begin_s:
-        return InputError(
-            f"{spans} overlap, but the positions have a gap at the time of the scans.",
-            meaning,
-            "Check with `furrowmap inspect` where the receiver had no fix; set `[run] fixes` to use other fix types.",
-            code="no-common-time",
-        )
+        return InputError("no-common-time.no-common-time", **spans)
     likely = likely_offset(scans, ClockReading(Clock.GNSS, begin_s, end_s))
-    if likely is None:
-        remedy = "Use files of the same drive; no common clock offset (hours, leap seconds, days) explains the gap."
-    else:
-        offset_s, cause = likely
-        remedy = (
-            f"If the files are of the same drive, the scanner's clock is probably off ({cause}): set "
-            f"`[recording] lidar_minus_gnss_s = {stated_s + offset_s:.1f}`."
-        )
-    return InputError(f"{spans} do not overlap in time.", meaning, remedy, code="no-common-time")
+    offset_s, cause = likely if likely is not None else (0.0, None)
+    return InputError("no-common-time.apart", **spans, cause=cause, offset_s=stated_s + offset_s)
 
 
 def session_notices(session: Session, located: Located, *, matched: bool) -> list[Notice]:
@@ -106,29 +84,16 @@ def session_notices(session: Session, located: Located, *, matched: bool) -> lis
     notices = []
     from_gnss = located.source == "gnss"
     if located.source == "file" and session.recording.gnss:
-        notices.append(Notice("gnss-unused", "The GNSS log is not used: the trajectory comes from [trajectory]."))
+        notices.append(Notice("gnss-unused"))
     if located.source == "file" and session.imu is not None:
-        notices.append(Notice("imu-unused", "The IMU is not used: the trajectory comes from [trajectory]."))
+        notices.append(Notice("imu-unused"))
     if from_gnss and not matched:
-        text = (
-            "Roll and pitch are assumed to be zero and the height is that of the antenna: GNSS alone does not show the "
-            "tilt of the vehicle."
-        )
-        notices.append(Notice("level-assumed", text))
+        notices.append(Notice("level-assumed"))
     if located.source != "file" and session.antenna is None:
-        text = (
-            "The session does not state the position of the antenna ([antenna] xyz_m). It is assumed to be at the "
-            "origin of the vehicle frame, so heights are those of the antenna, and no accuracy is stated."
-        )
-        notices.append(Notice("antenna-unknown", text))
+        notices.append(Notice("antenna-unknown"))
     missing = [key.removeprefix("lidar.") for key in session.unstated if key.startswith("lidar.")]
     if missing:
-        text = (
-            f"The session does not state the mounting of the scanner ([lidar] {', '.join(missing)}). It is assumed to "
-            "be zero, as if the scanner were at the origin of the vehicle frame or parallel to it, and no accuracy is "
-            "stated."
-        )
-        notices.append(Notice("mounting-identity", text))
+        notices.append(Notice("mounting-identity", missing=", ".join(missing)))
     return notices
 
 
@@ -137,16 +102,20 @@ def placement_notices(placement: Placement) -> list[Notice]:
     notices = []
     if placement.points_without_pose:
         lost, outside = placement.points_without_pose, placement.points_outside
-        text = (
-            f"{lost:,} of {placement.points_read:,} points ({lost / placement.points_read:.1%}) are not in the cloud "
-            f"because they have no pose: {outside:,} before the first or after the last one, "
-            f"{lost - outside:,} in gaps between poses."
+        notices.append(
+            Notice(
+                "points-without-pose",
+                lost=lost,
+                points_read=placement.points_read,
+                lost_scaled=lost / placement.points_read,
+                outside=outside,
+                lost_2=lost - outside,
+            )
         )
-        notices.append(Notice("points-without-pose", text))
     if placement.scans_standing:
-        text = (
-            f"{placement.scans_standing} scans of the standing vehicle ({placement.points_standing} points) are left "
-            "out, as requested."
+        notices.append(
+            Notice(
+                "standing-left-out", scans_standing=placement.scans_standing, points_standing=placement.points_standing
+            )
         )
-        notices.append(Notice("standing-left-out", text))
     return notices

@@ -104,12 +104,7 @@ def cloud_tiles(
 
 def _refuse_coarse(cell_m: float) -> None:
     if cell_m > GROUND_CELL_M:
-        raise InputError(
-            f"Ground by 'csf' in cells of {cell_m:g} m.",
-            f"The method needs lowest heights in cells of {GROUND_CELL_M:g} m.",
-            f"Choose cells of {GROUND_CELL_M:g} m or less, or the method smrf.",
-            code="cells-too-coarse",
-        )
+        raise InputError("cells-too-coarse", cell_m=cell_m, ground_cell_m=GROUND_CELL_M)
 
 
 @dataclass(frozen=True)

@@ -97,12 +97,7 @@ def _columns(names: Sequence[str], path: Path) -> tuple[str, ...]:
     level = LEVEL if set(LEVEL) <= set(names) else ()
     heading = next(((name,) for name in NORTHS if name in names), ())
     if time is None or not (level or heading):
-        raise InputError(
-            f"{path}, line 1: no columns of a time and of roll and pitch, or of a heading.",
-            "An attitude log has these, with units in the column names.",
-            f"Name the columns time_unix_s (or time_gps_s), roll_deg and pitch_deg, and one of {', '.join(NORTHS)}.",
-            code="missing-column",
-        )
+        raise InputError("missing-column", path=path, norths=", ".join(NORTHS))
     return (time, *level, *heading)
 
 
@@ -112,8 +107,10 @@ def _check(rows: FloatArray, columns: Sequence[str], path: Path) -> None:
         wrong = np.flatnonzero(np.abs(rows[:, k]) > largest)
         if len(wrong):
             raise InputError(
-                f"{path}, row {int(wrong[0]) + 1}: column `{name}` holds {rows[wrong[0], k]:.10g}.",
-                f"Valid are -{largest:g} to {largest:g}: the unit or the column is wrong, or the file is damaged.",
-                "Write angles in degrees.",
-                code="value-out-of-range",
+                "value-out-of-range",
+                path=path,
+                wrong=int(wrong[0]) + 1,
+                name=name,
+                rows=rows[wrong[0], k],
+                largest=largest,
             )

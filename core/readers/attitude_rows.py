@@ -34,15 +34,9 @@ def attitude_track(
     """
     forward = runs_forward(t_s)
     if (~forward).sum() > MOST_DISORDER * len(t_s) or forward.sum() < 2:
-        raise InputError(
-            f"{name}: {int((~forward).sum())} of {len(t_s)} attitudes are not later than all before.",
-            "Between attitudes out of time order nothing can be interpolated.",
-            "Sort the rows by time; give the log of one device.",
-            code="time-disorder",
-        )
+        raise InputError("time-disorder", name=name, forward=int((~forward).sum()), t_s=len(t_s))
     if not forward.all():
-        text = f"{name}: {int((~forward).sum())} of {len(t_s)} rows are not later than all before and are dropped."
-        notices.append(Notice("time-runs-back", text))
+        notices.append(Notice("time-runs-back", name=name, forward=int((~forward).sum()), t_s=len(t_s)))
     roll, pitch, heading = angles_deg[forward].T
     return AttitudeTrack(t_s[forward], roll, pitch, heading, north, name)
 

@@ -53,12 +53,7 @@ def read_fields(path: Path) -> list[FieldOutline]:
     except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS, PROJ and pandas have no family of their own
         raise _unreadable(path, str(error) or type(error).__name__) from None
     if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
-        raise InputError(
-            f"{path}: its CRS is based on {base.name}, whose coordinates differ by {apart:.0f} m from those of GNSS.",
-            "The boundary would be shifted by that distance.",
-            "Export it from a GIS in WGS 84 or in the map's CRS, which transforms the datum.",
-            code="boundary-datum",
-        )
+        raise InputError("boundary-datum", path=path, base=base.name, apart=apart)
     rows = zip(polygons.attributes, outlines, strict=True)
     return [FieldOutline(_texts(attributes.values()), outline) for attributes, outline in rows]
 
@@ -103,9 +98,4 @@ def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: {why}.",
-        "Without the boundary, misses along it and zones inside it are not computed.",
-        f"Provide the field's polygon as {FORMATS}, or as task data; or remove `[field] boundary` from the session.",
-        code="boundary-unreadable",
-    )
+    return InputError("boundary-unreadable", path=path, why=why, formats=FORMATS)

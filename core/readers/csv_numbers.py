@@ -70,8 +70,7 @@ def complete_rows(
     rows = np.concatenate(blocks)
     whole = np.isfinite(rows[:, :needed]).all(axis=1)
     if not whole.all():
-        text = f"{source.path}: {int((~whole).sum())} of {len(rows)} rows have an empty field and are dropped."
-        notices.append(Notice("rows-incomplete", text))
+        notices.append(Notice("rows-incomplete", source=source.path, whole=int((~whole).sum()), rows=len(rows)))
     return rows[whole]
 
 
@@ -123,12 +122,7 @@ def _bad_field(piece: bytes, wanted: dict[str, int], separator: str, path: str, 
         if bad:
             where, what = f"{path}, line {line + k}", f"column `{bad[0][0]}` holds {bad[0][1][:40]!r}"
             break
-    return InputError(
-        f"{where}: {what}.",
-        "These columns hold numbers with a decimal point; a field may be empty.",
-        "Correct or remove that line.",
-        code="not-a-number",
-    )
+    return InputError("not-a-number", where=where, what=what)
 
 
 def _is_number(field: str) -> bool:

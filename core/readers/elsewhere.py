@@ -144,19 +144,30 @@ def without_elsewhere(
     bad = elsewhere(track.lon_deg, track.lat_deg, track.height_m)
     if not bad.any():
         return track, ~bad, []
-    what = (
-        f"{track.source or 'The GNSS log'}: {int(bad.sum())} of {len(track)} positions are impossible or more than "
-        f"{FARTHEST_M / 1000.0:g} km from the others"
-    )
     places = spans_in_words(track, bad, when)
     if 2 * bad.sum() > np.isfinite(track.lat_deg).sum():
         raise InputError(
-            f"{what} ({places}).",
-            "Where the recording was made is unknown.",
-            "Look at the positions in a GIS; record with a fix, or export the log again.",
-            code="positions-impossible",
+            "positions-impossible",
+            source=track.source or "The GNSS log",
+            bad=int(bad.sum()),
+            track=len(track),
+            farthest_m=FARTHEST_M / 1e3,
+            places=places,
         )
-    return track[~bad], ~bad, [Notice("positions-elsewhere", f"{what}; they are not used: {places}.")]
+    return (
+        track[~bad],
+        ~bad,
+        [
+            Notice(
+                "positions-elsewhere",
+                source=track.source or "The GNSS log",
+                bad=int(bad.sum()),
+                track=len(track),
+                farthest_m=FARTHEST_M / 1e3,
+                places=places,
+            )
+        ],
+    )
 
 
 def spans_in_words(track: GnssTrack, chosen: NDArray[np.bool_], when: Callable[[float], str] = iso_utc) -> str:

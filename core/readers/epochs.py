@@ -35,12 +35,7 @@ def midnight_utc_s(date: str) -> float:
     try:
         return dt.datetime.fromisoformat(date).replace(tzinfo=dt.UTC, hour=0, minute=0, second=0).timestamp()
     except ValueError:
-        raise InputError(
-            f"{date!r} is not a date.",
-            "The date of the log's first position is needed as year, month and day.",
-            'Write it as `date = "2026-06-11"` under `[recording]`.',
-            code="bad-date",
-        ) from None
+        raise InputError("bad-date", date=date) from None
 
 
 def midnights_utc_s(year: NDArray[np.integer], month: NDArray[np.integer], day: NDArray[np.integer]) -> FloatArray:
@@ -86,38 +81,18 @@ def in_order(
     if backward.any():
         widest_s = float(-np.diff(t_s).min(initial=0.0))
         notices.append(
-            Notice(
-                "time-runs-back",
-                f"{name}: {int(backward.sum())} of {len(t_s)} positions are not later than all before (steps back of "
-                "up "
-                f"to {widest_s:.3f} s); they are dropped.",
-            )
+            Notice("time-runs-back.in-order", name=name, backward=int(backward.sum()), t_s=len(t_s), widest_s=widest_s)
         )
     if repeated.any():
-        notices.append(
-            Notice(
-                "positions-repeated",
-                f"{name}: {int(repeated.sum())} positions are duplicates of the one before; they are dropped.",
-            )
-        )
+        notices.append(Notice("positions-repeated", name=name, repeated=int(repeated.sum())))
     return forward, notices
 
 
 def _disorder(t_s: FloatArray, backward: NDArray[np.bool_], first: str) -> InputError:
     steps_back = int(np.sum(np.diff(t_s) <= 0))
     if steps_back > max(MOST_SPLICES, 0.01 * len(t_s)):
-        return InputError(
-            f"{first}: time does not increase here, and {steps_back} times in total over {len(t_s)} positions.",
-            "Two receivers wrote into this log, and their positions cannot be separated.",
-            "Record each receiver in its own file; in NMEA, different talkers are sufficient.",
-            code="receivers-interleaved",
-        )
-    return InputError(
-        f"{first}: time steps back here; {int(backward.sum())} of {len(t_s)} positions are not later than all before.",
-        "Parts of the log are in the wrong order, and the positions after this place would be lost.",
-        "Split the log into files, and list them in the order of time.",
-        code="time-disorder",
-    )
+        return InputError("receivers-interleaved", first=first, steps_back=steps_back, t_s=len(t_s))
+    return InputError("time-disorder.disorder", first=first, backward=int(backward.sum()), t_s=len(t_s))
 
 
 def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray | None:
@@ -136,11 +111,7 @@ def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray
         if not begin_s <= gps_s[0] < begin_s + DAY_S:
             stated = dt.datetime.fromtimestamp(stated_s, dt.UTC).isoweekday() % 7
             raise InputError(
-                f"{name}: the first position is on a {day_of_week(tow_s[0])} (GPS time of the week), but the stated "
-                f"date, {options.date}, is a {_DAYS[stated]}.",
-                "The log has the day of the week but no date.",
-                "State the UTC date of the log's first position.",
-                code="date-contradicted",
+                "date-contradicted", name=name, tow_s=day_of_week(tow_s[0]), date=options.date, days=_DAYS[stated]
             )
         return gps_s
     if options.near_s is not None:
@@ -151,13 +122,7 @@ def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray
 
 def no_week(tow_s: FloatArray, name: str) -> InputError:
     """The error of a log with only the time of the week."""
-    return InputError(
-        f"{name}: no date in its messages, only times of the GPS week ({week_time(tow_s[0])} to "
-        f"{week_time(tow_s[-1])}).",
-        "Without the date the positions cannot be matched with scans, and the epoch of their coordinates is unknown.",
-        'Write `date = "YYYY-MM-DD"` under `[recording]`: the UTC date of the first position.',
-        code="no-date",
-    )
+    return InputError("no-date", name=name, tow_s=week_time(tow_s[0]), tow_s_last=week_time(tow_s[-1]))
 
 
 def day_of_week(tow_s: float) -> str:

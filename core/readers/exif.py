@@ -146,31 +146,19 @@ def expect_pillow() -> None:
         InputError: if it is not.
     """
     if find_spec("PIL") is None:
-        raise InputError(
-            "Pillow is not installed.",
-            "Images cannot be read without it.",
-            'Install the extra: pip install "furrowmap[photo]"',
-            code="extra-missing",
-        )
+        raise InputError("extra-missing.expect-pillow")
 
 
 def _told(unreadable: list[Path], timeless: list[Path], zoneless: int, count: int) -> list[Notice]:
     notices = []
     if unreadable:
-        text = f"{len(unreadable)} of {count} images cannot be read, the first of them {unreadable[0]}."
-        notices.append(Notice("images-unreadable", text))
+        notices.append(
+            Notice("images-unreadable.told", unreadable=len(unreadable), count=count, unreadable_first=unreadable[0])
+        )
     if timeless:
-        text = (
-            f"{len(timeless)} of {count} images have no time in their EXIF data, the first of them {timeless[0]}. They "
-            "are not used; a table of files and times ([camera] table) gives them one."
-        )
-        notices.append(Notice("images-without-time", text))
+        notices.append(Notice("images-without-time", timeless=len(timeless), count=count, timeless_first=timeless[0]))
     if zoneless:
-        text = (
-            f"{zoneless} of {count} images state no time zone: their times are taken for UTC. [camera] minus_gnss_s "
-            "corrects a constant offset, such as 7200.0 for times of UTC+2."
-        )
-        notices.append(Notice("image-time-zone", text))
+        notices.append(Notice("image-time-zone", zoneless=zoneless, count=count))
     return notices
 
 

@@ -129,8 +129,11 @@ def jump_notices(track: GnssTrack, when: Callable[[float], str] = iso_utc) -> li
     return [
         Notice(
             "position-jumps",
-            f"{track.source}: positions jump {int(jump.sum())} times by more than {least_m[jump].min():g} m "
-            f"relative to the motion around them ({with_fix} times with a change of fix); the largest jump is "
-            f"{largest_m:.1f} m. After the jumps: {spans_in_words(track, np.append(False, jump), when)}.",
+            source=track.source,
+            jump=int(jump.sum()),
+            least_m=least_m[jump].min(),
+            with_fix=with_fix,
+            largest_m=largest_m,
+            track=spans_in_words(track, np.append(False, jump), when),
         )
     ]

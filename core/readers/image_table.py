@@ -38,28 +38,18 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
     file = next((name for name in FILES if name in names), None)
     time = next((name for name in TIMES if name in names), None)
     if file is None or time is None:
-        raise InputError(
-            f"{path}, line 1: no columns of file names and times.",
-            "A table of images has a row for each image: its file, and the time at which it was taken.",
-            f"Name the columns file and time_unix_s (or time_gps_s, or time in ISO 8601), not {', '.join(names)[:80]}.",
-            code="missing-column",
-        )
+        raise InputError("missing-column.read-image-table", path=path, names=", ".join(names)[:80])
     at = names.index(file), names.index(time)
     rows = [(line, row[at[0]], row[at[1]]) for line, row in cells if len(row) > max(at) and row[at[0]] and row[at[1]]]
     if len(rows) < len(cells):
-        text = f"{path}: {len(cells) - len(rows)} of {len(cells)} rows have an empty field and are dropped."
-        notices.append(Notice("rows-incomplete", text))
+        notices.append(Notice("rows-incomplete", source=path, whole=len(cells) - len(rows), rows=len(cells)))
     seconds = np.array([_seconds(text, time, f"{path}, line {line}") for line, _, text in rows], np.float64)
     times = utc_of(seconds, "unix" if TIMES[time] == "iso" else TIMES[time], str(path), ReadOptions())
     paths = [_inside(path, folder, name) for _, name, _ in rows]
     there = np.array([_is_file(image) for image in paths], bool)
     if not there.all():
         first = rows[int(np.argmin(there))][1]
-        text = (
-            f"{path}: {int((~there).sum())} of {len(rows)} images do not exist, the first of them {first!r}. The "
-            "others are used."
-        )
-        notices.append(Notice("images-missing", text))
+        notices.append(Notice("images-missing", path=path, there=int((~there).sum()), rows=len(rows), first=first))
     return Images.sorted([image for image, is_there in zip(paths, there, strict=True) if is_there], times[there])
 
 
@@ -68,19 +58,9 @@ def _rows(path: Path, notices: list[Notice]) -> tuple[list[str], list[tuple[int,
     with Source(path) as source:
         data, fault = source.read(LARGEST_BYTES + 1), source.fault
     if len(data) > LARGEST_BYTES:
-        raise InputError(
-            f"{path}: more than {LARGEST_BYTES:,} bytes.",
-            "That is no table of images.",
-            "Name a CSV with a row for each image under `[camera] table`.",
-            code="not-a-table",
-        )
+        raise InputError("not-a-table", path=path, largest_bytes=LARGEST_BYTES)
     if (kind := binary_kind(data)) is not None:
-        raise InputError(
-            f"{path}: it is {kind}, not text.",
-            "A table of images is a CSV with a row for each image.",
-            "Name such a CSV under `[camera] table`.",
-            code="not-a-table",
-        )
+        raise InputError("not-a-table.rows", path=path, kind=kind)
     if fault:
         notices.append(cut_notice(path, fault))
     lines = data.decode("utf-8-sig", "replace").splitlines()
@@ -108,12 +88,7 @@ def _inside(table: Path, folder: Path, name: str) -> Path:
     """
     image = table.parent / name.replace("\\", "/")
     if "\0" in name or leads_out(image, folder):
-        raise InputError(
-            f"{table}: {name[:80]!r} is outside the session's folder.",
-            "A session may only name files in its own folder or below, so that a foreign one cannot read others.",
-            "Put the session file in a folder above the images, or copy the images beside it.",
-            code="session-path-outside",
-        )
+        raise InputError("session-path-outside", table=table, name=name[:80])
     return image
 
 
@@ -124,13 +99,7 @@ def _seconds(text: str, column: str, where: str) -> float:
         stamp = dt.datetime.fromisoformat(text.replace("/", "-"))
         return (stamp if stamp.tzinfo else stamp.replace(tzinfo=dt.UTC)).timestamp()
     except (ValueError, OverflowError):
-        raise InputError(
-            f"{where}: column `{column}` holds {text[:40]!r}, which is no time.",
-            "time_unix_s and time_gps_s are seconds, time is ISO 8601 such as 2026-05-23T09:41:12.345 (UTC, or with a "
-            "zone).",
-            "Correct or remove that line.",
-            code="not-a-time",
-        ) from None
+        raise InputError("not-a-time", where=where, column=column, text=text[:40]) from None
 
 
 def _finite(text: str) -> float:

@@ -52,17 +52,14 @@ def _gravity(track: InertialTrack, name: str) -> list[Notice]:
     if abs(share - 1.0) < GRAVITY_OFF:
         return []
     if abs(size - 1.0) < GRAVITY_OFF:
-        cause = "It is in g, not in m/s²: name the columns accel_x_g, or state the unit in `[imu.columns]`."
+        cause = "g"
     elif abs(share / STANDARD_GRAVITY_MPS2 - 1.0) < GRAVITY_OFF:
-        cause = "It is in m/s², not in g: name the columns force_x_mps2."
+        cause = "mps2"
     elif size < NO_GRAVITY_MPS2:
-        cause = "Gravity was removed from it: record the specific force itself (accelerations with gravity)."
+        cause = "removed"
     else:
-        cause = f"Its scale is off by {share:.3g}: correct the unit of its columns."
-    text = (
-        f"{name}: the specific force is {size:.3g} m/s² (median), where gravity is {STANDARD_GRAVITY_MPS2:.2f}. {cause}"
-    )
-    return [Notice("imu-gravity", text)]
+        return [Notice("imu-gravity.scale", name=name, size=size, gravity=STANDARD_GRAVITY_MPS2, share=share)]
+    return [Notice(f"imu-gravity.{cause}", name=name, size=size, gravity=STANDARD_GRAVITY_MPS2)]
 
 
 def _axes(track: InertialTrack, name: str) -> list[Notice]:
@@ -83,11 +80,9 @@ def _axes(track: InertialTrack, name: str) -> list[Notice]:
     best = min(choices, key=lambda words: choices[words])
     if choices[best] > CLOSER * stated or choices[best] > (1.0 - EXPLAINED) * whole:
         return []
-    text = (
-        f"{name}: gravity does not turn as the angular rates say. They explain {max(0.0, 1 - stated / whole):.0%} of "
-        f"its turns, and {1 - choices[best] / whole:.0%} if {best}. Correct the columns, or their units."
-    )
-    return [Notice("imu-axes", text)]
+    return [
+        Notice("imu-axes", name=name, value=max(0.0, 1 - stated / whole), choices=1 - choices[best] / whole, best=best)
+    ]
 
 
 def _misfit(middle: FloatArray, seen: FloatArray, swept: FloatArray) -> float:
@@ -121,18 +116,12 @@ def _times(track: InertialTrack, name: str) -> list[Notice]:
     scatter = float(np.mean(np.abs(step[step < PAUSE * mean] - mean)))
     notices = []
     if scatter > JITTER * mean:
-        text = (
-            f"{name}: the intervals scatter by {1e3 * scatter:.1f} ms around {1e3 * mean:.1f} ms: these are times of "
-            "arrival at the computer, not of measurement. Record the times of the device, or of its pulse."
-        )
-        notices.append(Notice("imu-times-of-arrival", text))
+        notices.append(Notice("imu-times-of-arrival", name=name, scatter=1e3 * scatter, mean=1e3 * mean))
     pauses = step[step >= PAUSE * mean]
     if len(pauses):
-        text = (
-            f"{name}: {len(pauses)} pauses, {pauses.sum():.2f} s in all, the longest of {pauses.max():.2f} s: "
-            "measurements are missing there."
+        notices.append(
+            Notice("imu-pauses", name=name, pauses=len(pauses), pauses_sum=pauses.sum(), pauses_max=pauses.max())
         )
-        notices.append(Notice("imu-pauses", text))
     return notices
 
 

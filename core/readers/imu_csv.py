@@ -133,11 +133,11 @@ class ImuCsv(FileReader):
         if beyond is not None:
             count, row, first = beyond
             raise InputError(
-                f"{path}: {count} rows, the first with {rows[row, first + 1 : first + 4].tolist()}, are "
-                f"beyond what an IMU measures in the unit of `{columns.names[first + 1]}`.",
-                "The unit or the column is wrong, or the file is damaged.",
-                "Rename the columns to their unit, such as gyro_x_radps or accel_x_mg.",
-                code="value-out-of-range",
+                "value-out-of-range.read",
+                path=path,
+                count=count,
+                rows=rows[row, first + 1 : first + 4].tolist(),
+                names=columns.names[first + 1],
             )
         if columns.utc:
             return tied_to_utc(rows[:, 0], utc_s[:, 0], str(path), self.notices), values
@@ -213,22 +213,14 @@ class _Columns:
         missing = [f"{NAMES[kind][0]}_{axis}" for kind, axis, column in found if column is None]
         if time is None or missing:
             raise InputError(
-                f"{path}, line 1: missing columns {', '.join([*missing, *(['time_unix_s'] if time is None else [])])}.",
-                "An IMU has a time, three angular rates and three specific forces, with units in the column names.",
-                "Name the columns time_unix_s (or time_gps_s), gyro_x_dps to gyro_z_dps, force_x_mps2 to force_z_mps2.",
-                code="missing-column",
+                "missing-column.of", path=path, values=", ".join([*missing, *(["time_unix_s"] if time is None else [])])
             )
         units = [(RATES if kind == "rate" else FORCES)[column[1]] for kind, _, column in found if column is not None]
         return cls((time, *(c[0] for _, _, c in found if c is not None)), TIMES[time], np.array(units))
 
 
 def _bad_columns(what: str, remedy: str) -> InputError:
-    return InputError(
-        f"{what}.",
-        "An IMU has a time, three angular rates and three specific forces; `[imu.columns]` states them all.",
-        f"{remedy} See docs/reference/session.md, `imu.columns`.",
-        code="imu-columns",
-    )
+    return InputError("imu-columns", what=what, remedy=remedy)
 
 
 def _column(names: Sequence[str], kind: str, axis: str) -> tuple[str, str] | None:

@@ -45,15 +45,9 @@ def inertial_track(t_s: FloatArray, values: FloatArray, name: str, notices: list
     """
     forward = runs_forward(t_s)
     if (~forward).sum() > MOST_DISORDER * len(t_s) or forward.sum() < 2:
-        raise InputError(
-            f"{name}: {int((~forward).sum())} of {len(t_s)} measurements are not later than all before.",
-            "An IMU cannot be integrated out of time order.",
-            "Sort the rows by time; name the files in time order.",
-            code="time-disorder",
-        )
+        raise InputError("time-disorder.inertial-track", name=name, forward=int((~forward).sum()), t_s=len(t_s))
     if not forward.all():
-        text = f"{name}: {int((~forward).sum())} of {len(t_s)} rows are not later than all before and are dropped."
-        notices.append(Notice("time-runs-back", text))
+        notices.append(Notice("time-runs-back", name=name, forward=int((~forward).sum()), t_s=len(t_s)))
     return InertialTrack(t_s[forward], values[forward, :3], values[forward, 3:], name)
 
 

@@ -56,12 +56,7 @@ def _unix(field: bytes, where: str, column: str) -> bytes:
         stamp = dt.datetime.fromisoformat(text.replace("/", "-"))
         return b"%.6f" % (stamp if stamp.tzinfo else stamp.replace(tzinfo=dt.UTC)).timestamp()
     except (ValueError, OverflowError):
-        raise InputError(
-            f"{where}: column `{column}` holds {text[:40]!r}, which is no date with a time of day.",
-            "`[imu.columns]` states ISO 8601 for it, such as 2026-05-23 09:41:12.345 (UTC, or with a zone).",
-            "Correct the line, or state the unit that the column has.",
-            code="not-a-time",
-        ) from None
+        raise InputError("not-a-time.unix", where=where, column=column, text=text[:40]) from None
 
 
 def tied_to_utc(clock_s: FloatArray, utc_s: FloatArray, name: str, notices: list[Notice]) -> FloatArray:
@@ -77,19 +72,11 @@ def tied_to_utc(clock_s: FloatArray, utc_s: FloatArray, name: str, notices: list
     at = np.flatnonzero(known)
     changes = at[1:][np.diff(utc_s[at]) > 0]
     if len(changes) < FEWEST_CHANGES:
-        raise InputError(
-            f"{name}: its column of UTC changes {len(changes)} times.",
-            "So it does not tie the clock of the device to UTC.",
-            "State a column with date and time of day as `utc`, or times in UTC as `time`.",
-            code="not-a-time",
-        )
+        raise InputError("not-a-time.tied-to-utc", name=name, changes=len(changes))
     offset = utc_s[changes] - clock_s[changes]
     middle = float(np.median(offset))
     scatter = float(np.median(np.abs(offset - middle)))
-    how = "" if scatter < SCATTER_S else f" They scatter by {scatter:.2f} s."
-    text = (
-        f"{name}: its clock is tied to UTC by {len(changes)} changes of its column of UTC, which may be late by tenths "
-        f"of a second.{how} `[imu] minus_gnss_s` corrects a constant offset."
+    notices.append(
+        Notice("imu-clock-tied", name=name, changes=len(changes), is_scatter=scatter < SCATTER_S, scatter=scatter)
     )
-    notices.append(Notice("imu-clock-tied", text))
     return clock_s + middle

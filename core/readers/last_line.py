@@ -32,10 +32,7 @@ def is_whole(line: bytes, before: Sequence[bytes]) -> bool:
 
 def cut_line_notice(path: Path) -> Notice:
     """The notice of a last line that is dropped."""
-    return Notice(
-        "last-line-cut",
-        f"{path}: the last line has no end and may be cut inside a number; it is not used.",
-    )
+    return Notice("last-line-cut", path=path)
 
 
 def _form(line: bytes) -> tuple[int, bytes]:

@@ -151,18 +151,11 @@ class LineCsv(FileReader):
         if counts.far > counts.points:
             raise mostly_invalid(name, counts.far, counts.far + counts.points)
         if counts.late > MOST_DISORDER * counts.rows:
-            raise InputError(
-                f"{name}: {counts.late} of {counts.rows} rows are earlier than rows before.",
-                "A sweep is made of rows in the order of time.",
-                "Sort the rows by time; name the files in time order.",
-                code="time-disorder",
-            )
+            raise InputError("time-disorder.judge", name=name, late=counts.late, rows=counts.rows)
         if counts.late:
-            text = f"{name}: {counts.late} of {counts.rows} rows are earlier than rows before and are dropped."
-            self.notices.append(Notice("time-runs-back", text))
+            self.notices.append(Notice("time-runs-back.judge", name=name, late=counts.late, rows=counts.rows))
         if counts.far:
-            text = f"{name}: {counts.far} ranges beyond {FARTHEST_M:,.0f} m are left out."
-            self.notices.append(Notice("points-invalid", text))
+            self.notices.append(Notice("points-invalid.far", source=name, far=counts.far, farthest_m=FARTHEST_M))
 
 
 @dataclass
@@ -203,10 +196,12 @@ class _Columns:
         time, angle, distance = (next((n for n in kind if n in every), None) for kind in (TIMES, ANGLES, RANGES))
         if time is None or angle is None or distance is None:
             raise InputError(
-                f"{path}, line 1: no columns of a time, an angle and a range (there are: {', '.join(every)[:200]}).",
-                "A line scanner's return is these three, with units in the column names.",
-                f"Name the columns {' or '.join(TIMES)}, {' or '.join(ANGLES)}, {' or '.join(RANGES)}.",
-                code="missing-column",
+                "missing-column.of-2",
+                path=path,
+                every=", ".join(every)[:200],
+                times=" or ".join(TIMES),
+                angles=" or ".join(ANGLES),
+                ranges=" or ".join(RANGES),
             )
         names = (time, angle, distance, *((INTENSITY,) if INTENSITY in every else ()))
         return cls(every, separator, names, TIMES[time], np.array([1.0, ANGLES[angle], RANGES[distance], 1.0]))

@@ -57,9 +57,4 @@ def _counts(intensity: FloatArray) -> NDArray[np.uint16]:
 
 def mostly_invalid(source: str, wrong: int, everything: int) -> InputError:
     """The error of ranges that are not metres."""
-    return InputError(
-        f"{source}: {wrong} of {everything} ranges are beyond {FARTHEST_M:,.0f} m.",
-        "The ranges are damaged, or not in the stated unit.",
-        "Write ranges in metres (`range_m`) or millimetres (`range_mm`), or copy the recording again.",
-        code="points-mostly-invalid",
-    )
+    return InputError("points-mostly-invalid", source=source, wrong=wrong, everything=everything, farthest_m=FARTHEST_M)

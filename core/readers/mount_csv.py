@@ -37,37 +37,19 @@ def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
         lines = pieces(source, notices)
         first = next(lines, b"")
         if (kind := binary_kind(first)) is not None:
-            raise InputError(
-                f"{path}: it is {kind}, not text.",
-                "The attitude of a mount is a table of times and three angles in the vehicle frame.",
-                f"Give a CSV with the columns time_unix_s (or time_gps_s), {', '.join(ANGLES)}.",
-                code="not-a-table",
-            )
+            raise InputError("not-a-table.read-mount", path=path, kind=kind, angles=", ".join(ANGLES))
         names, separator = columns_of(first.decode("utf-8", "replace"))
         time = next((name for name in TIMES if name in names), None)
         missing = [name for name in (time or "time_unix_s", *ANGLES) if name not in names]
         if time is None or missing:
             raise InputError(
-                f"{path}, line 1: missing columns {', '.join(missing)}.",
-                "The attitude of a mount is a table of times and three angles in the vehicle frame.",
-                f"Name the columns time_unix_s (or time_gps_s), {', '.join(ANGLES)}.",
-                code="missing-column",
+                "missing-column.read-mount", path=path, missing=", ".join(missing), angles=", ".join(ANGLES)
             )
         rows = complete_rows(source, lines, (names, separator), (time, *ANGLES), notices)
     t_s = utc_of(rows[:, 0], TIMES[time], str(path), ReadOptions(near_s=near_s)) if len(rows) else rows[:, 0]
     if len(rows) < 2 or not bool(np.all(np.diff(t_s) > 0)):
-        raise InputError(
-            f"{path}: {len(rows)} rows, whose times do not increase from each to the next.",
-            "The attitude of the mount cannot be interpolated.",
-            "Sort the rows by time and remove repeated ones; there must be two at least.",
-            code="time-disorder",
-        )
+        raise InputError("time-disorder.read-mount", path=path, rows=len(rows))
     if float(np.abs(rows[:, 1:]).max()) > LARGEST_DEG:
-        raise InputError(
-            f"{path}: an angle of {float(np.abs(rows[:, 1:]).max()):g}.",
-            "Angles are degrees, up to two turns.",
-            "Write the angles in degrees.",
-            code="value-out-of-range",
-        )
+        raise InputError("value-out-of-range.read-mount", path=path, rows=float(np.abs(rows[:, 1:]).max()))
     turned = Rotation.from_euler("ZYX", rows[:, :0:-1], degrees=True)
     return MountMotion(t_s, turned.as_quat(scalar_first=True))

@@ -160,23 +160,22 @@ class Capture:
             notices.append(
                 Notice(
                     "damaged-records",
-                    f"{self.path.name}: {self._lost_bytes:,} damaged bytes at {self._lost_places} places (the first at"
-                    f" byte {self._first_lost_at:,}) were skipped.",
+                    path=self.path.name,
+                    lost_bytes=self._lost_bytes,
+                    lost_places=self._lost_places,
+                    first_lost_at=self._first_lost_at,
                 )
             )
         if self._source.fault:
-            notices.append(
-                Notice(
-                    "cut-stream",
-                    f"{self.path.name}: {self._source.fault}; the {self.records:,} records before were read.",
-                )
-            )
+            notices.append(Notice("cut-stream", path=self.path.name, fault=self._source.fault, records=self.records))
         if self._left_over:
             notices.append(
                 Notice(
                     "cut-capture",
-                    f"{self.path.name} ends within a record (byte {self._at + self._pos:,}; {self._left_over:,} bytes"
-                    f" of it are there); the {self.records:,} records before are complete.",
+                    path=self.path.name,
+                    at=self._at + self._pos,
+                    left_over=self._left_over,
+                    records=self.records,
                 )
             )
         return notices
@@ -208,12 +207,7 @@ class Capture:
             self._interfaces = 0
             size = self._number(self._data[self._pos + 4 : self._pos + 8])
             if not 28 <= size <= MAX_BLOCK or size % 4:
-                raise InputError(
-                    f"{self.path}: invalid length {size:,} in the section header at byte {self._at + self._pos:,}.",
-                    "The start of the next block is unknown.",
-                    "Copy the capture again, or repair it with Wireshark (open, then export all packets).",
-                    code="damaged-capture",
-                )
+                raise InputError("damaged-capture.control-block", path=self.path, size=size, at=self._at + self._pos)
             while self._pos + size > len(self._data):
                 if not self._refill():
                     return False
@@ -265,15 +259,7 @@ class Capture:
                 return
 
     def _unreadable(self) -> InputError:
-        other = "little" if self._big else "big"
-        return InputError(
-            f"{self.path}: no valid record after the header of a {'big' if self._big else 'little'}-endian"
-            f" {self.format} file.",
-            f"Either the byte order in the header is wrong (the records may be {other}-endian), or the file is damaged"
-            " from its start.",
-            "Copy the capture again from the recorder, or repair it with Wireshark (open, then export all packets).",
-            code="damaged-capture",
-        )
+        return InputError("damaged-capture", path=self.path, has_big=bool(self._big), format=self.format)
 
 
 def _no_capture(path: Path, head: bytes) -> InputError:
@@ -286,12 +272,7 @@ def _no_capture(path: Path, head: bytes) -> InputError:
         b"LASF": "a LAS or LAZ point cloud",
     }
     what = next((words for start, words in looks_like.items() if head.startswith(start) and (start or not head)), "")
-    return InputError(
-        f"{path} is not a packet capture: it is {what or 'a file that begins with ' + head[:4].hex(' ')}.",
-        "Captures begin with the magic number of pcap or pcapng.",
-        "Use the capture as tcpdump, dumpcap or Wireshark wrote it.",
-        code="not-a-capture",
-    )
+    return InputError("not-a-capture", path=path, what=what or "a file that begins with " + head[:4].hex(" "))
 
 
 class _Walk:

@@ -184,11 +184,17 @@ def _missing(positions: Positions, when: Callable[[float], str]) -> list[Notice]
     if count <= 0:
         return []
     worst = int(np.argmax(step))
-    text = (
-        f"{positions.track.source}: {count} epochs are missing in {min(count, int((lost > 0).sum()))} places, at a "
-        f"rate of {1.0 / interval:.3g} Hz; the longest gap has {step[worst]:.3g} s, from {when(float(t_s[worst]))}."
-    )
-    return [Notice("epochs-missing", text)]
+    return [
+        Notice(
+            "epochs-missing",
+            source=positions.track.source,
+            count=count,
+            count_min=min(count, int((lost > 0).sum())),
+            interval=1.0 / interval,
+            step=step[worst],
+            t_s=when(float(t_s[worst])),
+        )
+    ]
 
 
 def log_name(paths: Sequence[Path]) -> str:

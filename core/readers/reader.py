@@ -265,11 +265,11 @@ def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
     for other in found[1:]:
         if other.reader is not found[0].reader:
             raise InputError(
-                f"{other.head.path} ({other.reader.title}) cannot be combined with {paths[0]} "
-                f"({found[0].reader.title}).",
-                "The files of one recording are read as one stream, so they must have the same format.",
-                "List only files of the same recorder under a key of the session.",
-                code="mixed-formats",
+                "mixed-formats",
+                head=other.head.path,
+                title=other.reader.title,
+                paths=paths[0],
+                title_2=found[0].reader.title,
             )
     return found[0].reader([f.head.path for f in found], options)
 
@@ -305,22 +305,17 @@ _RECEIVERS_OWN: Final = {
 
 def _unknown(head: Head) -> InputError:
     """The error of a file that no reader recognises, with a guess at its format."""
-    known = f"Supported: {'; '.join(sorted(reader.title for reader in readers()))}."
     if head.path.is_dir():
         return InputError(
-            f"{head.path} is a folder without a ROS 2 bag or task data.",
-            "Supported folders are those of ROS 2 bags (metadata.yaml with .db3 or .mcap files) and of task data "
-            "(TASKDATA.XML).",
-            f"Use the files in the folder. {known}",
-            code="unknown-format",
+            "unknown-format.unknown", head=head.path, readers="; ".join(sorted(reader.title for reader in readers()))
         )
     own = next((words for start, words in _RECEIVERS_OWN.items() if head.data.startswith(start)), "")
-    advice = "Export NMEA (GGA, RMC, GST) from the receiver's or the processor's tool. " if own else ""
     return InputError(
-        f"{head.path}: unknown format ({f'it looks like {own}' if own else _looks_like(head.data)}).",
-        "It is not a supported recording, trajectory or point cloud.",
-        f"{advice}{known}",
-        code="unknown-format",
+        "unknown-format",
+        head=head.path,
+        own=f"it looks like {own}" if own else _looks_like(head.data),
+        own_is=bool(own),
+        readers="; ".join(sorted(reader.title for reader in readers())),
     )
 
 

@@ -90,9 +90,11 @@ class ReceiverLog(PositionLog):
             self.notices.append(
                 Notice(
                     "messages-damaged",
-                    f"{name}: {counts.bad} messages with a wrong checksum or length, {counts.cut} cut by the end of "
-                    f"the log, and {counts.foreign_bytes} bytes of no known message are skipped; {counts.intact} "
-                    "messages are intact.",
+                    name=name,
+                    bad=counts.bad,
+                    cut=counts.cut,
+                    foreign_bytes=counts.foreign_bytes,
+                    intact=counts.intact,
                 )
             )
         facts = {
@@ -114,9 +116,4 @@ def has_position(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
 
 def no_valid_positions(name: str, count: int, frames: str) -> InputError:
     """The error of a log whose position messages are all without a valid position."""
-    return InputError(
-        f"{name}: none of its {count} {frames} has a valid position.",
-        "The receiver had no fix while it recorded, or marked its positions as invalid.",
-        "Record under open sky; `furrowmap inspect` lists the kinds of fix.",
-        code="no-positions",
-    )
+    return InputError("no-positions.no-valid-positions", name=name, count=count, frames=frames)

@@ -60,12 +60,7 @@ def _rows(path: Path) -> list[list[str]]:
     try:
         from python_calamine import CalamineWorkbook
     except ImportError:
-        raise InputError(
-            f"{path}: spreadsheets are read by python-calamine, which is not installed.",
-            "The table was not read.",
-            "Install it with `pip install 'furrowmap[trials]'`, or save the table as CSV.",
-            code="extra-missing",
-        ) from None
+        raise InputError("extra-missing.rows", path=path) from None
     try:
         sheet = CalamineWorkbook.from_path(path).get_sheet_by_index(0)
         return [[_text(cell) for cell in row] for row in sheet.to_python()]

@@ -185,19 +185,9 @@ def look(path: Path) -> Head:
         with Source(path) as source:
             data, compression, fault = source.read(HEAD_BYTES), source.compression, source.fault
     except OSError as error:
-        raise InputError(
-            f"{path}: {error.strerror}.",
-            "The file could not be opened.",
-            "Check its permissions.",
-            code="unreadable",
-        ) from None
+        raise InputError("unreadable", path=path, strerror=error.strerror) from None
     if not data:
-        raise InputError(
-            f"{path} is empty ({path.stat().st_size} bytes{', ' + fault if fault else ''}).",
-            "The recorder may have been switched off before it wrote anything.",
-            "Copy the recording again.",
-            code="empty-file",
-        )
+        raise InputError("empty-file", path=path, size_bytes=path.stat().st_size, fault=fault)
     suffix = path.suffix.lower()
     if compression and suffix == _SUFFIX[compression]:
         suffix = path.with_suffix("").suffix.lower()
@@ -207,13 +197,10 @@ def look(path: Path) -> Head:
 def _refuse_non_files(path: Path) -> None:
     if not path.is_file():
         raise InputError(
-            f"{path} {'is a folder' if path.is_dir() else 'does not exist' if not path.exists() else 'is not a file'}.",
-            "A recording is a file.",
-            "Check the name.",
-            code="no-such-file",
+            "no-such-file.refuse-non-files", path=path, is_path=bool(path.is_dir()), is_path_is=bool(path.exists())
         )
 
 
 def cut_notice(path: Path, fault: str) -> Notice:
     """The notice of a truncated file; `fault` describes where it ends."""
-    return Notice("stream-cut", f"{path}: {fault}; the content before is used.")
+    return Notice("stream-cut", path=path, fault=fault)

@@ -52,12 +52,7 @@ class StatesCsv(FileReader):
         rows = [row for path in self.paths for row in _rows(path, self.notices)]
         for (t_s, *_), (later_s, *_, where) in pairwise(rows):
             if later_s <= t_s:
-                raise InputError(
-                    f"{where}: {iso_utc(later_s)} is not later than the row before ({iso_utc(t_s)}).",
-                    "Each row starts a state, so the times must increase.",
-                    "Sort the rows by time, and keep one row per time.",
-                    code="rows-out-of-order",
-                )
+                raise InputError("rows-out-of-order", where=where, later_s=iso_utc(later_s), t_s=iso_utc(t_s))
         begin_s = np.array([row[0] for row in rows], np.float64)
         state = np.array([row[1] for row in rows], np.int8)
         sigma_s = np.array([row[2] for row in rows], np.float64)
@@ -157,10 +152,4 @@ def _number(row: dict[str, str], name: str, where: str, default: float) -> float
 
 
 def _bad(what: str) -> InputError:
-    return InputError(
-        f"{what}.",
-        "A CSV of implement states has a row for each change: `time` (ISO 8601, UTC without a zone) or `t_s` (POSIX "
-        "seconds), and `state` (down, up or unknown).",
-        "Correct or remove that line.",
-        code="states-unreadable",
-    )
+    return InputError("states-unreadable", what=what)

@@ -37,12 +37,7 @@ def utc_of(seconds: FloatArray, scale: str, name: str, options: ReadOptions) -> 
         # Some processors continue the seconds into the next week, others restart them.
         since_1980 = _of_week(unroll(seconds, WEEK_S), scale, name, options)
     elif not bool(np.all(seconds >= EARLIEST_S)):
-        raise InputError(
-            f"{name}: unknown time scale (times from {seconds.min():.3f} to {seconds.max():.3f} s).",
-            "They count neither from the start of a week nor from 1980-01-06, so they cannot be converted to UTC.",
-            "Export GPS seconds of the week, or since 1980-01-06 (adjusted standard GPS time plus 1e9).",
-            code="unknown-time-scale",
-        )
+        raise InputError("unknown-time-scale", name=name, seconds=seconds.min(), seconds_max=seconds.max())
     return since_1980 + GPS_EPOCH_S if scale == "utc" else gps_to_utc_s(since_1980)
 
 
@@ -52,9 +47,4 @@ def _of_week(within: FloatArray, scale: str, name: str, options: ReadOptions) ->
     if options.near_s is not None:
         near = options.near_s - GPS_EPOCH_S if scale == "utc" else float(utc_to_gps_s(options.near_s))
         return within + float(nearest_in_cycle(within[0], near, WEEK_S) - within[0])
-    raise InputError(
-        f"{name}: the times {within[0]:.3f} to {within[-1]:.3f} s are seconds of an unknown GPS week.",
-        "Without the week the poses cannot be matched with scans.",
-        "Write `week = N` under `[trajectory]`: weeks since 1980-01-06, such as 2422 for the week of 2026-06-07.",
-        code="no-gps-week",
-    )
+    raise InputError("no-gps-week", name=name, within=within[0], within_last=within[-1])

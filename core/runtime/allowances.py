@@ -36,12 +36,7 @@ def allows(what: Allowance) -> bool:
     """
     stated = {word.strip() for word in os.environ.get(VARIABLE, "").split(",")} - {""}
     if not stated <= set(ALL):
-        raise UsageError(
-            f"The environment variable {VARIABLE} is {os.environ[VARIABLE]!r}.",
-            "It lists what is allowed of foreign files.",
-            f"Set it to {' or '.join(ALL)}, or both separated by a comma, or unset it.",
-            code="usage",
-        )
+        raise UsageError("usage.allows", environ=os.environ[VARIABLE], all=" or ".join(ALL))
     return what in stated or any(what in allowed for allowed in _allowed)
 
 
@@ -70,10 +65,8 @@ def expect_growth(what: str | Path, packed_bytes: int, unpacked_bytes: int) -> N
         RefusedError: if it is, and the user does not allow it.
     """
     if unpacked_bytes > FREE_BYTES + MOST_GROWTH * packed_bytes and not allows("large"):
-        raise _too_large(
-            f"{what}: {_size(packed_bytes)} unpack to {_size(unpacked_bytes)} or more.",
-            f"No recording is compressed to less than 1/{MOST_GROWTH}: the file may be damaged, or made to fill the "
-            "memory or the disk.",
+        raise RefusedError(
+            "too-large", what=what, packed=_size(packed_bytes), unpacked=_size(unpacked_bytes), growth=MOST_GROWTH
         )
 
 
@@ -86,10 +79,7 @@ def expect_memory(what: str | Path, needed_bytes: int) -> None:
     if needed_bytes > FREE_BYTES:
         free = free_memory_bytes()
         if needed_bytes > free // 2 and not allows("large"):
-            raise _too_large(
-                f"{what} needs {_size(needed_bytes)} of memory, and {_size(free)} are free.",
-                "More than half of the free memory is not taken for one file: other programs, or this one, would stop.",
-            )
+            raise RefusedError("too-large.memory", what=what, needed=_size(needed_bytes), free=_size(free))
 
 
 def expect_disk(what: str | Path, folder: Path, needed_bytes: int) -> None:
@@ -101,10 +91,7 @@ def expect_disk(what: str | Path, folder: Path, needed_bytes: int) -> None:
     if needed_bytes > FREE_BYTES:
         free = shutil.disk_usage(folder).free
         if needed_bytes > free // 2 and not allows("large"):
-            raise _too_large(
-                f"{what} needs {_size(needed_bytes)} in {folder}, where {_size(free)} are free.",
-                "More than half of the free space is not taken for a temporary copy of one file.",
-            )
+            raise RefusedError("too-large.disk", what=what, needed=_size(needed_bytes), folder=folder, free=_size(free))
 
 
 def free_memory_bytes() -> int:
@@ -125,15 +112,6 @@ def free_memory_bytes() -> int:
             held = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
             free = min(free, max(0, most - held))
     return free
-
-
-def _too_large(what: str, meaning: str) -> RefusedError:
-    return RefusedError(
-        what,
-        meaning,
-        "If the file is what you expect, allow it with --allow-large (FURROWMAP_ALLOW=large).",
-        code="too-large",
-    )
 
 
 def _size(size: int) -> str:

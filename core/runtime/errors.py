@@ -2,39 +2,82 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final, Self
+
+from furrowmap.core.runtime.languages.catalogue import ENGLISH
+from furrowmap.core.runtime.languages.messages import Value, fill, printed, sentences
+from furrowmap.core.runtime.languages.translation import translated
+
+PARTS: Final = ("what", "meaning", "remedy")
+"""Parts of an error, as they are printed below each other."""
 
 CONTRADICTION: Final = "contradiction"
 """Code of the notice that stands before all others."""
 
 
 class FurrowmapError(Exception):
-    """An error that a user can act on, in three parts.
+    """An error that a user can act on: what is wrong and where, what that means for the work, and what to do about it.
 
     Args:
-        what: what is wrong and where (file, byte, line, time or key).
-        meaning: what that means for the requested work.
-        remedy: what to do about it.
-        code: a stable kebab-case name, the same in terminal, JSON and QGIS.
+        key: of its sentences, see :mod:`~furrowmap.core.runtime.languages.messages`. The part before a dot is the
+            code, the same in terminal, JSON and QGIS.
+        values: for the holes of the sentences.
+
+    Raises:
+        KeyError: if the key is unknown, or the values are not those of its sentences.
     """
 
     exit_status: ClassVar[int] = 1
 
-    def __init__(self, what: str, meaning: str, remedy: str, *, code: str = "failed") -> None:
-        super().__init__(what, meaning, remedy)
-        self.what = what
-        self.meaning = meaning
-        self.remedy = remedy
-        self.code = code
+    def __init__(self, key: str, /, **values: object) -> None:
+        self.key = key
+        self.values = printed(key, values)
+        super().__init__(key, self.values)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _restored_error, (type(self), self.key, self.values)
+
+    @property
+    def code(self) -> str:
+        """A stable kebab-case name."""
+        return self.key.partition(".")[0]
 
     @property
     def lines(self) -> tuple[str, str, str]:
         """The three parts as they are printed, without line breaks and control characters."""
-        return printable(self.what), printable(self.meaning), printable(self.remedy)
+        return self.lines_in(ENGLISH)
+
+    def lines_in(self, language: str) -> tuple[str, str, str]:
+        """The three parts in a language."""
+        what, meaning, remedy = (_sentence(language, self.key, part, self.values) for part in PARTS)
+        return what, meaning, remedy
+
+    @property
+    def what(self) -> str:
+        """What is wrong, and where: file, byte, line, time or key."""
+        return self.lines[0]
+
+    @property
+    def meaning(self) -> str:
+        """What that means for the requested work."""
+        return self.lines[1]
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return self.lines[2]
 
     def __str__(self) -> str:
         return "\n".join(self.lines)
+
+
+def _restored_error(kind: type[FurrowmapError], key: str, values: dict[str, Value]) -> FurrowmapError:
+    """An error of another process: its values are printed already."""
+    error = kind.__new__(kind, key, values)
+    error.key, error.values = key, values
+    return error
 
 
 class UsageError(FurrowmapError):
@@ -61,30 +104,74 @@ class Cancelled(FurrowmapError):
     exit_status = 130
 
     def __init__(self) -> None:
-        super().__init__(
-            "Cancelled.",
-            "No incomplete files remain; the products of an earlier run are unchanged.",
-            "Run the same command again to get the result.",
-            code="cancelled",
-        )
+        super().__init__("cancelled")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Notice:
     """A warning about an input or a result that does not stop the work.
 
-    Attributes:
-        code: a stable kebab-case name.
-        text: one or two sentences with the figures.
+    Args:
+        key: of its sentences, as of an error.
+        values: for the holes of the sentences.
+
+    Raises:
+        KeyError: as for an error.
     """
 
-    code: str
-    text: str
+    key: str
+    values: tuple[tuple[str, Value], ...]
+    subject: str = ""
+
+    def __init__(self, key: str, /, **values: object) -> None:
+        object.__setattr__(self, "key", key)
+        object.__setattr__(self, "values", tuple(printed(key, values).items()))
+
+    def about(self, subject: str) -> Notice:
+        """The notice with a subject before its text, such as one of several tools."""
+        notice = Notice.from_printed(self.key, dict(self.values))
+        object.__setattr__(notice, "subject", subject)
+        return notice
 
     @classmethod
     def of(cls, error: FurrowmapError) -> Self:
         """A notice with the complete text of an error that does not stop the work."""
-        return cls(error.code, " ".join(error.lines))
+        return cls.from_printed(error.key, error.values)
+
+    @classmethod
+    def from_printed(cls, key: str, values: Mapping[str, Value]) -> Self:
+        """A notice with values that are printed already, such as those of another one."""
+        notice = cls.__new__(cls)
+        object.__setattr__(notice, "key", key)
+        object.__setattr__(notice, "values", tuple(values.items()))
+        return notice
+
+    @property
+    def code(self) -> str:
+        """A stable kebab-case name."""
+        return self.key.partition(".")[0]
+
+    @property
+    def text(self) -> str:
+        """One or two sentences with the figures."""
+        return self.text_in(ENGLISH)
+
+    def text_in(self, language: str) -> str:
+        """The text in a language."""
+        parts = sentences(ENGLISH, self.key)
+        of_error = PARTS if "text" not in parts else ("text",)
+        between = " " if language == ENGLISH else ""
+        text = between.join(_sentence(language, self.key, part, dict(self.values)) for part in of_error)
+        colon = ": " if language == ENGLISH else "："
+        return f"{self.subject}{colon}{text}" if self.subject else text
+
+
+def _sentence(language: str, key: str, part: str, values: Mapping[str, Value]) -> str:
+    """A part of a message in a language; texts in its values are translated too."""
+    if language != ENGLISH:
+        code = key.partition(".")[0]
+        values = {n: translated(v, language, code) if isinstance(v, str) else v for n, v in values.items()}
+    return printable(fill(sentences(language, key)[part], values))
 
 
 def printable(text: str) -> str:

@@ -59,9 +59,4 @@ def inside(folder: Path, name: str, source: Path) -> Path:
     """
     if is_file_name(name) and not leads_out(folder / name, folder):
         return folder / name
-    raise InputError(
-        f"{source}: {name!r} is not the name of a file in {folder}.",
-        "A file may only name files in its own folder; nothing was read from or written to that place.",
-        "Rename it if the file is yours; do not use a file of unknown origin that states such names.",
-        code="name-outside",
-    )
+    raise InputError("name-outside", source=source, name=name, folder=folder)

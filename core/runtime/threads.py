@@ -38,12 +38,7 @@ def threads() -> int:
     if not stated:
         return min(available_processors(), MOST_BY_DEFAULT)
     if not stated.isdecimal() or int(stated) < 1:
-        raise UsageError(
-            f"The environment variable {VARIABLE} is {stated!r}.",
-            "It must be an integer of at least 1.",
-            f"Set it to a number of threads, such as {VARIABLE}=4, or unset it.",
-            code="usage",
-        )
+        raise UsageError("usage.threads", stated=stated)
     return int(stated)
 
 

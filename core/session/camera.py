@@ -134,13 +134,8 @@ def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -
 
 
 def _missing(named: str) -> Notice:
-    return Notice("images-missing", f"[camera] names {named!r}, which does not exist: its images are not used.")
+    return Notice("images-missing.missing", named=named)
 
 
 def _outside(session_file: Path, named: str) -> InputError:
-    return InputError(
-        f"{session_file}: {named!r} is outside the session's folder.",
-        "A session file may only name files in its own folder or below, so that a foreign one cannot read others.",
-        "Put the session file in a folder above the images, or copy the images beside it.",
-        code="session-path-outside",
-    )
+    return InputError("session-path-outside.outside", session_file=session_file, named=named)

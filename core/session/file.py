@@ -64,12 +64,7 @@ def load_session(path: Path) -> Session:
             kind = binary_kind(head)
             text = "" if kind else (head + file.read()).decode("utf-8")
     except IsADirectoryError:
-        raise InputError(
-            f"{path} is a folder, not a session file.",
-            "The session could not be read.",
-            f"Give the session file: {path / 'session.toml'}",
-            code="session-unreadable",
-        ) from None
+        raise InputError("session-unreadable.load-session", path=path, path_scaled=path / "session.toml") from None
     except (OSError, UnicodeDecodeError) as error:
         raise _unreadable(path, getattr(error, "strerror", None) or "not UTF-8 text") from None
     if kind is not None:
@@ -78,12 +73,7 @@ def load_session(path: Path) -> Session:
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: {why}.",
-        "The session could not be read.",
-        "Give the path of a session.toml. `furrowmap init RECORDING...` writes one.",
-        code="session-unreadable",
-    )
+    return InputError("session-unreadable", path=path, why=why)
 
 
 def parse_session(text: str, name: str = "session.toml") -> Session:
@@ -95,20 +85,9 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
     try:
         data = parse_toml(text)
     except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            f"{name}: {error}.",
-            "The file is not valid TOML.",
-            "Correct it at the position named above. Strings need double quotes, lists square brackets.",
-            code="session-syntax",
-        ) from None
+        raise InputError("session-syntax", name=name, error=error) from None
     if data.get("furrowmap") != SCHEMA:
-        version = f"is {data['furrowmap']!r}; this version reads {SCHEMA}" if "furrowmap" in data else "is missing"
-        raise InputError(
-            f"{name}: key `furrowmap`, the version of the file format, {version}.",
-            "Other versions may define the keys differently.",
-            f"Write `furrowmap = {SCHEMA}` at the top if the file follows the documentation of this version.",
-            code="session-schema",
-        )
+        raise InputError("session-schema", name=name, data=data.get("furrowmap"), schema=SCHEMA)
     _check_keys(data, name)
     data = apart(data)
     recording = data.get("recording")
@@ -143,10 +122,12 @@ def _check_keys(data: dict[str, Any], name: str) -> None:
             if key not in known:
                 near = difflib.get_close_matches(key, known, 1, 0.5)
                 raise InputError(
-                    f"{name}: unknown key `{prefix}{key}`.",
-                    "A misspelt key would otherwise be ignored and its default used.",
-                    f"Did you mean `{prefix}{near[0]}`?" if near else f"Valid keys here: {', '.join(known)}.",
-                    code="session-unknown-key",
+                    "session-unknown-key",
+                    name=name,
+                    prefix=prefix,
+                    key=key,
+                    near_first=near[0] if near else None,
+                    known=", ".join(known) if not (near) else None,
                 )
 
 
@@ -170,13 +151,16 @@ def _conversion_error(message: str, name: str) -> InputError:
         what = f"table [{key}]" if key in _tables() else f"key `{path}`"
         what += f" {_type_fault(reason, _choices(key))}"
     table, _, last = key.rpartition(".")
-    line = f"{last} = {EXAMPLES[key]}" if key in EXAMPLES else f"[{key}]" if key in _tables() else ""
-    example = f"Example: `{line}`{f' under [{table}]' if table else ''}. " if line else ""
     return InputError(
-        f"{name}: {what}.",
-        "The session file is incomplete or invalid there.",
-        f"{example}{REFERENCE}. `furrowmap init` writes a commented file.",
-        code="session-value",
+        "session-value",
+        name=name,
+        what=what,
+        line=key in EXAMPLES or key in _tables(),
+        last=last,
+        examples=EXAMPLES.get(key),
+        in_tables=key in _tables(),
+        key=key,
+        table=table or None,
     )
 
 
@@ -212,12 +196,7 @@ def _check_values(session: Session, name: str) -> None:
     """Refuse values that no session can have."""
     fault = next(_faults(session), None)
     if fault is not None:
-        raise InputError(
-            f"{name}: {fault}.",
-            "Nothing can be computed with this value.",
-            f"Correct the session file. {REFERENCE}.",
-            code="session-value",
-        )
+        raise InputError("session-value.check-values", name=name, fault=fault)
 
 
 def _faults(session: Session) -> Iterator[str]:

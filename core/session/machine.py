@@ -62,10 +62,7 @@ def load_machine(path: Path) -> Machine:
         return parse_machine(path.read_text(encoding="utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
-            f"{path}: {getattr(error, 'strerror', None) or 'not UTF-8 text'}.",
-            "The machine's profile could not be read.",
-            "Give the path of a profile, or the name of a saved machine; `furrowmap machine list` shows them.",
-            code="machine-unreadable",
+            "machine-unreadable", path=path, error=getattr(error, "strerror", None) or "not UTF-8 text"
         ) from None
 
 
@@ -174,9 +171,4 @@ def toml_value(value: Any) -> str:
 
 
 def _invalid(name: str, why: str) -> InputError:
-    return InputError(
-        f"{name}: {why}.",
-        "The places of the machine's sensors are not known.",
-        f"Correct the file, or save the machine again from one of its sessions; {REFERENCE}.",
-        code="machine-value",
-    )
+    return InputError("machine-value", name=name, why=why)

@@ -374,12 +374,7 @@ def watched(scans: Iterator[Scan], recording: LidarRecording, progress: Progress
 def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
     """Raise InputError if a file does not hold what the session names it for."""
     if not isinstance(reader, kind):
-        raise InputError(
-            f"{path} ({reader.title}) holds no {_GIVES[kind]}.",
-            f"The session names it under `{key}`.",
-            "Correct the file name; `furrowmap inspect` shows what a file holds.",
-            code="wrong-kind-of-file",
-        )
+        raise InputError("wrong-kind-of-file", path=path, title=reader.title, gives=_GIVES[kind], key=key)
 
 
 def resolve(session_file: Path, named: str) -> Path:
@@ -398,27 +393,11 @@ def resolve(session_file: Path, named: str) -> Path:
         is_outside = any(leads_out(place, folder) for place in (path, *(inside if is_whole else ())))
         is_file, is_folder = path.is_file(), path.is_dir()
     except (OSError, ValueError) as error:
-        raise InputError(
-            f"{session_file}: {named!r} is not a valid file name ({error}).",
-            "The session could not be opened.",
-            "Correct the file name in the session file; paths are relative to that file.",
-            code="session-file-missing",
-        ) from None
+        raise InputError("session-file-missing.resolve", session_file=session_file, named=named, error=error) from None
     if is_outside:
-        raise InputError(
-            f"{session_file}: {named!r} is outside the session's folder.",
-            "A session file may only name files in its own folder or below, so that a foreign one cannot read others.",
-            "Put the session file in a folder above the recordings, or copy the recordings beside it.",
-            code="session-path-outside",
-        )
+        raise InputError("session-path-outside.resolve", session_file=session_file, named=named)
     if not is_file and not is_whole:
-        what = "is a folder without a ROS 2 bag or task data" if is_folder else "does not exist"
-        raise InputError(
-            f"{session_file}: {named!r} {what}.",
-            "The session could not be opened.",
-            "Correct the file name in the session file; paths are relative to that file.",
-            code="session-file-missing",
-        )
+        raise InputError("session-file-missing", session_file=session_file, named=named, is_folder=bool(is_folder))
     return path
 
 

@@ -75,12 +75,7 @@ def common_folder(paths: Sequence[Path]) -> Path:
     except ValueError:  # on different drives
         common = Path(paths[0].anchor)
     if len(folders) > 1 and common == Path(common.anchor):
-        raise InputError(
-            f"{paths[0]} and {paths[-1]} have no folder in common.",
-            "A session file may only name files in its own folder or below.",
-            "Copy the recordings into one folder first.",
-            code="no-common-folder",
-        )
+        raise InputError("no-common-folder", paths=paths[0], paths_last=paths[-1])
     return common
 
 
@@ -129,13 +124,13 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
         ]
     )
     found = [
-        *(Notice("recording", f"{r.path.name}: {r.inspection.title}") for r in ordered),
-        *(Notice("time-overlap", match.text) for match in matches if match.shared_s > 0),
+        *(Notice("recording", name=r.path.name, title=r.inspection.title) for r in ordered),
+        *(Notice("time-overlap", text=match.text) for match in matches if match.shared_s > 0),
         *_crs_found(crs),
     ]
     missing = [
-        *(Notice("time-overlap", match.text) for match in matches if match.shared_s <= 0),
-        *(Notice("no-place", b.fault) for b in beginnings if b.fault),
+        *(Notice("time-overlap", text=match.text) for match in matches if match.shared_s <= 0),
+        *(Notice("no-place", fault=b.fault) for b in beginnings if b.fault),
         *_unused(ordered, used),
         *_missing(crs, scans=sensed or bool(states), positions=bool(gnss or poses)),
         *places_missing(machine, scans=sensed, states=bool(states), poses=bool(poses), inertial=bool(inertial)),
@@ -146,21 +141,17 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
 def _unused(recordings: Sequence[Examined], used: Sequence[Examined]) -> list[Notice]:
     """Recordings that a session has no place for."""
     return [
-        Notice("recording-unused", f"{r.path.name} ({r.inspection.title}) is not used in a session.")
-        for r in recordings
-        if r not in used
+        Notice("recording-unused.unused", r=r.path.name, title=r.inspection.title) for r in recordings if r not in used
     ]
 
 
 def _nothing_recorded(other: Examined) -> InputError:
     finished = other.inspection.format == "las"
     return InputError(
-        f"{other.path} is not a recording: {other.inspection.title}.",
-        "A session needs a LiDAR recording with positions or a trajectory, or task data.",
-        f"Compute surfaces of a point cloud with `furrowmap surface {other.path.name} -o DIR`."
-        if finished
-        else "Give the LiDAR recording and the GNSS log.",
-        code="no-recording",
+        "no-recording.nothing-recorded",
+        other=other.path,
+        title=other.inspection.title,
+        other_2=other.path.name if finished else None,
     )
 
 
@@ -228,18 +219,14 @@ def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginn
 def _crs_found(crs: CrsChoice | None) -> list[Notice]:
     if crs is None:
         return []
-    chosen = Notice("crs", f"CRS {crs.code} ({crs.name}): {crs.reason}.")
-    return [chosen, *(Notice("crs-alternative", f"Or {other}.") for other in crs.alternatives)]
+    chosen = Notice("crs", code=crs.code, crs=crs.name, reason=crs.reason)
+    return [chosen, *(Notice("crs-alternative", other=other) for other in crs.alternatives)]
 
 
 def _missing(crs: CrsChoice | None, *, scans: bool, positions: bool) -> list[Notice]:
     """What of recordings and map is missing."""
-    texts = {
-        "no-lidar": f"LiDAR recording: replace {UNKNOWN} in [recording] lidar." if not scans else "",
-        "no-positions": f"GNSS log or trajectory: replace {UNKNOWN} in [recording] gnss." if not positions else "",
-        "no-crs": f"CRS of the map: the location is unknown; replace {UNKNOWN} in [crs] map." if crs is None else "",
-    }
-    return [Notice(code, text) for code, text in texts.items() if text]
+    missing = {"no-lidar": not scans, "no-positions": not positions, "no-crs": crs is None}
+    return [Notice(f"{code}.missing", unknown=UNKNOWN) for code, absent in missing.items() if absent]
 
 
 def _head(folder: Path, machine: Machine) -> str:
@@ -375,12 +362,7 @@ def _paths(recordings: Sequence[Examined], folder: Path) -> list[str]:
     names = []
     for path in (recording.path.resolve() for recording in recordings):
         if not path.is_relative_to(folder.resolve()):
-            raise InputError(
-                f"{path} is outside {folder}, the folder of the session file.",
-                "A session file may only name files in its own folder or below.",
-                "Put the session file in a folder above the recordings, or copy the recordings beside it.",
-                code="session-path-outside",
-            )
+            raise InputError("session-path-outside.paths", path=path, folder=folder)
         names.append(path.relative_to(folder.resolve()).as_posix())
     return names
 
@@ -398,10 +380,5 @@ def _quoted(text: str) -> str:
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:
-        raise InputError(
-            f"{printable(text)}: the file name is not valid UTF-8.",
-            "A session file is UTF-8 text and cannot contain it.",
-            "Rename the file.",
-            code="name-not-text",
-        ) from None
+        raise InputError("name-not-text", text=printable(text)) from None
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

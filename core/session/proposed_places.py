@@ -36,11 +36,7 @@ _IMPLEMENT: Final = """\
 # xy_m = [-1.45, 0.0]
 # working_depth_m = 0.12
 """
-NO_IMU_MOUNTING: Final = Notice(
-    "no-imu-mounting",
-    "Mounting and class of the IMU: [imu] xyz_m, rpy_deg and class. Default: at the origin of the vehicle frame, with "
-    "its axes, industrial.",
-)
+NO_IMU_MOUNTING: Final = Notice("no-imu-mounting")
 
 
 def antenna_table(machine: Machine) -> str:
@@ -103,22 +99,13 @@ def places_missing(machine: Machine, *, scans: bool, states: bool, poses: bool, 
         inertial: whether an IMU was recorded.
     """
     mounted = machine.lidar is not None and None not in (machine.lidar.xyz_m, machine.lidar.rpy_deg)
-    texts = {
-        "no-mounting": "Mounting of the scanner: [lidar] xyz_m and rpy_deg. Without them they are zero, and no "
-        "accuracy is stated."
-        if (scans or not states) and not mounted
-        else "",
-        "no-antenna": "Position of the GNSS antenna: [antenna] xyz_m. Without it, it is taken as the origin of the "
-        "vehicle frame, and no accuracy is stated."
-        if not poses and machine.antenna is None
-        else "",
-        "no-implement": ""
-        if machine.implement is not None
-        else "Position of the implement: [implement] xy_m. Default: at the recorded positions."
-        if states
-        else "Implement: [implement] width_m and xy_m. Without them, worked ground is not computed.",
-    }
-    found = [Notice(code, text) for code, text in texts.items() if text]
+    found = []
+    if (scans or not states) and not mounted:
+        found.append(Notice("no-mounting"))
+    if not poses and machine.antenna is None:
+        found.append(Notice("no-antenna.missing"))
+    if machine.implement is None:
+        found.append(Notice("no-implement.place" if states else "no-implement.missing"))
     return [*found, NO_IMU_MOUNTING] if inertial and machine.imu is None else found
 
 

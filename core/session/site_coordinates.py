@@ -174,12 +174,7 @@ def site_coordinates(session_file: str | Path) -> SiteCoordinates:
         recorded = reader.track()
         placed = np.isfinite(recorded.lon_deg) & np.isfinite(recorded.lat_deg) & (recorded.fix != Fix.NONE)
         if not placed.any():
-            raise InputError(
-                f"{recorded.source or 'The GNSS log'}: none of its {len(recorded)} epochs has a position.",
-                "The location of the site is unknown.",
-                "Use the complete log of the drive; `furrowmap inspect` shows what it holds.",
-                code="gnss-no-positions",
-            )
+            raise InputError("gnss-no-positions", source=recorded.source or "The GNSS log", recorded=len(recorded))
         track, transform = transform_track(recorded[placed], frame)
         lon, lat, t_s = track.lon_deg, track.lat_deg, track.t_s
     return _at(frame, transform, *middle_deg(lon, lat), (float(t_s[0]), float(t_s[-1])))

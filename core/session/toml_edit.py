@@ -36,12 +36,7 @@ def with_value(text: str, table: str, key: str, value: str, origin: str = "") ->
     except tomllib.TOMLDecodeError:
         done = False
     if not done:
-        raise RefusedError(
-            f"`{key}` could not be set: the table `{table}` is written in an unsupported form.",
-            "The file was not changed.",
-            f"Set it by hand: `{key} = {value}` in `[{table}]`.",
-            code="session-not-changed",
-        )
+        raise RefusedError("session-not-changed", key=key, table=table, value=value)
     return changed.replace("\n", "\r\n") if windows else changed
 
 

@@ -33,12 +33,7 @@ def load_scenario(path: Path) -> Scenario:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "it is not UTF-8 text"
-        raise InputError(
-            f"{path}: the scenario cannot be read ({why}).",
-            "The simulation needs a TOML file.",
-            "Give the path of a scenario; docs/reference/scenario.md lists its keys.",
-            code="scenario-unreadable",
-        ) from None
+        raise InputError("scenario-unreadable", path=path, why=why) from None
     return scenario_from(text, str(path))
 
 
@@ -57,12 +52,7 @@ def scenario_from(text: str, name: str) -> Scenario:
     try:
         return msgspec.convert(tomllib.loads(text), Scenario)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(
-            f"{name}: not valid TOML: {error}.",
-            "Nothing was simulated.",
-            "Correct the line; text goes in double quotes, lists in square brackets.",
-            code="scenario-toml",
-        ) from error
+        raise InputError("scenario-toml", name=name, error=error) from error
     except (msgspec.ValidationError, ValueError) as error:
         raise _value_error(error, name) from error
 
@@ -118,20 +108,17 @@ def _value_error(error: Exception, name: str) -> InputError:
     unknown = re.search(r"unknown field `(.*?)`", text)
     if not unknown:
         what = re.sub(r" - at `.*`", "", text)
-        return InputError(
-            f"{name}: {f'[{table}] ' if table else ''}{what[:1].lower() + what[1:]}.",
-            "Nothing was simulated.",
-            "Correct the value; docs/reference/scenario.md has the units and limits of all keys.",
-            code="scenario-value",
-        )
+        return InputError("scenario-value", name=name, table=table or None, what=what[:1].lower() + what[1:])
     key = unknown.group(1)
     known = _keys_of(table)
     near = difflib.get_close_matches(key, known, 1, 0.5)
     return InputError(
-        f"{name}: unknown key `{table + '.' if table else ''}{key}`.",
-        "Nothing was simulated.",
-        f"Did you mean `{near[0]}`?" if near else f"Valid keys here: {', '.join(sorted(known))}.",
-        code="scenario-unknown-key",
+        "scenario-unknown-key",
+        name=name,
+        table=table + "." if table else "",
+        key=key,
+        near_first=near[0] if near else None,
+        known=", ".join(sorted(known)) if not (near) else None,
     )
 
 

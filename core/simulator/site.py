@@ -66,10 +66,11 @@ def check_size(east_m: float, north_m: float) -> None:
     """
     if east_m * north_m / CELL_M**2 > MOST_CELLS:
         raise InputError(
-            f"scenario: the ground of {east_m:.0f} m by {north_m:.0f} m is too large.",
-            f"It is kept in memory in cells of {CELL_M} m, at most {MOST_CELLS * CELL_M**2 / 1e4:.0f} hectares.",
-            "Choose shorter or fewer passes or strips, or a smaller field.size_e_m and field.size_n_m.",
-            code="scenario-too-large",
+            "scenario-too-large",
+            east_m=east_m,
+            north_m=north_m,
+            cell_m=CELL_M,
+            most_cells=MOST_CELLS * CELL_M**2 / 10000.0,
         )
 
 
@@ -171,16 +172,8 @@ def find_site(scenario: Scenario) -> Site:
         e, n = to_map.transform(*place.lon_lat_deg, errcheck=True)
     except (CRSError, ProjError) as error:
         raise InputError(
-            f"scenario: place.crs {place.crs!r} cannot be used at {list(place.lon_lat_deg)} ({error}).",
-            "Longitude and latitude of the simulated positions cannot be computed.",
-            "Give a projected CRS in metres that covers the location, such as its UTM zone.",
-            code="scenario-crs",
+            "scenario-crs.find-site", crs=place.crs, lon_lat_deg=list(place.lon_lat_deg), error=error
         ) from error
     if not crs.is_projected:
-        raise InputError(
-            f"scenario: place.crs {place.crs!r} is not a projected CRS.",
-            "The simulated ground needs map coordinates in metres.",
-            "Give a projected CRS in metres that covers the location, such as its UTM zone.",
-            code="scenario-crs",
-        )
+        raise InputError("scenario-crs", crs=place.crs)
     return Site(place.crs, float(round(e)), float(round(n)), place.height_m, place.geoid_m, scenario.t0_us)

@@ -33,12 +33,7 @@ _ONE_AT_A_TIME: Final = threading.Lock()
 def require_cloth() -> None:
     """Raises InputError if the library is not installed."""
     if find_spec("CSF") is None:
-        raise InputError(
-            "Ground by 'csf': the package cloth-simulation-filter is not installed.",
-            "The ground was not classified.",
-            "Install it with `pip install 'furrowmap[csf]'`, or use the method 'smrf'.",
-            code="extra-missing",
-        )
+        raise InputError("extra-missing.require-cloth")
 
 
 def cloth_ground(xyz_m: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -42,20 +42,10 @@ class Grid:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.cell_m) and self.cell_m >= FINEST_CELL_M):
-            raise InputError(
-                f"The cell size is {self.cell_m:g} m.",
-                "Cells must be at least a millimetre.",
-                "Give the cell size in metres, such as 0.05.",
-                code="bad-cell-size",
-            )
+            raise InputError("bad-cell-size", cell_m=self.cell_m)
         rows, columns = self.shape
         if rows < 1 or columns < 1 or rows * columns > MOST_CELLS:
-            raise InputError(
-                f"The grid would have {columns:,} x {rows:,} cells of {self.cell_m:g} m.",
-                "That is too large for a raster; the usual cause is a stray point, or degrees used as metres.",
-                "Choose larger cells, give a box (--bbox), or remove the stray points.",
-                code="grid-too-large",
-            )
+            raise InputError("grid-too-large", columns=columns, rows=rows, cell_m=self.cell_m)
 
     @classmethod
     def of_bounds(cls, cell_m: float, bounds_m: tuple[float, float, float, float]) -> Self:
@@ -66,12 +56,7 @@ class Grid:
         """
         west, south, east, north = bounds_m
         if not all(map(math.isfinite, bounds_m)) or east < west or north < south:
-            raise InputError(
-                f"The bounds {west:g}, {south:g}, {east:g}, {north:g} are invalid.",
-                "They must be finite, west before east and south before north.",
-                "Give west, south, east, north in metres of the CRS of the map.",
-                code="bad-bounds",
-            )
+            raise InputError("bad-bounds", west=west, south=south, east=east, north=north)
         if not (math.isfinite(cell_m) and cell_m >= FINEST_CELL_M):
             return cls(cell_m, 0, 0, (1, 1))  # raises
         left, bottom = math.floor(west / cell_m), math.floor(south / cell_m)

@@ -38,12 +38,7 @@ def classify_ground(
         InputError: if the method is unknown, or its library not installed.
     """
     if method not in get_args(GroundMethod):
-        raise InputError(
-            f"Ground by '{method}': there is no such method.",
-            "The ground was not classified.",
-            f"Methods: {', '.join(get_args(GroundMethod))}.",
-            code="bad-ground-method",
-        )
+        raise InputError("bad-ground-method", method=method, groundmethod=", ".join(get_args(GroundMethod)))
     xyz = np.asarray(xyz_m, np.float64)
     if xyz.ndim != 2 or xyz.shape[1] != 3:
         raise ValueError(f"points of shape {xyz.shape}, not (n, 3)")

@@ -44,12 +44,7 @@ class Statistic:
         number = re.fullmatch(r"p(\d{1,3}(?:\.\d+)?)", word)
         if number and float(number[1]) <= 100.0:
             return cls(word, float(number[1]))
-        raise UsageError(
-            f"There is no statistic '{name}'.",
-            "It defines the height of a cell.",
-            "Choose median, trimmed, mean, min, max, or a percentile such as p90.",
-            code="unknown-statistic",
-        )
+        raise UsageError("unknown-statistic", name=name)
 
     @property
     def needs_order(self) -> bool:

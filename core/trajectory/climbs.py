@@ -57,11 +57,17 @@ def climb_notices(track: GnssTrack, en_m: FloatArray) -> list[Notice]:
     if not steep.any():
         return []
     a, b = worst_at
-    text = (
-        f"{track.source or 'The GNSS log'}: heights change by {track.height_m[b] - track.height_m[a]:+.1f} m within "
-        f"{way_m[b] - way_m[a]:.1f} m of way ({iso_utc(t_s[a])} to {iso_utc(t_s[b])}), which is steeper than "
-        f"{100.0 * STEEPEST:.0f} % and beyond their standard deviations ({max(sigma_m[a], sigma_m[b]):.2f} m). "
-        f"This begins at {int(steep.sum())} of {len(t_s)} positions. The heights are wrong there, their standard "
-        "deviations are too small, or this is no vehicle on the ground: do not rely on the heights of this result."
-    )
-    return [Notice("gnss-heights", text)]
+    return [
+        Notice(
+            "gnss-heights",
+            source=track.source or "The GNSS log",
+            height_m=track.height_m[b] - track.height_m[a],
+            way_m=way_m[b] - way_m[a],
+            t_s=iso_utc(t_s[a]),
+            t_s_2=iso_utc(t_s[b]),
+            steepest=100.0 * STEEPEST,
+            sigma_m=max(sigma_m[a], sigma_m[b]),
+            steep=int(steep.sum()),
+            t_s_count=len(t_s),
+        )
+    ]

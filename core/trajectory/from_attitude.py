@@ -88,21 +88,11 @@ def from_stated_north(track: AttitudeTrack, north: str | None, declination_deg: 
     """
     north = north or track.north
     if north not in (TRUE, GRID, MAGNETIC):
-        raise InputError(
-            f"{track.source}: the log does not state from which north its headings count.",
-            "True, grid and magnetic north differ by degrees.",
-            'Write `north = "true"`, "grid" or "magnetic" under `[attitude]`.',
-            code="north-unknown",
-        )
+        raise InputError("north-unknown", source=track.source)
     if north != MAGNETIC:
         return replace(track, north=north)
     if declination_deg is None:
-        raise InputError(
-            f"{track.source}: its headings count from magnetic north, and the declination is not stated.",
-            "It differs from true north by up to tens of degrees, and by place and year.",
-            "Write `declination_deg` under `[attitude]`: that of the place and date, positive east.",
-            code="no-declination",
-        )
+        raise InputError("no-declination", source=track.source)
     return replace(track, heading_deg=track.heading_deg + declination_deg, north=TRUE)
 
 
@@ -213,10 +203,4 @@ def _no_common(track: GnssTrack, logs: AttitudeLogs) -> InputError:
             ("headings", logs.heading.t_s),
         )
     )
-    return InputError(
-        f"Positions and attitude logs have no time in common ({spans}).",
-        "No trajectory can be computed from them.",
-        "Check that they were recorded together, times are UTC (`time_unix_s`) or GPS time (`time_gps_s`), and that "
-        "the logs hold roll and pitch, and headings.",
-        code="attitude-no-overlap",
-    )
+    return InputError("attitude-no-overlap", spans=spans)

@@ -102,10 +102,7 @@ def trajectory_from_course(
 def _expect_some(track: GnssTrack, used: NDArray[np.bool_]) -> None:
     if used.sum() < LEAST:
         raise InputError(
-            f"{track.source or 'The log'}: {int(used.sum())} of its {len(track)} positions can be used.",
-            "A trajectory needs at least two.",
-            "Use the whole log of the drive; `furrowmap inspect` lists its contents.",
-            code="gnss-no-positions",
+            "gnss-no-positions.expect-some", source=track.source or "The log", used=int(used.sum()), track=len(track)
         )
 
 

@@ -134,31 +134,22 @@ def trajectory_from_gnss(
 
 def _no_heading(track: GnssTrack) -> RefusedError:
     return RefusedError(
-        f"{track.source or 'The GNSS log'}: the antenna never moves by more than its noise "
-        f"({iso_utc(track.t_s[0])} to {iso_utc(track.t_s[-1])}).",
-        "A single antenna at a stand shows no heading, so the scans cannot be turned to the map.",
-        "Record while driving, add a two-antenna heading (HDT), or give a [trajectory] from elsewhere.",
-        code="heading-unknown",
+        "heading-unknown.no-heading",
+        source=track.source or "The GNSS log",
+        t_s=iso_utc(track.t_s[0]),
+        t_s_last=iso_utc(track.t_s[-1]),
     )
 
 
 def _outlier_notices(outlier: NDArray[np.bool_]) -> list[Notice]:
     if outlier.mean() <= OUTLIERS_REPORTED:
         return []
-    text = (
-        f"{outlier.sum()} of {len(outlier)} positions do not fit a wheeled vehicle's path and have less weight: "
-        "the antenna's lever arm may be wrong, or the receiver's positions unsteady."
-    )
-    return [Notice("gnss-outliers", text)]
+    return [Notice("gnss-outliers", outlier=outlier.sum(), outlier_count=len(outlier))]
 
 
 def _direction_notice(t_s: FloatArray, motions: Motions) -> Notice:
     spans = " and ".join(f"{iso_utc(t_s[a])} to {iso_utc(t_s[b])}" for a, b in motions.doubtful[:3])
-    return Notice(
-        "direction-assumed",
-        f"Forward and reverse from {spans} are distinguished by the longer path alone; if the vehicle reversed there, "
-        "the cloud is turned by 180°.",
-    )
+    return Notice("direction-assumed", spans=spans)
 
 
 def _antennas_heading(
@@ -174,22 +165,10 @@ def _antennas_heading(
     off = wrap_deg(heading - course)[both]
     median = float(np.degrees(np.angle(np.median(np.cos(np.radians(off))) + 1j * np.median(np.sin(np.radians(off))))))
     if abs(median) > ANTENNAS_OFF_DEG:
-        notices.append(
-            Notice(
-                "antennas-heading-unused",
-                f"The two-antenna heading is {median:+.0f}° off the course and is not used: the antennas stand across "
-                "or against the vehicle, or it was driven in reverse all the time.",
-            )
-        )
+        notices.append(Notice("antennas-heading-unused", median=median))
         return np.full(len(track), np.nan)
     if abs(median) > ANTENNAS_REPORTED_DEG:
-        notices.append(
-            Notice(
-                "antennas-heading-off",
-                f"The two-antenna heading is {median:+.2f}° off the course (median): the antennas' baseline, the "
-                "vehicle's tracking or a slope may be the cause. The heading is used as it is.",
-            )
-        )
+        notices.append(Notice("antennas-heading-off", median=median))
     return heading
 
 

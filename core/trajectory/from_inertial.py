@@ -256,14 +256,7 @@ def _with_real_noise(adjusted: Adjusted, notices: list[Notice]) -> Adjusted:
         if adjusted.variance_factor < MOST_VARIANCE:
             break
     times = adjusted.problem.links.noise.force / stated
-    notices.append(
-        Notice(
-            "imu-noisier",
-            f"The specific force scatters {times:.1f} times as much as `[imu]` states, by what the positions say: the "
-            "machine shakes faster than the IMU measures, or the IMU is of a lower class. Standard deviations follow "
-            "what is found.",
-        )
-    )
+    notices.append(Notice("imu-noisier", times=times))
     return adjusted
 
 

@@ -22,12 +22,7 @@ def trajectory_from_poses(track: PoseTrack, frame: MapFrame) -> Trajectory:
         RefusedError: if the place lies outside the area for which the map's CRS is meant.
     """
     if len(track) < 2:
-        raise InputError(
-            f"{track.source}: {len(track)} poses.",
-            "Between fewer than two poses nothing can be interpolated.",
-            "Give the whole trajectory file.",
-            code="trajectory-empty",
-        )
+        raise InputError("trajectory-empty", source=track.source, track=len(track))
     if track.projected:
         e, n = track.position[:, 0], track.position[:, 1]
         lon, lat = frame.to_lon_lat(e, n)

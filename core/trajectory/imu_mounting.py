@@ -65,16 +65,12 @@ def check_mounting(trajectory: Trajectory, mounting: Mounting, name: str, *, on_
         return _tilted(turned, mounting, name)
     right = Mounting.from_rotation(mounting.xyz_m, nearest.as_matrix() @ mounting.rotation)
     if nearest.as_matrix()[2, 2] < 0.5:
-        raise _overturned(name, f"With `rpy_deg = {_words(right)}` under `[imu]` it is upright and moves forward.")
+        raise InputError("imu-turned.forward", name=name, right=_words(right))
     steadiness = float(np.hypot(*(step_s[moving] @ along[:, :2])) / step_s[moving].sum())
     if not on_wheels and steadiness > STEADY:
         return []
     yaw_deg = float(np.degrees(np.arctan2(*nearest.as_matrix()[[1, 0], 0])))
-    text = (
-        f"{name}: by `[imu] rpy_deg` the vehicle moves at {abs(yaw_deg):.0f}° to its own x axis all the time. If it "
-        f"moves forward, write `rpy_deg = {_words(right)}`."
-    )
-    return [Notice("imu-turned", text)]
+    return [Notice("imu-turned", name=name, yaw_deg=abs(yaw_deg), right=_words(right))]
 
 
 def _mean(relative: FloatArray, weight: FloatArray) -> Rotation | None:
@@ -99,16 +95,7 @@ def _tilted(turned: FloatArray, mounting: Mounting, name: str) -> list[Notice]:
     across = np.cross(from_up, to_up)
     turn = Rotation.from_rotvec(across * 0.5 * np.pi if axis != 2 else [np.pi, 0.0, 0.0])
     right = Mounting.from_rotation(mounting.xyz_m, turn.as_matrix() @ mounting.rotation)
-    raise _overturned(name, f"`rpy_deg = {_words(right)}` under `[imu]` would set it upright; its yaw does not show.")
-
-
-def _overturned(name: str, remedy: str) -> InputError:
-    return InputError(
-        f"{name}: by `[imu] rpy_deg` the vehicle lies on its side or upside down all the time.",
-        "The IMU is not mounted as the session states, so no attitude would be right.",
-        remedy,
-        code="imu-turned",
-    )
+    raise InputError("imu-turned.upright", name=name, right=_words(right))
 
 
 def _words(mounting: Mounting) -> str:

@@ -170,22 +170,22 @@ def _common_s(positions_s: FloatArray, imu: InertialTrack) -> FloatArray:
     long = [part[8:-16] for part in stretches if len(part) > 24 and part[-1] - part[0] > SHORTEST_S]
     if not long:
         spans = " and ".join(f"{iso_utc(t[0])} to {iso_utc(t[-1])}" for t in (imu.t_s, positions_s) if len(t))
+        offset_s, cause = _likely_offset(imu.t_s, positions_s)
         raise InputError(
-            f"{imu.source or 'The IMU'}: its measurements and the positions have less than {SHORTEST_S:g} s in common "
-            f"without a pause ({spans}).",
-            "No trajectory can be computed from them.",
-            _likely_offset(imu.t_s, positions_s)
-            or "Check that both were recorded together, and that the times of the IMU are UTC (`time_unix_s`) or GPS "
-            "time (`time_gps_s`).",
-            code="imu-no-overlap",
+            "imu-no-overlap",
+            source=imu.source or "The IMU",
+            shortest_s=SHORTEST_S,
+            spans=spans,
+            cause=cause,
+            offset_s=offset_s,
         )
     return np.concatenate(long)
 
 
-def _likely_offset(imu_s: FloatArray, positions_s: FloatArray) -> str:
-    """A common offset of the IMU's clock with which both would overlap, and what to write; empty without one."""
+def _likely_offset(imu_s: FloatArray, positions_s: FloatArray) -> tuple[float, str]:
+    """A common offset of the IMU's clock with which both would overlap, and its cause; "" without one."""
     if not (len(imu_s) and len(positions_s)):
-        return ""
+        return 0.0, ""
     leap_s = float(gps_minus_utc_s(float(positions_s[0])))
     common = [(sign * leap_s, "leap seconds") for sign in (1, -1)]
     common += [(sign * k * HOUR_S, "a local time taken for UTC") for k in range(1, 15) for sign in (1, -1)]
@@ -197,10 +197,8 @@ def _likely_offset(imu_s: FloatArray, positions_s: FloatArray) -> str:
 
     best_s, cause = max(common, key=lambda offset: overlap_s(offset[0]))
     if overlap_s(best_s) < 0.5 * min(float(np.ptp(imu_s)), float(np.ptp(positions_s))):
-        return ""
-    return (
-        f"They would overlap with `minus_gnss_s = {best_s:g}` under `[imu]` ({cause}): write that, or mend the times."
-    )
+        return 0.0, ""
+    return best_s, cause
 
 
 def first_guess(problem: Problem, notices: list[Notice]) -> tuple[Problem, State]:
@@ -218,9 +216,7 @@ def first_guess(problem: Problem, notices: list[Notice]) -> tuple[Problem, State
     if not guesses:
         raise _no_heading(problem.links.track, problem.knots, problem.hints)
     if left:
-        notices.append(
-            Notice("imu-not-aligned", f"The motion shows no heading from {', '.join(left)}: there are no poses there.")
-        )
+        notices.append(Notice("imu-not-aligned", left=", ".join(left)))
     worst = max(guess.misfit for guess in guesses)
     if worst > CONTRADICTION:
         raise _contradiction(problem, worst)
@@ -279,28 +275,23 @@ def _contradiction(problem: Problem, misfit: float) -> InputError:
         guess = _guessed(problem, part, tried)
         if guess is not None and guess.misfit < misfit / 3.0:
             better.append((guess.misfit, words))
-    cause = f"They would fit if {min(better)[1]}." if better else "No single axis or unit explains it."
     return InputError(
-        f"{track.source or 'The IMU'}: the measurements contradict the positions ({misfit:.0f} times the expected "
-        f"error). {cause}",
-        "No attitude can be computed from them.",
-        "Correct units, signs and axes of the columns, `[imu] rpy_deg`, or the clock of the IMU.",
-        code="imu-contradicts",
+        "imu-contradicts",
+        source=track.source or "The IMU",
+        misfit=misfit,
+        better_other=min(better)[1] if better else None,
     )
 
 
 def _no_heading(track: InertialTrack, knots: Knots, hints: Hints) -> RefusedError:
     begin_s, end_s = float(knots.t_s[0]), float(knots.t_s[-1])
-    remedy = "Record some seconds of acceleration, turns or figures of eight, best soon after the start."
-    if hints.unasked:
-        remedy += ' The positions come with headings of two antennas: write `heading = "antennas"` under `[imu]`.'
-    if not hints.on_wheels:
-        remedy += " Of a vehicle on wheels or tracks, write `on_wheels = true` under `[imu]`: its course then shows it."
     return RefusedError(
-        f"{track.source or 'The IMU'}: its motion from {iso_utc(begin_s)} to {iso_utc(end_s)} shows no heading.",
-        "Only changes of speed or direction show it, and the attitude of all points depends on it.",
-        remedy,
-        code="heading-unknown",
+        "heading-unknown",
+        source=track.source or "The IMU",
+        begin_s=iso_utc(begin_s),
+        end_s=iso_utc(end_s),
+        antennas=bool(hints.unasked),
+        wheels=not hints.on_wheels,
     )
 
 

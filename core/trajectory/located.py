@@ -46,11 +46,7 @@ HEADING_SIGMA_DEG: Final = 5.0
 """Of a recorded heading where `[attitude]` states none: what a magnetometer beside iron and motors is good for."""
 OpenInertial: TypeAlias = Callable[[float], InertialReader]
 OpenAttitude: TypeAlias = Callable[[float], tuple[AttitudeReader, AttitudeReader]]
-_FORWARD: Final = Notice(
-    "direction-forward",
-    "Positions are too far apart, or have no heights, for a direction of motion to be seen in them: the vehicle is "
-    "taken to drive forward, level, along its course.",
-)
+_FORWARD: Final = Notice("direction-forward")
 
 
 @dataclass(frozen=True)
@@ -154,7 +150,7 @@ def locate(
 def _unused_attitude(session: Session, used: str) -> list[Notice]:
     if session.attitude is None:
         return []
-    return [Notice("attitude-unused", f"The attitude logs are not used: the trajectory comes from {used}.")]
+    return [Notice("attitude-unused", used=used)]
 
 
 def middle_s(track: GnssTrack) -> float:
@@ -173,12 +169,7 @@ def _heading_log(session: Session, frame: MapFrame, track: GnssTrack, reader: At
     log = from_stated_north(of_vehicle(reader.attitude(), table.heading_rpy_deg), table.north, table.declination_deg)
     known = np.isfinite(log.heading_deg)
     if known.sum() < 2:
-        raise InputError(
-            f"{log.source}: the log holds no headings.",
-            '`[imu] heading = "attitude"` takes them for the begin of the adjustment.',
-            "Name a log with headings under `[attitude] heading`, or leave `[imu] heading` out.",
-            code="heading-missing",
-        )
+        raise InputError("heading-missing", source=log.source)
     heading = log.heading_deg[known]
     if log.north == TRUE:
         lon, lat = middle_deg(track.lon_deg, track.lat_deg)
@@ -202,12 +193,7 @@ def _antennas_log(session: Session, frame: MapFrame, track: GnssTrack) -> Headin
     """
     known = np.isfinite(track.heading_deg)
     if known.sum() < 2:
-        raise InputError(
-            "The positions come without headings of two antennas.",
-            '`[imu] heading = "antennas"` takes them for observations beside the IMU.',
-            "Record HDT or THS sentences, or UBX-NAV-RELPOSNED, with the positions, or leave `[imu] heading` out.",
-            code="heading-missing",
-        )
+        raise InputError("heading-missing.antennas-log")
     convergence = frame.convergence_deg(track.lon_deg[known], track.lat_deg[known])
     yaw = np.radians(90.0 - (track.heading_deg[known] - convergence))
     antenna = session.antenna
@@ -274,8 +260,7 @@ def _aided(
     try:
         by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints)
     except RefusedError as refused:
-        text = f"{refused.what} Its gyroscopes take part in scan matching, its accelerometers do not."
-        notices.append(Notice("imu-not-aligned", text))
+        notices.append(Notice("imu-not-aligned.aided", what=refused.what))
     else:
         figures = by_imu.figures
         notices += [notice for notice in by_imu.notices if notice not in notices]

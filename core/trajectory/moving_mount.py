@@ -35,12 +35,7 @@ def carrier_of(located: Located, session: Session, file: Path | None) -> tuple[T
     if session.mount is None or file is None:
         return None, []
     if located.antenna is not None:
-        raise InputError(
-            f"{file}: `[mount] attitude` of a vehicle whose scans are matched to the ground.",
-            "Matching takes the scanner for rigidly mounted, and would explain its motion by that of the vehicle.",
-            "Measure the vehicle's attitude with an IMU ([imu]), or give its poses ([trajectory]).",
-            code="mount-moves",
-        )
+        raise InputError("mount-moves", file=file)
     notices: list[Notice] = []
     motion = read_mount(file, float(np.mean(located.trajectory.span_s)), notices)
     notices += _gaps(motion, located.trajectory, file)
@@ -57,12 +52,17 @@ def _gaps(motion: MountMotion, trajectory: Trajectory, file: Path) -> list[Notic
     if not wide.any():
         return []
     longest = int(np.argmax(np.where(wide, length, 0.0)))
-    text = (
-        f"{file}: attitudes of the mount are missing for {length[wide].sum():.1f} s of the {end_s - begin_s:.1f} s "
-        f"with positions ({int(wide.sum())} gaps, the longest of {length[longest]:.1f} s from "
-        f"{iso_utc(float(known_s[longest]))}). Points in these gaps are not placed: record the mount without pauses."
-    )
-    return [Notice("mount-gaps", text)]
+    return [
+        Notice(
+            "mount-gaps",
+            file=file,
+            length=length[wide].sum(),
+            end_s=end_s - begin_s,
+            wide=int(wide.sum()),
+            length_2=length[longest],
+            known_s=iso_utc(float(known_s[longest])),
+        )
+    ]
 
 
 def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple[float, float, float]) -> Trajectory:
@@ -89,12 +89,7 @@ def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple
     poses = trajectory.at(times) if len(times) else None
     known = np.isfinite(poses.quaternion[:, 0]) if poses is not None else np.zeros(0, bool)
     if poses is None or known.sum() < 2:
-        raise InputError(
-            "The attitude of the mount and the trajectory have no time in common.",
-            "Without it the scanner's points cannot be placed.",
-            "Name the file of this recording under `[mount] attitude`; its times are UTC or GPS time.",
-            code="no-common-time",
-        )
+        raise InputError("no-common-time.mount-trajectory")
     times = times[known]
     vehicle = Rotation.from_quat(poses.quaternion[known], scalar_first=True)
     turned = Slerp(motion.t_s, Rotation.from_quat(motion.quaternion, scalar_first=True))(times)

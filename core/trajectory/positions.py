@@ -103,10 +103,7 @@ def _step_notice(t_s: FloatArray, off_m: FloatArray, sigma_m: FloatArray) -> Not
     there = np.flatnonzero(off_m)
     first, last = (iso_utc(float(t_s[there[i]])) for i in (0, -1))
     return Notice(
-        "gnss-steps",
-        f"{len(there)} positions from {first} to {last} are off by up to {off_m.max():.2f} m, at a stated standard "
-        f"deviation of {np.median(sigma_m[there]):.2f} m: they step away from those beside them, as no vehicle drives. "
-        "Only the shape of their path is used.",
+        "gnss-steps", there=len(there), first=first, last=last, off_m=off_m.max(), sigma_m=np.median(sigma_m[there])
     )
 
 
@@ -157,12 +154,7 @@ def fixes_from_labels(labels: tuple[str, ...]) -> tuple[Fix, ...]:
     known = {fix.label: fix for fix in Fix if fix is not Fix.NONE}
     for label in labels:
         if label not in known:
-            raise InputError(
-                f"The session's key `run.fixes` holds {label!r}.",
-                "That is no GNSS quality, so it is not clear which positions to use.",
-                f"Known: {', '.join(known)}.",
-                code="session-value",
-            )
+            raise InputError("session-value.fixes-from-labels", label=label, known=", ".join(known))
     return tuple(known[label] for label in labels)
 
 
@@ -180,13 +172,7 @@ def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice
         wanted = np.isin(track.fix, (Fix.FIXED, Fix.SIMULATED, Fix.FLOAT)) if good.any() else np.ones(len(track), bool)
         if len(track) and not good.any():
             best = Counter(Fix(f).label for f in track.fix[positioned].tolist()).most_common(1)
-            notices.append(
-                Notice(
-                    "gnss-quality",
-                    f"No position has a fixed solution (most are {best[0][0] if best else 'none'}): the cloud is "
-                    "placed as well as these positions are, which is decimetres to metres.",
-                )
-            )
+            notices.append(Notice("gnss-quality", best=best[0][0] if best else "none"))
     else:
         wanted = np.isin(track.fix, fixes)
     use = positioned & wanted
@@ -200,29 +186,15 @@ def _too_few(track: GnssTrack, positioned: NDArray[np.bool_], use: NDArray[np.bo
     """Why there are fewer than two positions to use."""
     source = track.source or "The GNSS log"
     placed = np.isfinite(track.lon_deg) & (track.fix != Fix.NONE)
-    meaning = "Without positions nothing can be placed on the map."
     if placed.sum() >= 2 and positioned.sum() < 2:
-        return InputError(
-            f"{source}: none of its {int(placed.sum())} positions has a height above the ellipsoid.",
-            "An altitude above the geoid alone does not place points at the right height.",
-            "Let the receiver write the geoid separation into GGA (fields 11 and 12), or convert the log.",
-            code="gnss-no-heights",
-        )
+        return InputError("gnss-no-heights", source=source, placed=int(placed.sum()))
     if positioned.sum() < 2:
         return InputError(
-            f"{source}: {int(positioned.sum())} of its {len(track)} epochs have a position.",
-            meaning,
-            "Use the whole log of the drive; `furrowmap inspect` lists its contents.",
-            code="gnss-no-positions",
+            "gnss-no-positions.too-few-2", source=source, positioned=int(positioned.sum()), track=len(track)
         )
     found = Counter(Fix(f).label for f in track.fix[positioned].tolist())
     words = ", ".join(f"{count} {label}" for label, count in found.most_common())
-    return InputError(
-        f"{source}: {int(use.sum())} of {len(track)} positions have a quality that is used (found: {words}).",
-        meaning,
-        'Set `[run] fixes = ["fixed", "float", "dgps", "single"]` to what is good enough for you.',
-        code="gnss-no-positions",
-    )
+    return InputError("gnss-no-positions.too-few", source=source, use=int(use.sum()), track=len(track), words=words)
 
 
 def judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
@@ -233,20 +205,9 @@ def judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
     """
     step_s = float(np.median(np.diff(track.t_s)))
     if step_s > SLOWEST_STEP_S:
-        raise RefusedError(
-            f"{track.source or 'The GNSS log'}: positions come every {step_s:.1f} s.",
-            "A tractor turns by a right angle in that time, so headings between them would be invented.",
-            "Record at 5 to 10 positions a second, or give a [trajectory] from elsewhere.",
-            code="gnss-rate",
-        )
+        raise RefusedError("gnss-rate", source=track.source or "The GNSS log", step_s=step_s)
     if step_s > RATE_REPORTED_S:
-        notices.append(
-            Notice(
-                "gnss-rate",
-                f"Positions come every {step_s:.1f} s: in turns and at changes of direction headings are uncertain by "
-                "degrees. Five to ten a second make them good.",
-            )
-        )
+        notices.append(Notice("gnss-rate.judge-rate", step_s=step_s))
 
 
 def white_noise_m(track: GnssTrack, axes_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
@@ -313,16 +274,9 @@ def without_jumps(
     if not bad.any():
         return track, en_m
     if bad.mean() > 0.5:
-        raise InputError(
-            f"{track.source or 'The GNSS log'}: {int(bad.sum())} of {len(track)} positions jump away from their "
-            "neighbours.",
-            "No vehicle's path can be made of such positions.",
-            "Look at the track in a GIS: two receivers may have written one log, or the antenna lost its signals.",
-            code="gnss-unsteady",
-        )
+        raise InputError("gnss-unsteady", source=track.source or "The GNSS log", bad=int(bad.sum()), track=len(track))
     unused["jump"] = int(bad.sum())
-    text = f"Positions that jump away from their neighbours are not used ({unused['jump']}): "
-    notices.append(Notice("gnss-jumps", f"{text}{spans_in_words(track, bad)}."))
+    notices.append(Notice("gnss-jumps", unused=unused["jump"], track=spans_in_words(track, bad)))
     return track[~bad], en_m[~bad]
 
 

@@ -60,12 +60,7 @@ def with_shown_noise(noise: InertialNoise, track: InertialTrack, notices: list[N
         if factor >= LARGER
     ]
     rate_hz = 1.0 / float(np.median(np.diff(track.t_s)))
-    text = (
-        f"{track.source or 'The IMU'}: at {rate_hz:.0f} Hz its measurements scatter more than `[imu]` states "
-        f"({' and '.join(words)}): the machine shakes faster than the IMU measures, or the IMU is of a lower class. "
-        "Standard deviations follow what is found; record at a higher rate, or with the filter of the IMU."
-    )
-    notices.append(Notice("imu-shaken", text))
+    notices.append(Notice("imu-shaken", source=track.source or "The IMU", rate_hz=rate_hz, words=" and ".join(words)))
     return replace(
         noise,
         rate=shown[0] if times[0] >= LARGER else noise.rate,

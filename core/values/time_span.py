@@ -77,12 +77,12 @@ def inertial_within(measured: InertialTrack, span_s: Span) -> InertialTrack:
 
 
 def _nothing(source: str, t_s: FloatArray, span_s: Span) -> InputError:
-    there = f"they are from {iso_utc(float(t_s[0]))} to {iso_utc(float(t_s[-1]))}" if len(t_s) else "there are none"
     ends = ["the start" if t == -math.inf else "the end" if t == math.inf else iso_utc(t) for t in span_s]
     wanted = " to ".join(ends)
     return InputError(
-        f"{source}: no position lies in the part of the recording that is asked for ({wanted}); {there}.",
-        "There is nothing to process.",
-        "Correct `[recording] from` and `to`; they are UTC with a Z, or local time with its offset, such as +09:00.",
-        code="no-such-time",
+        "no-such-time",
+        source=source,
+        wanted=wanted,
+        t_s=iso_utc(float(t_s[0])) if len(t_s) else None,
+        t_s_last=iso_utc(float(t_s[-1])) if len(t_s) else None,
     )

@@ -52,11 +52,7 @@ def field_boundary(
     if len(chosen) == len(fields):
         return boundary, []
     names = ", ".join(" / ".join(fields[k].names[:3]) or "without a name" for k in chosen[:MOST_NAMES])
-    text = (
-        f"{file} holds {len(fields)} fields. The vehicle was in {len(chosen)} of them ({names}): the boundary is taken "
-        "from there. `[field] name` states another."
-    )
-    return boundary, [Notice("field-chosen", text)]
+    return boundary, [Notice("field-chosen", file=file, fields=len(fields), chosen=len(chosen), names=names)]
 
 
 def ground_to_map(file: Path, frame: MapFrame) -> Area:
@@ -77,12 +73,7 @@ def _union(fields: Sequence[FieldOutline]) -> BaseGeometry:
 def _unknown(file: Path, name: str, fields: Sequence[FieldOutline]) -> InputError:
     known = [" / ".join(field.names[:3]) for field in fields if field.names]
     shown = ", ".join(known[:MOST_NAMES]) + (" and others" if len(known) > MOST_NAMES else "")
-    return InputError(
-        f"{file}: none of its {len(fields)} fields is named {name!r} ([field] name).",
-        "It is not known which ground belongs to the field.",
-        f"Its fields: {shown}." if known else "Its fields have no names; remove `[field] name` from the session.",
-        code="field-unknown",
-    )
+    return InputError("field-unknown", file=file, fields=len(fields), name=name, known=bool(known), shown=shown)
 
 
 def boundary_on_map(boundary: BaseGeometry, frame: MapFrame) -> BaseGeometry:
@@ -97,9 +88,4 @@ def boundary_on_map(boundary: BaseGeometry, frame: MapFrame) -> BaseGeometry:
         )
     except RefusedError as error:
         lon, lat = boundary.centroid.coords[0]
-        raise InputError(
-            f"The field's boundary lies at {lat:.4f}, {lon:.4f} (latitude, longitude): {frame.name} is not for there.",
-            "It is not the boundary of the field of this session.",
-            "Name the right file in `[field] boundary`; GeoJSON has longitude before latitude.",
-            code="boundary-elsewhere",
-        ) from error
+        raise InputError("boundary-elsewhere", lat=lat, lon=lon, frame=frame.name) from error

@@ -45,10 +45,8 @@ class StateComparison:
 
     def notices(self, *, replaced: bool) -> list[Notice]:
         """Notices where states differ for longer than a transition; `replaced`: external states were used."""
-        used = "those from elsewhere are used" if replaced else "those seen are used"
         if not self.compared_s:
-            text = f"States from elsewhere and those seen have no time in common; {used}."
-            return [Notice("states-not-compared", text)]
+            return [Notice("states-not-compared", replaced=bool(replaced))]
         length_s = self.differing_s[:, 1] - self.differing_s[:, 0]
         long = np.flatnonzero(length_s > NEAR_S)
         if not len(long) and self.share >= GOOD_SHARE:
@@ -59,12 +57,17 @@ class StateComparison:
             f"{'down' if self.seen_down[k] else 'up'})"
             for k in longest
         )
-        listed = f", the longest: {places}" if places else ""
-        text = (
-            f"States from elsewhere agree with those seen in {self.share:.1%} of {self.compared_s:,.0f} s; {used}. "
-            f"They differ for more than {NEAR_S:g} s at {len(long)} times{listed}."
-        )
-        return [Notice("states-differ", text)]
+        return [
+            Notice(
+                "states-differ",
+                share=self.share,
+                compared_s=self.compared_s,
+                replaced=bool(replaced),
+                near_s=NEAR_S,
+                long=len(long),
+                places=places or None,
+            )
+        ]
 
 
 def compare_states(seen: ToolStates, external: ToolStates) -> StateComparison:
@@ -105,12 +108,7 @@ def external_states(
     assert implement is not None
     reader = open_recording(paths, ReadOptions(task=task))
     if not isinstance(reader, GivesStates):
-        raise InputError(
-            f"{paths[0]} is '{reader.title}', which gives no tool states.",
-            "The session names it under `implement.states`.",
-            "Name a table of states or task data there; `furrowmap inspect` says what a file holds.",
-            code="wrong-kind-of-file",
-        )
+        raise InputError("wrong-kind-of-file.external-states", paths=paths[0], title=reader.title)
     states = reader.states()
     ahead_s = implement.states_minus_gnss_s
     begin_s, end_s = states.begin_s - ahead_s, states.end_s - ahead_s
@@ -129,26 +127,18 @@ def _expect_common_time(path: Path, states: ToolStates, trajectory: Trajectory, 
     """
     first_s, last_s = trajectory.span_s
     if not len(states):
-        raise InputError(
-            f"{path}: it says of no time whether the tool was down or up.",
-            "No ground can be computed from it.",
-            "Take `[implement] states` out of the session, or name another file.",
-            code="no-states",
-        )
+        raise InputError("no-states", path=path)
     if states.begin_s[0] < last_s and states.end_s[-1] > first_s:
         return
     stated = ClockReading(Clock.GNSS, float(states.begin_s[0]), float(states.end_s[-1]))
     likely = likely_offset(stated, ClockReading(Clock.GNSS, first_s, last_s))
-    remedy = (
-        f"If they are of one drive, its clock is off by {likely[1]}: write "
-        f"`[implement] states_minus_gnss_s = {ahead_s + likely[0]:.1f}`."
-        if likely is not None
-        else "Name files of one drive; no usual difference of clocks (hours, leap seconds, days) explains it."
-    )
     raise InputError(
-        f"{path}: its states ({iso_utc(stated.first_s)} to {iso_utc(stated.last_s)}) and the positions "
-        f"({iso_utc(first_s)} to {iso_utc(last_s)}) have no time in common.",
-        "Where the tool was while it was down cannot be known.",
-        remedy,
-        code="no-common-time",
+        "no-common-time.expect-common-time",
+        path=path,
+        first_s=iso_utc(stated.first_s),
+        last_s=iso_utc(stated.last_s),
+        first_s_2=iso_utc(first_s),
+        last_s_2=iso_utc(last_s),
+        likely=likely[1] if likely is not None else None,
+        ahead_s=ahead_s + likely[0] if likely is not None else None,
     )

@@ -32,21 +32,9 @@ from furrowmap.core.work.ground import WorkedGround, worked_ground
 from furrowmap.core.work.sweep import PassTimes, pass_times
 from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
 
-_NO_MACHINE = Notice(
-    "machine-not-known",
-    "Too few scans of the moving vehicle, or no ground where the mounting of the scanner ([lidar] xyz_m, rpy_deg) puts "
-    "it: points of the vehicle could not be classified.",
-)
-_NO_WIDTH = Notice(
-    "implement-not-stated",
-    "The scanner sees an implement go up and down, but the session does not say how wide it is and where ([implement] "
-    "width_m, xy_m): the ground worked is not computed.",
-)
-_FROM_EARLIER = Notice(
-    "implement-from-earlier",
-    "This recording does not show the implement moving up and down: what it looks like in both positions is taken from "
-    "the earlier session that [implement] learned names.",
-)
+_NO_MACHINE = Notice("machine-not-known")
+_NO_WIDTH = Notice("implement-not-stated")
+_FROM_EARLIER = Notice("implement-from-earlier")
 
 
 @dataclass(frozen=True)
@@ -223,11 +211,7 @@ def _not_separated(tools: Sequence[_Followed]) -> Iterator[Notice]:
         assert other.hint is not None
         (a0, a1, b0, b1), (c0, c1, d0, d1) = one.hint.region_m, other.hint.region_m
         if max(a0, c0) < min(a1, c1) and max(b0, d0) < min(b1, d1):
-            yield Notice(
-                "implements-overlap",
-                f"{one.name} and {other.name} are looked for in regions that overlap: what moves there "
-                "may be taken for either. State [[implement]] region_m of both, or their states in files.",
-            )
+            yield Notice("implements-overlap", one=one.name, other=other.name)
 
 
 def with_grounds(
@@ -246,7 +230,7 @@ def with_grounds(
         return first
     depthless = [replace(work, depths=tuple(UNKNOWN_DEPTH for _ in work.depths)) for work in others]
     notices = [
-        notice if notice is _NO_MACHINE else Notice(notice.code, f"{work.tool}: {notice.text}")
+        notice if notice is _NO_MACHINE else notice.about(work.tool)
         for work in (first, *others)
         for notice in work.notices
     ]

@@ -99,12 +99,7 @@ def task_works(
     placed = [task for task in tasks if len(task.track) > 1]
     notices += [notice for task in tasks if task not in placed for notice in task.notices]
     if not placed:
-        raise InputError(
-            f"{path}: none of its {len(content.tasks)} tasks has a time log with positions.",
-            "The worked ground cannot be computed without positions.",
-            "Export the task data once the work is done: time logs are written on the machine's terminal.",
-            code="no-positions",
-        )
+        raise InputError("no-positions.task-works", path=path, tasks=len(content.tasks))
     frame = _frame(placed, crs)
     width = width_m if width_m is not None else whole_width_m(placed)
     _expect_width(path, width)
@@ -117,27 +112,16 @@ def task_works(
         except (InputError, RefusedError) as error:
             if len(placed) == 1:
                 raise
-            text = f"Task {task.id} ({task.name}) is left out: {error.lines[0]} --task {task.id} computes it alone."
-            notices.append(Notice("task-left-out", text))
+            notices.append(Notice("task-left-out", id=task.id, task=task.name, lines=error.lines[0]))
     progress("tasks", 1.0)
     return TaskWorks(tuple(works), frame, tuple(dict.fromkeys(notices)))
 
 
 def _expect_width(path: Path, width_m: float) -> None:
     if not np.isfinite(width_m) or width_m <= 0.0:
-        raise InputError(
-            f"{path}: no time log says how wide the machine works.",
-            "Without a width no ground can be computed.",
-            "State it: --width 9.0 (metres).",
-            code="width-unknown",
-        )
+        raise InputError("width-unknown", path=path)
     if width_m > WIDEST_M:
-        raise InputError(
-            f"A width of {width_m:g} m was stated.",
-            f"No machine works more than {WIDEST_M:g} m at a time.",
-            "State it in metres: --width 9.0.",
-            code="width-implausible",
-        )
+        raise InputError("width-implausible.expect-width", width_m=width_m, widest_m=WIDEST_M)
 
 
 def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
@@ -147,12 +131,7 @@ def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
     longest = max(tasks, key=lambda task: len(task.track))
     choice = choose_crs(float(np.median(longest.track.lon_deg)), float(np.median(longest.track.lat_deg)))
     if choice is None:
-        raise InputError(
-            f"{longest.track.source}: it lies too near to a pole for a UTM zone.",
-            "No default CRS exists there.",
-            "State a projected CRS in metres with --crs.",
-            code="crs-unknown",
-        )
+        raise InputError("crs-unknown.frame", source=longest.track.source)
     return map_frame(Crs(map=choice.code))
 
 
@@ -162,7 +141,7 @@ def _work(task: LoggedTask, frame: MapFrame, implement: Implement) -> TaskWork:
     work = with_ground(FieldWork(boundary=boundary, external=task.states), implement, course.trajectory, frame)
     swept, notices = _logged_swept(task, course, implement)
     if work.ground is None:
-        notices.append(Notice("state-unknown", f"{task.track.source}: no record says whether the machine worked."))
+        notices.append(Notice("state-unknown", source=task.track.source))
     return TaskWork(task, frame, course, implement, work, area_m2, swept, (*task.notices, *course.notices, *notices))
 
 
@@ -199,8 +178,10 @@ def _logged_swept(task: LoggedTask, course: CourseTrajectory, implement: Impleme
     return swept, [
         Notice(
             "part-of-width",
-            f"{task.track.source}: on {np.sum(distance_m[part]):,.0f} of {np.sum(distance_m):,.0f} m only part of the "
-            f"{implement.width_m:g} m worked. The log does not say which part, so the ground is computed at full width "
-            f"and includes up to {missing:,.0f} m² that were not worked then.",
+            source=task.track.source,
+            np=np.sum(distance_m[part]),
+            np_sum=np.sum(distance_m),
+            width_m=implement.width_m,
+            missing=missing,
         )
     ]

@@ -194,21 +194,10 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
     """The error for point `i`."""
     where = ", ".join(f"{v:.10g}" for v in batch.xyz_m[i])
     if not np.isfinite(batch.xyz_m[i]).all() or not np.isfinite(batch.t_s[i]):
-        return FurrowmapError(
-            f"A point has the coordinates {where} m and the time {batch.t_s[i]:.10g} s, which are not finite.",
-            "No cloud was written.",
-            "This is a bug in furrowmap; please report it with the format of the recording.",
-            code="cloud-not-finite",
-        )
+        return FurrowmapError("cloud-not-finite", where=where, t_s=batch.t_s[i])
     steps = np.rint(batch.xyz_m[i] / scale_m)
     if steps.min() < STEPS.min or steps.max() > STEPS.max:
-        return FurrowmapError(
-            f"A point lies {where} m (east, north, up) from the cloud's origin: beyond "
-            f"{STEPS.max * scale_m / 1000:,.0f} km.",
-            "LAS stores coordinates as 32-bit integers.",
-            "Check the trajectory and `[crs] map` of the session: no recording reaches that far.",
-            code="cloud-out-of-range",
-        )
+        return FurrowmapError("cloud-out-of-range", where=where, max=STEPS.max * scale_m / 1000)
     return ValueError(f"PointBatch.return_number or .returns is beyond 1 to {RETURNS}")
 
 

@@ -54,8 +54,7 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
         _text(folder, "name", translated(NAMES.get(name, name.replace("_", " ")), language_of_user()))
         if name == TRAJECTORY:
             _add_lines(folder, layer, looks[name])
-            text = "The trajectory is a line for each quality of its positions in KML, without the scans' fields."
-            notices.append(Notice("kml-trajectory", text))
+            notices.append(Notice("kml-trajectory"))
         else:
             for row in layer.to_dict("records"):
                 _add_placemark(folder, name, _in_zone(row, zone), str(layer.geometry.name), looks[name], zone)

@@ -152,12 +152,7 @@ def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path
     names = [item.id for item in items]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(
-                f"Two of the folders contain results of the same session, '{name}'.",
-                "A catalogue has each session once.",
-                "Name one folder for each session.",
-                code="session-twice",
-            )
+            raise InputError("session-twice.write-collection", name=name)
     collection = pystac.Collection(
         id=target.name or "furrowmap",
         title=target.name or "furrowmap",

@@ -92,12 +92,7 @@ def _content(result: ResultFolder) -> tuple[dict[str, bytes], list[Notice]]:
     """The files by name, and the notices."""
     implement = result.report["session"].get("implement")
     if implement is None or "passes" not in result.layer_names:
-        raise InputError(
-            f"{result.folder}: the run did not compute the ground worked.",
-            "Task data describe work, which needs the tool's width and states.",
-            "Set [implement] width_m and xy_m in the session and run it again; GeoPackage or CSV hold the path alone.",
-            code="no-ground",
-        )
+        raise InputError("no-ground", folder=result.folder)
     t_s, state, fix, tool = _tool_records(result, implement)
     outline, notices = _boundary(result, implement)
     layers, changed = changed_crs({"tool": tool}, CRS("EPSG:4326"))
@@ -153,7 +148,7 @@ def _boundary(result: ResultFolder, implement: dict[str, Any]) -> tuple[BaseGeom
     if BOUNDARY in result.layer_names:
         changed, _ = changed_crs({BOUNDARY: result.layer(BOUNDARY)}, CRS("EPSG:4326"))
         return shapely.union_all(changed[BOUNDARY].geometry.to_numpy()), []
-    notice = Notice("boundary-from-work", "The session has no boundary: the outline of the worked ground is used.")
+    notice = Notice("boundary-from-work")
     coverage = _of_tool(result.layer("coverage"), implement)
     half = 0.5 * float(implement["width_m"])
     whole = shapely.union_all(coverage.geometry.to_numpy())

@@ -89,18 +89,12 @@ def write_textured_mesh(target: Path, result: ResultFolder) -> list[Notice]:
     """
     for name in (DSM, ORTHOPHOTO):
         if not (result.folder / name).is_file():
-            raise InputError(
-                f"{result.folder} has no {name}.",
-                "A textured mesh is made of the surface and its orthophoto.",
-                "Run a session with a scanner and a [camera]; a scan or an image may be missing there.",
-                code="no-orthophoto",
-            )
+            raise InputError("no-orthophoto", folder=result.folder, name=name)
     surface = _surface(result.folder / DSM)
     texture, notices = _texture(result.folder / ORTHOPHOTO)
     step_m = float(surface.east[1] - surface.east[0]) if len(surface.east) > 1 else surface.cell_m
     if step_m > 1.01 * surface.cell_m:
-        text = f"The cells of the mesh have {step_m:.2f} m, those of {DSM} {surface.cell_m:.2f} m."
-        notices.insert(0, Notice("mesh-reduced", text))
+        notices.insert(0, Notice("mesh-reduced", step_m=step_m, dsm=DSM, cell_m=surface.cell_m))
     with atomic_output(target) as unfinished:
         _write_glb(unfinished, surface, texture, result)
     return notices
@@ -137,8 +131,7 @@ def _texture(path: Path) -> tuple[_Texture, list[Notice]]:
         left, bottom, right, top = raster.bounds
         if factor > 1.0:
             size = (right - left) / shape[1]
-            text = f"The pixels of the texture have {size:.3f} m, those of {ORTHOPHOTO} {raster.transform.a:.3f} m."
-            notices.append(Notice("texture-reduced", text))
+            notices.append(Notice("texture-reduced", size=size, orthophoto=ORTHOPHOTO, a=raster.transform.a))
     rgb[:, ~seen] = UNSEEN
     with warnings.catch_warnings(), rasterio.MemoryFile(ext=".jpg") as memory:
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
@@ -249,9 +242,4 @@ def _padded(size: int) -> int:
 
 
 def _unusable(path: Path, fault: str) -> InputError:
-    return InputError(
-        f"{path}: {fault}.",
-        "A textured mesh is made of the surface and its orthophoto.",
-        "Run the session again.",
-        code="not-a-surface",
-    )
+    return InputError("not-a-surface", path=path, fault=fault)

@@ -94,12 +94,7 @@ def write_trajectory(target: Path, to: str, result: ResultFolder) -> None:
     """
     heights = str(result.report["session"]["crs"]["heights"])
     if to == SBET and heights != ELLIPSOIDAL:
-        raise RefusedError(
-            f"{result.folder}: its heights are above {heights}; SBET has heights above the ellipsoid.",
-            "Other software would place everything wrong by the height of the geoid.",
-            'Run the session with crs.heights = "ellipsoidal", or export "tum" or "poses", which keep the heights.',
-            code="sbet-heights",
-        )
+        raise RefusedError("sbet-heights", folder=result.folder, heights=heights)
     poses = _Poses.of(result.layer(TRAJECTORY))
     with atomic_output(target) as unfinished:
         TRAJECTORIES[to](unfinished, poses)

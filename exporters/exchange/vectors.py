@@ -107,12 +107,7 @@ def _layer_files(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
         twins = [
             n for n, p in zip(names, paths, strict=True) if same[unicodedata.normalize("NFKC", p.name).casefold()] > 1
         ]
-        raise InputError(
-            f"{source} has layers whose files would have the same name on some systems: {', '.join(twins)}.",
-            "One would replace the other, so nothing was written.",
-            "Export them one at a time with --layer, or choose a format with all layers in one file, such as gpkg.",
-            code="layer-names-equal",
-        )
+        raise InputError("layer-names-equal", source=source, twins=", ".join(twins))
     return paths
 
 
@@ -166,12 +161,7 @@ def _write_geoparquet(path: Path, layer: gpd.GeoDataFrame) -> None:
     try:
         layer.to_parquet(path, index=False, compression="zstd", schema_version="1.1.0", write_covering_bbox=True)
     except ImportError:
-        raise FurrowmapError(
-            "GeoParquet is written by pyarrow, which is not installed.",
-            "Nothing was written.",
-            'Install it: pip install "furrowmap[parquet]".',
-            code="extra-missing",
-        ) from None
+        raise FurrowmapError("extra-missing.write-geoparquet") from None
 
 
 def _write_geojson(path: Path, layer: gpd.GeoDataFrame) -> None:
@@ -209,7 +199,7 @@ def _shortened(layers: Layers) -> list[Notice]:
     if not cut:
         return []
     pairs = ", ".join(f"{long} is {short}" for long, short in sorted(cut.items()))
-    return [Notice("shapefile-names", f"A Shapefile's fields have names of ten letters: {pairs}.")]
+    return [Notice("shapefile-names", pairs=pairs)]
 
 
 def _write_csv(path: Path, layer: gpd.GeoDataFrame) -> None:

@@ -25,12 +25,7 @@ def public_parameters(target: str) -> dict[str, str]:
     try:
         parameters = conninfo_to_dict(target)
     except psycopg.Error:  # whose text may repeat the password
-        raise UsageError(
-            "The farm map is not a valid PostgreSQL connection string.",
-            "No database was opened.",
-            "Write postgresql://USER@SERVER:5432/DATABASE; special characters in it as %XX, passwords into ~/.pgpass.",
-            code="usage",
-        ) from None
+        raise UsageError("usage.public-parameters") from None
     return {name: str(parameters[name]) for name in _PUBLIC if parameters.get(name) is not None}
 
 
@@ -70,40 +65,14 @@ def _unreachable(name: str, error: psycopg.Error) -> InputError:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     last = lines[-1] if lines else type(error).__name__
     if "password" in last or "authentication" in last:
-        return InputError(
-            f"{name}: {last}.",
-            "The database rejected the login.",
-            "Put the right password into ~/.pgpass or the variable PGPASSWORD, and check the user's name.",
-            code="base-password",
-        )
-    return InputError(
-        f"{name}: {last}.",
-        "The database cannot be reached.",
-        "Check the server, port and database, and that the server runs: `psql` with the same address shows it.",
-        code="base-unreachable",
-    )
+        return InputError("base-password", name=name, last=last)
+    return InputError("base-unreachable", name=name, last=last)
 
 
 def _database_error(name: str, error: psycopg.Error) -> FurrowmapError:
     message = error.diag.message_primary or str(error).splitlines()[0]
     if isinstance(error, psycopg.errors.InsufficientPrivilege):
-        return RefusedError(
-            f"{name}: {message}.",
-            "You lack a right in this database, so it is unchanged.",
-            "Ask its owner for GRANT CREATE ON DATABASE (for a new farm map), "
-            "or GRANT USAGE, CREATE ON SCHEMA and rights on its tables (for an existing one).",
-            code="base-no-right",
-        )
+        return RefusedError("base-no-right", name=name, message=message)
     if isinstance(error, psycopg.errors.LockNotAvailable):
-        return RefusedError(
-            f"{name}: another process has been changing the farm map for too long.",
-            "A second process could lose what the first one added.",
-            "Wait for the other process to end, and run the command again.",
-            code="base-busy",
-        )
-    return FurrowmapError(
-        f"{name}: {message.rstrip('.')}.",
-        "The database refused a step, so the farm map is unchanged.",
-        "Resolve the database's error, and run the command again.",
-        code="base-database",
-    )
+        return RefusedError("base-busy", name=name)
+    return FurrowmapError("base-database", name=name, message=message.rstrip("."))

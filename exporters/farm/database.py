@@ -42,21 +42,11 @@ def check_farm_map(path: Path) -> None:
 
 
 def _not_a_farm_map(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path} {why}.",
-        "Its content could be damaged.",
-        "Name a new file, or a farm map that furrowmap made.",
-        code="not-a-base",
-    )
+    return InputError("not-a-base", path=path, why=why)
 
 
 def _open_elsewhere(path: Path, error: Exception) -> RefusedError:
-    return RefusedError(
-        f"{path} is open for editing in another program ({error}).",
-        "What that program saves would be lost.",
-        "Save and end editing there (in QGIS: toggle editing off, or close the project), and run the command again.",
-        code="base-open",
-    )
+    return RefusedError("base-open", path=path, error=error)
 
 
 def locked(path: Path) -> sqlite3.Connection:

@@ -134,12 +134,7 @@ def check_schema(farm_map: str, schema: str | None, remedy: str) -> None:
         RefusedError: if it is one.
     """
     if schema != str(SCHEMA):
-        raise RefusedError(
-            f"{farm_map} has the schema {schema}; this version of furrowmap knows {SCHEMA}.",
-            "Its tables may have another meaning.",
-            f"Use the version of furrowmap that made it, or start a new farm map {remedy}.",
-            code="base-schema",
-        )
+        raise RefusedError("base-schema", farm_map=farm_map, schema=schema, schema_2=SCHEMA, remedy=remedy)
 
 
 def row_of(values: Sequence[Any]) -> KnownSession:

@@ -73,22 +73,12 @@ def geopackage_edit(path: Path, *, create: bool = False, progress: Progress = si
     """
     path = path.resolve()
     if not path.parent.is_dir():
-        raise InputError(
-            f"{path.parent} does not exist.",
-            "The farm map cannot be created in it.",
-            "Create the folder first, or check its name.",
-            code="base-unreachable",
-        )
+        raise InputError("base-unreachable.geopackage-edit", parent=path.parent)
     with exclusive(path, progress):
         if path.exists():
             check_farm_map(path)
         elif not create:
-            raise InputError(
-                f"{path} does not exist.",
-                "There is no farm map to read.",
-                "Check its name; `furrowmap farm add DIR FARM.gpkg` creates one.",
-                code="base-missing",
-            )
+            raise InputError("base-missing", path=path)
         with ExitStack() as stack:
             edit = GeopackageEdit(path, stack)
             yield edit
@@ -151,12 +141,7 @@ class GeopackageEdit:
             return
         with self._open() as database:
             if has_table(database, layer.name):
-                raise RefusedError(
-                    f"{self._path} has a layer '{layer.name}' that furrowmap did not make.",
-                    "It would be overwritten.",
-                    "Rename it, or start a farm map in another file.",
-                    code="base-clash",
-                )
+                raise RefusedError("base-clash", path=self._path, layer=layer.name)
             set_value(database, f"{LAYER_SETTING}{layer.name}", layer.kind)
         write_layer(path, layer, crs, indexed=True)
 

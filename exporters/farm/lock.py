@@ -36,12 +36,7 @@ def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -
     deadline = time.monotonic() + patience_s
     while (descriptor := _try(lock)) is None:
         if time.monotonic() > deadline:
-            raise RefusedError(
-                f"{path}: another process has been changing it for {patience_s:.0f} s.",
-                "A second process could lose what the first one added.",
-                "Wait for the other process to end, and run the command again.",
-                code="base-busy",
-            )
+            raise RefusedError("base-busy.exclusive", path=path, patience_s=patience_s)
         progress("waiting for another process", 0.0)
         time.sleep(_STEP_S)
     try:

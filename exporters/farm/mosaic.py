@@ -107,23 +107,12 @@ def write_mosaic(
     """
     surfaces = [surface_file(path) for path in paths]
     if output.resolve() in {surface.path for surface in surfaces}:
-        raise RefusedError(
-            f"{output} is one of the surfaces of the mosaic.",
-            "It would be overwritten.",
-            "Choose another name with -o.",
-            code="output-is-input",
-        )
+        raise RefusedError("output-is-input.write-mosaic", output=output)
     target, cell_m = common_crs(surfaces, optional_crs(settings.crs)), settings.cell_m or surfaces[-1].cell_m
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)
     notices = [] if exact else _check_changes(surfaces, target)
     if output.suffix == VIRTUAL and (settings.mean or not exact):
-        why = "--mean is given" if settings.mean else "not all surfaces have its CRS and cell size"
-        raise RefusedError(
-            f"{output.name} would need resampled or computed cells: {why}.",
-            "A virtual raster only refers to existing cells.",
-            "Name an output with .tif.",
-            code="mosaic-virtual",
-        )
+        raise RefusedError("mosaic-virtual", output=output.name, has_mean=bool(settings.mean))
     grid = _whole_grid(surfaces, target, cell_m)
     origin = _origin(surfaces, mean=settings.mean, progress=progress)
     if output.suffix == VIRTUAL:
@@ -193,21 +182,17 @@ def common_crs(surfaces: Sequence[SurfaceFile], wanted: CRS | None) -> CRS:
     """
     kinds = {heights_of(surface.crs) for surface in surfaces}
     if len(kinds) > 1:
-        raise RefusedError(
-            f"The surfaces have several height systems: {', '.join(sorted(kind or 'unknown' for kind in kinds))}.",
-            "Their heights may differ by tens of metres.",
-            "Run the sessions with the same heights, or make a mosaic for each height system.",
-            code="mosaic-heights",
-        )
+        raise RefusedError("mosaic-heights", kinds=", ".join(sorted(kind or "unknown" for kind in kinds)))
     crs = surfaces[-1].crs
     if wanted is None:
         for surface in surfaces:
             if not same_map(surface.crs, crs):
                 raise RefusedError(
-                    f"{surfaces[-1].path} is in {name_of(crs)}, {surface.path} in {name_of(surface.crs)}.",
-                    "A mosaic has one CRS.",
-                    "Choose it with --dst-crs.",
-                    code="mosaic-crs",
+                    "mosaic-crs",
+                    surfaces=surfaces[-1].path,
+                    crs=name_of(crs),
+                    surface=surface.path,
+                    crs_2=name_of(surface.crs),
                 )
         return crs
     if same_map(crs, wanted):

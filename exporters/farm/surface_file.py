@@ -69,12 +69,7 @@ def surface_file(path: Path) -> SurfaceFile:
 
 def unusable(path: Path, why: str) -> InputError:
     """The error of a file that a mosaic cannot be made of."""
-    return InputError(
-        f"{path} {why}.",
-        "A mosaic cannot be made of it.",
-        "Make it again with `furrowmap run` or `furrowmap surface`, or leave its folder out.",
-        code="surface-unusable",
-    )
+    return InputError("surface-unusable", path=path, why=why)
 
 
 def _span(tags: Mapping[str, str]) -> tuple[float, float] | None:

@@ -170,9 +170,4 @@ def _plain(values: NDArray[Any], row: int) -> Any:
 
 
 def _no_tasks(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path} {why}.",
-        "It holds no result of task data.",
-        "Name a GeoPackage that `furrowmap fields TASKDATA -o FILE.gpkg` wrote, or the folder of a run.",
-        code="no-task-result",
-    )
+    return InputError("no-task-result", path=path, why=why)

@@ -75,12 +75,7 @@ def naming(path: Path) -> Iterator[None]:
     except Exception as error:
         if type(error).__module__.partition(".")[0] not in _LIBRARIES:
             raise
-        raise FurrowmapError(
-            f"{path} cannot be written ({type(error).__name__}: {error}).",
-            "The disk may be full; no partial files were left, and an earlier file is unchanged.",
-            "Check the space and the permissions there, or choose another place with -o.",
-            code="not-written",
-        ) from error
+        raise FurrowmapError("not-written", path=path, name=type(error).__name__, error=error) from error
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
@@ -90,12 +85,7 @@ def refuse_existing(path: Path, *, overwrite: bool) -> None:
         RefusedError: if it exists and `overwrite` is not given.
     """
     if path.exists() and not overwrite:
-        raise RefusedError(
-            f"{path} exists already.",
-            "It would be replaced.",
-            "Choose another name, or replace it with --overwrite.",
-            code="output-exists",
-        )
+        raise RefusedError("output-exists.refuse-existing", path=path)
 
 
 def relative_path(path: Path, start: Path) -> str | None:

@@ -154,12 +154,7 @@ def batch_state(path: Path | None) -> Iterator[BatchState]:
             _prepare(database)
             yield BatchState(database)
     except (sqlite3.DatabaseError, msgspec.DecodeError, msgspec.ValidationError) as error:
-        raise InputError(
-            f"{path}: the state of the batch cannot be read or written ({error}).",
-            "It is not known which sessions are done.",
-            "Check the space on the disk. If the file is damaged, remove it: results that are up to date are kept.",
-            code="batch-state",
-        ) from None
+        raise InputError("batch-state", path=path, error=error) from None
 
 
 def _prepare(database: sqlite3.Connection) -> None:

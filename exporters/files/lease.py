@@ -177,10 +177,6 @@ def _busy(folder: Path, lease: Path) -> RefusedError:
     host = printable(read_small(lease / _HEARTBEAT)[10:].decode(errors="replace"))
     match = _NAME.fullmatch(lease.name)
     owner = Owner.of(match[1]) if match else None
-    who = f"process {owner.process}" if owner is not None else "unknown process"
     return RefusedError(
-        f"{folder}: another run ({who}{f' on {host}' if host else ''}) is writing there.",
-        "Two runs into one folder would mix their products.",
-        "Wait for the other run, or choose another folder with -o.",
-        code="output-busy",
+        "output-busy", folder=folder, process=owner.process if owner is not None else None, host=host or None
     )

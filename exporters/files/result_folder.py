@@ -195,12 +195,7 @@ def refuse_occupied(folder: Path, products: Iterable[str], shared: str, *, overw
         return
     recover(folder)
     if (folder / REPORT).exists():
-        raise RefusedError(
-            f"{folder} contains the products of a run.",
-            f"Its {shared} would be replaced.",
-            "Choose another folder with -o.",
-            code="output-is-run",
-        )
+        raise RefusedError("output-is-run", folder=folder, shared=shared)
     refuse_products(folder, products, overwrite=overwrite)
 
 
@@ -248,10 +243,7 @@ class ResultFolder:
 
         if name not in self.layer_names:
             raise InputError(
-                f"{self.folder / FIELD} has no layer '{name}'.",
-                "It cannot be read.",
-                f"Layers: {', '.join(self.layer_names)}.",
-                code="no-such-layer",
+                "no-such-layer", folder=self.folder / FIELD, name=name, layer_names=", ".join(self.layer_names)
             )
         with reading_result(self.folder / FIELD):
             layer = gpd.read_file(self.folder / FIELD, layer=name)
@@ -299,12 +291,7 @@ def open_result(folder: Path) -> ResultFolder:
         report = msgspec.json.decode((folder / REPORT).read_bytes(), type=dict[str, Any])
         msgspec.convert(report, _Report)
     except (FileNotFoundError, NotADirectoryError):
-        raise InputError(
-            f"{folder} contains no {REPORT}.",
-            "It is not the result folder of a `furrowmap run`.",
-            "Name the folder that the run printed when it ended.",
-            code="no-result",
-        ) from None
+        raise InputError("no-result", folder=folder) from None
     except (ValueError, RecursionError, msgspec.ValidationError) as error:
         raise unreadable(folder / REPORT, error) from None
     try:
@@ -331,9 +318,4 @@ def reading_result(folder: Path) -> Iterator[None]:
 
 def unreadable(path: Path, error: Exception) -> InputError:
     """The error for a missing or damaged file of a result."""
-    return InputError(
-        f"{path} cannot be read ({type(error).__name__}: {error}).",
-        "The file is missing or damaged.",
-        "Run the session again: `furrowmap run session.toml -o` and this folder.",
-        code="result-unreadable",
-    )
+    return InputError("result-unreadable.unreadable", path=path, name=type(error).__name__, error=error)

@@ -28,12 +28,7 @@ def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -
     """
     there = [name for name in products if (folder / name).exists()]
     if there and not overwrite:
-        raise RefusedError(
-            f"{folder} already contains {', '.join(there)}.",
-            "They would be replaced.",
-            "Choose another folder with -o, or replace them with --overwrite.",
-            code="output-exists",
-        )
+        raise RefusedError("output-exists.refuse-products", folder=folder, there=", ".join(there))
 
 
 @contextmanager
@@ -65,12 +60,7 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
                 products = lease / PRODUCTS
                 products.mkdir()
             except OSError as error:
-                raise InputError(
-                    f"{folder}: {error.strerror or error}.",
-                    "The products cannot be written there.",
-                    "Choose a folder that you may write to with -o.",
-                    code="output-unwritable",
-                ) from None
+                raise InputError("output-unwritable", folder=folder, strerror=error.strerror or error) from None
             try:
                 yield products
                 _commit(lease, folder)
@@ -195,20 +185,10 @@ def _refuse_taken(folder: Path, products: Iterable[Path]) -> None:
     for path in products:
         place = folder / path
         if place.is_dir():
-            raise InputError(
-                f"{place} is a folder.",
-                "The product of that name cannot be written.",
-                "Choose another folder with -o, or rename that one.",
-                code="output-is-folder",
-            )
+            raise InputError("output-is-folder.refuse-taken", place=place)
         for inner in (folder / part for part in _folders(path)):
             if os.path.lexists(inner) and not is_real_folder(inner):
-                raise InputError(
-                    f"{inner} is no folder.",
-                    "The products in the folder of that name cannot be written.",
-                    "Choose another folder with -o, or rename that file or link.",
-                    code="output-no-folder",
-                )
+                raise InputError("output-no-folder", inner=inner)
 
 
 def _earlier(folder: Path, names: set[str]) -> set[str]:
@@ -237,12 +217,7 @@ def _is_regular_file(path: Path) -> bool:
 
 
 def _lost(folder: Path) -> RefusedError:
-    return RefusedError(
-        f"{folder}: another run has taken over the folder.",
-        "This process had not shown any activity for some time, as a computer that sleeps; its products were removed.",
-        "Run the command again.",
-        code="output-lost",
-    )
+    return RefusedError("output-lost", folder=folder)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -19,12 +19,7 @@ def require_workbook() -> None:
     try:
         import openpyxl  # noqa: F401 only whether it is there
     except ImportError:
-        raise InputError(
-            "Spreadsheets are written by openpyxl, which is not installed.",
-            "Nothing was written.",
-            "Install it with `pip install 'furrowmap[trials]'`; without it, the same table is a CSV.",
-            code="extra-missing",
-        ) from None
+        raise InputError("extra-missing.require-workbook") from None
 
 
 def write_workbook(path: Path, sheets: Mapping[str, Rows]) -> None:

@@ -79,12 +79,7 @@ def dated_surface(result: ResultFolder) -> DatedSurface:
         InputError: if it has none, or a file is damaged.
     """
     if not (result.folder / DSM).is_file():
-        raise InputError(
-            f"{result.folder} has no {DSM}.",
-            "It cannot be tied to another date.",
-            "Leave it out, or run its session again with the scanner's recording.",
-            code="tie-no-surface",
-        )
+        raise InputError("tie-no-surface", folder=result.folder, dsm=DSM)
     after = surface_file(result.folder / DSM)
     before = surface_file(result.folder / DSM_BEFORE) if (result.folder / DSM_BEFORE).is_file() else after
     known = "coverage" in result.layer_names

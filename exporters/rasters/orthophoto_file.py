@@ -134,9 +134,4 @@ def _parts(grid: Grid) -> Iterator[tuple[Grid, Grid]]:
 
 
 def _unusable(path: Path, fault: str) -> InputError:
-    return InputError(
-        f"{path}: {fault}.",
-        "An orthophoto cannot be made without the surface.",
-        "Make the surface again.",
-        code="not-a-surface",
-    )
+    return InputError("not-a-surface.unusable", path=path, fault=fault)

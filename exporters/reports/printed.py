@@ -48,23 +48,13 @@ def write_pdf(path: Path, page: str) -> None:
     """
     program = browser()
     if program is None:
-        raise RefusedError(
-            "No browser that prints to PDF is installed (Chromium, Chrome or Edge).",
-            "The PDF was not written.",
-            f"Install one, name its path in {VARIABLE}, or open report.html in any browser and print it from there.",
-            code="browser-missing",
-        )
+        raise RefusedError("browser-missing")
     with tempfile.TemporaryDirectory(prefix="furrowmap-print-") as folder, atomic_output(path) as unfinished:
         source, printed = Path(folder, "page.html"), Path(folder, "page.pdf")
         source.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
         failure = _print(program, source, printed, Path(folder, "profile"))
         if failure:
-            raise RefusedError(
-                f"{program} did not print the page ({failure}).",
-                "The PDF was not written.",
-                f"Name another browser in {VARIABLE}, or open report.html in any browser and print it from there.",
-                code="browser-missing",
-            )
+            raise RefusedError("browser-missing.write-pdf", program=program, failure=failure)
         shutil.copyfile(printed, unfinished)
 
 

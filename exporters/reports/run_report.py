@@ -22,7 +22,7 @@ from furrowmap.core.pointclouds.position_notices import fix_shares
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
-from furrowmap.core.runtime.languages.translation import translated, translated_notice
+from furrowmap.core.runtime.languages.translation import translated
 from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
@@ -171,9 +171,7 @@ def in_all_languages(notice: Notice, zone: ZoneInfo) -> dict[str, str]:
         notice: the warning.
         zone: time zone of the times in the texts.
     """
-    others = {
-        f"text_{language}": in_local_time(translated_notice(notice, language).text, zone) for language in LANGUAGES[1:]
-    }
+    others = {f"text_{language}": in_local_time(notice.text_in(language), zone) for language in LANGUAGES[1:]}
     return {"code": notice.code, "text": in_local_time(notice.text, zone), **others}
 
 

@@ -105,12 +105,7 @@ def _scripts() -> dict[str, str]:
     """
     bundle = files("furrowmap.exporters.share").joinpath("bundle")
     if not all(bundle.joinpath(name).is_file() for name in SCRIPTS):
-        raise RefusedError(
-            "The scripts of the page are missing from this installation.",
-            "A page without them shows nothing, so none was written.",
-            "In a checkout, build them with `make web` (it needs npm), or install furrowmap from a wheel.",
-            code="no-web-bundle",
-        )
+        raise RefusedError("no-web-bundle")
     return {name: bundle.joinpath(name).read_text("utf-8") for name in SCRIPTS}
 
 

@@ -25,12 +25,7 @@ _DIGITS_DEG: Final = 10
 def expect_suffix(path: Path) -> None:
     """Raises UsageError if a file's name states neither GeoPackage nor GeoJSON."""
     if path.suffix.lower() not in SUFFIXES:
-        raise UsageError(
-            f"{path}: plots are written as {' or '.join(SUFFIXES)}.",
-            "Nothing was written.",
-            "Choose one of these endings; `furrowmap export` and QGIS convert to others.",
-            code="plots-format",
-        )
+        raise UsageError("plots-format", path=path, suffixes=" or ".join(SUFFIXES))
 
 
 def parcel_layer(parcels: Sequence[Parcel], crs: CRS) -> gpd.GeoDataFrame:

@@ -131,12 +131,7 @@ def read_content(files: TaskFiles) -> TaskData:
     notices = list(files.notices)
     root = parse_xml(files.read(MAIN), files.named(MAIN))
     if root.tag != ROOT:
-        raise InputError(
-            f"{files.named(MAIN)}: the root element is <{root.tag[:40]}>, not <{ROOT}>.",
-            "The file is not task data of ISO 11783-10.",
-            "Use the TASKDATA folder that the terminal wrote.",
-            code="task-data-missing",
-        )
+        raise InputError("task-data-missing", main=files.named(MAIN), tag=root.tag[:40])
     items = list(_items(files, root, notices))
     maker = root.get("TaskControllerManufacturer") or root.get("ManagementSoftwareManufacturer")
     partfields = [_partfield(item, notices) for item in items if item.tag == "PFD"]
@@ -161,7 +156,7 @@ def _items(files: TaskFiles, root: Element, notices: list[Notice]) -> Iterator[E
         try:
             external = parse_xml(files.read(name), files.named(name))
         except InputError as error:
-            notices.append(Notice("external-file-lost", f"{error.lines[0]} Its content is missing."))
+            notices.append(Notice("external-file-lost", lines=error.lines[0]))
             continue
         yield from external.children if external.tag == EXTERNAL else ()
 
@@ -173,7 +168,7 @@ def _by_id(found: list[_T], kind: str, notices: list[Notice]) -> dict[str, _T]:
     by_id: dict[str, _T] = {}
     for one in found:
         if one.id in by_id:
-            notices.append(Notice("id-twice", f"The id {one.id} of a {kind} is used twice; the first one is kept."))
+            notices.append(Notice("id-twice", id=one.id, kind=kind))
         else:
             by_id[one.id] = one
     return by_id
@@ -201,8 +196,7 @@ def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
         usable = [(lon, lat) for lon, lat in places if abs(lon) <= 180.0 and abs(lat) <= 90.0]
         far = len(usable) > 0 and bool(np.ptp(usable, axis=0).max() > LARGEST_DEG)
         if len(usable) < 3 or len(usable) < len(places) or far or ring.get("A") not in (*EXTERIORS, INTERIOR):
-            text = f"Field {name}: an invalid ring of its boundary ({len(usable)} of {len(places)} corners) is dropped."
-            notices.append(Notice("boundary-ring", text))
+            notices.append(Notice("boundary-ring", name=name, usable=len(usable), places=len(places)))
         else:
             (holes if ring.get("A") == INTERIOR else shells).append(shapely.make_valid(shapely.Polygon(usable)))
     return shapely.difference(shapely.union_all(shells), shapely.union_all(holes))

@@ -52,21 +52,11 @@ class TaskFiles:
         """
         reader = self._readers.get(name.upper())
         if reader is None:
-            raise InputError(
-                f"{self.path}: missing file {name}.",
-                "The task data refer to it, so they are incomplete.",
-                "Copy the whole TASKDATA folder from the terminal.",
-                code="task-data-incomplete",
-            )
+            raise InputError("task-data-incomplete", path=self.path, name=name)
         try:
             return reader()
         except Exception as error:  # noqa: BLE001 damage ends in errors of many families
-            raise InputError(
-                f"{self.named(name)}: {error}.",
-                "The file is damaged or locked.",
-                "Copy the task data again; unpack an archive with a password first.",
-                code="task-data-unreadable",
-            ) from None
+            raise InputError("task-data-unreadable.read", name=self.named(name), error=error) from None
 
 
 def open_task_files(path: Path) -> TaskFiles:
@@ -121,19 +111,9 @@ def _one_main(path: Path, names: list[str]) -> PurePosixPath:
     if len(mains) == 1:
         return PurePosixPath(mains[0]).parent
     if mains:
-        raise InputError(
-            f"{path}: {len(mains)} files {MAIN}: {', '.join(sorted(mains)[:4])}.",
-            "It is ambiguous which of them to read.",
-            "Use the folder of one of them; unpack the archive for that.",
-            code="task-data-ambiguous",
-        )
+        raise InputError("task-data-ambiguous", path=path, mains=len(mains), mains_list=", ".join(sorted(mains)[:4]))
     held = ", ".join(sorted(PurePosixPath(name).name for name in names)[:4]) or "nothing"
-    raise InputError(
-        f"{path}: missing {MAIN} (it has {held}).",
-        f"The other files of task data cannot be read without {MAIN}.",
-        "Copy the whole TASKDATA folder from the terminal.",
-        code="task-data-missing",
-    )
+    raise InputError("task-data-missing.one-main", path=path, held=held)
 
 
 def _of_folder(folder: Path) -> TaskFiles:
@@ -154,20 +134,13 @@ def _of_archive(path: Path) -> TaskFiles:
         with zipfile.ZipFile(path) as archive:
             found = archive.infolist()
     except Exception as error:  # noqa: BLE001 damage ends in errors of many families
-        raise InputError(
-            f"{path}: {error}.",
-            "It is not a zip archive, or damaged.",
-            "Use the TASKDATA folder, its TASKDATA.XML, or an archive of it.",
-            code="task-data-unreadable",
-        ) from None
+        raise InputError("task-data-unreadable", path=path, error=error) from None
     ahead = min((entry.header_offset for entry in found), default=0)
     entries = [entry for entry in found if not entry.filename.endswith("/")]
     _refuse_hostile(path, entries)
     inside = _one_main(path, [entry.filename for entry in entries])
     here = [entry for entry in entries if PurePosixPath(entry.filename).parent == inside]
-    notices = [Notice("archive-foreign-bytes", f"{path}: {ahead:,} foreign bytes before the archive are ignored.")] * (
-        ahead > 0
-    )
+    notices = [Notice("archive-foreign-bytes", path=path, ahead=ahead)] * (ahead > 0)
     return TaskFiles(
         path,
         tuple(notices),
@@ -205,9 +178,4 @@ def _refuse_hostile(path: Path, entries: list[zipfile.ZipInfo]) -> None:
         if fault:
             break
     if fault:
-        raise InputError(
-            f"{path}: {fault}.",
-            "No terminal writes such an archive. It may be hostile, and nothing in it was used.",
-            "Unpack it in a safe place, check it, and use the TASKDATA folder.",
-            code="archive-hostile",
-        )
+        raise InputError("archive-hostile", path=path, fault=fault)

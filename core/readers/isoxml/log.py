@@ -105,20 +105,12 @@ class TaskDataLog(FileReader):
             self.notices += _notices(content, tasks)
             found += [task for task in tasks if len(task.track)]
         if not found:
-            raise InputError(
-                f"{self.paths[0]}: no positions in the time logs.",
-                "The path of the machine is unknown.",
-                "Export the task data from the machine's terminal after the work: it writes the time logs.",
-                code="no-positions",
-            )
+            raise InputError("no-positions.tasks", paths=self.paths[0])
         found.sort(key=_span)
         for one, other in pairwise(found):
             if _span(other)[0] <= _span(one)[1]:
                 raise InputError(
-                    f"{self.paths[0]}: the tasks {one.id} and {other.id} overlap at {iso_utc(_span(other)[0])}.",
-                    "Two machines, or two logs of one machine, cannot be read as one drive.",
-                    f'Select a task: `[recording] task = "{one.id}"`.',
-                    code="tasks-overlap",
+                    "tasks-overlap", paths=self.paths[0], id=one.id, other_id=other.id, other=iso_utc(_span(other)[0])
                 )
         return found
 

@@ -77,12 +77,7 @@ def read_tasks(files: TaskFiles, only: str | None = None) -> tuple[TaskData, lis
     wanted = [task for task in content.tasks if only is None or only in (task.id, task.name)]
     if only is not None and not wanted:
         known = ", ".join(f"{task.id} ({task.name})" for task in content.tasks) or "none"
-        raise InputError(
-            f"{files.path}: no task {only!r}.",
-            "The session or the command selects a task that does not exist.",
-            f"Use one of: {known}.",
-            code="no-such-task",
-        )
+        raise InputError("no-such-task", files=files.path, only=only, known=known)
     return content, [_logged(files, content, task) for task in wanted if task.logs]
 
 
@@ -93,20 +88,20 @@ def _logged(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
         try:
             log = read_time_log(files.read(f"{name}.XML"), files.read(f"{name}.BIN"), files.named(name))
         except InputError as error:
-            notices.append(Notice("time-log-lost", f"{error.lines[0]} This log of task {task.id} is missing."))
+            notices.append(Notice("time-log-lost", lines=error.lines[0], id=task.id))
             continue
         notices += log.notices
         if len(log):
             logs.append((log, logged_work(log, content.elements)))
         else:
-            notices.append(Notice("time-log-empty", f"{files.named(name)}: the time log has no records."))
+            notices.append(Notice("time-log-empty", name=files.named(name)))
     logs.sort(key=lambda one: one[0].clock_s[0])
     local_s = _local_minus_utc_s(files.named(task.id), [log for log, _ in logs], task, notices)
     notices += [notice for _, work in logs for notice in work.notices]
     counted = [work.counted_m2 for _, work in logs if np.isfinite(work.counted_m2)]
     track, state, width, states = _joined(files.named(task.id), logs, local_s, notices)
     if not len(track):
-        notices.append(Notice("no-positions", f"{files.named(task.id)}: no record of its time logs has a position."))
+        notices.append(Notice("no-positions.logged", id=files.named(task.id)))
     return LoggedTask(
         id=task.id,
         name=task.name,
@@ -139,8 +134,7 @@ def _joined(
     state = column(work.state for _, work in logs).astype(np.int8)
     forward = np.flatnonzero(clock_s >= np.maximum.accumulate(clock_s))
     if len(forward) < n:
-        text = f"{name}: {n - len(forward)} records are not later than all before and are dropped."
-        notices.append(Notice("time-backwards", text))
+        notices.append(Notice("time-backwards", name=name, n=n - len(forward)))
     last = forward[np.diff(clock_s[forward], append=np.inf) > 0]
     t_s = clock_s - (local_s if np.isfinite(local_s) else 0.0)
     states = _intervals(t_s[last], state[last])
@@ -148,11 +142,10 @@ def _joined(
     placed = last[np.isfinite(lat[last])]
     missing = len(last) - len(placed)
     if missing and len(placed):
-        notices.append(Notice("positions-missing", f"{name}: {missing} of {len(last)} records have no position."))
+        notices.append(Notice("positions-missing", name=name, missing=missing, last=len(last)))
     status = column(log.status for log, _ in logs)[placed].astype(np.int64)
     if len(placed) and (status < 0).any():
-        text = f"{name}: {int((status < 0).sum())} positions have no status; they are assumed to be single."
-        notices.append(Notice("quality-unknown", text))
+        notices.append(Notice("quality-unknown", name=name, status=int((status < 0).sum())))
     track = GnssTrack.build(
         t_s[placed],
         source=name,
@@ -213,17 +206,14 @@ def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task, notices: 
         steady = float(np.median(np.abs(ahead - middle))) < STEADY_S
         if steady and abs(middle) < FARTHEST_ZONE_S:
             if abs(middle) > STEADY_S:
-                text = f"{name}: the terminal's clock is {middle:+.1f} s ahead of its GPS time; GPS time is used."
-                notices.append(Notice("clock-by-gps", text))
+                notices.append(Notice("clock-by-gps", name=name, middle=middle))
             return middle
-        text = f"{name}: its GPS times differ by {abs(middle):,.0f} s from the terminal's clock and are ignored."
-        notices.append(Notice("gps-time-unused", text))
+        notices.append(Notice("gps-time-unused", name=name, middle=abs(middle)))
     local_s = _by_zone(logs, task)
     if local_s is not None:
         return local_s
     if logs:
-        text = f"{name}: it has neither GPS times nor a time zone; its times are assumed to be UTC."
-        notices.append(Notice("local-time", text))
+        notices.append(Notice("local-time", name=name))
     return float("nan")
 
 

@@ -143,20 +143,10 @@ def read_header(data: bytes, name: str) -> Header:
     root = parse_xml(data, f"{name}.xml")
     position = next(root.all("PTN"), None)
     if root.tag != "TIM" or position is None:
-        raise InputError(
-            f"{name}.xml: not the header of a time log (root <{root.tag[:40]}>{', without PTN' * (position is None)}).",
-            "Without it the binary records cannot be decoded.",
-            "Copy the whole TASKDATA folder from the terminal.",
-            code="time-log-header",
-        )
+        raise InputError("time-log-header", name=name, tag=root.tag[:40], position=", without PTN" * (position is None))
     channels = [_channel(item, name) for item in root.all("DLV")]
     if len(channels) > MOST_VALUES + 1:
-        raise InputError(
-            f"{name}.xml: {len(channels)} values; at most {MOST_VALUES + 1} can be numbered.",
-            "The header does not comply with ISO 11783-10.",
-            "Copy the whole TASKDATA folder from the terminal.",
-            code="time-log-header",
-        )
+        raise InputError("time-log-header.read-header", name=name, channels=len(channels), most_values=MOST_VALUES + 1)
     present = [letter for letter in POSITION if letter in position.attributes]
     stated = {letter: float(position.get(letter)) for letter in present if _is_number(position.get(letter))}
     return Header("".join(letter for letter in present if letter not in stated), stated, tuple(channels))
@@ -166,12 +156,7 @@ def _channel(item: Element, name: str) -> Channel:
     try:
         return Channel(int(item.get("A"), 16), item.get("C"))
     except ValueError:
-        raise InputError(
-            f"{name}.xml: {item.get('A')!r} is not a hexadecimal number of the data dictionary.",
-            "The meaning of a value in the records is unknown.",
-            "Copy the whole TASKDATA folder from the terminal.",
-            code="time-log-header",
-        ) from None
+        raise InputError("time-log-header.channel", name=name, item=item.get("A")) from None
 
 
 def _is_number(text: str) -> bool:
@@ -247,5 +232,4 @@ def _assembled(
 def _damage(name: str, size: int, lost: int, breaks: int) -> tuple[Notice, ...]:
     if not lost:
         return ()
-    text = f"{name}.bin: {lost:,} of {size:,} bytes in {breaks} places are not records and are skipped."
-    return (Notice("time-log-damaged", text),)
+    return (Notice("time-log-damaged", name=name, lost=lost, size=size, breaks=breaks),)

@@ -77,8 +77,7 @@ def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[N
     sections = _section_states(log)
     for element, any_on in sections.items():
         if not (any_on == ToolState.DOWN).any() and (own.get(element, any_on) == ToolState.DOWN).any():
-            text = f"{log.name}: the condensed states of {element} never have a working section; its own state is used."
-            notices.append(Notice("sections-contradicted", text))
+            notices.append(Notice("sections-contradicted", log=log.name, element=element))
         elif element in own:
             own[element] = np.where(any_on == ToolState.UP, ToolState.UP, own[element]).astype(np.int8)
         else:
@@ -129,8 +128,7 @@ def _width(
     widths = {log.header.channels[k].element: log.latest(k) / 1000.0 for k in log.channels(ACTUAL_WIDTH)}
     wrong = sum(int(np.sum((values < 0.0) | (values > WIDEST_M))) for values in widths.values())
     if wrong:
-        text = f"{log.name}: {wrong} records state a width below 0 or above {WIDEST_M:g} m; it is taken as unknown."
-        notices.append(Notice("width-implausible", text))
+        notices.append(Notice("width-implausible", log=log.name, wrong=wrong, widest_m=WIDEST_M))
     widths = {
         element: np.where((values >= 0.0) & (values <= WIDEST_M), values, np.nan) for element, values in widths.items()
     }

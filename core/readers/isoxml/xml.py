@@ -62,12 +62,7 @@ def parse_xml(data: bytes, name: str) -> Element:
 
 
 def _damaged(what: str) -> InputError:
-    return InputError(
-        f"{what}.",
-        "The file is not well-formed XML.",
-        "Copy it again from the terminal; if it is the same there, contact the manufacturer.",
-        code="xml-damaged",
-    )
+    return InputError("xml-damaged", what=what)
 
 
 class _Tree:
@@ -101,9 +96,4 @@ class _Tree:
         raise self._hostile("a document type, which can refer to other files and expand without limit")
 
     def _hostile(self, what: str) -> InputError:
-        return InputError(
-            f"{self._name}: it has {what}.",
-            "Task data never do, so the file is damaged or hostile; none of it was used.",
-            "Export the task data again from the terminal or the farm software.",
-            code="xml-hostile",
-        )
+        return InputError("xml-hostile", name=self._name, what=what)

@@ -124,12 +124,7 @@ def open_cloud(path: Path) -> CloudFile:
         InputError: if there is no such file, or its points cannot be read.
     """
     if not path.is_file():
-        raise InputError(
-            f"{path} {'is a folder' if path.is_dir() else 'does not exist'}.",
-            "A point cloud is a LAS, LAZ or COPC file.",
-            "Check the name.",
-            code="no-such-file",
-        )
+        raise InputError("no-such-file.open-cloud", path=path, is_path=bool(path.is_dir()))
     with path.open("rb") as file:
         size_bytes = path.stat().st_size
         header = read_header(path, file.read(HEAD_BYTES), size_bytes)
@@ -167,17 +162,18 @@ def _room(path: Path, header: LasHeader) -> tuple[int, tuple[Notice, ...]]:
     if header.points <= room:
         return header.points, ()
     if room == 0:
-        raise InputError(
-            f"{path}: the header states {header.points:,} points, but the file ends before the first of them.",
-            f"The file is truncated: it has {header.size_bytes:,} bytes.",
-            "Copy or download it again.",
-            code="no-points",
-        )
-    text = (
-        f"{path.name}: the header states {header.points:,} points, but bytes {header.offset:,} to {end:,} hold "
-        f"{room:,} complete ones of {header.record_bytes} bytes. Those are read; the others are missing."
+        raise InputError("no-points.room", path=path, points=header.points, size_bytes=header.size_bytes)
+    return room, (
+        Notice(
+            "points-missing",
+            path=path.name,
+            points=header.points,
+            offset=header.offset,
+            end=end,
+            room=room,
+            record_bytes=header.record_bytes,
+        ),
     )
-    return room, (Notice("points-missing", text),)
 
 
 def _plain(
@@ -189,12 +185,7 @@ def _plain(
         wanted = min(batch_points, points - done)
         data = file.read(wanted * header.record_bytes)
         if len(data) < wanted * header.record_bytes:
-            raise InputError(
-                f"{path} was truncated while it was read, after {done:,} of {points:,} points.",
-                "Another program may be writing it.",
-                "Wait until that has finished, and try again.",
-                code="file-changed",
-            )
+            raise InputError("file-changed", path=path, done=done, points=points)
         done += wanted
         yield np.frombuffer(data, np.uint8)
 

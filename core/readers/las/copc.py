@@ -74,8 +74,7 @@ def read_index(
     try:
         return _index(file, header, records, laz), ()
     except _OctreeError as fault:
-        text = f"{path.name}: invalid octree ({fault}). All points are read in the order of the file."
-        return None, (Notice("copc-index", text),)
+        return None, (Notice("copc-index", path=path.name, fault=fault),)
 
 
 class _OctreeError(Exception):

@@ -37,10 +37,16 @@ def stated_crs(
     first, second = (by_text, by_keys) if header.crs_is_wkt else (by_keys, by_text)
     if first is not None and second is not None and not _same(first, second, header):
         kinds = ("WKT", "GeoTIFF keys") if header.crs_is_wkt else ("GeoTIFF keys", "WKT")
-        text = (
-            f"{path.name} states two CRS: {first.name} as {kinds[0]}, {second.name} as {kinds[1]}. The first is used."
+        notices.append(
+            Notice(
+                "crs-contradiction",
+                path=path.name,
+                first=first.name,
+                kinds=kinds[0],
+                second=second.name,
+                kinds_other=kinds[1],
+            )
         )
-        notices.append(Notice("crs-contradiction", text))
     return first or second, tuple(notices)
 
 
@@ -50,8 +56,16 @@ def _from_wkt(path: Path, data: bytes, notices: list[Notice]) -> pyproj.CRS | No
         return pyproj.CRS.from_wkt(text)
     except (CRSError, ProjError) as error:
         reason = str(error).split(":")[0][:120]
-        shown = f"{text[:40]!r}{'…' if len(text) > 40 else ''}, {len(data):,} bytes"
-        notices.append(Notice("crs-unreadable", f"{path.name}: invalid WKT of the CRS ({shown}): {reason}."))
+        notices.append(
+            Notice(
+                "crs-unreadable.wkt",
+                path=path.name,
+                start=text[:40],
+                more=len(text) > 40,
+                size_bytes=len(data),
+                reason=reason,
+            )
+        )
         return None
 
 
@@ -83,7 +97,7 @@ def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> 
 
 
 def _no_keys(path: Path) -> Notice:
-    return Notice("crs-unreadable", f"{path.name}: the GeoTIFF keys define no CRS that GDAL knows.")
+    return Notice("crs-unreadable", path=path.name)
 
 
 def _key_values(data: bytes) -> dict[int, int]:

@@ -51,12 +51,7 @@ class LasCloud(FileReader):
         path = self.paths[0]
         with path.open("rb") as file:
             if file.read(4) != SIGNATURE:
-                raise InputError(
-                    f"{path} is a compressed LAS or LAZ file.",
-                    "Point clouds are read with random access, which a compressed stream does not allow.",
-                    "Decompress the file, or convert it to LAZ.",
-                    code="cloud-in-archive",
-                )
+                raise InputError("cloud-in-archive", path=path)
         cloud = open_cloud(path)
         found = survey(cloud)
         header = cloud.header

@@ -85,24 +85,17 @@ def clock_of(path: Path, header: LasHeader, sample: FloatArray) -> tuple[LasCloc
     first, last = float(known.min()), float(known.max())
     week, standard = float(np.mean(is_week(known))), float(np.mean(is_standard(known) & ~is_week(known)))
     if declared is TimeKind.WEEK and standard > 0.5 and _plausible(np.median(known)):
-        text = (
-            f"{path.name}: the header declares GPS times as seconds of a week ({WEEK_S:,} s), but they are "
-            f"{first:.3f} to {last:.3f}; they are read as adjusted standard GPS time."
+        return LasClock(TimeKind.STANDARD), (
+            Notice("gps-time-type", path=path.name, week_s=WEEK_S, first=first, last=last),
         )
-        return LasClock(TimeKind.STANDARD), (Notice("gps-time-type", text),)
     if declared is TimeKind.STANDARD and week > 0.5 and not _made_in_2011(header):
-        text = (
-            f"{path.name}: the header declares GPS times as adjusted standard time, but {first:.3f} to {last:.3f} "
-            "would "
-            "be in September 2011; they are read as seconds of an unknown week."
-        )
-        return LasClock(TimeKind.WEEK), (Notice("gps-time-type", text),)
+        return LasClock(TimeKind.WEEK), (Notice("gps-time-type.clock-of", path=path.name, first=first, last=last),)
     if week + standard < 0.5:
-        text = f"{path.name}: its GPS times ({first:g} to {last:g}) are neither seconds of a week nor of 1980 to 2100."
-        return LasClock(TimeKind.UNKNOWN), (Notice("gps-time-impossible", text),)
+        return LasClock(TimeKind.UNKNOWN), (Notice("gps-time-impossible", path=path.name, first=first, last=last),)
     if declared is TimeKind.WEEK and standard > 0.5:
-        text = f"{path.name}: its GPS times ({first:g} to {last:g}) are not seconds of a week, as the header declares."
-        return LasClock(TimeKind.UNKNOWN), (Notice("gps-time-impossible", text),)
+        return LasClock(TimeKind.UNKNOWN), (
+            Notice("gps-time-impossible.clock-of", path=path.name, first=first, last=last),
+        )
     return LasClock(declared), ()
 
 

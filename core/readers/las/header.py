@@ -26,7 +26,6 @@ FIRST_YEAR: Final = 1990
 _HEAD: Final = struct.Struct("<4sHH16xBB32s32sHHHIIBHI5I12d")
 _COUNTS: Final = struct.Struct("<QIQ15Q")
 """From byte 235: start and number of extended records, points, points by return."""
-_DAMAGED: Final = "Copy or download the file again, or write it again with the program that made it."
 
 
 @dataclass(frozen=True)
@@ -114,19 +113,14 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
     if version >= 4:
         extended_at, extended, whole, *of_returns = _COUNTS.unpack_from(data, 235)
         if points and points != whole:
-            notices.append(
-                Notice(
-                    "legacy-count",
-                    f"{path.name}: the header states {whole:,} points, but {points:,} in its legacy field.",
-                )
-            )
+            notices.append(Notice("legacy-count", path=path.name, whole=whole, points=points))
         points, by_return = whole or points, tuple(of_returns) if whole else by_return
     _check_layout(path, header_bytes, HEADER_BYTES[version], offset, kind, record_bytes, size_bytes)
     scale, shift, box = doubles[:3], doubles[3:6], doubles[6:]
     _check_scale(path, scale, shift)
     created = _date(year, day)
     if created is None and (year, day) != (0, 0):
-        notices.append(Notice("creation-date", f"{path.name}: invalid date of creation, day {day} of the year {year}."))
+        notices.append(Notice("creation-date", path=path.name, day=day, year=year))
     return LasHeader(
         version=version,
         encoding=encoding,
@@ -156,24 +150,14 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
 def _checked_head(path: Path, data: bytes, size_bytes: int) -> tuple[Any, ...]:
     """The fields that all versions have, after checks of signature, length and version."""
     if data[:4] != SIGNATURE:
-        raise InputError(
-            f"{path} does not begin with 'LASF' but with {data[:4]!r}.",
-            "It is not a LAS or LAZ file, or its first bytes are lost.",
-            "`furrowmap inspect` reports the kind of file, if it is known.",
-            code="not-las",
-        )
+        raise InputError("not-las", path=path, data=data[:4])
     least = HEADER_BYTES.get(data[25], 375) if len(data) > 25 else 227
     if len(data) < least:
-        raise _bad(path, f" ends inside its header: {size_bytes} of {least} bytes", "It has no points.", "header-cut")
+        raise InputError("header-cut", path=path, size_bytes=size_bytes, least=least)
     head = _HEAD.unpack_from(data)
     major, version = head[3:5]
     if (major, version) not in {(1, minor) for minor in HEADER_BYTES}:
-        raise InputError(
-            f"{path}, byte 24: unsupported LAS version {major}.{version}.",
-            "Versions 1.0 to 1.4 are supported.",
-            "Convert the file to LAS 1.4, or check that it is a LAS file.",
-            code="las-version",
-        )
+        raise InputError("las-version", path=path, major=major, version=version)
     return head
 
 
@@ -181,22 +165,15 @@ def _check_layout(
     path: Path, header_bytes: int, least: int, offset: int, kind: int, record_bytes: int, size_bytes: int
 ) -> None:
     """Raises InputError if offset, format or length of the points are invalid."""
-    nowhere = "Without a valid header the points cannot be read."
     if header_bytes < least:
-        raise _bad(
-            path, f", byte 94: a header size of {header_bytes} bytes; the minimum is {least}", nowhere, "header-size"
-        )
+        raise InputError("header-size", path=path, header_bytes=header_bytes, least=least)
     if not header_bytes <= offset <= size_bytes:
-        between = f"after the header ({header_bytes}) and before the end ({size_bytes})"
-        raise _bad(
-            path, f", byte 96: the points begin at byte {offset}, which is not {between}", nowhere, "points-offset"
-        )
+        raise InputError("points-offset", path=path, offset=offset, header_bytes=header_bytes, size_bytes=size_bytes)
     if kind & 0x7F >= len(LEAST_RECORD_BYTES):
-        raise _bad(path, f", byte 104: unknown point format {kind} (0 to 10 are defined)", nowhere, "point-format")
+        raise InputError("point-format", path=path, kind=kind)
     shortest = LEAST_RECORD_BYTES[kind & 0x7F]
     if record_bytes < shortest:
-        what = f", byte 105: {record_bytes} bytes for a point of format {kind & 0x7F}, which needs {shortest}"
-        raise _bad(path, what, nowhere, "record-length")
+        raise InputError("record-length", path=path, record_bytes=record_bytes, kind=kind & 0x7F, shortest=shortest)
 
 
 def _check_scale(path: Path, scale: tuple[float, ...], shift: tuple[float, ...]) -> None:
@@ -204,17 +181,7 @@ def _check_scale(path: Path, scale: tuple[float, ...], shift: tuple[float, ...])
     for axis, step, start in zip("xyz", scale, shift, strict=True):
         reach = abs(start) + abs(step) * 2.0**31
         if not (step >= FINEST and reach <= FARTHEST):
-            raise _bad(
-                path,
-                f", header: invalid scale {step:g} or offset {start:g} for {axis}",
-                "Coordinates are integers times scale plus offset.",
-                "scale-impossible",
-            )
-
-
-def _bad(path: Path, what: str, meaning: str, code: str) -> InputError:
-    """The error of a header; `what` follows the file's name."""
-    return InputError(f"{path}{what}.", meaning, _DAMAGED, code=code)
+            raise InputError("scale-impossible", path=path, step=step, start=start, axis=axis)
 
 
 def _date(year: int, day: int) -> dt.date | None:

@@ -45,7 +45,6 @@ _ITEM_BYTES: Final = {6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29}
 _LAYERS: Final = {10: 9, 11: 1, 12: 2, 13: 1}
 """Layers of the items of layered chunks; extra bytes have one layer per byte."""
 _EXTRA: Final = {0, 14}
-_AGAIN: Final = "Copy or download the file again, or write it again with the program that made it."
 
 
 @dataclass(frozen=True)
@@ -83,16 +82,16 @@ def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence
     """
     stated = next((record for record in records if (record.user, record.number) == (USER, NUMBER)), None)
     if stated is None or len(stated.data) < _RECORD.size:
-        raise _refusal(path, "the LASzip record, which describes the compression, is missing", "laz-record")
+        raise InputError("laz-record", path=path)
     compressor, _, _, _, _, _, chunk_points, _, _, items = _RECORD.unpack_from(stated.data)
     if compressor not in (POINTWISE, LAYERED):
         raise InputError(
-            f"{path}: unsupported compression method {compressor} (supported: {POINTWISE} and {LAYERED}).",
-            "That is the method of LASzip before 2011, without chunks."
-            if compressor == 1
-            else "The method is unknown: the LASzip record is damaged, or newer than this program.",
-            "Decompress the file with LASzip: `laszip -i in.laz -o out.las`.",
-            code="laz-compressor",
+            "laz-compressor",
+            path=path,
+            compressor=compressor,
+            pointwise=POINTWISE,
+            layered=LAYERED,
+            single=compressor == 1,
         )
     layers = _check_items(path, header, stated.data, items, layered=compressor == LAYERED)
     if header.points == 0:
@@ -116,7 +115,7 @@ def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, laye
         InputError: if the items do not match the point format of the header.
     """
     if items > 8 or len(data) < _RECORD.size + 6 * items:
-        raise _refusal(path, f"its LASzip record states {items:,} items in {len(data)} bytes", "laz-items")
+        raise InputError("laz-items.count", path=path, items=items, size_bytes=len(data))
     listed_items = [struct.unpack_from("<3H", data, _RECORD.size + 6 * number) for number in range(items)]
     kinds = tuple(kind for kind, _, _ in listed_items if kind not in _EXTRA)
     sizes = sum(size for _, size, _ in listed_items)
@@ -126,11 +125,12 @@ def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, laye
     new = layered == (header.point_format >= 6) and all((version >= 3) <= layered for _, _, version in listed_items)
     if not fits or not new or sizes != header.record_bytes:
         listed = ", ".join(f"{kind} of {size} bytes (version {version})" for kind, size, version in listed_items)
-        raise _refusal(
-            path,
-            f"the items of its LASzip record ({listed}) do not match point format {header.point_format} with "
-            f"{header.record_bytes} bytes",
-            "laz-items",
+        raise InputError(
+            "laz-items.format",
+            path=path,
+            listed=listed,
+            point_format=header.point_format,
+            record_bytes=header.record_bytes,
         )
     return sum(_LAYERS.get(kind, size) for kind, size, _ in listed_items) if layered else 0
 
@@ -148,24 +148,24 @@ def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chun
         file.seek(max(0, header.size_bytes - 8))
         at = _signed(file.read(8))
     if not start < at <= header.size_bytes - 8:
-        raise _refusal(
-            path,
-            f"the chunk table is at byte {at:,}, but the file has {header.size_bytes:,} bytes: it was truncated, or "
-            "writing was interrupted",
-            "laz-chunk-table",
-        )
+        raise InputError("laz-chunk-table.truncated", path=path, at=at, size_bytes=header.size_bytes)
     file.seek(at)
     _, count = struct.unpack("<2I", file.read(8))
     room = at - start
     if chunk_points == 0:
-        raise _refusal(path, "its LASzip record states chunks of 0 points", "laz-chunk-size")
+        raise InputError("laz-chunk-size", path=path)
     # Each chunk begins with an uncompressed point.
     most = min(room // header.record_bytes, header.points, MOST_CHUNKS)
     expected = -(-header.points // chunk_points)
     if not 0 < count <= most or (chunk_points != VARIABLE and count != expected):
-        of_points = f" of {chunk_points:,} points" if chunk_points != VARIABLE else ""
-        counts = f"{header.points:,} points in the header, {count:,} chunks{of_points} in the chunk table"
-        raise _refusal(path, f"{counts}, {room:,} bytes of chunks: these do not match", "laz-chunk-count")
+        raise InputError(
+            "laz-chunk-count",
+            path=path,
+            points=header.points,
+            count=count,
+            chunk_points=chunk_points if chunk_points != VARIABLE else None,
+            room=room,
+        )
     # With a record that has only the version of the method, the decoder neither seeks nor allocates more than `count`
     # entries.
     file.seek(at)
@@ -175,15 +175,9 @@ def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chun
     points = sum(number for number, _ in table)
     fewest = min(number for number, _ in table)
     if least < header.record_bytes or sizes != room or len(table) != count:
-        raise _refusal(
-            path, f"the chunk table states {sizes:,} bytes of chunks, but there are {room:,}", "laz-chunk-table"
-        )
+        raise InputError("laz-chunk-table.bytes", path=path, sizes=sizes, room=room)
     if chunk_points == VARIABLE and (points != header.points or fewest <= 0):
-        raise _refusal(
-            path,
-            f"the chunk table states {points:,} points, the header {header.points:,}",
-            "laz-chunk-table",
-        )
+        raise InputError("laz-chunk-table.points", path=path, points=points, header_points=header.points)
     return table
 
 
@@ -199,7 +193,7 @@ def _table(path: Path, file: BinaryIO, vlr: bytes) -> list[tuple[int, int]]:
         # A Rust panic derives from BaseException, not Exception, and its class cannot be imported.
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
-        raise _refusal(path, f"the chunk table cannot be decoded ({_short(error)})", "laz-chunk-damaged") from None
+        raise InputError("laz-chunk-damaged.table", path=path, reason=_short(error)) from None
     return table
 
 
@@ -238,14 +232,11 @@ def _undamaged(
             begin, size = int(laz.begins[number]), int(laz.sizes[number])
             where = f"chunk {number + 1} of {len(laz.points):,} (bytes {begin:,} to {begin + size:,})"
             if not allows("damaged"):
-                raise _refusal(path, f"{where} cannot be decoded: {_short(fault)}", "laz-chunk-damaged") from None
+                raise InputError("laz-chunk-damaged", path=path, where=where, reason=_short(fault)) from None
             points = f"points {before[number] + 1:,} to {before[number] + laz.points[number]:,}"
-            lost.append(_left_out(path, f"{where} cannot be decoded ({_short(fault)}): {points}"))
+            what = f"{where} cannot be decoded ({_short(fault)}): {points}"
+            lost.append(Notice("laz-damage-left-out", path=path.name, what=what))
     return found
-
-
-def _left_out(path: Path, what: str) -> Notice:
-    return Notice("laz-damage-left-out", f"{path.name}: {what} are left out.")
 
 
 def _decoded(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
@@ -273,17 +264,15 @@ def first_points(path: Path, file: BinaryIO, header: LasHeader, laz: LazPoints, 
         return DECODER.points(points * laz.record_bytes, **_stream(path, header, laz))
     except Undecodable as fault:
         if not allows("damaged"):
-            raise _refusal(path, _undecodable(1, points, fault), "laz-chunk-damaged") from None
+            raise InputError(
+                "laz-chunk-damaged", path=path, where=f"points 1 to {points:,}", reason=_short(fault)
+            ) from None
         return np.empty(0, np.uint8)
 
 
 def _chunk_of(laz: LazPoints, point: int) -> int:
     """Index of the chunk that holds a point."""
     return int(np.searchsorted(np.cumsum(laz.points), point))
-
-
-def _undecodable(first: int, last: int, fault: Undecodable) -> str:
-    return f"points {first:,} to {last:,} cannot be decoded: {_short(fault)}"
 
 
 def _stream(path: Path, header: LasHeader, laz: LazPoints) -> dict[str, Any]:
@@ -317,10 +306,11 @@ def stream_points(
             yield decoder.points(count * laz.record_bytes, **(order if done == 0 else {"what": "more"}))
             done += count
     except Undecodable as fault:
-        what = _undecodable(done + 1, min(done + batch_points, points), fault)
+        where = f"points {done + 1:,} to {min(done + batch_points, points):,}"
         if not allows("damaged"):
-            raise _refusal(path, what, "laz-chunk-damaged") from None
-        lost.append(_left_out(path, f"{what}; points {done + 1:,} to {points:,}"))
+            raise InputError("laz-chunk-damaged", path=path, where=where, reason=_short(fault)) from None
+        what = f"{where} cannot be decoded: {_short(fault)}; points {done + 1:,} to {points:,}"
+        lost.append(Notice("laz-damage-left-out", path=path.name, what=what))
     finally:
         decoder.close()
 
@@ -355,12 +345,3 @@ def _short(error: BaseException) -> str:
 
 def _signed(data: bytes) -> int:
     return struct.unpack("<q", data)[0] if len(data) == 8 else 0
-
-
-def _refusal(path: Path, what: str, code: str) -> InputError:
-    return InputError(
-        f"{path}: {what}.",
-        "Compressed points cannot be decoded after damage, so none of them is used.",
-        _AGAIN if code != "laz-chunk-damaged" else f"{_AGAIN[:-1]}; or leave out what is damaged with --allow-damaged.",
-        code=code,
-    )

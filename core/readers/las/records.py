@@ -80,10 +80,7 @@ def extra_dimensions(
                 label = EXTRA_TYPES[base] if many == 1 else f"{many} {EXTRA_TYPES[base]}"
                 found.append(ExtraDimension(name.split(b"\0")[0].decode("utf-8", "replace"), label))
     if taken > spare_bytes:
-        text = (
-            f"{path.name} describes extra dimensions of {taken} bytes, but its points have {spare_bytes} extra bytes."
-        )
-        return (), (Notice("extra-bytes", text),)
+        return (), (Notice("extra-bytes", path=path.name, taken=taken, spare_bytes=spare_bytes),)
     return tuple(found), ()
 
 
@@ -98,9 +95,11 @@ def _near(path: Path, file: BinaryIO, header: LasHeader, notices: list[Notice]) 
             notices.append(
                 Notice(
                     "records-broken",
-                    f"{path.name}: variable-length record {number + 1} of {header.records:,} (byte "
-                    f"{header.header_bytes + at}) extends into the points at byte {header.offset}. It and all after it "
-                    "are ignored; the CRS may be among them.",
+                    path=path.name,
+                    number=number + 1,
+                    records=header.records,
+                    header_bytes=header.header_bytes + at,
+                    offset=header.offset,
                 )
             )
             return
@@ -110,11 +109,7 @@ def _near(path: Path, file: BinaryIO, header: LasHeader, notices: list[Notice]) 
     rest = data[at:]
     if len(rest) >= _HEAD.size and rest[2:].startswith((b"LASF_", b"copc\0", b"laszip")):
         notices.append(
-            Notice(
-                "records-uncounted",
-                f"{path.name}: after the {header.records} records that the header states, another one begins at byte "
-                f"{header.header_bytes + at}. Their number or a length is wrong; the CRS may be lost.",
-            )
+            Notice("records-uncounted", path=path.name, records=header.records, header_bytes=header.header_bytes + at)
         )
 
 
@@ -129,8 +124,11 @@ def _far(path: Path, file: BinaryIO, header: LasHeader, notices: list[Notice]) -
             notices.append(
                 Notice(
                     "extended-records-broken",
-                    f"{path.name}: extended record {number + 1} of {header.extended:,} (byte {at}) is outside the file "
-                    f"of {header.size_bytes} bytes. It and all after it are ignored.",
+                    path=path.name,
+                    number=number + 1,
+                    extended=header.extended,
+                    at=at,
+                    size_bytes=header.size_bytes,
                 )
             )
             return

@@ -82,11 +82,7 @@ class Survey:
             )
             for box in ((header.low, header.high), (self.low, self.high))
         )
-        text = (
-            f"{self.cloud.path.name}: the bounding box in the header ({in_header}) differs from that of the points "
-            f"({in_points})."
-        )
-        return Notice("header-box", text)
+        return Notice("header-box", cloud=self.cloud.path.name, in_header=in_header, in_points=in_points)
 
     def _returns(self) -> Notice | None:
         in_header = np.zeros(15, np.int64)
@@ -97,22 +93,24 @@ class Survey:
         listed = [
             " + ".join(f"{n:,}" for n in np.trim_zeros(counts, "b")) for counts in (in_header, self.by_return[1:])
         ]
-        none = f" and {self.by_return[0]:,} have return number 0" if self.by_return[0] else ""
-        text = (
-            f"{self.cloud.path.name}: points by return number are {listed[0]} in the header, but "
-            f"{listed[1] or 'none'} in "
-            f"the file{none}."
+        return Notice(
+            "returns-differ",
+            cloud=self.cloud.path.name,
+            listed=listed[0],
+            listed_2=listed[1] or "none",
+            by_return=self.by_return[0] or None,
         )
-        return Notice("returns-differ", text)
 
     def _times(self) -> Notice | None:
         if not self.bad_times or self.cloud.clock.kind is TimeKind.UNKNOWN:  # has a notice since the file was opened
             return None
-        text = (
-            f"{self.cloud.path.name}: {self.bad_times:,} of {self.points:,} points have an invalid GPS time "
-            f"(not a number, or not {self.cloud.clock.kind}); they are kept without time."
+        return Notice(
+            "gps-times-bad",
+            cloud=self.cloud.path.name,
+            bad_times=self.bad_times,
+            points=self.points,
+            kind=self.cloud.clock.kind,
         )
-        return Notice("gps-times-bad", text)
 
     @property
     def utc_s(self) -> tuple[float, float] | None:

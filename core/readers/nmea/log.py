@@ -93,21 +93,8 @@ def _by(counts: SentenceCounts, part: Callable[[str], str]) -> dict[str, int]:
 def _damage_notices(counts: SentenceCounts, name: str) -> list[Notice]:
     notices = []
     if counts.bad or counts.cut:
-        notices.append(
-            Notice(
-                "sentences-damaged",
-                f"{name}: {counts.bad} sentences with a wrong checksum and {counts.cut} that are truncated "
-                "or "
-                f"have none are skipped; {counts.intact} are intact.",
-            )
-        )
+        notices.append(Notice("sentences-damaged", name=name, bad=counts.bad, cut=counts.cut, intact=counts.intact))
     if counts.other_bytes > NOTED_OTHER_BYTES * counts.stream_bytes:
         share = 100.0 * counts.other_bytes / counts.stream_bytes
-        notices.append(
-            Notice(
-                "bytes-skipped",
-                f"{name}: {counts.other_bytes} bytes ({share:.0f} %) are not NMEA sentences (comments, noise or binary "
-                "messages) and are skipped.",
-            )
-        )
+        notices.append(Notice("bytes-skipped", name=name, other_bytes=counts.other_bytes, share=share))
     return notices

@@ -125,8 +125,11 @@ def _one_receiver(positions: Sentences, notices: list[Notice], name: str) -> NDA
     notices.append(
         Notice(
             "several-receivers",
-            f"{name}: {len(talkers)} talkers have positions at the same time. Those of {best.decode('ascii')} "
-            f"({rank[best][1]} positions) are used, those of {others} are not.",
+            name=name,
+            talkers=len(talkers),
+            value=best.decode("ascii"),
+            rank=rank[best][1],
+            others=others,
         )
     )
     return np.array([best])
@@ -163,8 +166,7 @@ def _times(
         t_s = np.where(nearer, by_behind, by_before)
         if stated_s is not None and not stated_s <= t_s[0] < stated_s + DAY_S:
             in_log = dt.datetime.fromtimestamp(float(t_s[0]), dt.UTC).date()
-            text = f"{name}: its sentences have the date {in_log}, but {date} was stated; the former is used."
-            notices.append(Notice("date-contradicted", text))
+            notices.append(Notice("date-contradicted.times", name=name, in_log=in_log, date=date))
         return t_s, True
     t_s = unroll(tod, DAY_S)
     if stated_s is not None:
@@ -280,23 +282,11 @@ def _equal(t_s: FloatArray, stamps: FloatArray) -> tuple[NDArray[np.intp], NDArr
 
 
 def _no_positions(name: str, all_gga: int) -> InputError:
-    what = f"none of its {all_gga} GGA sentences has a position" if all_gga else "no intact GGA or GNS sentence"
-    return InputError(
-        f"{name}: {what}.",
-        "Height and kind of fix are only in GGA and GNS.",
-        "Configure the receiver to output GGA, and record with a fix; `furrowmap inspect` lists the sentences.",
-        code="no-positions",
-    )
+    return InputError("no-positions.no-positions", name=name, all_gga=all_gga or None)
 
 
 def _no_date(t_s: FloatArray, name: str) -> InputError:
-    span = f"{time_of_day(t_s[0])} to {time_of_day(t_s[-1])}"
-    return InputError(
-        f"{name}: no date in its sentences, only times of day ({span}).",
-        "Without the date the positions cannot be matched with scans, and the epoch of their coordinates is unknown.",
-        'Write `date = "YYYY-MM-DD"` under `[recording]`: the UTC date of the first position.',
-        code="no-date",
-    )
+    return InputError("no-date.no-date", name=name, t_s=time_of_day(t_s[0]), t_s_last=time_of_day(t_s[-1]))
 
 
 def time_of_day(t_s: float) -> str:
@@ -318,9 +308,10 @@ def _note_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice],
         notices.append(
             Notice(
                 "clock-set-at-first-fix",
-                f"{name}: the receiver's clock jumped from {time_of_day(tod[last])} to {time_of_day(tod[last + 1])} "
-                "before "
-                f"the first fix; the {len(tod) - 1} times before that fix are not used.",
+                name=name,
+                tod=time_of_day(tod[last]),
+                tod_2=time_of_day(tod[last + 1]),
+                tod_3=len(tod) - 1,
             )
         )
 
@@ -328,11 +319,4 @@ def _note_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice],
 def _note_heights(positions: Sentences, notices: list[Notice], name: str) -> None:
     altitude, separation = (positions.column(Kind.GGA, c) for c in ("altitude_m", "separation_m"))
     if len(positions) and not np.isfinite(altitude + separation).any():
-        lacking = "altitude" if not np.isfinite(altitude).any() else "geoid separation"
-        notices.append(
-            Notice(
-                "no-ellipsoidal-height",
-                f"{name}: its GGA sentences have no {lacking}, so the ellipsoidal height (altitude + separation) is "
-                "unknown.",
-            )
-        )
+        notices.append(Notice("no-ellipsoidal-height", name=name, is_altitude=bool(np.isfinite(altitude).any())))

@@ -103,12 +103,7 @@ class PoseCsv(PoseFile):
     def _check_scale(self, column: str, path: Path) -> None:
         stated = self.options.time
         if stated is not None and stated != ("utc" if column == "time_unix_s" else "gps"):
-            raise InputError(
-                f'{path}: the time column is `{column}`, but the session states `time = "{stated}"`.',
-                "GPS time and UTC differ by 18 s.",
-                "Remove `time` from `[trajectory]`, or rename the column.",
-                code="time-contradicted",
-            )
+            raise InputError("time-contradicted", path=path, column=column, stated=stated)
 
 
 @dataclass(frozen=True)
@@ -145,22 +140,17 @@ class _Header:
         for name in self.columns:
             count = self.names.count(name)
             if count > 1:
-                raise InputError(
-                    f"{path}, line 1: {count} columns are named `{name}`.",
-                    "It is ambiguous which of them to read.",
-                    "Remove or rename the others.",
-                    code="column-twice",
-                )
+                raise InputError("column-twice", path=path, count=count, name=name)
             if count == 0:
                 near = _nearest(name, self.names)
                 other = {"time_unix_s": "time_gps_s", "e_m": "lon_deg", "n_m": "lat_deg"}.get(name)
                 raise InputError(
-                    f"{path}, line 1: missing column `{name}`{f' or `{other}`' if other else ''}"
-                    f"{f'; the closest is `{near}`' if near else ''}.",
-                    "A trajectory needs time, position and attitude, with units in the column names.",
-                    f"Name the columns {', '.join(('time_unix_s', *PROJECTED, *ATTITUDE))}; "
-                    "time_gps_s, lon_deg and lat_deg may replace the first three.",
-                    code="missing-column",
+                    "missing-column.check",
+                    path=path,
+                    name=name,
+                    other=other or None,
+                    near=near or None,
+                    values=", ".join(("time_unix_s", *PROJECTED, *ATTITUDE)),
                 )
 
     def place(self, row: bytes) -> dict[str, float]:
@@ -190,8 +180,11 @@ def _check_units(header: _Header, rows: FloatArray, path: Path) -> None:
         if outside.any():
             row = int(np.flatnonzero(outside)[0])
             raise InputError(
-                f"{path}, pose {row + 1}: column `{name}` holds {rows[row, k]:.10g}.",
-                f"Valid values are {low:.10g} to {high:.10g}: the unit or the column is wrong, or the file is damaged.",
-                "Write times in seconds and angles in degrees.",
-                code="value-out-of-range",
+                "value-out-of-range.check-units",
+                path=path,
+                row=row + 1,
+                name=name,
+                rows=rows[row, k],
+                low=low,
+                high=high,
             )

@@ -93,19 +93,11 @@ class RawPoses:
         if backward.sum() > MOST_DISORDER * len(t_s):
             row = int(np.flatnonzero(backward)[0])
             raise InputError(
-                f"{self.name}: {int(backward.sum())} of {len(t_s)} poses are out of time order, the first is pose "
-                f"{row + 1}.",
-                "The file contains more than one trajectory, or its rows were shuffled.",
-                "Sort the file by time, or split it into one file per trajectory.",
-                code="time-disorder",
+                "time-disorder.in-order", name=self.name, backward=int(backward.sum()), t_s=len(t_s), row=row + 1
             )
-        for code, rows, words in (
-            ("poses-repeated", repeated, "repeat the time of the pose before"),
-            ("time-runs-back", backward, "are not later than all before"),
-        ):
+        for key, rows in (("poses-repeated", repeated), ("time-runs-back.poses", backward)):
             if rows.any():
-                text = f"{self.name}: {int(rows.sum())} of {len(t_s)} poses {words} and are dropped."
-                notices.append(Notice(code, text))
+                notices.append(Notice(key, name=self.name, rows=int(rows.sum()), count=len(t_s)))
         t_s, values = self._near(t_s[keep], self.values[keep], notices)
         return PoseTrack(
             t_s=t_s,
@@ -127,18 +119,25 @@ class RawPoses:
         far[~far] = strays(t_s[~far], xyz_m[~far], np.zeros(int((~far).sum())))
         if not far.any():
             return t_s, values
-        what = (
-            f"{self.name}: {int(far.sum())} of {len(far)} poses are impossible or far from the others (the "
-            f"first is pose {int(np.flatnonzero(far)[0]) + 1}, {iso_utc(t_s[far][0])})"
-        )
         if 2 * far.sum() > len(far):
             raise InputError(
-                f"{what}.",
-                "Where the recording was made is unknown.",
-                "Look at the trajectory in a GIS, and export it again.",
-                code="positions-impossible",
+                "positions-impossible.near",
+                name=self.name,
+                far=int(far.sum()),
+                far_count=len(far),
+                far_2=int(np.flatnonzero(far)[0]) + 1,
+                t_s=iso_utc(t_s[far][0]),
             )
-        notices.append(Notice("positions-elsewhere", f"{what}; they are not used."))
+        notices.append(
+            Notice(
+                "positions-elsewhere.near",
+                name=self.name,
+                far=int(far.sum()),
+                far_count=len(far),
+                far_2=int(np.flatnonzero(far)[0]) + 1,
+                t_s=iso_utc(t_s[far][0]),
+            )
+        )
         return t_s[~far], values[~far]
 
 
@@ -190,12 +189,7 @@ def joined(parts: list[RawPoses]) -> RawPoses:
     first = parts[0]
     for part in parts[1:]:
         if (part.scale, part.projected, part.true_north) != (first.scale, first.projected, first.true_north):
-            raise InputError(
-                f"{part.name} has another time scale, coordinates or north reference than {first.name}.",
-                "The files of one trajectory are read as one.",
-                "Export them with the same settings.",
-                code="mixed-trajectories",
-            )
+            raise InputError("mixed-trajectories", part=part.name, first=first.name)
     if len(parts) == 1:
         return first
     return RawPoses(
@@ -211,9 +205,4 @@ def joined(parts: list[RawPoses]) -> RawPoses:
 
 def too_few(path: Path, found: str) -> InputError:
     """The error of a file with fewer than two poses; `found` describes its content."""
-    return InputError(
-        f"{path}: {found}.",
-        "A trajectory needs at least two poses.",
-        "Export or copy the file again.",
-        code="no-poses",
-    )
+    return InputError("no-poses", path=path, found=found)

@@ -119,9 +119,4 @@ def _plausible(records: FloatArray) -> NDArray[np.bool_]:
 
 
 def _damaged(path: Path, at: int) -> InputError:
-    return InputError(
-        f"{path}, byte {at}: invalid record (latitude, longitude, height or attitude out of range).",
-        "The file is damaged, or not an SBET.",
-        "Export or copy the file again.",
-        code="damaged-record",
-    )
+    return InputError("damaged-record", path=path, at=at)

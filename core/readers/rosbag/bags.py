@@ -126,7 +126,8 @@ class _RosBag(FileReader):
         chosen, log = self._images(kept=True)
         if log.left_out:
             every_s = self.options.glance_s
-            self._note("images-left-out", chosen, f"{log.left_out} images are left out: one in {every_s:g} s is used.")
+            source = self._source(chosen)
+            self._add_notices(Notice("images-left-out", source=source, left_out=log.left_out, every_s=every_s))
         return log.images()
 
     def camera(self) -> Camera:
@@ -146,12 +147,7 @@ class _RosBag(FileReader):
                 return next(self._read(info, lambda content, _: camera_of_info(content, chosen.name)))
             except ValueError as error:
                 why = f"{name} does not serve, because {error}"
-        raise InputError(
-            f"{self._source(chosen)}: {why}.",
-            "The intrinsics of the camera are not known.",
-            "State width, height, fx, fy, cx, cy and the distortion under [camera].",
-            code="no-intrinsics",
-        )
+        raise InputError("no-intrinsics", chosen=self._source(chosen), why=why)
 
     def inspect(self) -> Inspection:
         """Read the whole first bag and report what it contains.
@@ -180,7 +176,7 @@ class _RosBag(FileReader):
             except InputError as error:
                 facts[name] = "none"
                 if error.code != "bag-nothing-usable":
-                    self._add_notices(Notice(error.code, error.what))
+                    self._add_notices(Notice.of(error))
             else:
                 facts[name] = found
                 clocks.append(clock)
@@ -201,12 +197,7 @@ class _RosBag(FileReader):
             self._add_notices(*files.notices)
             if not found:
                 why = "; ".join(notice.text.rstrip(".") for notice in files.notices)
-                raise InputError(
-                    f"{self.paths[0]}: no readable message in this ROS bag{f' ({why})' if why else ''}.",
-                    "The recording is empty or damaged.",
-                    "Copy the recording again, or check it with `rosbag info` or `ros2 bag info`.",
-                    code="bag-empty",
-                )
+                raise InputError("bag-empty", paths=self.paths[0], why=why or None)
             self._topics = list(found.values())
         return self._topics
 
@@ -216,19 +207,18 @@ class _RosBag(FileReader):
         if not found:
             there = ", ".join(f"{topic.name} ({topic.type})" for topic in self._found()[:8])
             raise InputError(
-                f"{self.paths[0]}: no topic {f'{wanted} ' if wanted else ''}with {what} (topics: {there}).",
-                f"furrowmap reads {what} from {' or '.join(kinds)}.",
-                "Use the recording that contains that topic, or record it as well.",
-                code="bag-nothing-usable",
+                "bag-nothing-usable",
+                paths=self.paths[0],
+                wanted=wanted or None,
+                what=what,
+                there=there,
+                kinds=" or ".join(kinds),
             )
         chosen, *others = sorted(found, key=lambda topic: (kinds.index(topic.type), -topic.messages, topic.name))
         if others:
             rest = ", ".join(f"{topic.name} ({topic.messages})" for topic in others)
-            self._note(
-                "bag-topic-chosen",
-                chosen,
-                f"its {chosen.messages} messages are used for {what}; other topics are ignored: {rest}.",
-            )
+            source = self._source(chosen)
+            self._add_notices(Notice("bag-topic-chosen", source=source, messages=chosen.messages, what=what, rest=rest))
         return chosen
 
     def _decoder(self, chosen: _Topic) -> PacketScans | CloudScans | LineScans:
@@ -266,8 +256,7 @@ class _RosBag(FileReader):
             if fault is not None:
                 if all(topic.type != NAV_SAT_FIX for topic in self._found()):
                     raise fault
-                text = f"{fault.what.rstrip('.')}; positions are taken from NavSatFix messages."
-                self._add_notices(Notice("bag-sentences-unused", text))
+                self._add_notices(Notice("bag-sentences-unused", value=fault.what.rstrip(".")))
                 chosen = self._choose("positions", NAV_SAT_FIX)
         if chosen.type == NAV_SAT_FIX:
             log = FixLog()
@@ -331,18 +320,10 @@ class _RosBag(FileReader):
                 yield result
         self.share_read = files.share_read
         if not taken:
-            raise InputError(
-                f"{self._source(chosen)}: none of its {damaged} messages could be decoded ({first}).",
-                "They are damaged, or do not match the definition of their type.",
-                "Copy the recording again, or record the topic with the driver's default settings.",
-                code="bag-undecodable",
-            )
+            raise InputError("bag-undecodable", chosen=self._source(chosen), damaged=damaged, first=first)
         if damaged:
-            self._note(
-                "bag-messages-damaged",
-                chosen,
-                f"{damaged} messages cannot be decoded and are skipped (the first: {first}).",
-            )
+            source = self._source(chosen)
+            self._add_notices(Notice("bag-messages-damaged", source=source, damaged=damaged, first=first))
 
     def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
         chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD, LASER_SCAN)
@@ -393,9 +374,6 @@ class _RosBag(FileReader):
 
     def _source(self, topic: _Topic) -> str:
         return f"{self.paths[0]}, {topic.name}"
-
-    def _note(self, code: str, topic: _Topic, text: str) -> None:
-        self._add_notices(Notice(code, f"{self._source(topic)}: {text}"))
 
     def _add_notices(self, *notices: Notice) -> None:
         """Add those that are new: a bag may be inspected, and read for positions and for scans."""

@@ -146,12 +146,7 @@ class CloudScans:
             InputError: if most points are invalid.
         """
         if sum(self._invalid.values()) > _MOST_INVALID * self._points:
-            raise InputError(
-                f"{self._source}: most points are invalid ({self._reasons()}).",
-                "The messages are damaged, or the fields x, y and z are not coordinates in metres.",
-                "Record the topic with the driver's default settings, or copy the recording again.",
-                code="points-mostly-invalid",
-            )
+            raise InputError("points-mostly-invalid.finish", source=self._source, self=self._reasons())
         return []
 
     def _reasons(self) -> str:
@@ -174,20 +169,20 @@ class CloudScans:
 
     def notices(self) -> list[Notice]:
         """What the messages lack, and how many were skipped."""
-        found = {
-            "points-invalid": any(self._invalid.values()) and f"{self._reasons()} are left out.",
-            "no-point-times": self._untimed
-            and f"{self._untimed} of {self._scans} clouds have no usable time per point, so all their points have the "
-            "time of the message: motion during a revolution distorts them.",
-            "point-times-unanchored": self._times is not None
-            and self._times.origin == "first"
-            and "the times of the points have an unknown origin; the first point of each cloud is placed at its stamp.",
-            "no-rings": self._scans and not self._ringed and "the points have no field for the laser (ring).",
-            "clouds-empty": self._empty and f"{self._empty} clouds without a return are skipped.",
-            "clouds-late": self._late
-            and f"{self._late} clouds whose stamp is not later than the one before are skipped.",
-        }
-        return [Notice(code, f"{self._source}: {text}") for code, text in found.items() if text]
+        source, found = self._source, []
+        if any(self._invalid.values()):
+            found.append(Notice("points-invalid", source=source, reasons=self._reasons()))
+        if self._untimed:
+            found.append(Notice("no-point-times", source=source, untimed=self._untimed, scans=self._scans))
+        if self._times is not None and self._times.origin == "first":
+            found.append(Notice("point-times-unanchored", source=source))
+        if self._scans and not self._ringed:
+            found.append(Notice("no-rings", source=source))
+        if self._empty:
+            found.append(Notice("clouds-empty", source=source, empty=self._empty))
+        if self._late:
+            found.append(Notice("clouds-late", source=source, late=self._late))
+        return found
 
     def _point_times(self, values: NDArray[Any] | None, n: int, at_s: float) -> FloatArray:
         """UTC of each of n points."""

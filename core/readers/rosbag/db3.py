@@ -42,7 +42,7 @@ class Db3File(StorageFile):
                     connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(LARGEST_BYTES, database.stat().st_size))
                     yield from self._rows(connection, topics)
             except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
-                self._note("bag-cut", f"the database is damaged ({error}); the rest of it is lost")
+                self._note("bag-cut.database", error=error)
         self.share_read = 1.0
 
     def _plain(self, folder: Path) -> tuple[Path, bool]:
@@ -62,10 +62,10 @@ class Db3File(StorageFile):
                     expect_disk(self.path, folder, max(file.tell(), 0 if source.compression else source.size_bytes))
                     file.write(piece)
             if source.fault:
-                self._note("bag-cut", f"{source.fault}; the rest is lost")
+                self._note("bag-cut.unpacking", fault=source.fault)
         for journal in journals:
             shutil.copyfile(journal, f"{copy}{journal.name[len(self.path.name) :]}")
-            self._note("bag-unclosed", f"the recorder did not close the database; {journal.name} was applied")
+            self._note("bag-unclosed", journal=journal.name)
         return copy, True
 
     def _note_missing_pages(self, database: Path) -> None:
@@ -79,10 +79,7 @@ class Db3File(StorageFile):
         pages = int.from_bytes(header[28:32], "big") if header[24:28] == header[92:96] else 0
         expected, there = pages * (65536 if page_bytes == 1 else page_bytes), database.stat().st_size
         if there < expected:
-            self._note(
-                "bag-cut",
-                f"it has {there} bytes instead of {expected}: its last messages are missing or damaged",
-            )
+            self._note("bag-cut.size", size_bytes=there, expected=expected)
 
     def _rows(self, connection: sqlite3.Connection, topics: Collection[str] | None) -> Iterator[BagMessage]:
         known = {
@@ -107,4 +104,4 @@ class Db3File(StorageFile):
             else:
                 damaged += 1
         if damaged:
-            self._note("bag-orphans", f"{damaged} rows that are not messages of a known topic are skipped")
+            self._note("bag-orphans.rows", damaged=damaged)

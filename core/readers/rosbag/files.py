@@ -79,14 +79,14 @@ class BagFiles:
             except InputError as error:
                 if len(self._files) == 1:
                     raise
-                self._note(error.code, f"{error.what} Only the other files of the bag are used.")
+                self.notices.append(Notice("bag-file-left-out", fault=error.what))
                 continue
             self.notices += storage.notices
             total += count
             if topics is None and storage.declared not in (None, count):
-                self._note("bag-count", f"{file}: {count} messages were found; its index lists {storage.declared}.")
+                self.notices.append(Notice("bag-count.index", file=file, count=count, declared=storage.declared))
         if topics is None and self._declared and total != self._declared:
-            self._note("bag-count", f"{total} messages were found; {METADATA} lists {self._declared}.")
+            self.notices.append(Notice("bag-count", total=total, declared=self._declared))
 
     def _files_of(self, path: Path) -> list[Path]:
         """The file itself; of a folder, the files named in its metadata, else those with the names of bag files."""
@@ -98,15 +98,10 @@ class BagFiles:
             self._declared += metadata.messages
             missing = [name for name in metadata.files if not (is_file_name(name) and (path / name).is_file())]
             if missing:
-                self._note("bag-file-missing", f"{path}: missing files of the bag: {', '.join(missing)}.")
+                self.notices.append(Notice("bag-file-missing", path=path, missing=", ".join(missing)))
             files = [path / name for name in metadata.files if name not in missing] or files
         if not files:
-            raise InputError(
-                f"{path}: no .db3 or .mcap file in this folder.",
-                "It is not a ROS 2 bag.",
-                "Use the folder of a ROS 2 bag with all its files, or a recording file.",
-                code="bag-folder-empty",
-            )
+            raise InputError("bag-folder-empty", path=path)
         return files
 
     def _metadata(self, folder: Path) -> _Metadata | None:
@@ -115,20 +110,15 @@ class BagFiles:
         try:
             text = file.read_text(encoding="utf-8", errors="replace")
         except OSError as error:
-            self._note("bag-no-metadata", f"{file}: {error.strerror}; the files are found by their names.")
+            self.notices.append(Notice("bag-no-metadata", file=file, reason=error.strerror))
             return None
         files, messages = _FILES.search(text), _MESSAGES.search(text)
         if files is None or messages is None:
-            self._note(
-                "bag-metadata-damaged", f"{file} does not list the files of the bag; they are found by their names."
-            )
+            self.notices.append(Notice("bag-metadata-damaged", file=file))
             return None
         # Folders in the names are ignored, so that nothing outside the bag is read.
         names = (PurePath(line.strip().removeprefix("- ").strip("\"'")).name for line in files[1].splitlines())
         return _Metadata(tuple(names), int(messages[1]))
-
-    def _note(self, code: str, text: str) -> None:
-        self.notices.append(Notice(code, text))
 
 
 def storage_files(folder: Path) -> list[Path]:
@@ -152,9 +142,4 @@ def open_storage(path: Path) -> Storage:
         return McapFile(path)
     if data.startswith(db3.MAGIC):
         return Db3File(path)
-    raise InputError(
-        f"{path}: neither a ROS 1 bag nor an MCAP or SQLite file.",
-        "The file cannot be read.",
-        "Copy the recording again; if only its beginning is damaged, the recorder's own tools may repair it.",
-        code="bag-unknown-storage",
-    )
+    raise InputError("bag-unknown-storage", path=path)

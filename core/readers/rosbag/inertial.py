@@ -78,12 +78,7 @@ class ImuLog:
         table = self._table
         known = np.isclose(np.linalg.norm(table[:, 7:11], axis=1), 1.0, atol=0.01)
         if not known.any():
-            raise InputError(
-                f"{source}: none of its {len(table)} messages has an orientation.",
-                "An attitude cannot be read from it.",
-                "Name a topic or file whose device computes an orientation.",
-                code="no-orientation",
-            )
+            raise InputError("no-orientation", source=source, table=len(table))
         angles = np.column_stack(quaternion_to_attitude(table[known, 7:11]))
         return attitude_track(table[known, 0], angles, UNSTATED, source, notices)
 
@@ -102,10 +97,10 @@ class ImuLog:
         if beyond is not None:
             count, row, first = beyond
             raise InputError(
-                f"{source}: {count} messages, the first with {table[row, 1 + first : 4 + first].tolist()}, are beyond "
-                f"what an IMU measures in {'rad/s' if first == 0 else 'm/s²'}.",
-                "The driver writes another unit than sensor_msgs/Imu has, or the file is damaged.",
-                "Correct the driver, or convert the measurements to CSV with their units in the column names.",
-                code="value-out-of-range",
+                "value-out-of-range.track",
+                source=source,
+                count=count,
+                table=table[row, 1 + first : 4 + first].tolist(),
+                is_first=first == 0,
             )
         return inertial_track(table[:, 0], table[:, 1:7], source, notices)

@@ -98,12 +98,11 @@ class LineScans:
 
     def notices(self) -> list[Notice]:
         """What the messages lack, and how many were skipped."""
-        found = {
-            "points-invalid": self._far and f"{self._far} ranges beyond {FARTHEST_M:,.0f} m are left out.",
-            "no-point-times": self._untimed
-            and f"{self._untimed} of {self._scans} sweeps have no time per point, so all their points have the time of "
-            "the message: motion during a sweep distorts them.",
-            "clouds-late": self._late
-            and f"{self._late} sweeps whose stamp is not later than the one before are skipped.",
-        }
-        return [Notice(code, f"{self._source}: {text}") for code, text in found.items() if text]
+        source, found = self._source, []
+        if self._far:
+            found.append(Notice("points-invalid.far", source=source, far=self._far, farthest_m=FARTHEST_M))
+        if self._untimed:
+            found.append(Notice("no-point-times.sweeps", source=source, untimed=self._untimed, scans=self._scans))
+        if self._late:
+            found.append(Notice("clouds-late.sweeps", source=source, late=self._late))
+        return found

@@ -48,9 +48,9 @@ class McapFile(RecordsFile):
                     else:
                         yield from self._message(op, content, topics)
                 else:
-                    self._note("bag-cut", f"the file ends at {self._stream.where()} without a footer; {self._lost()}")
+                    self._note("bag-cut.footer", where=self._stream.where(), lost=self._lost())
             except Damage as damage:
-                self._note("bag-cut", f"reading ends at {self._stream.where()}: {damage}; {self._lost()}")
+                self._note("bag-cut", where=self._stream.where(), damage=damage, lost=self._lost())
             self._note_orphans("channels")
 
     def _record(self) -> tuple[int, bytes] | None:
@@ -101,7 +101,7 @@ class McapFile(RecordsFile):
         if position != len(records):
             faults.append("its last record is truncated")
         if faults:
-            self._note("bag-chunk-damaged", f"the chunk at byte {at} is incomplete: {'; '.join(faults)}")
+            self._note("bag-chunk-damaged", at=at, faults="; ".join(faults))
 
     def _message(self, op: int, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
         """The message in a record, if it is one; schemas and channels are stored."""

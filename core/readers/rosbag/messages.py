@@ -125,14 +125,7 @@ class FixLog:
         notices = []
         back = int((np.diff(table[:, 0]) <= 0).sum())
         if back:
-            notices.append(
-                Notice(
-                    "gnss-time-back",
-                    f"{source}: {back} stamps are not later than the one before; the positions are sorted by stamp, "
-                    "one "
-                    "per stamp.",
-                )
-            )
+            notices.append(Notice("gnss-time-back", source=source, back=back))
             table = table[np.unique(table[:, 0], return_index=True)[1]]
         columns = dict(zip(("lon_deg", "lat_deg", "height_m", "fix"), table[:, 1:5].T, strict=True))
         sigmas = dict(zip(("sigma_e_m", "sigma_n_m", "sigma_h_m"), table[:, 5:].T, strict=True))
@@ -141,10 +134,10 @@ class FixLog:
             notices.append(
                 Notice(
                     "gnss-fix-guessed",
-                    f"{source}: NavSatFix does not distinguish RTK fixed from float. {ground['fixed']} positions with "
-                    "a "
-                    f"horizontal sigma of {FIXED_SIGMA_M:.2f} m or better are assumed to be fixed, {ground['float']} "
-                    "with a larger or no sigma to be float.",
+                    source=source,
+                    ground=ground["fixed"],
+                    fixed_sigma_m=FIXED_SIGMA_M,
+                    ground_2=ground["float"],
                 )
             )
         return GnssTrack.build(table[:, 0], source=source, **columns, **sigmas), notices

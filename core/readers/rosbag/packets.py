@@ -75,6 +75,5 @@ class PacketScans:
         """What is unusual; complete after `finish`."""
         notices = self._decoder.notices()
         if self._foreign:
-            text = f"{self._source}: {self._foreign} packets that are not data packets are skipped."
-            notices.append(Notice("packets-damaged", text))
+            notices.append(Notice("packets-damaged", source=self._source, foreign=self._foreign))
         return notices

@@ -56,36 +56,26 @@ class Rosbag1File(RecordsFile):
                     elif op in (_MESSAGE, _CONNECTION):
                         yield from self._message(fields, data, topics)
                     elif op != _INDEX:
-                        self._note("bag-record-unknown", f"unknown record type before {self._stream.where()}")
+                        self._note("bag-record-unknown", where=self._stream.where())
             except Damage as damage:
-                self._note("bag-cut", f"reading ends at {self._stream.where()}: {damage}; {self._lost()}")
+                self._note("bag-cut", where=self._stream.where(), damage=damage, lost=self._lost())
             else:
                 self.declared = counted
                 if not indexed:
-                    self._note("bag-unindexed", "the bag was never closed and has no index; all of it was read")
+                    self._note("bag-unindexed")
                 elif counted is None:
-                    self._note("bag-cut", f"the bag ends at {self._stream.where()} without an index; {self._lost()}")
+                    self._note("bag-cut.index", where=self._stream.where(), lost=self._lost())
             self._note_orphans("connections")
 
     def _begin(self) -> None:
         line = self._stream.take(len(_VERSION))
         if line != _VERSION:
             version = line[len(MAGIC) :].decode("ascii", "replace").strip()
-            raise InputError(
-                f"{self.path}: unsupported ROS bag version {version or 'unknown'}.",
-                "Only version 2.0 can be read.",
-                "Convert it on a machine with ROS 1: `rosbag fix old.bag new.bag`.",
-                code="bag-version",
-            )
+            raise InputError("bag-version", path=self.path, version=version or "unknown")
 
     def _refuse_encrypted(self, fields: _Fields) -> None:
         if fields.get(b"encryptor"):
-            raise InputError(
-                f"{self.path}: the bag is encrypted ({fields[b'encryptor'].decode('ascii', 'replace')}).",
-                "Its messages cannot be read.",
-                "Decrypt it on the machine that recorded it: `rosbag decrypt`.",
-                code="bag-encrypted",
-            )
+            raise InputError("bag-encrypted", path=self.path, value=fields[b"encryptor"].decode("ascii", "replace"))
 
     def _record(self) -> tuple[_Fields, bytes] | None:
         """The next record of the file, or None at its end."""
@@ -132,7 +122,7 @@ class Rosbag1File(RecordsFile):
         except Damage as damage:
             faults.append(str(damage))
         if faults:
-            self._note("bag-chunk-damaged", f"the chunk at byte {at} is incomplete: {'; '.join(faults)}")
+            self._note("bag-chunk-damaged", at=at, faults="; ".join(faults))
 
     def _message(self, fields: _Fields, data: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
         """The message in a record, if it is one; connections are stored."""

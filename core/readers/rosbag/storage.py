@@ -114,8 +114,8 @@ class StorageFile:
         self.notices: list[Notice] = []
         self.declared: int | None = None
 
-    def _note(self, code: str, text: str) -> None:
-        self.notices.append(Notice(code, f"{self.path.name}: {text}."))
+    def _note(self, key: str, **values: object) -> None:
+        self.notices.append(Notice(key, file=self.path.name, **values))
 
 
 class RecordsFile(StorageFile):
@@ -140,7 +140,7 @@ class RecordsFile(StorageFile):
     def _note_orphans(self, kind: str) -> None:
         """Note how many messages are skipped because their schema, channel or connection is damaged."""
         if self._orphans:
-            self._note("bag-orphans", f"{self._orphans} messages of damaged {kind} are skipped")
+            self._note("bag-orphans", orphans=self._orphans, kind=kind)
 
 
 def ros2_type(name: str) -> str:

@@ -67,13 +67,7 @@ class RtklibPos(PositionLog):
         rows = finished(gathered)
         name = log_name(paths)
         if rows.damaged:
-            self.notices.append(
-                Notice(
-                    "lines-damaged",
-                    f"{name}: {rows.damaged} of {rows.lines} lines are neither comments nor complete rows and are "
-                    "skipped.",
-                )
-            )
+            self.notices.append(Notice("lines-damaged", name=name, damaged=rows.damaged, lines=rows.lines))
 
         def place(row: int) -> str:
             path, line = file_at(paths, ends, int(rows.line[row]) - 1)
@@ -104,8 +98,7 @@ def _solutions(rows: Rows, name: str, place: Callable[[int], str]) -> Positions:
         kept = np.flatnonzero(usable)
         if len(kept) > 1 and np.mean(np.diff(columns["t_s"][kept]) < 0) > MOST_AHEAD:
             kept = kept[::-1]
-            text = f"{name}: its times decrease; it is read from end to start."
-            notices.append(Notice("written-backward", text))
+            notices.append(Notice("written-backward", name=name))
     except InputError as fault:
         return replace(Positions.none(name, fault), notices=tuple(notices))
     return Positions.in_order(
@@ -119,28 +112,16 @@ def _solutions(rows: Rows, name: str, place: Callable[[int], str]) -> Positions:
 
 
 def _no_positions(rows: Rows, name: str) -> InputError:
-    what = f"none of its {len(rows.line)} rows has a position" if len(rows.line) else "no rows"
-    return InputError(
-        f"{name}: {what}.",
-        "The software found no solution, or the file was truncated after its header.",
-        "Check the settings and the inputs of the software, and run it again.",
-        code="no-positions",
-    )
+    return InputError("no-positions.no-positions-2", name=name, line=len(rows.line) or None)
 
 
 def _columns(rows: Rows, name: str, notices: list[Notice]) -> dict[str, NDArray[Any]]:
     """The columns of a track, and `t_s`; nan where a value is invalid."""
     header, values = rows.header, rows.values
     if header.form is Form.BASELINE:
-        raise InputError(
-            f"{name}: its positions are baselines from a base station (east, north, up), not coordinates.",
-            "They cannot be converted without the coordinates of the base station.",
-            "Configure the software to write latitude, longitude and height (out-solformat = llh).",
-            code="pos-baseline",
-        )
+        raise InputError("pos-baseline", name=name)
     if len(rows.line) and not header.time:
-        text = f"{name}: no header states the time scale (GPS time, UTC or JST); GPS time is assumed."
-        notices.append(Notice("time-scale-assumed", text))
+        notices.append(Notice("time-scale-assumed", name=name))
     if header.form is Form.SEXAGESIMAL:
         values = np.column_stack([_sexagesimal(values[:, :3]), _sexagesimal(values[:, 3:6]), values[:, 6:]])
     lat, lon, height = values[:, 0], values[:, 1], values[:, 2]
@@ -154,8 +135,7 @@ def _columns(rows: Rows, name: str, notices: list[Notice]) -> dict[str, NDArray[
         speed = np.hypot(vn, ve)
     if header.geodetic_height and len(values):
         height = np.full(len(values), np.nan)
-        text = f"{name}: its heights are above the geoid (geodetic), so the ellipsoidal height is unknown."
-        notices.append(Notice("no-ellipsoidal-height", text))
+        notices.append(Notice("no-ellipsoidal-height.columns", name=name))
     quality = np.where((values[:, 3] >= 0) & (values[:, 3] <= 7), values[:, 3], 0).astype(np.int64)
     satellites = np.where((values[:, 4] >= 1) & (values[:, 4] <= 999), values[:, 4], -1)
     return {

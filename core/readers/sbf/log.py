@@ -95,8 +95,7 @@ class SbfLog(ReceiverLog):
         at, mode = pvt.at[stated], pvt.values["mode"][stated]
         columns["t_s"] = gps_to_utc_s(pvt.column("week")[stated] * WEEK_S + pvt.column("tow", 1e-3)[stated])
         flat = int(np.sum((mode & 128) > 0))
-        text = f"{name}: {flat} positions are 2D fixes with an assumed height."
-        notices = [Notice("positions-2d", text)] if flat else []
+        notices = [Notice("positions-2d", name=name, flat=flat)] if flat else []
         positions = Positions.in_order(
             columns,
             lambda k: place(int(at[k])),
@@ -108,14 +107,7 @@ class SbfLog(ReceiverLog):
         return replace(positions, facts=facts)
 
     def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:  # noqa: ARG002
-        return InputError(
-            f"{name}: no positions in this SBF log ({frames}).",
-            "Positions are read from PVTGeodetic or PVTCartesian; raw observations (MeasEpoch) have to be processed "
-            "first.",
-            "Configure the receiver to output PVTGeodetic, PosCovGeodetic and AttEuler; or process the observations "
-            "and use the .pos file.",
-            code="no-positions",
-        )
+        return InputError("no-positions.no-position-messages", name=name, frames=frames)
 
 
 def _columns(pvt: Messages, messages: Mapping[int, Messages], *, is_geodetic: bool) -> dict[str, NDArray[Any]]:

@@ -138,16 +138,7 @@ class UbxLog(ReceiverLog):
 
     def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:
         raw = RAWX in counts.kinds
-        return InputError(
-            f"{name}: no positions in this UBX log ({frames}).",
-            "It holds raw observations, which have to be processed first."
-            if raw
-            else "Positions are read from NAV-PVT or NAV-HPPOSLLH.",
-            "Process the observations with RTKLIB or CLASLIB and use the .pos file."
-            if raw
-            else "Configure the receiver to output NAV-PVT (and NAV-HPPOSLLH, NAV-COV), or NMEA with GGA.",
-            code="no-positions",
-        )
+        return InputError("no-positions.no-position-messages-2", name=name, frames=frames, raw=bool(raw))
 
 
 def _of_pvt(pvt: Messages) -> dict[str, NDArray[Any]]:
@@ -199,14 +190,7 @@ def _of_hpposllh(hp: Messages, status: Messages, notices: list[Notice], name: st
         Fix.SINGLE,
     )
     if len(row) < len(hp):
-        notices.append(
-            Notice(
-                "fix-unknown",
-                f"{name}: {len(hp) - len(row)} of {len(hp)} positions (NAV-HPPOSLLH) have no NAV-PVT or NAV-STATUS of "
-                "the same time, so their kind of fix is unknown and assumed to be single. Their accuracy estimate is "
-                "used.",
-            )
-        )
+        notices.append(Notice("fix-unknown", name=name, hp=len(hp) - len(row), hp_count=len(hp)))
     fix[(hp.values["flags"] & 1) > 0] = Fix.NONE
     nothing = np.full(len(hp), np.nan)
     return {
@@ -259,13 +243,7 @@ def _refine(
     take("hdop", DOP, dop.column("hdop", 0.01), np.ones(len(dop), bool))
     alone = len(hp) - int(np.isin(hp.values["itow"], key).sum())
     if both and alone:
-        notices.append(
-            Notice(
-                "positions-without-fix",
-                f"{name}: {alone} of {len(hp)} positions of NAV-HPPOSLLH have no NAV-PVT of the same time and are not "
-                "used.",
-            )
-        )
+        notices.append(Notice("positions-without-fix", name=name, alone=alone, hp=len(hp)))
 
 
 def _calendar(messages: Messages, valid: int) -> FloatArray:

@@ -51,16 +51,17 @@ class _VectorNav(FileReader, ABC):
         if len(timed) < 2:
             raise _nothing(name, len(measured))
         if len(timed) < len(measured):
-            text = f"{name}: {len(measured) - len(timed)} of {len(measured)} measurements have no time and are dropped."
-            self.notices.append(Notice("rows-incomplete", text))
+            self.notices.append(
+                Notice(
+                    "rows-incomplete.inertial",
+                    name=name,
+                    measured=len(measured) - len(timed),
+                    measured_count=len(measured),
+                )
+            )
         beyond = first_beyond(timed[:, 1:])
         if beyond is not None:
-            raise InputError(
-                f"{name}: {beyond[0]} messages are beyond what an IMU measures.",
-                "The log is damaged, or of another device.",
-                "Record it again with checksums.",
-                code="value-out-of-range",
-            )
+            raise InputError("value-out-of-range.inertial", name=name, beyond=beyond[0])
         return inertial_track(timed[:, 0], timed[:, 1:7], name, self.notices)
 
     def attitude(self) -> AttitudeTrack:
@@ -101,8 +102,7 @@ class _VectorNav(FileReader, ABC):
 
     def _damaged(self, bad: int, intact: int) -> None:
         if bad:
-            text = f"{joined_name(self.paths)}: {bad} messages are damaged and skipped; {intact} are intact."
-            notice = Notice("sentences-damaged", text)
+            notice = Notice("sentences-damaged.damaged", paths=joined_name(self.paths), bad=bad, intact=intact)
             self.notices += [notice] if notice not in self.notices else []
 
 
@@ -211,16 +211,5 @@ def _times_s(table: FloatArray) -> FloatArray:
 def _nothing(name: str, measured: int) -> InputError:
     """The error of a log without measurements, or without their times."""
     if measured:
-        return InputError(
-            f"{name}: its {measured} measurements have no time.",
-            "Without UTC or GPS time they cannot be combined with positions.",
-            "Add TimeGps to the binary output, or VNINS to the ASCII output, or let the logger write UTC before each "
-            "sentence.",
-            code="imu-no-times",
-        )
-    return InputError(
-        f"{name}: its messages hold no angular rate with a specific force.",
-        "An IMU is integrated from both.",
-        "Add the Imu field of the common group to the binary output, or log VNIMU.",
-        code="imu-no-measurements",
-    )
+        return InputError("imu-no-times", name=name, measured=measured)
+    return InputError("imu-no-measurements", name=name)

@@ -187,11 +187,11 @@ def _only_sender(paths: Sequence[Path], senders: NDArray[np.uint64]) -> int:
     if len(several) > 1:
         words = "; ".join(f"{address_of(sender)} ({n:,} packets)" for sender, n in several)
         raise InputError(
-            f"{paths[0]} has packets of {len(several)} sensors: {words}.",
-            "Each sensor has its own mounting and clock, so they cannot be read as one.",
-            "Extract the packets of one sensor, such as: tcpdump -r all.pcap -w one.pcap"
-            f" 'src host {str(address_of(several[0][0])).split(' ')[0]}'.",
-            code="two-sensors",
+            "two-sensors",
+            paths=paths[0],
+            several=len(several),
+            words=words,
+            value=str(address_of(several[0][0])).split(" ")[0],
         )
     return several[0][0]
 
@@ -200,9 +200,4 @@ def _no_packets(paths: Sequence[Path], skipped: Counter[str], positions: int) ->
     frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common() if n)
     if positions:
         frames = f"{positions:,} position packets" + (f", {frames}" if frames else "")
-    return InputError(
-        f"{paths[0]} has no packets of a Velodyne sensor ({frames or 'no packets at all'}).",
-        "The points are in data packets (1206 bytes, UDP port 2368 by default).",
-        "Check that the recorder captured the sensor's network interface while the sensor was on.",
-        code="no-packets",
-    )
+    return InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")

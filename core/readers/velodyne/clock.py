@@ -197,11 +197,7 @@ def settle(
         return SensorClock(Clock.SENSOR_GPS, 0.0, ahead_s), _lock_notices(device_us, host_s, ahead_s)
     if near_s is not None and float(np.median(host_s)) < _FIRST_PLAUSIBLE_S:
         utc_s = float(nearest_in_cycle(device_us[0] * 1e-6, near_s, HOUR_S))
-        notice = Notice(
-            "clock-stated",
-            f"The recorder's clock has no date ({iso_utc(float(host_s[0]))}): the sensor's stamps are assumed to count"
-            f" from the full hour of UTC, in the hour closest to {iso_utc(near_s)}.",
-        )
+        notice = Notice("clock-stated", host_s=iso_utc(float(host_s[0])), near_s=iso_utc(near_s))
         return SensorClock(Clock.STATED, 0.0, utc_s - float(host_s[0])), [notice]
     apart_s = host_s - device_us * 1e-6
     apart_s = nearest_in_cycle(apart_s, float(np.median(apart_s)), HOUR_S)
@@ -216,32 +212,16 @@ def _lock_notices(device_us: NDArray[np.uint32], host_s: FloatArray, ahead_s: fl
     first_s = float(host_s[0]) + ahead_s
     if abs(float(nearest_in_cycle(device_us[0] * 1e-6, first_s, HOUR_S)) - first_s) <= _JUMP_S:
         return []
-    return [
-        Notice(
-            "clock-before-lock",
-            "The recording begins before the sensor's clock was set by GPS: until then, times are the recorder's,"
-            f" shifted by the {ahead_s:+.3f} s found after the lock.",
-        )
-    ]
+    return [Notice("clock-before-lock", ahead_s=ahead_s)]
 
 
 def _sensor_notice(positions: list[PositionPacket], past_hour_s: float) -> Notice:
-    return Notice(
-        "clock-sensor",
-        f"{_no_receiver(positions)}, but the stamps match the recorder's time past the hour within {past_hour_s:+.3f} "
-        "s, "
-        "which is unlikely by chance: the sensor's clock is assumed to be set by GPS, and the recorder's clock to be "
-        "ahead by that difference. If the cloud is shifted along the driving direction, set `[recording] "
-        "lidar_minus_gnss_s`.",
-    )
+    return Notice("clock-sensor", positions=_no_receiver(positions), past_hour_s=past_hour_s)
 
 
 def _recorder_notice(positions: list[PositionPacket], past_hour_s: float) -> Notice:
-    if abs(past_hour_s) <= _SAME_S:
-        how = f"the stamps match its time past the hour within {abs(past_hour_s):.3f} s"
-    else:
-        how = f"the stamps differ by {abs(past_hour_s):.1f} s from its time past the hour"
-    return Notice("clock-recorder", f"{_no_receiver(positions)}: times are the recorder's; {how}.")
+    same, apart_s = abs(past_hour_s) <= _SAME_S, abs(past_hour_s)
+    return Notice("clock-recorder", receiver=_no_receiver(positions), same=same, apart_s=apart_s)
 
 
 def _no_receiver(positions: list[PositionPacket]) -> str:

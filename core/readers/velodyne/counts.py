@@ -133,24 +133,27 @@ class PacketCounts:
             notices.append(
                 Notice(
                     "lost-packets",
-                    f"{self.lost:,} packets are missing in {self.gaps:,} gaps, {self.lost_s:.3f} s in total"
-                    f" ({100 * self.lost / (self.lost + self.packets):.1f} %).",
+                    lost=self.lost,
+                    gaps=self.gaps,
+                    lost_s=self.lost_s,
+                    lost_share=100 * self.lost / (self.lost + self.packets),
                 )
             )
         if self.pauses:
             notices.append(
                 Notice(
                     "pauses",
-                    f"{self.pauses:,} pauses of {_span(self.shortest_pause_s, self.longest_pause_s)} s,"
-                    f" {self.paused_s:.1f} s in total: only a part was recorded, or the sensor reports a sector only.",
+                    pauses=self.pauses,
+                    shortest_pause_s=_span(self.shortest_pause_s, self.longest_pause_s),
+                    paused_s=self.paused_s,
                 )
             )
         if self.repeated:
-            notices.append(Notice("repeated-packets", f"{self.repeated:,} duplicate packets are skipped."))
+            notices.append(Notice("repeated-packets", repeated=self.repeated))
         if self.late:
-            notices.append(Notice("late-packets", f"{self.late:,} packets have an earlier stamp than the one before."))
+            notices.append(Notice("late-packets", late=self.late))
         if self.bad_blocks:
-            notices.append(Notice("bad-blocks", f"{self.bad_blocks:,} damaged blocks of packets are skipped."))
+            notices.append(Notice("bad-blocks", bad_blocks=self.bad_blocks))
         return notices
 
     def _contradicts(self, model: Model) -> bool:
@@ -163,10 +166,7 @@ class PacketCounts:
         if others:
             names = OTHER_PRODUCTS | {m.product: m.name for m in MODELS}
             words = ", ".join(f"{names.get(p, 'unknown')} (0x{p:02x}) in {n:,} packets" for p, n in others.items())
-            source = "stated in the session" if stated else "the model of the first packets"
-            notices.append(
-                Notice("model-differs", f"Decoded as {model.name} ({source}); the product byte is that of {words}.")
-            )
+            notices.append(Notice("model-differs", model=model.name, stated=bool(stated), words=words))
         if self._contradicts(model):
             fits = [
                 f"{m.name} ({word})"
@@ -177,9 +177,11 @@ class PacketCounts:
             notices.append(
                 Notice(
                     "packet-rate",
-                    f"The packet interval of {1e3 * self.usual_s:.3f} ms does not match a {model.name} with"
-                    f" {'two returns' if self.mode == DUAL else 'one return'} ({1e3 * model.packet_s(self.mode):.3f}"
-                    f" ms); it matches {' or '.join(fits) or 'no known model'}.",
+                    usual_s=1e3 * self.usual_s,
+                    model=model.name,
+                    is_mode=self.mode == DUAL,
+                    mode=1e3 * model.packet_s(self.mode),
+                    fits=" or ".join(fits) or "no known model",
                 )
             )
         return notices
@@ -189,16 +191,9 @@ class PacketCounts:
             words = ", ".join(
                 f"{RETURN_WORDS.get(mode, f'0x{mode:02x}')} in {n:,} packets" for mode, n in self.modes.most_common()
             )
-            return [Notice("return-mode-changed", f"The return mode changes: {words}.")]
+            return [Notice("return-mode-changed", words=words)]
         if self.mode not in RETURN_WORDS:
-            return [
-                Notice(
-                    "return-mode-unknown",
-                    f"Unknown return mode byte 0x{self.mode:02x} in the packets: packets whose blocks have equal "
-                    "azimuths"
-                    " in pairs are decoded as dual, others as single.",
-                )
-            ]
+            return [Notice("return-mode-unknown", mode=self.mode)]
         return []
 
 

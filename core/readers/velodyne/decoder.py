@@ -245,11 +245,5 @@ class PacketDecoder:
             notices += self.counts.notices(self._model, stated=self._stated is not None)
         if self._clock is not None and self._clock.jumps:
             at_s, size_s = self._clock.jumps[0]
-            notices.append(
-                Notice(
-                    "clock-jumps",
-                    f"The sensor's clock was reset {len(self._clock.jumps):,} times, first by {size_s:+.3f} s at"
-                    f" {iso_utc(at_s)}; time continues across it by the recorder's clock.",
-                )
-            )
+            notices.append(Notice("clock-jumps", jumps=len(self._clock.jumps), size_s=size_s, at_s=iso_utc(at_s)))
         return notices

@@ -161,14 +161,11 @@ def model_named(name: str) -> Model:
     found = by_name.get(_plain(name))
     if found is None:
         near = difflib.get_close_matches(_plain(name), by_name, 1)
-        hint = f" Did you mean {by_name[near[0]].name!r}?" if near else ""
         raise InputError(
-            f"Session key `lidar.model`: unknown model {name!r}.",
-            "Angles and firing times depend on the model; with wrong ones all points are misplaced.",
-            f"Supported: {', '.join(model.name for model in MODELS)}.{hint} Without the key, the model is taken from "
-            "the "
-            "packets.",
-            code="unknown-model",
+            "unknown-model",
+            name=name,
+            models=", ".join(model.name for model in MODELS),
+            by_name=by_name[near[0]].name if near else None,
         )
     return found
 
@@ -186,19 +183,16 @@ def model_of(product: int, where: str = "") -> Model:
     for model in MODELS:
         if model.product == product:
             return model
-    at = f"{where}: " if where else ""
     if product in OTHER_PRODUCTS:
         raise InputError(
-            f"{at}unsupported model {OTHER_PRODUCTS[product]} (product byte 0x{product:02x}).",
-            "Its packets cannot be decoded.",
-            f"Supported models: {', '.join(model.name for model in MODELS)}.",
-            code="unsupported-model",
+            "unsupported-model",
+            where=where or None,
+            other_products=OTHER_PRODUCTS[product],
+            product=product,
+            models=", ".join(model.name for model in MODELS),
         )
     raise InputError(
-        f"{at}the packets do not identify the model (product byte 0x{product:02x}).",
-        "Old firmware leaves the byte empty; angles and firing times depend on the model.",
-        f'State the model: model = "..." under [lidar], one of {", ".join(model.name for model in MODELS)}.',
-        code="model-unknown",
+        "model-unknown", where=where or None, product=product, models=", ".join(model.name for model in MODELS)
     )
 
 

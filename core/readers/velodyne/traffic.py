@@ -92,27 +92,16 @@ class Traffic:
         notices = []
         if other := self.other_packets:
             words = ", ".join(f"{n:,} {why}" for why, n in other.items())
-            notices.append(Notice("other-traffic", f"{sum(other.values()):,} frames are not the sensor's: {words}."))
+            notices.append(Notice("other-traffic", other=sum(other.values()), words=words))
         total = self.pps.total()
         unlocked = total - self.pps[PPS_LOCKED]
         if clock is Clock.SENSOR_GPS and unlocked:
             states = pps_states(state for state in self.pps if state != PPS_LOCKED)
-            notices.append(
-                Notice(
-                    "pps-unlocked",
-                    f"In {unlocked:,} of {total:,} position packets the sensor is not locked to the pulse per second"
-                    f" ({states}): its time may drift by milliseconds there.",
-                )
-            )
+            notices.append(Notice("pps-unlocked", unlocked=unlocked, total=total, states=states))
         if clock is Clock.SENSOR_GPS and self.void:
-            notices.append(Notice("gprmc-void", f"{self.void:,} of {total:,} GPRMC sentences are void or missing."))
+            notices.append(Notice("gprmc-void", void=self.void, total=total))
         if clock is Clock.SENSOR_GPS and self.untied:
-            notices.append(
-                Notice(
-                    "gprmc-disagrees",
-                    f"{self.untied:,} of {total:,} GPRMC sentences are of another second than the sensor's stamps.",
-                )
-            )
+            notices.append(Notice("gprmc-disagrees", untied=self.untied, total=total))
         return notices
 
     def facts(self, sender: int) -> dict[str, Any]:

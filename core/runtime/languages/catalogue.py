@@ -1,12 +1,12 @@
 """The catalogue of a language: templates of English texts, and what they are in that language.
 
-The English texts stay in the code, and in the data: files such as `report.json` hold them, whatever the language. A
-catalogue is a TOML file of tables: `[all]` for texts of pages and phrases, and one for each code of errors and
-warnings. A key is an English text, with … for what varies; its value has {1}, {2}, … in their places:
+Texts of pages and layers are English in the code, and in the data: files such as `report.json` hold them, whatever the
+language. A catalogue is made of TOML files of tables: `[all]` for texts of any place, and one for each code of errors
+and warnings that have such texts as values; the texts of messages themselves come from
+:mod:`~furrowmap.core.runtime.languages.messages`. A key is an English text, with … for what varies; its value has {1},
+{2}, … in their places:
 
-    "… of … points have no time." = "{2} 点のうち {1} 点に時刻がありません。"
-
-So every text that was ever written can be shown in every language, without the program that wrote it.
+    "Straight passes: …" = "直線の行程：{1}"
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
 from typing import Final
+
+from furrowmap.core.runtime.languages.messages import expansions, templates
 
 ENGLISH: Final = "en"
 LANGUAGES: Final = (ENGLISH, "ja")
@@ -125,6 +127,12 @@ def catalogue(language: str) -> Catalogue:
     tables: dict[str, dict[str, str]] = {}
     folder = files("furrowmap.core.runtime.languages")
     for name in sorted(f.name for f in folder.iterdir() if f.name.startswith(f"{language}_")):
-        for code, table in tomllib.loads(folder.joinpath(name).read_text("utf-8")).items():
-            tables.setdefault(code, {}).update(table)
+        if name != f"{language}_messages.toml":
+            for code, table in tomllib.loads(folder.joinpath(name).read_text("utf-8")).items():
+                tables.setdefault(code, {}).update(table)
+    if language != ENGLISH:
+        for key, parts in templates(ENGLISH).items():
+            table = tables.setdefault(key.partition(".")[0], {})
+            for part, template in parts.items():
+                table.update(expansions(template, templates(language)[key][part]))
     return Catalogue(tables)

@@ -41,10 +41,5 @@ def language_of_user(stated: str | None = None) -> str:
     """
     language = _CHOSEN.get() or stated or os.environ.get(VARIABLE) or ENGLISH
     if language not in LANGUAGES:
-        raise UsageError(
-            f"The environment variable {VARIABLE} is {language!r}.",
-            "There are no texts in that language.",
-            f"Set it to one of {', '.join(LANGUAGES)}, or unset it.",
-            code="usage",
-        )
+        raise UsageError("usage.language-of-user", language=language, languages=", ".join(LANGUAGES))
     return language

@@ -6,7 +6,6 @@ import re
 from functools import lru_cache
 from typing import Final
 
-from furrowmap.core.runtime.errors import FurrowmapError, Notice
 from furrowmap.core.runtime.languages.catalogue import ENGLISH, HOLE, catalogue
 
 DEEPEST: Final = 5
@@ -28,17 +27,6 @@ def translated(text: str, language: str, code: str = "") -> str:
         ValueError: if there is no such language.
     """
     return text if language == ENGLISH else _translated(text, language, code, DEEPEST)
-
-
-def translated_error(error: FurrowmapError, language: str) -> tuple[str, str, str]:
-    """The three lines of an error in a language."""
-    what, meaning, remedy = (translated(line, language, error.code) for line in error.lines)
-    return what, meaning, remedy
-
-
-def translated_notice(notice: Notice, language: str) -> Notice:
-    """A notice in a language."""
-    return Notice(notice.code, translated(notice.text, language, notice.code))
 
 
 @lru_cache(maxsize=4096)
