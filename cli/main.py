@@ -50,6 +50,7 @@ COMMANDS: Final = (
     "frames",
     "gnss",
     "check",
+    "explain",
     "simulate",
     "qgis",
     "worker",

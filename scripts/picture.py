@@ -152,10 +152,10 @@ def _cells(
 
 def _missing(path: Path) -> InputError:
     return InputError(
-        f"{path} is missing or has nothing to draw.",
-        "The map shows the ground of the cloud and the trajectory over it; without both there is no picture.",
-        "Name the folder that 'furrowmap run' wrote.",
-        code="nothing-to-draw",
+        "nothing-to-draw",
+        what=f"{path} is missing or has nothing to draw.",
+        meaning="The map shows the ground of the cloud and the trajectory over it; without both there is no picture.",
+        remedy="Name the folder that 'furrowmap run' wrote.",
     )
 
 

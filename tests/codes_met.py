@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 import functools
 import os
-import re
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -20,6 +19,7 @@ from typing import Any
 import pytest
 
 from furrowmap.core.runtime.errors import FurrowmapError, Notice
+from furrowmap.core.runtime.languages.messages import templates
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 FOLDER = "FURROWMAP_TEST_CODES"
@@ -70,9 +70,8 @@ def _is_whole(config: pytest.Config) -> bool:
 
 
 def listed() -> set[str]:
-    """The codes of the reference page, which lists those of the source."""
-    page = (CHECKOUT / "docs" / "reference" / "codes.md").read_text(encoding="utf-8")
-    return set(re.findall(r"^\| `([a-z0-9-]+)` \|", page, re.MULTILINE))
+    """The codes of the catalogue of messages."""
+    return {key.partition(".")[0] for key in templates("en")}
 
 
 def named(texts: set[str]) -> set[str]:

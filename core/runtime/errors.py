@@ -7,11 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar, Final, Self
 
 from furrowmap.core.runtime.languages.catalogue import ENGLISH
-from furrowmap.core.runtime.languages.messages import Value, fill, printed, sentences
+from furrowmap.core.runtime.languages.messages import ERROR_PARTS, Value, fill, printed, sentences
 from furrowmap.core.runtime.languages.translation import translated
-
-PARTS: Final = ("what", "meaning", "remedy")
-"""Parts of an error, as they are printed below each other."""
 
 CONTRADICTION: Final = "contradiction"
 """Code of the notice that stands before all others."""
@@ -51,7 +48,7 @@ class FurrowmapError(Exception):
 
     def lines_in(self, language: str) -> tuple[str, str, str]:
         """The three parts in a language."""
-        what, meaning, remedy = (_sentence(language, self.key, part, self.values) for part in PARTS)
+        what, meaning, remedy = (_sentence(language, self.key, part, self.values) for part in ERROR_PARTS)
         return what, meaning, remedy
 
     @property
@@ -159,7 +156,7 @@ class Notice:
     def text_in(self, language: str) -> str:
         """The text in a language."""
         parts = sentences(ENGLISH, self.key)
-        of_error = PARTS if "text" not in parts else ("text",)
+        of_error = ERROR_PARTS if "text" not in parts else ("text",)
         between = " " if language == ENGLISH else ""
         text = between.join(_sentence(language, self.key, part, dict(self.values)) for part in of_error)
         colon = ": " if language == ENGLISH else "："

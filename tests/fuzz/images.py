@@ -44,7 +44,7 @@ def read_photo(path: Path) -> None:
     try:
         read_pixels(path, 2)
     except ValueError as error:
-        raise InputError(str(error), "It is counted.", "The others are used.", code="images-not-decoded") from None
+        raise InputError("images-not-decoded", path=path, error=error) from None
 
 
 def bags(folder: Path) -> list[dict[str, bytes]]:

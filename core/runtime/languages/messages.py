@@ -18,6 +18,8 @@ from itertools import product
 from typing import Any, Final, TypeAlias
 
 Part: TypeAlias = "str | Hole | Choice"
+ERROR_PARTS: Final = ("what", "meaning", "remedy")
+"""Parts of an error, as they are printed below each other."""
 Value: TypeAlias = str | bool | None
 """A value as it is printed, or the condition of a choice."""
 _TOKEN: Final = re.compile(r"\{\{|\}\}|[{}|]")
@@ -103,12 +105,9 @@ def templates(language: str) -> Mapping[str, Mapping[str, str]]:
 
 @cache
 def sentences(language: str, key: str) -> Mapping[str, tuple[Part, ...]]:
-    """The parsed templates of a key in a language.
-
-    Raises:
-        KeyError: if there is no such key.
-    """
-    return {part: parts_of(template) for part, template in templates(language)[key].items()}
+    """The parsed templates of a key in a language; of a key of another package, the texts that it passes."""
+    found = templates(language).get(key, {part: f"{{{part}}}" for part in (*ERROR_PARTS, "text")})
+    return {part: parts_of(template) for part, template in found.items()}
 
 
 def walk(parts: tuple[Part, ...]) -> Iterator[Hole | Choice]:
@@ -136,9 +135,14 @@ def holes(key: str) -> Mapping[str, Hole | Choice]:
 def printed(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
     """Values as they are printed in the sentences of a key: a string for each hole, a bool for each choice alone.
 
+    A key that is not in the catalogue, such as of a reader in another package, takes its sentences themselves: `what`,
+    `meaning` and `remedy`, or `text`.
+
     Raises:
-        KeyError: if the key is unknown, or a value is missing or belongs to no hole.
+        KeyError: if a value is missing or belongs to no hole.
     """
+    if key not in templates("en") and values.keys() in ({*ERROR_PARTS}, {"text"}):
+        return {part: str(text) for part, text in values.items()}
     wanted = holes(key)
     if wanted.keys() != values.keys():
         message = f"{key}: values {sorted(values)} for {sorted(wanted)}"

@@ -77,7 +77,7 @@ def images(tmp_path_factory: pytest.TempPathFactory) -> Images:
 
 def located() -> Located:
     known = PoseErrors(NODES_S, np.zeros((len(NODES_S), 6)), FLIGHT.covariance)
-    told = (Notice("gnss-quality", "float"), Notice("epochs-missing", "some"))
+    told = (Notice.from_printed("gnss-quality", {}), Notice.from_printed("epochs-missing", {}))
     return Located(FLIGHT.block.trajectory, "imu", {}, told, pose_errors=lambda _: known)
 
 

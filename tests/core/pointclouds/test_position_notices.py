@@ -11,7 +11,6 @@ import pytest
 
 from furrowmap.core.geodesy.local_time import in_local_time
 from furrowmap.core.pointclouds.position_notices import fix_shares, quality_notices
-from furrowmap.core.runtime.languages.translation import translated_notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan_poses import ScanPoses
@@ -72,7 +71,7 @@ def test_outage__has_its_length_and_its_time_in_words() -> None:
     poses = drive((Fix.NONE, 100, 150))
     (notice,) = quality_notices(poses)
     assert f"for 5.1 s in all (outages: 1, the longest of 5.1 s from {iso_utc(float(poses.t_s[99]))})" in notice.text
-    japanese = translated_notice(notice, "ja").text
+    japanese = notice.text_in("ja")
     assert "計 5.1 秒" in japanese
     assert "position" not in japanese
 
@@ -87,7 +86,7 @@ def test_shares__count_every_quality_and_none_as_its_own() -> None:
 def test_not_fixed__has_its_seconds_by_quality() -> None:
     (notice,) = quality_notices(drive((Fix.FLOAT, 0, 60), (Fix.SINGLE, 400, 440)))
     assert "(single 4.0 s, float 6.0 s)" in notice.text
-    assert "FIX" in translated_notice(notice, "ja").text
+    assert "FIX" in notice.text_in("ja")
 
 
 @pytest.mark.parametrize("zone", ["Asia/Tokyo", "America/St_Johns", "UTC"])

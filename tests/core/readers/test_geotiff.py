@@ -18,7 +18,7 @@ from furrowmap.results import read_raster
 
 
 def unusable(path: Path, why: str) -> InputError:
-    return InputError(f"{path} {why}.", "It is not used.", "Use another.", code="test")
+    return InputError("test", what=f"{path} {why}.", meaning="It is not used.", remedy="Use another.")
 
 
 def write(path: Path, transform: rasterio.Affine, **options: Any) -> Path:

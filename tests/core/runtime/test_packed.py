@@ -34,7 +34,7 @@ class Value:
 )
 def test_packed__comes_back_exactly(array: NDArray[Any], number: float, text: str) -> None:
     text = text.encode(errors="ignore").decode()
-    value = Value(array, number, (Notice("a", text),), {"x": [number, text, None], "y": array[:1]})
+    value = Value(array, number, (Notice("a", text=text),), {"x": [number, text, None], "y": array[:1]})
     back = unpacked(b"".join(packed(value)), Value)
     assert back.array.dtype == array.dtype
     assert back.array.tobytes() == array.tobytes()
@@ -45,7 +45,7 @@ def test_packed__comes_back_exactly(array: NDArray[Any], number: float, text: st
 
 @given(data=st.binary(max_size=60), at=st.integers(0, 400), byte=st.integers(0, 255))
 def test_promise_23__damaged_bytes_are_refused_or_a_value_of_that_type(data: bytes, at: int, byte: int) -> None:
-    good = b"".join(packed(Value(np.arange(3.0), 1.0, (Notice("a", "b"),), {"x": 1})))
+    good = b"".join(packed(Value(np.arange(3.0), 1.0, (Notice("a", text="b"),), {"x": 1})))
     for bad in (data, good[: at % len(good)], good[: at % len(good)] + bytes([byte]) + good[at % len(good) + 1 :]):
         try:
             back = unpacked(bad, Value)

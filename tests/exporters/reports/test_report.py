@@ -40,7 +40,7 @@ def test_report__has_its_versions_and_its_keys_in_order(tmp_path: Path) -> None:
         "inputs": [FileRecord("recording.pcap", 3, "ab")],
         "figures": {"points": np.int64(7_977_874), "spread_m": float("nan"), "box_m": np.array([1.0, 2.0])},
         "clocks": {"lidar": {"clock": Clock.SENSOR_GPS}},
-        "warnings": [Notice("gap", "A gap of 5 s.")],
+        "warnings": [Notice("gap", text="A gap of 5 s.")],
     }
     path = tmp_path / "report.json"
     content = write_report(path, report)

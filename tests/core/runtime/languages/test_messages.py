@@ -1,19 +1,29 @@
-"""Every error and warning of the source has its Japanese, and in it no English sentence."""
+"""Messages in every language: the same keys, parts and holes, and in Japanese no English sentence."""
 
 from __future__ import annotations
 
+import pickle
 import re
-import runpy
-from pathlib import Path
+import string
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.languages.catalogue import HOLE, catalogue
-from furrowmap.core.runtime.languages.translation import translated, translated_error, translated_notice
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.languages.messages import (
+    Choice,
+    Hole,
+    expansions,
+    fill,
+    holes,
+    parts_of,
+    printed,
+    sentences,
+    templates,
+    walk,
+)
 
-CHECKOUT = Path(__file__).resolve().parents[4]
-TEMPLATES: dict[str, list[str]] = runpy.run_path(str(CHECKOUT / "scripts" / "message_texts.py"))["templates"]()
 ENGLISH = re.compile(r"\b[a-z]{2,} [a-z]{2,}\b")
 """Two words of English beside each other."""
 QUOTED = re.compile(
@@ -27,39 +37,72 @@ NAMES = (
     "pip install",
     "furrowmap qgis install",
 )
+KEYS = [(key, part) for key, parts in templates("en").items() for part in parts]
 
 
-@pytest.mark.parametrize("code", TEMPLATES)
-def test_japanese__of_every_text_of_a_code(code: str) -> None:
-    known = catalogue("ja").of_code(code)
-    for text in TEMPLATES[code]:
-        assert text in known, "scripts/message_texts.py lists what is missing"
-        values = [f"⟪{k}⟫" for k in range(text.count(HOLE))]
-        filled = "".join(part + value for part, value in zip(text.split(HOLE), [*values, ""], strict=True))
-        found = translated(" ".join(filled.split()), "ja", code)
-        assert re.search(r"[ぁ-ヿ一-龥（：]", found), text
-        assert not ENGLISH.search(_without_names(found)), found
-        assert re.findall(r"⟪\d+⟫", filled) == sorted(set(re.findall(r"⟪\d+⟫", found)), key=lambda v: int(v[1:-1])), (
-            found
-        )
+def test_languages__have_the_same_keys_and_parts() -> None:
+    assert {key: set(parts) for key, parts in templates("en").items()} == {
+        key: set(parts) for key, parts in templates("ja").items()
+    }
 
 
-def test_catalogue__has_no_message_that_the_source_has_not() -> None:
-    written = {text for texts in TEMPLATES.values() for text in texts}
-    for code, table in catalogue("ja").tables.items():
-        if code != "all":
-            assert set(table) <= written, code
+@pytest.mark.parametrize("key", templates("en"))
+def test_message__has_the_same_holes_in_both_languages(key: str) -> None:
+    for part, english in sentences("en", key).items():
+        ours, theirs = ({hole.name for hole in walk(parts)} for parts in (english, sentences("ja", key)[part]))
+        assert ours == theirs, part
+
+
+@pytest.mark.parametrize(("key", "part"), KEYS)
+def test_japanese__is_japanese(key: str, part: str) -> None:
+    for english, japanese in expansions(templates("en")[key][part], templates("ja")[key][part]):
+        if re.search(r"[A-Za-z]{2}", english):
+            assert re.search(r"[ぁ-ヿ一-龥（：]", japanese), japanese
+        assert not ENGLISH.search(_without_names(japanese)), japanese
+        assert english.count("…") >= len(set(re.findall(r"\{\d+\}", japanese)))
 
 
 def test_error_and_notice__in_japanese() -> None:
-    error = InputError(
-        "north.gnss: positions come every 3.0 s.", "No cloud was written.", "Rename the file.", code="gnss-rate"
-    )
-    assert translated_error(error, "ja") == (
-        "north.gnss：測位の間隔が 3.0 秒です。", "点群は書き出していません。", "ファイルの名前を変えてください。"
-    )  # fmt: skip
-    notice = translated_notice(Notice("times-none", "3 of 40 points have no time. It is 0 in the output."), "ja")
-    assert notice.text == "40 点中 3 点に時刻がありません。出力では 0 とします。"
+    error = InputError("no-such-file-in-a-test", what="Nothing.", meaning="Nothing.", remedy="Nothing.")
+    assert error.lines_in("ja") == ("Nothing.", "Nothing.", "Nothing.")
+    notice = Notice("times-none", **dict.fromkeys(holes("times-none"), 3))
+    assert "時刻がありません" in notice.text_in("ja")
+    assert "have no time" in notice.text
+    assert notice.about("harrow").text == f"harrow: {notice.text}"
+    assert notice.about("harrow").text_in("ja") == f"harrow：{notice.text_in('ja')}"
+
+
+def test_error__comes_back_from_another_process() -> None:
+    error = RefusedError("too-large.memory", what="a.las", needed="3 GB", free="1 GB")
+    back = pickle.loads(pickle.dumps(error))
+    assert type(back) is RefusedError
+    assert (back.lines, back.lines_in("ja"), back.code) == (error.lines, error.lines_in("ja"), "too-large")
+    assert Notice.of(error).text == " ".join(error.lines)
+
+
+@given(st.text(string.ascii_letters + " {}", max_size=20), st.integers())
+def test_template__gives_literal_braces_and_values_back(text: str, value: int) -> None:
+    escaped = text.replace("{", "{{").replace("}", "}}")
+    parts = parts_of(escaped + "{count:,}")
+    assert parts[-1] == Hole("count", ",", "")
+    assert fill(parts, {"count": f"{value:,}"}) == f"{text}{value:,}"
+
+
+def test_choice__is_one_where_its_value_is_there() -> None:
+    parts = parts_of("{near:Did you mean {near}?|Known: {known}.} {flag:a|b}")
+    assert isinstance(parts[0], Choice)
+    assert fill(parts, {"near": "run", "known": None, "flag": False}) == "Did you mean run? b"
+    assert fill(parts, {"near": None, "known": "init", "flag": True}) == "Known: init. a"
+    assert list(expansions("{near:Near {near}|None}", "{near:近い {near}|なし}")) == [
+        ("Near …", "近い {1}"),
+        ("None", "なし"),
+    ]
+
+
+def test_values__are_printed_once_for_all_languages() -> None:
+    assert printed("too-large", {"what": "a", "packed": 1.5, "unpacked": 2, "growth": 3})["packed"] == "1.5"
+    with pytest.raises(KeyError):
+        printed("too-large", {"what": "a"})
 
 
 def _without_names(text: str) -> str:
