@@ -44,7 +44,7 @@ def read_photo(path: Path) -> None:
     try:
         read_pixels(path, 2)
     except ValueError as error:
-        raise InputError("images-not-decoded", path=path, error=error) from None
+        raise InputError("not-an-image", what=str(error), meaning="It is counted.", remedy="Use others.") from None
 
 
 def bags(folder: Path) -> list[dict[str, bytes]]:
