@@ -106,7 +106,6 @@ def open_points(path: str | Path, bounds: Box | None = None, classes: Iterable[i
     """Open the points of a LAS, LAZ or COPC file.
 
     Args:
-        path: the file.
         bounds: minimum x, minimum y, maximum x, maximum y of the points wanted, in the file's CRS; of a COPC file only
             the nodes within are read.
         classes: classes of the points wanted, such as (2,) for ground; None for all.

@@ -99,11 +99,7 @@ def mount(
 
 
 def _board(text: str, square_m: float) -> Board:
-    """The board of a text such as `9x6`.
-
-    Raises:
-        UsageError: if it is none.
-    """
+    """The board of a text such as `9x6`."""
     numbers = re.fullmatch(r"(\d{1,3})[xX×](\d{1,3})", text.strip())
     if numbers is None or min(int(numbers[1]), int(numbers[2])) < FEWEST_CORNERS:
         raise UsageError("bad-board", text=text)
@@ -111,11 +107,7 @@ def _board(text: str, square_m: float) -> Board:
 
 
 def _board_angles(text: str) -> tuple[float, float, float]:
-    """The angles of a text such as `180,0,90`.
-
-    Raises:
-        UsageError: if it is none.
-    """
+    """The angles of a text such as `180,0,90`."""
     try:
         roll, pitch, yaw = (float(part) for part in text.split(","))
     except ValueError:

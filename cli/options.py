@@ -81,11 +81,7 @@ def worker_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _start_log(verbose: int, log_file: Path | None) -> None:
-    """Set up logging of furrowmap, and with -vv of libraries, to standard error and the log file.
-
-    Raises:
-        OSError: if the file cannot be opened.
-    """
+    """Set up logging of furrowmap, and with -vv of libraries, to standard error and the log file."""
     handlers: list[logging.Handler] = []
     if verbose:
         screen = logging.StreamHandler()

@@ -80,11 +80,7 @@ def widths_of(text: str | None, option: str) -> tuple[float, float]:
 
 
 def _numbers(text: str | None, option: str, count: int | None = None) -> list[float] | None:
-    """The numbers given by an option.
-
-    Raises:
-        UsageError: if the text is not a list of numbers, or not of `count` numbers.
-    """
+    """The numbers given by an option."""
     if text is None:
         return None
     try:

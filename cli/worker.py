@@ -176,11 +176,7 @@ def _own_output() -> BinaryIO:
 
 
 def _arguments(line: bytes) -> list[str]:
-    """The arguments in the start message.
-
-    Raises:
-        UsageError: if the line is not a start message.
-    """
+    """The arguments in the start message."""
     try:
         order = msgspec.json.decode(line, type=_Order)
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:

@@ -173,11 +173,7 @@ def _placed(
     sink: Callable[[PlacedScan], None],
     classify: Callable[[Scan], NDArray[np.uint8]],
 ) -> Placement:
-    """Place the scans and hand on the points that lie on the ground to map.
-
-    Raises:
-        InputError: if none does.
-    """
+    """Place the scans and hand on the points that lie on the ground to map."""
     file = opened.inputs.within
     area = ground_to_map(file, opened.frame) if file is not None else None
     standing = opened.session.run.standing
@@ -271,13 +267,7 @@ def companions(opened: OpenSession) -> Companions:
 
 @dataclass(frozen=True)
 class _Survey:
-    """The first reading of a flight's scans.
-
-    Attributes:
-        lidar: the recording.
-        returns: some of its returns.
-        implement: has seen what the scanner sees of the aircraft.
-    """
+    """The first reading of a flight's scans."""
 
     lidar: LidarRecording
     returns: ThinnedReturns

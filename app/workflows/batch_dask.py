@@ -157,11 +157,7 @@ def local_cluster(workers: int, say: Callable[[str], None]) -> Iterator[DaskWork
 
 
 def _processes(workers: int) -> LocalCluster:
-    """Workers of this machine.
-
-    Raises:
-        FurrowmapError: if they end while they are started, again and again.
-    """
+    """Workers of this machine."""
     for left in reversed(range(ATTEMPTS)):
         try:
             return LocalCluster(
@@ -192,12 +188,7 @@ def cluster_of_scheduler(address: str, say: Callable[[str], None]) -> Iterator[D
 
 
 def _found(future: Any) -> Any:
-    """What came of an item.
-
-    Raises:
-        FurrowmapError: if the worker could not begin with it.
-        OSError, TimeoutError, CancelledError: if the scheduler is lost with it.
-    """
+    """What came of an item."""
     if future.status in ("cancelled", "lost"):
         raise CancelledError
     if future.status == "finished":

@@ -76,7 +76,6 @@ class Engine(Protocol):
 
         Args:
             work: a function of a module; it raises nothing.
-            items: with a name each.
             tick: is called often; it may raise an error to stop the work.
 
         Yields:
@@ -207,11 +206,7 @@ class _Worker:
         return self._done < SESSIONS_A_PROCESS
 
     def do(self, work: Callable[[Any], Any], item: object, tick: Callable[[], None]) -> Any:
-        """`work` on an item.
-
-        Raises:
-            EOFError, OSError: if the process has ended.
-        """
+        """`work` on an item."""
         self._pipe.send((work, item))
         while not self._pipe.poll(_TICK_S):
             tick()

@@ -101,11 +101,7 @@ class Store:
         return {posixpath.basename(posixpath.dirname(path)) for path in system.glob(f"{root}/*/{MARKER}")}
 
     def _opened(self) -> tuple[Any, str]:
-        """The file system and the path in it.
-
-        Raises:
-            RefusedError: if fsspec, or what it needs for the kind of URL, is not installed.
-        """
+        """The file system and the path in it."""
         try:
             from fsspec.core import url_to_fs
 

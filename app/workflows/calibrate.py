@@ -75,7 +75,6 @@ def calibrate(
     """Estimate mounting and clock offset from a session's recording.
 
     Args:
-        session: the session file.
         write: write what differs from the session into the file, with the day of the recording and standard deviations
             as a comment; its other lines and comments stay.
         machine: name or file of a machine's profile, into which the mounting is written with them.

@@ -129,11 +129,7 @@ def calibrate_mount(
 
 
 def _camera(session_file: Path) -> Camera:
-    """The camera that a session states.
-
-    Raises:
-        InputError: if it states none.
-    """
+    """The camera that a session states."""
     table = load_session(session_file).camera
     if table is None:
         raise InputError("no-camera", session_file=session_file)
@@ -143,11 +139,7 @@ def _camera(session_file: Path) -> Camera:
 
 
 def _images(source: Path, notices: list[Notice]) -> Images:
-    """The frames of a folder or a table.
-
-    Raises:
-        InputError: if there is none with a time.
-    """
+    """The frames of a folder or a table."""
     if source.is_dir():
         tables = [path for path in sorted(source.glob("*.csv")) if is_image_table(path)]
         files = [path for path in sorted(source.iterdir()) if path.suffix.lower() in SUFFIXES]
@@ -160,11 +152,7 @@ def _images(source: Path, notices: list[Notice]) -> Images:
 
 
 def _corners(images: Images, board: Board, progress: Progress) -> tuple[list[FloatArray | None], tuple[int, int]]:
-    """The corners in each frame, and the size of the frames.
-
-    Raises:
-        InputError: if no frame can be read.
-    """
+    """The corners in each frame, and the size of the frames."""
     sizes: list[tuple[int, int] | None] = [None] * len(images)
 
     def look(k: int) -> FloatArray | None:

@@ -184,7 +184,6 @@ class _Made:
     """Products being made.
 
     Attributes:
-        clouds: the clouds.
         settings: of the figures.
         areas: the polygons; none for cells.
         records: of the input files.

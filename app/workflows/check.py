@@ -61,7 +61,6 @@ def check(
     RMSE after ASPRS Positional Accuracy Standards, Edition 2 (2023), with the accuracy of the points included.
 
     Args:
-        product: the file to check.
         points: CSV or GeoPackage of surveyed points, in the product's height system.
         settings: targets and accuracy classes.
         crs: CRS of the points, and of a cloud, where their files state none; the product's by default.

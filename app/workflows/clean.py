@@ -142,7 +142,6 @@ def write_records(
     Args:
         clouds: that they are from.
         points: records of :data:`~furrowmap.core.pointclouds.cleaning.POINT`.
-        target: the file.
         box: in which they were selected, for the error where there is none.
         origin: what they are, the files they are from, and the parameters, for the file's description.
         progress: receives the stages of the writer.
@@ -184,7 +183,6 @@ class _Lost:
     """Counts of what points lose in the file.
 
     Attributes:
-        points: their number.
         timeless: those without a time that is UTC.
         unnumbered: those whose return number or number of returns was 0.
         span_s: earliest and latest time.

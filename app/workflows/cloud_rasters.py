@@ -55,13 +55,11 @@ class CloudRasters:
     """Computes and writes the rasters of clouds.
 
     Attributes:
-        folder: of the files.
         clouds: their points.
         grid: of all surfaces.
         settings: as given by the user.
         box: of the points, in the CRS of the surfaces; None for all.
         method: classification of the ground.
-        records: of the clouds' files.
         span_s: earliest and latest UTC of the points; None where unknown.
     """
 

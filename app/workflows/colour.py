@@ -73,11 +73,7 @@ def colour(
 
 
 def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> Frames:
-    """The frames of the session's camera.
-
-    Raises:
-        InputError: if there are none, or Pillow is not installed.
-    """
+    """The frames of the session's camera."""
     camera = opened.session.camera
     if camera is None:
         raise InputError("no-camera.frames", file=opened.file)

@@ -116,11 +116,7 @@ def _default(folder: Path, to: str) -> Path:
 
 
 def _refuse_existing(target: Path, *, overwrite: bool) -> None:
-    """Check that the target is new or may be replaced.
-
-    Raises:
-        RefusedError: if it exists and `overwrite` is not given, or it is the result folder of a run.
-    """
+    """Check that the target is new or may be replaced."""
     if not target.exists() or (target.is_dir() and not any(target.iterdir())):
         return
     refuse_result(target)

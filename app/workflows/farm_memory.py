@@ -112,7 +112,6 @@ class TrafficRaster:
     """A written raster of traffic.
 
     Attributes:
-        path: of the raster.
         crs: of its cells.
         cell_m: length of a cell's sides.
         columns: from west to east.

@@ -16,7 +16,6 @@ def frames(session: str | Path, svg: str | Path | None = None) -> FrameTree:
     """The frames of a session as a tree; the recordings are not read, and need not be there.
 
     Args:
-        session: the session file.
         svg: file for a drawing; nothing is written without it.
 
     Raises:

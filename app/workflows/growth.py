@@ -168,11 +168,7 @@ def _flights(by_day: Mapping[dt.date, Clouds], changes: Sequence[SoilChange]) ->
 
 
 def _by_day(clouds: Clouds, parcels: Sequence[Parcel], stated: Sequence[str] | None) -> dict[dt.date, Clouds]:
-    """The clouds of each day, days increasing.
-
-    Raises:
-        UsageError: if there are fewer than two days, or not one for each cloud.
-    """
+    """The clouds of each day, days increasing."""
     if stated is not None and len(stated) != len(clouds.files):
         raise UsageError("usage.by-day", stated=len(stated), files=len(clouds.files))
     parts = [replace(clouds, files=(file,), notices=()) for file in clouds.files]
@@ -187,11 +183,7 @@ def _by_day(clouds: Clouds, parcels: Sequence[Parcel], stated: Sequence[str] | N
 
 
 def _day_of_points(part: Clouds, parcels: Sequence[Parcel]) -> dt.date:
-    """The day of the first points of a cloud that have a time, as clocks show it where the parcels are.
-
-    Raises:
-        InputError: if they have none.
-    """
+    """The day of the first points of a cloud that have a time, as clocks show it where the parcels are."""
     place = parcels[0].net.centroid
     for batch in part.batches():
         known = batch.t_s[np.isfinite(batch.t_s)] if batch.t_s is not None else np.zeros(0)
@@ -205,11 +197,7 @@ def _day_of_points(part: Clouds, parcels: Sequence[Parcel]) -> dt.date:
 
 
 def _aligned(days: Sequence[dt.date], found: Sequence[SoilChange | None]) -> Iterator[SoilChange]:
-    """The changes of the soil.
-
-    Raises:
-        InputError: if two days have too little bare soil in common.
-    """
+    """The changes of the soil."""
     for day, change in zip(days[1:], found, strict=True):
         if change is None:
             raise InputError("growth-soil", fewest_common=FEWEST_COMMON, days=days[0], day=day)

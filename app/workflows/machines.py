@@ -25,7 +25,6 @@ class KnownMachine:
     """A saved machine.
 
     Attributes:
-        name: of the machine, that of its file.
         path: of its profile.
         machine: the profile; None where the file is none.
     """
@@ -73,7 +72,6 @@ def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = 
     """Save what a session states of its machine as a profile.
 
     Args:
-        session: the session file.
         machine: a name, or a file that ends with .toml.
         overwrite: replace a profile.
 

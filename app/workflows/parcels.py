@@ -233,7 +233,6 @@ class WrittenParcels:
     """Parcels that were measured and written.
 
     Attributes:
-        found: the parcels.
         account: parameters, soil, and a row per parcel, for JSON.
         notices: warnings.
     """
@@ -249,8 +248,6 @@ def write_parcels(
     """Measure the parcels and write their table and the raster of crop heights.
 
     Args:
-        folder: to write to.
-        points: of the parcels.
         settings: of the measurement.
         crs: of the map.
         origin: provenance.

@@ -40,7 +40,6 @@ class Plots:
 
     Attributes:
         parcels: in the order of their numbers, in the coordinates of the output.
-        crs: of these.
         warnings: how well the corners fit the sizes.
     """
 

@@ -46,7 +46,6 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
     mounting of the scanner, no surface is written.
 
     Args:
-        session: the session file.
         out: the folder, made if it does not exist; by default SESSION_preview beside the session file.
         progress: is called with each stage and its share, 0 to 1.
 

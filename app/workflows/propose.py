@@ -28,7 +28,6 @@ class ProposedSession:
     """A session file that was written.
 
     Attributes:
-        path: of the file.
         found: what the recordings show.
         missing: what a run needs or gains from, and the recordings do not show.
     """
@@ -95,11 +94,7 @@ def _home(path: Path) -> Path:
 
 
 def _examined(path: Path, skipped: list[Notice]) -> list[Examined]:
-    """A recording, or those in a folder of recordings; other files there are added to `skipped`.
-
-    Raises:
-        InputError: if it is none, or the folder has none.
-    """
+    """A recording, or those in a folder of recordings; other files there are added to `skipped`."""
     if not path.is_dir() or is_recording(path):
         return [Examined.of(path)]
     found: list[Examined] = []

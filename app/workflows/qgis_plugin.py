@@ -28,7 +28,6 @@ class Profile:
     """A QGIS user profile.
 
     Attributes:
-        folder: of the profile.
         settings: its settings file, which may not exist yet.
     """
 

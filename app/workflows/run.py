@@ -57,7 +57,6 @@ def run(
     of the scanner, byte for byte, or without a scanner the same positions.
 
     Args:
-        session: the session file.
         out: the folder, made if it does not exist; by default SESSION_result beside the session file.
         overwrite: replace the products of other recordings, too.
         resume: use what a killed run into the same folder found by scan matching, if session and recordings are the
@@ -145,9 +144,6 @@ def _expect_space(folder: Path, opened: OpenSession) -> None:
     """Check, before hours of work, that the disk has room for what a capture becomes.
 
     Files that may hold other data than packets of a scanner, such as ROS bags, are not counted.
-
-    Raises:
-        RefusedError: if it has less than is needed at least.
     """
     captures = [path for path in opened.inputs.lidar if path.is_file() and _BAGS.isdisjoint(path.suffixes)]
     needed = SPACE * sum(path.stat().st_size for path in captures)
@@ -158,11 +154,7 @@ def _expect_space(folder: Path, opened: OpenSession) -> None:
 
 
 def _refuse_original(folder: Path, session_file: Path) -> None:
-    """Refuse a folder in which a product would overwrite the user's session file.
-
-    Raises:
-        RefusedError: if it would.
-    """
+    """Refuse a folder in which a product would overwrite the user's session file."""
     if session_file.resolve() in {(folder / name).resolve() for name in RUN_PRODUCTS}:
         raise RefusedError("output-is-input.refuse-original", folder=folder, session_file=session_file.name)
 
@@ -171,12 +163,6 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
     """Refuse a folder that holds the products of other recordings.
 
     Recordings often have the same names, so their content is compared.
-
-    Returns:
-        Records of the session's files, where there were products to compare with.
-
-    Raises:
-        RefusedError: if there are products of other recordings.
     """
     if not folder.is_dir():
         return None
@@ -198,11 +184,7 @@ def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> li
 
 
 def _recordings(session: Any, inputs: Any) -> tuple[Any, set[str]]:
-    """The task and the hashes of the recordings in a session's tables and the records of its files, as in the report.
-
-    Raises:
-        LookupError, TypeError, AttributeError: if they are no such tables.
-    """
+    """The task and the hashes of the recordings, from the tables of a session and the records of its files."""
     recording, stated = session["recording"], session["trajectory"]
     named = recording["lidar"] or (stated["files"] if stated is not None else recording["gnss"])
     names = {PurePosixPath(name).as_posix() for name in named}

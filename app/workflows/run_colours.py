@@ -37,7 +37,6 @@ class ColourFigures:
     """Figures of the colours for the report.
 
     Attributes:
-        frames: used.
         coloured: points with a colour.
         unseen: points that no frame sees.
         left_out: points of the machine and noise.

@@ -62,9 +62,7 @@ class Season:
 
     Attributes:
         folder: of the products.
-        crs: of them.
         dates: in their order, as ISO 8601.
-        sessions: number of them.
         tiles: number of rasters.
         points: number of rows.
         poses: number of rows.
@@ -158,11 +156,7 @@ def _content(settings: SeasonSettings) -> tuple[str, ...]:
 
 
 def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
-    """Check that a folder holds no catalogue but that of a season, and no result.
-
-    Raises:
-        RefusedError: if it does, and `overwrite` is not given.
-    """
+    """Check that a folder holds no catalogue but that of a season, and no result."""
     recover(folder)
     refuse_result(folder)
     if not (folder / SEASON).is_file():
@@ -170,11 +164,7 @@ def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
 
 
 def _make(due: Sequence[tuple[str, Any]], told: dict[str, Any], force: Workforce, progress: Progress) -> None:
-    """Make parts; what there is to say of them is added to `told`.
-
-    Raises:
-        FurrowmapError: the first error that ends a part.
-    """
+    """Make parts; what there is to say of them is added to `told`."""
     for name, found in force.each(write_part, due, _WRITING, progress):
         if isinstance(found, FurrowmapError):
             raise found

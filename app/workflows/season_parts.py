@@ -149,7 +149,6 @@ def plan_tables(plan: SeasonPlan, kind: str, most_rows: int, spacing_m: float = 
     Args:
         plan: of the season.
         kind: "points" or "trajectories".
-        most_rows: of a file.
         spacing_m: of the points that suffices; 0 for all.
     """
     found = {}
@@ -196,11 +195,7 @@ def _planned_tile(
 
 
 def _common_bands(surfaces: Sequence[SurfaceFile]) -> tuple[Band, ...]:
-    """The bands that all surfaces have, the latest's first band first.
-
-    Raises:
-        InputError: if one lacks that.
-    """
+    """The bands that all surfaces have, the latest's first band first."""
     if not surfaces:
         return ()
     last = surfaces[-1].bands

@@ -143,11 +143,7 @@ def _folders(source: Path, out: Path) -> Iterator[tuple[Path, list[str]]]:
 
 
 def _moved(tie: Path) -> Iterator[tuple[Path, Path]]:
-    """The result that each surface of a tie belongs to, and the surface.
-
-    Raises:
-        InputError: if `tie.json` is damaged.
-    """
+    """The result that each surface of a tie belongs to, and the surface."""
     with reading_result(tie / TIE_REPORT):
         dates = json.loads((tie / TIE_REPORT).read_bytes())["dates"]
         for row in dates:

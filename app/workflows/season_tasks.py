@@ -65,7 +65,6 @@ class Tables:
         crs: of the season as WKT, without heights.
         own_crs: of the session, likewise.
         spacing_m: of the points that suffices; 0 for all.
-        most_rows: of a file.
         origin: provenance.
         manner: how they are made.
     """

@@ -20,10 +20,8 @@ class Shared:
     """What was written.
 
     Attributes:
-        folder: of the files.
         start: the file to open: the page, or the project.
         files: that were written.
-        size_bytes: of all.
     """
 
     folder: Path

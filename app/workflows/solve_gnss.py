@@ -50,7 +50,6 @@ class SolvedPositions:
 
     Attributes:
         path: the `.pos` file.
-        epochs: number of positions.
         by_fix: number of them by kind of fix.
         first, last: UTC of the first and last one.
         notices: what is uncertain.
@@ -155,11 +154,7 @@ def _base_position(base: Path, settings: SolveSettings) -> tuple[list[str], tupl
 
 
 def _solution(path: Path, done: subprocess.CompletedProcess[bytes], rover: Path) -> GnssTrack:
-    """The positions that were written; the program's status is 0 also without any.
-
-    Raises:
-        InputError: if there are none.
-    """
+    """The positions that were written; the program's status is 0 also without any."""
     fault = ""
     if path.is_file() and path.stat().st_size:
         try:

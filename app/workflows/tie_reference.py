@@ -35,7 +35,6 @@ class Reference:
     """What dates are moved onto.
 
     Attributes:
-        path: of the file.
         surface: on the cells of the dates; None for points.
         sigma: (6,) standard deviations of its own place, height, tilts and turn.
         sigma_m: of a point that states none; None for none.
@@ -59,7 +58,6 @@ def open_reference(
     Args:
         path: a table of points (.csv, .txt, .tsv, .gpkg) or a GeoTIFF of heights.
         dates: to be tied to it.
-        bounds_m: of all of them.
         sigma_m: standard deviation of its heights.
         stack: closes it.
 

@@ -179,7 +179,6 @@ def enlarged(
 
     Args:
         trajectory: adjusted.
-        seen: in it.
         lever_m: (3,) of the antenna, as stated.
         sensor_m: (3,) of the scanner, as stated.
         turned_deg: by how much headings change with the lever arm that fits better.

@@ -93,7 +93,6 @@ def mounting_walk(
         trajectory: of the vehicle, before the errors were found.
         errors: of its poses before.
         off: (fixed + 12 m,) the unknowns in the order of :func:`with_walk`.
-        covariance: of these.
         fixed: number of fixed unknowns.
     """
     m = len(errors.t_s)

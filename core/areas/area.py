@@ -29,7 +29,6 @@ class Area:
     """An area.
 
     Attributes:
-        path: of the file.
         polygons: one or more, in map coordinates, with their holes; they may overlap.
     """
 
@@ -68,7 +67,6 @@ def read_area(path: Path, target: CRS) -> Area:
     """The polygons of a file (:func:`.polygons_on_map`) as an area.
 
     Args:
-        path: of the file.
         target: projected CRS of the map.
 
     Raises:
@@ -86,7 +84,6 @@ def nothing_within(area: Area, what: str, at_m: tuple[float, float] | None) -> I
     """The error where nothing lies in an area.
 
     Args:
-        area: the area.
         what: the things, such as "12 points".
         at_m: easting and northing of some of them; None where there are none.
     """

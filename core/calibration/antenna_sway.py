@@ -207,15 +207,7 @@ def _clock_s(
     used: NDArray[np.intp],
     left_m2: float,
 ) -> float:
-    """The offset of the clocks at which the stated lever arm explains the antenna's heights; 0 where none does.
-
-    Args:
-        knots: times.
-        state: the solution.
-        antenna: positions.
-        used: those in the time of the scans that are compared.
-        left_m2: mean of squared residuals with the best lever arm.
-    """
+    """The offset of the clocks at which the stated lever arm explains the antenna's heights; 0 where none does."""
     inside = knots.at(antenna.positions.t_s)[2]
     t_s = antenna.positions.t_s[inside]
     segments = _segments(t_s, antenna.positions.run[inside])

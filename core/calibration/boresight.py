@@ -164,14 +164,7 @@ class _State:
 
 @dataclass(frozen=True)
 class _Observed:
-    """Heights of smooth cells at several times with the scanner in a state.
-
-    Attributes:
-        groups: the heights.
-        count: (g,) their returns.
-        cells: number of cells.
-        windows: number of windows.
-    """
+    """Heights of smooth cells at several times with the scanner in a state."""
 
     groups: GroupHeights
     count: NDArray[np.int64]
@@ -314,12 +307,7 @@ class _Fitted:
 
 
 def _fitted(observed: _Observed, prior: FloatArray) -> _Fitted:
-    """Least squares of all parameters, the heights of the cells eliminated.
-
-    Args:
-        observed: heights of the cells at several times.
-        prior: (PARAMETERS,) standard deviations of the parameters before.
-    """
+    """Least squares of all parameters, the heights of the cells eliminated."""
     groups = observed.groups
     spread = np.concatenate([prior, np.full(LASERS + observed.windows, HEIGHT_M)])
     off, covariance, middle = adjusted(groups, spread)

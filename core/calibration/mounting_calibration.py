@@ -58,7 +58,6 @@ class MountingCalibration:
         yaw_deg: of the vehicle's x axis against the way it goes, counter-clockwise.
         height_m: of the vehicle's origin above the ground.
         sigma_deg: (3,) standard deviations of roll, pitch, yaw; inf where the scans do not show it.
-        sigma_height_m: of the height.
     """
 
     roll_deg: float

@@ -111,12 +111,7 @@ def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatAr
 
 
 def _answer(measure: Measure, least: float) -> Facing | None:
-    """The one angle that the windows show; None where none stands out, or it is not certain enough.
-
-    Args:
-        measure: what repeats.
-        least: by how much the best angle must be better than the middle one.
-    """
+    """The one angle that the windows show; None where none stands out, or it is not certain enough."""
     measured = measure(np.linspace(0.0, 2.0 * np.pi, ANGLES, endpoint=False))
     if len(measured) < LEAST_CONFIRMING:
         return None

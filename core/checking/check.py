@@ -54,7 +54,6 @@ def check_product(
     """Compare a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF) with surveyed points.
 
     Args:
-        product: the file.
         points_file: see :func:`~furrowmap.core.checking.surveyed_points.read_points`.
         options: what is stated about the points.
         targets: attribute in which discs are detected, for the horizontal error.

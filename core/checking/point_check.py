@@ -27,7 +27,6 @@ class PointCheck:
     """One surveyed point and the product there.
 
     Attributes:
-        name: of the point.
         surveyed_m: easting, northing, height.
         found_m: of the product; nan where unknown, easting and northing without a target.
         returns: used for the height; 0 for a surface.
@@ -64,7 +63,6 @@ class ProductAtPoints:
     """A product at all surveyed points.
 
     Attributes:
-        crs: of the product.
         points: one for each surveyed point.
         survey: the points, in that CRS.
         box_m: of the product, as stated in its header.

@@ -29,7 +29,6 @@ def find_disc(xy_m: FloatArray, brightness: FloatArray, diameter_m: float, searc
     Args:
         xy_m: (n, 2) returns relative to the expected centre.
         brightness: (n,) intensity, or luminance.
-        diameter_m: of the disc.
         search_m: greatest distance of the centre from the expected one.
     """
     radius = 0.5 * diameter_m

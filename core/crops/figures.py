@@ -38,7 +38,6 @@ class ParcelFigures:
     """Figures of one parcel; heights above the soil; nan where the points do not show them.
 
     Attributes:
-        id: of the parcel.
         points: in the net parcel.
         points_m2: per square metre.
         area_m2: of the net parcel, on the ground.

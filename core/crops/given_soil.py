@@ -37,7 +37,6 @@ class GivenSoil:
     """Soil of another survey.
 
     Attributes:
-        name: of its file.
         patches: the soil under each parcel that the survey covers, by its id.
         around: bare soil of the points less that of the survey, near each parcel.
         offset_m: that for parcels without bare soil nearby: the median of the others.
@@ -79,7 +78,6 @@ def given_soil(raster: SoilRaster, parcels: Sequence[Parcel], near: Mapping[str,
 
     Args:
         raster: the heights of the survey.
-        parcels: the parcels.
         near: cells of bare soil of the points near each parcel, by its id.
     """
     differences = {}

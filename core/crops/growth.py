@@ -15,7 +15,6 @@ class Growth:
 
     Attributes:
         id: of the parcel.
-        days: number of days with a value.
         rate_m_day: slope of its height over time by least squares.
         sigma_m_day: standard deviation of the rate from those of the heights; nan where these are unknown.
         span_days: from the first of its days to the last.

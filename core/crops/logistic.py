@@ -44,7 +44,6 @@ class Estimate:
     """A value with its 95 % interval; an end that the data leave open is infinite.
 
     Attributes:
-        value: the estimate.
         low: lower end.
         high: upper end.
     """

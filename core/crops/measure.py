@@ -34,7 +34,6 @@ class MeasuredParcel:
     """One parcel, measured.
 
     Attributes:
-        parcel: the parcel.
         figures: of it, by the method asked for.
         published_height_m: mean height by the published method; nan where it was not computed.
         published_volume_m3: volume likewise.

@@ -23,7 +23,6 @@ class GrownParcel:
     """One parcel on k days.
 
     Attributes:
-        parcel: the parcel.
         height_m: of each day, above the soil that all flights share; nan where the points do not show it.
         height_sigma_m: standard deviations, with those of the soil.
         steps: growth from each day to the next; None where a height is not known.

@@ -167,7 +167,6 @@ class CellsNear(Mapping[str, SoilCells]):
     """The cells of soil within reach of each parcel, by its id; they are gathered when they are asked for.
 
     Args:
-        parcels: the parcels.
         soil: cells of the site.
     """
 

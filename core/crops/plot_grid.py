@@ -27,8 +27,6 @@ class PlotGrid:
     Columns follow each other along the base line, rows beside it. A plot's length is along the base line.
 
     Attributes:
-        rows: number of rows.
-        columns: number of columns.
         length_m: of a plot along the base line; None if both ends of the base line are given.
         width_m: of a plot across it.
         alley_m: between columns.
@@ -36,7 +34,6 @@ class PlotGrid:
         side: of the base line on which the rows lie, looking along it.
         along: whether numbers run along "rows" (from column to column) or "columns".
         serpentine: whether every second run of numbers goes back.
-        first: the first number.
         block: whether each so many "rows" or "columns" are a block; None for no blocks.
         block_size: rows or columns of a block.
         by_block: whether numbers begin anew in each block, after its number: 101, 102, … 201.

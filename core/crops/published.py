@@ -133,7 +133,6 @@ def highest_voxels(occupied: NDArray[np.int64], grid: Grid, height_m: float = VO
     Args:
         occupied: (m, 3) voxels as wide as the pixels of the grid.
         grid: of the pixels.
-        height_m: of a voxel.
     """
     pixels = np.full(grid.shape, -np.inf)
     column, row = occupied[:, 0] - grid.west, grid.north - 1 - occupied[:, 1]

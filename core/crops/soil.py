@@ -189,7 +189,6 @@ def interpolated(parcel: Parcel, cells: SoilCells, relief: Relief, trend: Trend 
     net parcel (block kriging).
 
     Args:
-        parcel: the parcel.
         cells: around it, without crop.
         relief: of the soil; one of 0 m makes the trend by least squares.
         trend: that the relief departs from.

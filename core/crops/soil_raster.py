@@ -28,7 +28,6 @@ class SoilRaster:
     """An open raster of heights.
 
     Attributes:
-        path: of the file.
         dataset: of rasterio; its first band is heights.
         change: from the map to the CRS of the raster; None where they agree.
         unit_m: unit of the heights.

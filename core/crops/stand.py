@@ -22,7 +22,6 @@ class Stand:
     Attributes:
         id: of the area.
         area_m2: of its pixels with returns, on the ground.
-        returns: number of them.
         returns_m2: per square metre.
         gap_fraction: share of the returns from the ground.
         mean_height_m: of the returns from plants.

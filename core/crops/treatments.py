@@ -28,7 +28,6 @@ class Treatments:
     """Attributes of parcels, or of treatments that parcels name.
 
     Attributes:
-        path: of the file.
         by: "id", or "treatment" where the table describes treatments.
         rows: the attributes of each, by identifier.
         notices: what is unusual.
@@ -48,7 +47,6 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
     and including `day`.
 
     Args:
-        path: of the file.
         day: of the flight.
 
     Raises:
@@ -131,15 +129,7 @@ def _attribute(parcel: Parcel, name: str) -> Attribute | None:
 
 @dataclass(frozen=True)
 class _Columns:
-    """The columns of a table of treatments.
-
-    Attributes:
-        table: the table.
-        plain: names of columns without a day, besides the identifier.
-        doses: name of the sum, day and name of each column with a day.
-        days: of each row, if the table has a column date.
-        numeric: those of `plain` that hold numbers only.
-    """
+    """The columns of a table of treatments."""
 
     table: SurveyTable
     plain: tuple[str, ...]

@@ -39,8 +39,6 @@ class TreatmentMean:
     """A treatment.
 
     Attributes:
-        treatment: its name.
-        parcels: number of its parcels.
         mean: of the parcels.
         low, high: 95 % interval of the mean, with the residual variance of the whole trial.
     """

@@ -42,7 +42,6 @@ class CoarseKnots:
 
     Attributes:
         grids: one for each chain.
-        count: of all coarse knots.
         before: (n,) coarse knot before each knot.
         share: (n,) of the interval to the next one.
     """

@@ -25,7 +25,6 @@ class Evaluation:
 
     Attributes:
         test: name of the log.
-        reference: name of the reference.
         service: correction service, where the log states it.
         reference_service: likewise, of the reference.
         antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.

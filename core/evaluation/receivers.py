@@ -81,11 +81,7 @@ def evaluate_logs(
 
 
 def _place(text: str) -> tuple[float, float, float] | None:
-    """Latitude, longitude and height; None where the text is not meant to be a place.
-
-    Raises:
-        InputError: if it is meant to be one but is not.
-    """
+    """Latitude, longitude and height; None where the text is not meant to be a place."""
     if not NUMBERS.fullmatch(text):
         return None
     found = PLACE.fullmatch(text)

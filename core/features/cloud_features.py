@@ -142,7 +142,6 @@ def with_features(
     classified anew.
 
     Args:
-        clouds: the clouds.
         cleaning: selects and cleans points, and classifies their ground.
         cell_m: of voxels.
         folder: for temporary files.

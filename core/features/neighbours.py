@@ -30,7 +30,6 @@ class Columns:
         order: (n,) index of each sorted point among those given.
         starts: (columns * rows + 1,) first point of each column.
         corner_m: (3,) of the first column, and the least height.
-        side_m: of a column.
         across: columns and rows.
     """
 

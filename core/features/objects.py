@@ -42,7 +42,6 @@ class PlanePiece:
         centre_m: (3,) a point of it.
         normal: (3,) unit.
         outline: (shapely polygon or polygons) in :func:`~furrowmap.core.features.planes.axes_of` from the centre.
-        points: number of points.
         rms_m: of the distances from it.
         base_m: height of the ground below.
         is_open: whether it is a fence of wires or mesh rather than filled.
@@ -156,13 +155,7 @@ def joined_lines(lines: Sequence[LineObject]) -> list[LineObject]:
 
 
 def _groups(shapes: Sequence[shapely.Geometry], reach_m: float, same: Callable[[int, int], bool]) -> list[list[int]]:
-    """Numbers of shapes in groups: two are in one if `same` says so of them, or of others between them.
-
-    Args:
-        shapes: of the objects.
-        reach_m: half of the distance beyond which `same` is not asked.
-        same: whether two objects, by their numbers, are parts of one.
-    """
+    """Numbers of shapes in groups: two are in one if `same` says so of them, or of others between them."""
     tree = STRtree([shapely.box(*shapely.bounds(shape)).buffer(reach_m) for shape in shapes])
     a, b = tree.query(tree.geometries)
     pairs = [(i, j) for i, j in zip(a.tolist(), b.tolist(), strict=True) if i < j and same(i, j)]

@@ -54,7 +54,6 @@ class HeightMove:
     """Change of the heights by a geoid.
 
     Attributes:
-        heights: its name.
         source: description of the model or grid.
         geoid_m: least and greatest geoid height that was subtracted.
     """

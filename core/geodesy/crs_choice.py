@@ -48,7 +48,6 @@ class CrsChoice:
 
     Attributes:
         code: such as "EPSG:6677".
-        name: of the CRS.
         reason: for the choice, without a full stop.
         alternatives: other codes, each with its conditions.
     """

@@ -46,7 +46,6 @@ class ParameterFile:
     """Corrections on a mesh.
 
     Attributes:
-        name: of the file.
         format: as named by jgdtrans, or "POS2JGD".
         days: first and last day (Japan) of validity of a file between epochs; None where unstated.
         codes: (m,) mesh codes of the nodes, increasing.

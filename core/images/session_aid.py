@@ -27,7 +27,6 @@ def aided_session(
     """The trajectory of a session aided by the images that it names; as it was where they do not serve.
 
     Args:
-        opened: the session.
         located: its trajectory without images.
         scale: metres of the map for a metre on the ground.
         notices: why images do not serve is added.
@@ -48,11 +47,7 @@ def aided_session(
 
 
 def _control(opened: OpenSession) -> ControlPoints | None:
-    """The control points of a session; None without.
-
-    Raises:
-        InputError: if a table cannot be read.
-    """
+    """The control points of a session; None without."""
     inputs = opened.inputs
     if inputs.control_points is None:
         return None

@@ -82,7 +82,6 @@ def thinned(ties: Ties, size: tuple[int, int]) -> Ties:
     """Ties spread evenly over the images: of each cell the points that most images show, the sharpest of these.
 
     Args:
-        ties: all of them.
         size: width and height of the images.
     """
     views = np.bincount(ties.point, minlength=ties.points)

@@ -60,12 +60,7 @@ def load_implement(path: Path) -> Implement:
 
 
 def _implement(arrays: dict[str, Any]) -> Implement:
-    """The implement in the arrays of a file.
-
-    Raises:
-        KeyError: one is missing.
-        ValueError: the arrays do not fit each other, or the file has another version.
-    """
+    """The implement in the arrays of a file."""
     if int(arrays["form"]) != FORM:
         raise ValueError(f"format version {int(arrays['form'])}, supported is {FORM}")
     split, clockwise, turn_s = arrays["turn"].tolist()

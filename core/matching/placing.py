@@ -34,7 +34,6 @@ class Tool:
 
     Attributes:
         xy_m: its middle in the vehicle frame.
-        half_width_m: half of its width.
     """
 
     xy_m: tuple[float, float]

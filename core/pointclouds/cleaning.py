@@ -75,7 +75,6 @@ class SquareSpool(RecordSpool):
     Args:
         layout: dtype of a record.
         folder: for the temporary file.
-        side_m: of the squares.
     """
 
     def __init__(self, layout: np.dtype[Any], folder: Path, side_m: float) -> None:
@@ -133,7 +132,6 @@ def cleaned(
     """The cleaned points of clouds in batches, in reproducible order.
 
     Args:
-        clouds: the clouds.
         cleaning: the steps.
         folder: for temporary files.
         seen: receives the survey of each file that was read completely.
@@ -196,7 +194,6 @@ def classified_spool(
     """The points of clouds by square, their ground classified: a context manager that removes them at its end.
 
     Args:
-        clouds: the clouds.
         cleaning: of its steps, those that need no neighbours, and the ground.
         folder: for temporary files.
         seen: as in :func:`cleaned`.

@@ -53,7 +53,6 @@ class Clouds:
     """Clouds read as one.
 
     Attributes:
-        files: the clouds.
         crs: of the output, projected in metres, with a vertical part where known.
         change: transformation from the horizontal CRS of the files; None where they agree.
         unit_m: unit of the heights of the files.
@@ -259,11 +258,7 @@ def _within(batch: CloudBatch, box: Box | None) -> CloudBatch:
 
 
 def _common_crs(files: Sequence[CloudFile], crs: pyproj.CRS | None) -> pyproj.CRS:
-    """The CRS of all files.
-
-    Raises:
-        InputError: if one states none and `crs` is None, or if they differ.
-    """
+    """The CRS of all files."""
     found: list[tuple[CloudFile, pyproj.CRS]] = []
     for file in files:
         stated = file.crs or crs

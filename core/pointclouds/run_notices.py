@@ -51,13 +51,7 @@ def _has_poses(trajectory: Trajectory, scans: ClockReading) -> bool:
 
 
 def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float) -> InputError:
-    """Why no scan has a pose.
-
-    Args:
-        scans: span of the scans, by the clock of the trajectory.
-        trajectory: of the vehicle.
-        stated_s: clock offset in the session, which has been subtracted from the times of the scans.
-    """
+    """Why no scan has a pose."""
     begin_s, end_s = trajectory.span_s
     spans = {
         "first_s": iso_utc(scans.first_s),
@@ -77,7 +71,6 @@ def session_notices(session: Session, located: Located, *, matched: bool) -> lis
     """What the session does not state, and which of its files are not used.
 
     Args:
-        session: the session.
         located: the trajectory.
         matched: whether the scans were matched to the ground.
     """

@@ -80,7 +80,6 @@ def spool_clouds(
     """Sort the points of clouds into tiles.
 
     Args:
-        clouds: the clouds.
         points: receives the points.
         ground: receives those classified as ground in the files.
         box: west, south, east, north of the points; None for all.

@@ -47,7 +47,6 @@ class CloudTile:
     """The surfaces of one tile; the last two are None where the ground is not requested.
 
     Attributes:
-        grid: of the tile.
         dsm: of all points.
         dtm: of ground points.
         above_m: float32 height of the DSM above the ground, interpolated where the DTM has gaps; nan without a height,

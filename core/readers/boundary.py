@@ -71,12 +71,7 @@ def _of_task_data(path: Path) -> list[FieldOutline]:
 
 
 def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
-    """The polygons in longitude and latitude, and the CRS of these.
-
-    Raises:
-        InputError: if one does not have the size of a field.
-        Exception: of any library, if the file is damaged.
-    """
+    """The polygons in longitude and latitude, and the CRS of these."""
     base = polygons.crs.geodetic_crs
     assert base is not None
     to_base = Transformer.from_crs(polygons.crs, base.to_2d(), always_xy=True)

@@ -81,11 +81,7 @@ def _is_file(path: Path) -> bool:
 
 
 def _inside(table: Path, folder: Path, name: str) -> Path:
-    """The path of an image.
-
-    Raises:
-        InputError: if it lies outside the folder.
-    """
+    """The path of an image."""
     image = table.parent / name.replace("\\", "/")
     if "\0" in name or leads_out(image, folder):
         raise InputError("session-path-outside", table=table, name=name[:80])
@@ -103,11 +99,7 @@ def _seconds(text: str, column: str, where: str) -> float:
 
 
 def _finite(text: str) -> float:
-    """A number.
-
-    Raises:
-        ValueError: if it is none, or not finite.
-    """
+    """A number."""
     number = float(text)
     if not np.isfinite(number):
         raise ValueError(text)

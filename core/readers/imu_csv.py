@@ -166,11 +166,7 @@ class _Columns:
 
     @classmethod
     def stated(cls, names: Sequence[str], stated: Mapping[str, tuple[str, str, float]], path: Path) -> _Columns:
-        """The columns that the session states.
-
-        Raises:
-            InputError: if a column is not in the file, a quantity or a unit is unknown, or a quantity is missing.
-        """
+        """The columns that the session states."""
         found: dict[str, tuple[str, str, float]] = {}
         for name, (quantity, unit, scale) in stated.items():
             known = UNITS.get(quantity.partition("_")[0], {}) if quantity in (*QUANTITIES, "utc") else {}

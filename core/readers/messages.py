@@ -28,7 +28,6 @@ class MessageCounts(Generic[Kind]):
         bad: messages with a wrong checksum or length.
         cut: messages that are not complete.
         message_bytes: bytes that belong to messages.
-        stream_bytes: all bytes.
         foreign_bytes: bytes of no known protocol.
     """
 

@@ -26,7 +26,6 @@ def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
     """The motion of a mount from the columns `time_unix_s` (or `time_gps_s`), `roll_deg`, `pitch_deg`, `yaw_deg`.
 
     Args:
-        path: of the file.
         near_s: a time of the recording, for times that count from the start of a week.
         notices: those about the file are added.
 

@@ -103,11 +103,7 @@ class PositionLog(FileReader, ABC):
 
     @abstractmethod
     def _read(self, paths: list[Path]) -> Positions:
-        """The positions of some of the files; damage to the files is added to `notices`.
-
-        Raises:
-            InputError: if a file cannot be read.
-        """
+        """The positions of some of the files; damage to the files is added to `notices`."""
 
     def _undated(self, t_s: float) -> str:
         """A time without a date, for `inspect`."""

@@ -47,7 +47,6 @@ def raw_pixels(data: memoryview | bytes, layout: RawLayout) -> NDArray[np.uint8]
 
     Args:
         data: the image's bytes.
-        layout: of them.
 
     Raises:
         ValueError: if the bytes are no such image.

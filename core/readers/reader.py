@@ -65,7 +65,6 @@ class ClockReading:
     """The readings of one clock in a file.
 
     Attributes:
-        clock: the clock.
         first_s: its first reading as UTC.
         last_s: its last reading as UTC.
         note: its source, and its difference from other clocks.
@@ -82,11 +81,9 @@ class Inspection:
     """The format and the content of a file.
 
     Attributes:
-        path: the file.
         format: the reader's `format`.
         title: the reader's `title`.
         facts: names and values (numbers, strings, lists, dicts of such), in the order of display.
-        clocks: all clocks in the file.
         notices: what is unusual, missing or damaged.
     """
 

@@ -56,9 +56,6 @@ class ReceiverLog(PositionLog):
             messages: of each kind in :attr:`layouts`.
             name: of the log, for messages.
             place: describes an offset in the stream.
-
-        Raises:
-            InputError: if there are none.
         """
 
     @classmethod

@@ -54,7 +54,6 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     Only formats are read whose GDAL drivers open no other files.
 
     Args:
-        path: of the file.
         unreadable: makes the error of what is wrong with the file.
 
     Raises:
@@ -79,11 +78,7 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
 
 
 def _head(path: Path, unreadable: Unreadable) -> bytes:
-    """The first bytes of a file of a known format.
-
-    Raises:
-        InputError: if the file has another format, or is larger than any set of polygons.
-    """
+    """The first bytes of a file of a known format."""
     try:
         with path.open("rb") as file:
             head = file.read(4096)

@@ -50,7 +50,6 @@ def inside(folder: Path, name: str, source: Path) -> Path:
     """The path of a file in `folder` whose name was read from a file.
 
     Args:
-        folder: that the file is in.
         name: of the file, without folders.
         source: the file that states the name, for the message.
 

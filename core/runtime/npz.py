@@ -39,11 +39,7 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
 
 
 def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> NDArray[Any]:
-    """An array, once its header agrees with the size of its data.
-
-    Raises:
-        ValueError: if it does not, or the data are damaged.
-    """
+    """An array, once its header agrees with the size of its data."""
     try:
         with archive.open(entry) as stream:
             version = npy.read_magic(stream)

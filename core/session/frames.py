@@ -39,7 +39,6 @@ class Frame:
         name: such as "lidar_link".
         parent: name of the frame above; "" for the first.
         pose: of its origin and axes in the parent; None where it changes with time, or is no rigid motion.
-        words: what it is.
         has_axes: whether it has axes; an antenna is a point.
     """
 
@@ -79,11 +78,7 @@ class FrameTree:
         return Mounting.from_rotation((x, y, z), relative[:3, :3])
 
     def _in_root(self, name: str) -> FloatArray:
-        """(4, 4) from a frame to the vehicle frame.
-
-        Raises:
-            ValueError: if it moves against it.
-        """
+        """(4, 4) from a frame to the vehicle frame."""
         whole, frame = np.eye(4), self[name]
         while frame.name != BASE:
             if frame.pose is None:
@@ -117,7 +112,6 @@ def frame_tree(session: Session, frame: MapFrame) -> FrameTree:
     """The frames of a session.
 
     Args:
-        session: the session.
         frame: its map frame.
     """
     source = (

@@ -43,7 +43,6 @@ class LearnedMounting:
         mounting: of the scanner.
         sigma_deg: standard deviations about the vehicle's axes; inf where the recording does not show an angle.
         date: UTC day of the recording.
-        session: its name.
     """
 
     mounting: Mounting

@@ -55,7 +55,6 @@ class ToolInputs:
     """The files that a session names of one implement.
 
     Attributes:
-        states: tool states.
         learned: the implement as learned in an earlier session.
     """
 
@@ -175,7 +174,6 @@ class LidarRecording:
     `[recording] lidar_minus_gnss_s` is subtracted here and nowhere else. The recording may be read several times.
 
     Args:
-        reader: of the files.
         minus_gnss_s: scanner clock minus GNSS clock.
         span_s: first and last time to use, by the clock of the positions.
     """
@@ -217,7 +215,6 @@ class OpenSession:
     Attributes:
         file: path of `session.toml`.
         session: its content.
-        inputs: the files it names.
         frame: the map frame.
     """
 

@@ -84,7 +84,6 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
 
     Args:
         recordings: in any order.
-        folder: of the session file.
         machine: that made them; the places of its sensors and its tool are copied.
 
     Raises:
@@ -372,11 +371,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _quoted(text: str) -> str:
-    """`text` as a TOML basic string: JSON's escapes are valid in TOML, and JSON leaves only DEL unescaped.
-
-    Raises:
-        InputError: if it is a file name that is not valid UTF-8.
-    """
+    """`text` as a TOML basic string: JSON's escapes are valid in TOML, and JSON leaves only DEL unescaped."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:

@@ -69,7 +69,6 @@ class Scene(NamedTuple):
     """Everything a beam may meet.
 
     Attributes:
-        ground: the ground.
         straw: share of the ground, highest, chance to stop a beam; where it stands in rows, a step across these per
             metre to the east and to the north, and its count at the local origin, else zeros.
         walls: (n, 9) east, north, cosine and sine of the direction, half length, half thickness, bottom, top,

@@ -74,11 +74,7 @@ def simulate(scenario: Scenario, folder: Path, progress: Progress = silent) -> S
 
 
 def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Written:
-    """The recording of a tractor, and its truth.
-
-    Raises:
-        InputError: the scenario describes no possible drive or place.
-    """
+    """The recording of a tractor, and its truth."""
     path = plan_path(scenario.drive, random_for(scenario.seed, "driver"))
     scenario = laid_out(scenario, path)
     site = find_site(scenario)

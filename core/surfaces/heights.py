@@ -29,7 +29,6 @@ def cell_surface(
     deviation. Mean, least and greatest height need no sorting, which makes them five times as fast.
 
     Args:
-        grid: of the cells.
         cell: (n,) flat index of the cell of each point.
         height_m: (n,) less `base_m`.
         base_m: added to all heights.

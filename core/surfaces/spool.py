@@ -32,7 +32,6 @@ class TilePoints:
     """The points of one tile in their original order.
 
     Attributes:
-        grid: of the tile.
         cell: (n,) uint16 flat cell index.
         height_m: (n,) float32 less `base_m`.
         t_s: (n,) float32 seconds after `begin_s`.

@@ -30,7 +30,6 @@ class SwathDifferences:
 
     Attributes:
         blocks: number compared.
-        area_m2: of these.
         mean_m, rms_m: of the differences, later less earlier; a few blocks at walls and plants dominate the RMS.
         histogram: (2 · BINS,) counts of blocks by difference, from −BINS · BIN_M on.
     """

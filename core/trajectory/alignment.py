@@ -167,7 +167,6 @@ class _Observed:
     Attributes:
         middle: (m,) knots in the chunk about which second differences are taken.
         seen: (m, 3) those of the antenna, without gravity.
-        weight: of each.
         hint: what shows the heading beside them.
     """
 

@@ -46,7 +46,6 @@ class AttitudeLogs:
     """Roll and pitch of one log and the heading of another, both of the vehicle frame.
 
     Attributes:
-        roll_pitch: its roll and pitch are used.
         heading: its heading is used; from true or grid north.
         sigma_deg: standard deviations of roll and pitch, and of the heading; nan where unknown.
     """
@@ -107,7 +106,6 @@ def trajectory_from_attitude_logs(
 
     Args:
         track: positions of the antenna, in the datum of the map.
-        logs: the attitudes.
         frame: the map frame.
         lever_m: the antenna in the vehicle frame.
         fixes: qualities whose positions are used; None for 'fixed and float if there is any fixed, else all'.

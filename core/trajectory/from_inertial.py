@@ -83,7 +83,6 @@ class InertialFigures:
     """What the adjustment found beside the poses.
 
     Attributes:
-        knots: number of knots.
         rounds: of the adjustment.
         rate_bias_dps: (3,) mean bias of the angular rate in the axes of the IMU, degrees per second.
         rate_bias_sigma_dps: (3,) its standard deviation, of the knot at which it is known best.
@@ -213,11 +212,7 @@ def trajectory_from_inertial(
 
 
 def _adjusted(problem: Problem, state: State) -> Adjusted:
-    """Gauss-Newton rounds until no pose moves.
-
-    Raises:
-        LinAlgError: if the observations do not determine the trajectory.
-    """
+    """Gauss-Newton rounds until no pose moves."""
     knots = problem.knots
     antenna = AntennaPositions.of(problem.positions, problem.origin_m, problem.lever_m)
     for number in range(1, ROUNDS + 1):

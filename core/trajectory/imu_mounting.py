@@ -82,11 +82,7 @@ def _mean(relative: FloatArray, weight: FloatArray) -> Rotation | None:
 
 
 def _tilted(turned: FloatArray, mounting: Mounting, name: str) -> list[Notice]:
-    """The check of the tilt alone, for a vehicle that shows no course.
-
-    Raises:
-        InputError: if the vehicle would be on its side or upside down.
-    """
+    """The check of the tilt alone, for a vehicle that shows no course."""
     up = turned[:, 2, :].mean(axis=0)  # the map's up in the vehicle frame
     axis = int(np.argmax(np.abs(up)))
     if np.linalg.norm(up) < 0.7 or (axis == 2 and up[2] > 0):

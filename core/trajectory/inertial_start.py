@@ -70,7 +70,6 @@ class Imu:
     Attributes:
         track: its measurements in its own axes.
         mounting: in the vehicle frame.
-        noise: of it.
     """
 
     track: InertialTrack
@@ -159,11 +158,7 @@ class Problem:
 
 
 def _common_s(positions_s: FloatArray, imu: InertialTrack) -> FloatArray:
-    """Times of the IMU for which there are positions; of stretches that are long enough.
-
-    Raises:
-        InputError: if there are none.
-    """
+    """Times of the IMU for which there are positions; of stretches that are long enough."""
     t_s = imu.t_s[(imu.t_s >= positions_s[0] - BEYOND_S) & (imu.t_s <= positions_s[-1] + BEYOND_S)]
     stretches = np.split(t_s, np.flatnonzero(np.diff(t_s) > PAUSE_S) + 1)
     # A knot lies before the first measurement and one after the last.

@@ -102,7 +102,6 @@ def locate(
 
     Args:
         positions: reader of the positions, or of the trajectory.
-        session: the session.
         frame: the map frame.
         beside: the other recordings.
 
@@ -159,11 +158,7 @@ def middle_s(track: GnssTrack) -> float:
 
 
 def _heading_log(session: Session, frame: MapFrame, track: GnssTrack, reader: AttitudeReader) -> HeadingLog:
-    """The headings of the vehicle that `[attitude] heading` names, from grid north.
-
-    Raises:
-        InputError: if it holds none, or their north or the declination is not known.
-    """
+    """The headings of the vehicle that `[attitude] heading` names, from grid north."""
     table = session.attitude
     assert table is not None
     log = from_stated_north(of_vehicle(reader.attitude(), table.heading_rpy_deg), table.north, table.declination_deg)
@@ -186,11 +181,7 @@ def _of_nose(track: GnssTrack, session: Session) -> GnssTrack:
 
 
 def _antennas_log(session: Session, frame: MapFrame, track: GnssTrack) -> HeadingLog:
-    """The directions of the baseline between two antennas that the log of positions holds, from grid north.
-
-    Raises:
-        InputError: if it holds none.
-    """
+    """The directions of the baseline between two antennas that the log of positions holds, from grid north."""
     known = np.isfinite(track.heading_deg)
     if known.sum() < 2:
         raise InputError("heading-missing.antennas-log")

@@ -73,7 +73,6 @@ def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple
 
     Args:
         trajectory: of the vehicle frame.
-        motion: of the mount.
         pivot_m: the point about which the mount turns, in the vehicle frame.
 
     Raises:

@@ -52,7 +52,6 @@ class MachineImplement(_Part, frozen=True):
         width_m: working width.
         xy_m: middle of the working line in the vehicle frame.
         kind: free text.
-        working_depth_m: working depth.
         lift_m: lift height.
         name: of one of several.
         moves_soil: of several, the one whose passes change the soil; default: the rearmost.
@@ -73,7 +72,6 @@ class Calibrated(_Part, frozen=True):
     Attributes:
         date: UTC day of the recording.
         rpy_sigma_deg: standard deviations about the vehicle's axes; NOT_SHOWN_DEG for an angle that was not shown.
-        session: its name.
     """
 
     date: dt.date
@@ -86,7 +84,6 @@ class Machine(_Part, frozen=True):
 
     Attributes:
         furrowmap_machine: schema version.
-        name: of the machine.
         antenna, lidar, imu, camera, implement: as in a session; None for none, or not measured.
         calibrated: where the angles in `lidar` are from; None where they were measured.
         further_implements: the others of several `[[implement]]`.

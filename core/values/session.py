@@ -127,7 +127,6 @@ class Implement(_Part, frozen=True):
         width_m: working width.
         xy_m: middle of the working line in the vehicle frame.
         kind: free text.
-        working_depth_m: working depth.
         lift_m: lift height, for a scanner that does not see the implement at work.
         region_m: x_min, x_max, y_min, y_max in the vehicle frame: where the scanner sees the implement.
         learned: `implement.npz` of an earlier session with the same machine.
@@ -402,7 +401,6 @@ class Session(_Part, frozen=True):
 
     Attributes:
         furrowmap: schema version.
-        name: of the session.
         recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, camera, parcels, features,
             run, report: the tables; `implement` is the one that moves soil, of several.
         further_implements: the others of several `[[implement]]`, in their order.

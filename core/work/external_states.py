@@ -120,11 +120,7 @@ def external_states(
 
 
 def _expect_common_time(path: Path, states: ToolStates, trajectory: Trajectory, ahead_s: float) -> None:
-    """Refuse states of another time.
-
-    Raises:
-        InputError: if none lies in the time of the trajectory.
-    """
+    """Refuse states of another time."""
     first_s, last_s = trajectory.span_s
     if not len(states):
         raise InputError("no-states", path=path)

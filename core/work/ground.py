@@ -91,7 +91,6 @@ class Place:
 
     Attributes:
         kind: of a miss `between passes` or `boundary`, of a zone `headland` or `body`.
-        ground: the place.
         area: of `ground`.
     """
 

@@ -29,7 +29,6 @@ class ToolPath:
     """The way of the middle of the tool's line in one state, forwards or backwards, without a gap.
 
     Attributes:
-        state: of the tool.
         pass_number: 1 for the first; None unless the tool is down.
         begin_s: UTC.
         end_s: UTC.

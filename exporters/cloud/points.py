@@ -66,7 +66,6 @@ class Extent:
     """Statistics of points in a file's header.
 
     Attributes:
-        points: their number.
         low: (3,) int64 least X, Y and Z in steps of the coordinates' scale.
         high: (3,) int64 greatest ones.
         by_return: (15,) int64 points with return number 1, 2, ….

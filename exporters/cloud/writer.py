@@ -33,7 +33,6 @@ class CopcSummary:
     """Summary of a written cloud.
 
     Attributes:
-        points: number of points.
         low_m: least easting, northing and height; the origin for no points.
         high_m: greatest easting, northing and height.
         nodes: number of nodes of the octree.

@@ -35,7 +35,6 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
     """Write one KML file with a folder a layer; the trajectory becomes a line for each quality of its positions.
 
     Args:
-        path: of the file.
         layers: in WGS 84; heights are left out, as viewers relate them to their own terrain model.
         origin: provenance, with the title of the document.
         zone: time zone of the times in fields.

@@ -57,7 +57,6 @@ def layer_looks(layer: str, numbers: Sequence[int] = ()) -> LayerLooks:
     """Looks of a layer's features, from its packaged QGIS style.
 
     Args:
-        layer: its name.
         numbers: of the passes, if it is the layer of passes.
     """
     if f"{layer}.qml" not in packaged_styles():

@@ -80,7 +80,6 @@ class Partition:
         schema: of the columns.
         crs: of the coordinates, without heights.
         origin: provenance, for each file's metadata.
-        most_rows: of a file.
     """
 
     folder: Path

@@ -54,7 +54,6 @@ class TileItem:
     """A tile of the mosaics of a date.
 
     Attributes:
-        name: of the item.
         date: it belongs to.
         span: of its sessions.
         grid: of its rasters.
@@ -73,7 +72,6 @@ class TableItem:
     """The files of a table of a date.
 
     Attributes:
-        name: of the item.
         date: it belongs to.
         span: of its sessions.
         bounds_m: of all its rows.
@@ -111,7 +109,6 @@ class SeasonContent:
         software: version of furrowmap.
         sessions: folder and report of each, with its date.
         tiles: of the mosaics.
-        tables: by name.
     """
 
     crs: CRS
@@ -125,7 +122,6 @@ def write_season_catalogue(folder: Path, content: SeasonContent, target: Path) -
     """Write `catalog.json`, and below `stac/` a collection each of sessions, mosaics and tables, with their items.
 
     Args:
-        folder: to write to.
         content: what to list.
         target: final folder of the season, to which links to results are relative.
 

@@ -134,7 +134,6 @@ def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path
     can serve the folder as it is.
 
     Args:
-        folder: to write to.
         results: of the runs.
         target: final folder of the collection, to which the assets are relative.
 

@@ -45,7 +45,6 @@ class _Surface:
         height_m: (rows, columns), nan where there are none.
         east, north: (columns,) and (rows,) of the middles, metres of the map.
         crs: in words.
-        cell_m: of the file.
     """
 
     height_m: FloatArray
@@ -60,7 +59,6 @@ class _Texture:
     """A picture as JPEG.
 
     Attributes:
-        jpeg: the file.
         west, north, width_m, height_m: of its edges, metres of the map.
     """
 
@@ -77,7 +75,6 @@ def write_textured_mesh(target: Path, result: ResultFolder) -> list[Notice]:
     Cells become vertices, at most MOST_VERTICES: beyond, heights are means over larger cells. Holes stay holes.
 
     Args:
-        target: file to write.
         result: with `dsm.tif` and `orthophoto.tif`.
 
     Returns:

@@ -49,7 +49,6 @@ class VectorFormat:
     """A format of vector files.
 
     Attributes:
-        suffix: of its files.
         write_all: writes all layers into one file, and returns what could not be kept; None for a file a layer.
         write_one: writes one layer into a file.
         notices: of what a format with a file a layer cannot keep.
@@ -71,7 +70,6 @@ def write_vectors(
     Args:
         chosen: the format.
         target: file or folder.
-        layers: by name.
         origin: provenance.
         zone: time zone of the times that people read: in map tips, and in a KML's fields.
 
@@ -95,11 +93,7 @@ def write_vectors(
 
 
 def _layer_files(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
-    """A file in `folder` for each layer.
-
-    Raises:
-        InputError: if a layer's name cannot be that of a file, or two are the same where case is ignored.
-    """
+    """A file in `folder` for each layer."""
     source = Path(FIELD)
     paths = [inside(folder, f"{name}{suffix}", source) for name in names]
     same = Counter(unicodedata.normalize("NFKC", path.name).casefold() for path in paths)
@@ -115,7 +109,6 @@ def changed_crs(layers: Layers, target: CRS | None) -> tuple[dict[str, gpd.GeoDa
     """The layers in another CRS; heights and area fields are unchanged.
 
     Args:
-        layers: all in one CRS.
         target: None to keep their CRS.
 
     Raises:
@@ -171,11 +164,7 @@ def _write_geojson(path: Path, layer: gpd.GeoDataFrame) -> None:
 
 
 def _write_through_memory(path: Path, layer: gpd.GeoDataFrame, driver: str, **options: object) -> None:
-    """One file, which GDAL lays out in memory: on a disk that is full it reports no error of the last bytes.
-
-    Raises:
-        OSError: if the file cannot be written as a whole.
-    """
+    """One file, which GDAL lays out in memory: on a disk that is full it reports no error of the last bytes."""
     content = io.BytesIO()
     layer.to_file(content, driver=driver, layer=path.stem, engine="pyogrio", **options)
     path.write_bytes(content.getbuffer())

@@ -30,13 +30,11 @@ class KnownSession:
 
     Attributes:
         session: its identity.
-        name: of the session.
         date: the day at the place where it began.
         time_zone: of the times that people read.
         start: of the session, in UTC.
         end: of the session, in UTC.
         worked_area_m2: None where unknown.
-        passes: number of passes.
         crs: of the session itself.
         heights: name of the height system.
         folder: of its products when it was added.

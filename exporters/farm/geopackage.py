@@ -62,7 +62,6 @@ def geopackage_edit(path: Path, *, create: bool = False, progress: Progress = si
     save to the file until the end.
 
     Args:
-        path: of the GeoPackage.
         create: whether to create a missing file.
         progress: receives the stage "waiting for another process".
 

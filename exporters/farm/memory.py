@@ -51,7 +51,6 @@ class Visit:
         date: of the session.
         season: the year in which the season begins.
         implement: kind of implement; None where unknown.
-        machine: name of the machine.
         ground: worked in the field.
         worked_area_m2: ground worked, counted once; likewise overlap, missed, swept; nan where unknown.
         hours: from the first pass to the end of the last.

@@ -68,7 +68,6 @@ class Mosaic:
         cell_m: length of a cell's sides.
         columns: from west to east.
         rows: from north to south.
-        surfaces: number of surfaces in it.
         notices: what a user should know.
     """
 
@@ -140,7 +139,6 @@ def write_mosaic_part(
     Args:
         surfaces: in the order of their sessions; the last one is on top.
         output: of the raster.
-        grid: of the part.
         crs: of the mosaic: what :func:`common_crs` gives.
         bands: descriptions of the bands to write, which all surfaces have; their places in the files may differ.
         origin: provenance.
@@ -261,11 +259,7 @@ class _Source:
     path: Path
 
     def read(self, tile: Grid) -> tuple[tuple[slice, slice], NDArray[np.float32]] | None:
-        """Rows and columns of the tile that it covers, and its bands (bands, rows, columns) there; nan is nodata.
-
-        Raises:
-            InputError: if the file is damaged there.
-        """
+        """Rows and columns of the tile that it covers, and its bands (bands, rows, columns) there; nan is nodata."""
         shared = common(tile, self.grid)
         if shared is None:
             return None

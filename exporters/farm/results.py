@@ -84,7 +84,6 @@ class SessionResult:
             session that `furrowmap run` would replace.
         recordings: the same of the recordings alone.
         digest: of the products that were read, to detect an unchanged result.
-        name: of the session.
         date: the day at the place where it began.
         crs: of all layers.
         heights: name of the height system.

@@ -35,7 +35,6 @@ class Wheels:
 
     Attributes:
         track_width_m: between the middles of the tyres.
-        tyre_width_m: of a tyre.
     """
 
     track_width_m: float

@@ -27,7 +27,6 @@ class Stamp:
     """A file as it was when it was read.
 
     Attributes:
-        path: of the file.
         bytes: its size.
         mark: what changes with its content: time of the last change in nanoseconds, or the ETag of an object store.
         sha256: of its content; empty where it was not read.

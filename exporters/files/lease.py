@@ -117,9 +117,6 @@ def _await_turn(folder: Path, own: Path) -> None:
 
     Of several runs that ask at a time, the one whose lease is the first by name gets it: each lists the leases after it
     has made its own, so that of any two at least one sees the other.
-
-    Raises:
-        RefusedError: if another run has it, or gets it.
     """
     while True:
         alive = [lease for lease in leases(folder) if lease != own and _is_alive(lease)]

@@ -24,7 +24,6 @@ class Owner:
 
     Attributes:
         machine: 8 hexadecimal digits for the host, its start and its space of process numbers: a container has its own.
-        process: number.
         started: when the process started, in ticks of the kernel; 0 where the system does not report it.
     """
 

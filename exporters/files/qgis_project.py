@@ -23,7 +23,6 @@ class ProjectLayer:
     """A layer as a project names it.
 
     Attributes:
-        name: of the layer.
         kind: of geometry, as OGR calls it; empty for a table of attributes.
         source: data source of its provider.
         provider: QGIS's name of it.
@@ -54,7 +53,6 @@ def project_root(title: str, crs: CRS) -> ET.Element:
     """A project without layers.
 
     Args:
-        title: of the project.
         crs: of the map.
     """
     root = ET.Element("qgis", {"version": _QGIS, "projectname": title})
@@ -109,7 +107,6 @@ def put_raster_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
     Args:
         within: the element of the project's layers.
         layer: of which the style is a pipe.
-        crs: of the raster.
     """
     element = _put_layer(within, layer, crs, {"type": "raster", "styleCategories": "AllStyleCategories"})
     pipe = ET.fromstring(layer.style).find("pipe") if layer.style else None  # noqa: S314 (of this package)
@@ -125,7 +122,6 @@ def put_point_cloud_layer(
 
     Args:
         within: the element of the project's layers.
-        layer: of a point cloud.
         crs: of the map.
         classes: code, colour and name of each class that is shown.
     """

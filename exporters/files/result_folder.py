@@ -184,7 +184,6 @@ def refuse_occupied(folder: Path, products: Iterable[str], shared: str, *, overw
 
     Args:
         folder: that need not exist.
-        products: their names.
         shared: the product that a run has under the same name.
         overwrite: whether products of these names may be replaced; those of a run may not.
 

@@ -105,11 +105,6 @@ def _commit(lease: Path, folder: Path) -> None:
     """Replace the earlier products by the new ones.
 
     From the moment that the file `complete.json` exists the new products are valid, even if the process is killed.
-
-    Raises:
-        InputError: if a folder has the name of a product, or a file that of a folder of products.
-        RefusedError: if another run has taken over the folder.
-        OSError: if the disk is full or the folder read-only.
     """
     staging = lease / PRODUCTS
     products = _products(staging)

@@ -26,7 +26,6 @@ def write_workbook(path: Path, sheets: Mapping[str, Rows]) -> None:
     """Write a spreadsheet with a sheet for each table; a number that is not known is an empty cell.
 
     Args:
-        path: of the file.
         sheets: rows by name of the sheet; the columns are those of any row, in their order.
 
     Raises:

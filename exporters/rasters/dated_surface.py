@@ -118,11 +118,7 @@ class OpenSurface:
         return self._band(part, 1)
 
     def _band(self, part: Grid, band: int) -> Float32Array:
-        """A band on the cells of `part`; nan beside the raster.
-
-        Raises:
-            InputError: if the file is damaged there.
-        """
+        """A band on the cells of `part`; nan beside the raster."""
         out = np.full(part.shape, np.nan, np.float32)
         shared = common(part, self.grid)
         if shared is not None:

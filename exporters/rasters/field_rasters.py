@@ -104,7 +104,6 @@ def write_rasters(
     """Write the rasters of a run; None, and no file, where there are no points on the ground.
 
     Args:
-        folder: to write to.
         land: the points.
         found: result of the run.
         origin: provenance of its products.

@@ -43,7 +43,6 @@ def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> 
 
     Args:
         cloud: a COPC file.
-        points_by_level: number of points of each level.
         box_m: in the cloud's coordinates.
     """
     enough = int(np.searchsorted(np.cumsum(points_by_level), MOST_POINTS, side="right"))

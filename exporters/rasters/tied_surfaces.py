@@ -144,7 +144,6 @@ def write_change(
     where the earlier drive was. So the mean is that of each kind, weighted by its area (post-stratification).
 
     Args:
-        path: of the file.
         pair: the surfaces with their moves.
         ground: what tools did.
         crs: of the map.

@@ -34,11 +34,7 @@ def write_pairs_table(path: Path, pairs: PairedPoints) -> None:
 
 
 def _write(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as a CSV.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
+    """Write rows as a CSV."""
     with atomic_output(path) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns)
         writer.writeheader()

@@ -39,7 +39,6 @@ def write_pdf(path: Path, page: str) -> None:
     """Print a page of ours to a PDF on A4.
 
     Args:
-        path: of the PDF.
         page: HTML without outside resources.
 
     Raises:

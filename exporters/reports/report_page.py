@@ -85,7 +85,6 @@ def write_page(
     """Write `report.html`.
 
     Args:
-        path: of the page.
         found: result of the run.
         cloud: its COPC file, for the relief of the map.
         summary: of the cloud; None for no cloud.

@@ -37,7 +37,6 @@ def shared_layer(name: str, layer: gpd.GeoDataFrame, zone: ZoneInfo, *, alone: b
     """A layer of `field.gpkg` as the page reads it; None for no features.
 
     Args:
-        name: of the layer.
         layer: its features.
         zone: time zone of the field.
         alone: whether there is no other layer, so that it is shown at first whatever it is.

@@ -98,11 +98,7 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
 
 
 def _scripts() -> dict[str, str]:
-    """The page's scripts and the licences of their libraries, by name of file.
-
-    Raises:
-        RefusedError: if they were not built.
-    """
+    """The page's scripts and the licences of their libraries, by name of file."""
     bundle = files("furrowmap.exporters.share").joinpath("bundle")
     if not all(bundle.joinpath(name).is_file() for name in SCRIPTS):
         raise RefusedError("no-web-bundle")

@@ -81,7 +81,6 @@ def shared_points(path: Path, most: int) -> SharedPoints | None:
 
     Args:
         path: of the LAS, LAZ or COPC file.
-        most: number of points.
 
     Raises:
         InputError: if the file is damaged.

@@ -90,7 +90,6 @@ def layer_style(name: str, values: Mapping[str, Iterable[Any]]) -> LayerStyle:
     """The style of a layer.
 
     Args:
-        name: of the layer.
         values: of its fields, for colours that depend on the least and the greatest.
     """
     if f"{name}.qml" not in packaged_styles():

@@ -102,7 +102,6 @@ def write_layer(
 
     Args:
         path: of the GeoPackage; created where missing.
-        layer: to write.
         crs: of its coordinates.
         indexed: whether a new layer gets a spatial index.
         append: to the layer of that name, which has these columns.

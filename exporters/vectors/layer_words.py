@@ -151,7 +151,6 @@ def with_words(
     Args:
         style: QML, without fields.
         fields: names of the layer's fields.
-        language: of the words.
         report: whether `report.html` lies beside the file.
         aliases: names of fields for people.
         values: words for the values of fields.

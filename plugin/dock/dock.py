@@ -314,7 +314,6 @@ class FurrowmapDock(QgsDockWidget):
         """Run a session in the background; a running preview is cancelled.
 
         Args:
-            session: the session file.
             folder: for the products; by default that of the command line.
             overwrite: replace the products of another recording in it.
         """

@@ -29,9 +29,6 @@ class NotSimpleError(Exception):
 class SessionLines:
     """The text of a session file, read and changed value by value.
 
-    Args:
-        text: of the file.
-
     Raises:
         NotSimpleError: at a line that is not a comment, a `[table]`, a `[[table]]` or a `key = value` on one line.
     """

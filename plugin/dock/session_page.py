@@ -93,7 +93,6 @@ class SessionPage(QWidget):
         """Read a session file into the form.
 
         Args:
-            path: of the file.
             findings: the answer of `furrowmap init`, shown above the form.
 
         Raises:

@@ -88,7 +88,6 @@ class Task:
 
     Attributes:
         id: id in the file, such as "TSK1".
-        name: name of the task.
         partfield: id of its field; "" if it has none.
         logs: names of its time logs without suffix, in the order of the file.
         spans: its time spans, in the order of the file.

@@ -102,11 +102,7 @@ def _mains(names: list[str]) -> list[str]:
 
 
 def _one_main(path: Path, names: list[str]) -> PurePosixPath:
-    """The folder, inside `path`, of the main file.
-
-    Raises:
-        InputError: if there is none, or more than one.
-    """
+    """The folder, inside `path`, of the main file."""
     mains = _mains(names)
     if len(mains) == 1:
         return PurePosixPath(mains[0]).parent
@@ -157,12 +153,7 @@ def _read_entry(path: Path, entry: zipfile.ZipInfo) -> bytes:
 
 
 def _refuse_hostile(path: Path, entries: list[zipfile.ZipInfo]) -> None:
-    """Check an archive for hostile entries.
-
-    Raises:
-        InputError: if a name points outside the archive, or an entry is a link.
-        RefusedError: if the stated sizes are implausible.
-    """
+    """Check an archive for hostile entries."""
     expect_growth(path, path.stat().st_size, sum(entry.file_size for entry in entries))
     expect_memory(path, max((entry.file_size for entry in entries), default=0))
     fault = ""

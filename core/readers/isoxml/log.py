@@ -26,7 +26,6 @@ class TaskDataLog(FileReader):
 
     Args:
         paths: the sets of one recording, in the order of time.
-        options: `task` is used.
     """
 
     format: ClassVar[str] = "isoxml"
@@ -93,11 +92,7 @@ class TaskDataLog(FileReader):
         return Inspection(self.paths[0], self.format, self.title, facts, clocks, _notices(content, tasks))
 
     def _tasks(self) -> list[LoggedTask]:
-        """The requested tasks with positions, in the order of time.
-
-        Raises:
-            InputError: if there are none, or two of them overlap in time.
-        """
+        """The requested tasks with positions, in the order of time."""
         found = []
         self.notices = []
         for path in self.paths:

@@ -37,8 +37,6 @@ class LoggedTask:
     """A task and the n records with a position in its time logs, in the order of time.
 
     Attributes:
-        id: id of the task.
-        name: name of the task.
         field: its field; None if it is unknown.
         track: (n,) positions.
         state: (n,) int8, values of :class:`ToolState`.

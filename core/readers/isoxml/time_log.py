@@ -72,7 +72,6 @@ class TimeLog:
         hdop: (n,) nan where not stated.
         satellites: (n,) int16, −1 where not stated.
         gps_s: (n,) UTC by GPS, POSIX seconds; nan where not stated.
-        header: its header.
         record: (m,) int64 index of the record of each value.
         channel: (m,) uint8 index among the channels of each value.
         value: (m,) int32 raw.

@@ -41,9 +41,7 @@ class CloudFile:
     """A LAS, LAZ or COPC file whose header, records and chunks have been checked.
 
     Attributes:
-        path: the file.
         format: "las", "laz" or "copc".
-        header: its header.
         points: number of points that can be read.
         crs: None if the file states none, or none that PROJ understands.
         clock: the meaning of its times.
@@ -151,11 +149,7 @@ def open_cloud(path: Path) -> CloudFile:
 
 
 def _room(path: Path, header: LasHeader) -> tuple[int, tuple[Notice, ...]]:
-    """Number of complete uncompressed points in the file, up to the number in the header.
-
-    Raises:
-        InputError: if there are none, but the header has some.
-    """
+    """Number of complete uncompressed points in the file, up to the number in the header."""
     behind = [at for at in (header.extended_at, header.waveforms_at) if header.offset <= at <= header.size_bytes]
     end = min([*(at for at in behind if at), header.size_bytes])
     room = (end - header.offset) // header.record_bytes

@@ -41,7 +41,6 @@ class Decoder:
         """The decoded bytes.
 
         Args:
-            size: their number.
             order: what is decoded; see :mod:`~furrowmap.core.readers.las.decoding`.
 
         Raises:
@@ -124,11 +123,7 @@ def _answer(process: subprocess.Popen[bytes], line: bytes, size: int) -> NDArray
 
 
 def _exactly(pipe: IO[bytes], size: int) -> NDArray[np.uint8]:
-    """The next bytes of a pipe.
-
-    Raises:
-        EOFError: if it ends before.
-    """
+    """The next bytes of a pipe."""
     data = np.empty(size, np.uint8)
     rest = memoryview(data.data)
     while rest:

@@ -44,7 +44,6 @@ class LasHeader:
         point_format: 0 to 10.
         compressed: whether the points are declared as compressed.
         record_bytes: bytes of a point, extra bytes included.
-        points: number of points.
         by_return: number of points by return number, 5 or (LAS 1.4) 15 of them.
         scale: scale factors of x, y and z.
         shift: offsets of x, y and z.
@@ -53,7 +52,6 @@ class LasHeader:
         extended_at: byte offset of the extended records, 0 for none.
         extended: number of extended records.
         waveforms_at: byte offset of the waveforms, 0 for none.
-        size_bytes: size of the file.
         notices: errors in the header.
     """
 

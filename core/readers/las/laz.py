@@ -109,11 +109,7 @@ def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence
 
 
 def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, layered: bool) -> int:
-    """Number of layers of a chunk.
-
-    Raises:
-        InputError: if the items do not match the point format of the header.
-    """
+    """Number of layers of a chunk."""
     if items > 8 or len(data) < _RECORD.size + 6 * items:
         raise InputError("laz-items.count", path=path, items=items, size_bytes=len(data))
     listed_items = [struct.unpack_from("<3H", data, _RECORD.size + 6 * number) for number in range(items)]
@@ -136,11 +132,7 @@ def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, laye
 
 
 def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chunk_points: int) -> list[tuple[int, int]]:
-    """Points and bytes of each chunk.
-
-    Raises:
-        InputError: if the table is invalid.
-    """
+    """Points and bytes of each chunk."""
     start = header.offset + 8
     file.seek(header.offset)
     at = _signed(file.read(8))
@@ -182,11 +174,7 @@ def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chun
 
 
 def _table(path: Path, file: BinaryIO, vlr: bytes) -> list[tuple[int, int]]:
-    """The chunk table at the file's position, decoded.
-
-    Raises:
-        InputError: if it is damaged.
-    """
+    """The chunk table at the file's position, decoded."""
     try:
         table: list[tuple[int, int]] = lazrs.read_chunk_table_only(file, lazrs.LazVlr(vlr))
     except BaseException as error:
@@ -218,11 +206,7 @@ def decode_chunks(
 def _undamaged(
     path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int, lost: list[Notice]
 ) -> list[NDArray[np.uint8]]:
-    """The records of the chunks that can be decoded.
-
-    Raises:
-        InputError: as :func:`decode_chunks`.
-    """
+    """The records of the chunks that can be decoded."""
     found = []
     before = np.cumsum(laz.points) - laz.points
     for number in range(first, last):
@@ -240,11 +224,7 @@ def _undamaged(
 
 
 def _decoded(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
-    """The records of consecutive chunks.
-
-    Raises:
-        Undecodable: if one of them is damaged.
-    """
+    """The records of consecutive chunks."""
     _check_layers(file, laz, first, last)
     begin, end = int(laz.begins[first]), int(laz.begins[last - 1] + laz.sizes[last - 1])
     size = int(laz.points[first:last].sum()) * laz.record_bytes
@@ -316,11 +296,7 @@ def stream_points(
 
 
 def _check_layers(file: BinaryIO, laz: LazPoints, first: int, last: int) -> None:
-    """Check the heads of layered chunks: the first point, the number of points, the lengths of the layers.
-
-    Raises:
-        Undecodable: if they do not add up to the length of a chunk.
-    """
+    """Check the heads of layered chunks: the first point, the number of points, the lengths of the layers."""
     if not laz.layers:
         return
     lengths = laz.record_bytes + 4 + 4 * laz.layers

@@ -49,7 +49,6 @@ class ExtraDimension:
     """A dimension of the points that is not part of their format.
 
     Attributes:
-        name: its name in the file.
         type: data type of its values.
     """
 

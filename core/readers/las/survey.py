@@ -22,7 +22,6 @@ class Survey:
     """Statistics over the points of a cloud.
 
     Attributes:
-        cloud: the file.
         points: number of points so far.
         low: (3,) minimum x, y, z.
         high: (3,) maximum x, y, z.

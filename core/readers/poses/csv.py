@@ -132,11 +132,7 @@ class _Header:
         return (time, *(PROJECTED if self.projected else GEOGRAPHIC), *ATTITUDE, *sigmas)
 
     def check(self, path: Path) -> None:
-        """Check that each required column is there once.
-
-        Raises:
-            InputError: naming the column, and the closest one if it is missing.
-        """
+        """Check that each required column is there once."""
         for name in self.columns:
             count = self.names.count(name)
             if count > 1:

@@ -154,11 +154,7 @@ class PoseFile(FileReader, ABC):
 
     @abstractmethod
     def _read(self, path: Path) -> RawPoses:
-        """The poses of a file; damage to it is added to `notices`.
-
-        Raises:
-            InputError: if the file has fewer than two poses, or cannot be read.
-        """
+        """The poses of a file; damage to it is added to `notices`."""
 
     def poses(self) -> PoseTrack:
         """All poses of all files.

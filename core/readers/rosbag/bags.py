@@ -63,10 +63,6 @@ class _RosBag(FileReader):
 
     Reading takes two passes over the messages: one to list the topics, because a bag's index may be missing or wrong,
     and one for the messages of the chosen topic.
-
-    Args:
-        paths: the bags of one recording, in the order of time.
-        options: `model`, `near_s`, `date` and `topic` are used.
     """
 
     format: ClassVar[str]
@@ -80,36 +76,20 @@ class _RosBag(FileReader):
         self._topics: list[_Topic] | None = None
 
     def scans(self) -> Iterator[Scan]:
-        """The scans of the topic with the most packets, else point clouds, else sweeps of a line scanner.
-
-        Raises:
-            InputError: if the bag has neither, or none that can be decoded.
-        """
+        """The scans of the topic with the most packets, else point clouds, else sweeps of a line scanner."""
         chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD, LASER_SCAN)
         yield from self._scans(chosen, self._decoder(chosen))
 
     def track(self) -> GnssTrack:
-        """The positions in NMEA sentences, or if there are none, in NavSatFix messages.
-
-        Raises:
-            InputError: if the bag has none that can be decoded.
-        """
+        """The positions in NMEA sentences, or if there are none, in NavSatFix messages."""
         return self._positions()[0]
 
     def inertial(self) -> InertialTrack:
-        """The measurements of the topic that `options` name, else of that with the most Imu messages.
-
-        Raises:
-            InputError: if the bag has none that can be decoded, or their stamps do not increase.
-        """
+        """The measurements of the topic that `options` name, else of that with the most Imu messages."""
         return self._inertial()[0]
 
     def attitude(self) -> AttitudeTrack:
-        """The orientations in the same messages.
-
-        Raises:
-            InputError: if the bag has none.
-        """
+        """The orientations in the same messages."""
         _, chosen, log = self._inertial()
         notices: list[Notice] = []
         track = log.attitude(self._source(chosen), notices)
@@ -117,12 +97,7 @@ class _RosBag(FileReader):
         return track
 
     def images(self) -> Images:
-        """The images of the topic that `options` name, else of that with the most messages; their bytes are on disk.
-
-        Raises:
-            InputError: if the bag has none that can be decoded.
-            OSError: if the disk has no room for them.
-        """
+        """The images of the topic that `options` name, else of that with the most messages; their bytes are on disk."""
         chosen, log = self._images(kept=True)
         if log.left_out:
             every_s = self.options.glance_s
@@ -131,11 +106,7 @@ class _RosBag(FileReader):
         return log.images()
 
     def camera(self) -> Camera:
-        """The camera of these images by its CameraInfo messages.
-
-        Raises:
-            InputError: if the bag has none for these images, or of a camera that is not supported.
-        """
+        """The camera of these images by its CameraInfo messages."""
         from furrowmap.core.readers.rosbag.pictures import camera_of_info, info_topic
 
         chosen = self._choose("images", IMAGE, COMPRESSED_IMAGE, wanted=self.options.topic)
@@ -150,11 +121,7 @@ class _RosBag(FileReader):
         raise InputError("no-intrinsics", chosen=self._source(chosen), why=why)
 
     def inspect(self) -> Inspection:
-        """Read the whole first bag and report what it contains.
-
-        Raises:
-            InputError: if no message can be recovered from it.
-        """
+        """Read the whole first bag and report what it contains."""
         if len(self.paths) > 1:
             return type(self)(self.paths[:1], self.options).inspect()
         topics = self._found()

@@ -126,11 +126,7 @@ def camera_of_info(content: Any, topic: str) -> Camera:
 
 
 def _layout(content: Any, data: bytes) -> RawLayout:
-    """The layout of an Image.
-
-    Raises:
-        Damage: if its bytes do not have it.
-    """
+    """The layout of an Image."""
     step, big_endian = int(content.step), bool(content.is_bigendian)
     layout = RawLayout(int(content.width), int(content.height), step, str(content.encoding), big_endian)
     fault = layout_fault(layout, len(data))
@@ -140,11 +136,7 @@ def _layout(content: Any, data: bytes) -> RawLayout:
 
 
 def _suffix(content: Any, data: bytes) -> str:
-    """The suffix of the file that a CompressedImage holds.
-
-    Raises:
-        Damage: if it is neither JPEG nor PNG of colours or grey levels.
-    """
+    """The suffix of the file that a CompressedImage holds."""
     suffix = next((suffix for start, suffix in PACKED.items() if data.startswith(start)), None)
     stated = str(content.format)
     if suffix is None or stated.startswith("bayer") or "Depth" in stated:

@@ -33,7 +33,6 @@ class BagMessage(NamedTuple):
     """One recorded message, still serialised.
 
     Attributes:
-        topic: name of the topic.
         type: ROS 2 name of the type, such as "sensor_msgs/msg/PointCloud2".
         encoding: "ros1" or "cdr".
         received_ns: time of reception by the recorder, POSIX nanoseconds.

@@ -109,7 +109,6 @@ class Rows:
         values: (n, 24) values after the time, nan where a row has fewer.
         line: (n,) line number of the row, counted over all files.
         damaged: number of lines that are neither comments nor rows.
-        lines: number of lines of all files.
     """
 
     header: Header

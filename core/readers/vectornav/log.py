@@ -40,11 +40,7 @@ class _VectorNav(FileReader, ABC):
         """Rows (n, 10) of all files, see :data:`COLUMNS`; nan for what a row does not have."""
 
     def inertial(self) -> InertialTrack:
-        """All measurements, in the axes of the sensor: forward, right, down.
-
-        Raises:
-            InputError: if there are none with a time, or the times do not increase.
-        """
+        """All measurements, in the axes of the sensor: forward, right, down."""
         rows, name = self._rows(), joined_name(self.paths)
         measured = rows[np.isfinite(rows[:, 1:7]).all(axis=1)]
         timed = measured[np.isfinite(measured[:, 0])]
@@ -65,22 +61,14 @@ class _VectorNav(FileReader, ABC):
         return inertial_track(timed[:, 0], timed[:, 1:7], name, self.notices)
 
     def attitude(self) -> AttitudeTrack:
-        """The attitudes by the device's own filter; it does not say from which north they count.
-
-        Raises:
-            InputError: if there are none with a time, or the times do not increase.
-        """
+        """The attitudes by the device's own filter; it does not say from which north they count."""
         rows = self._rows()
         rows = rows[np.isfinite(rows[:, [0, 7, 8, 9]]).all(axis=1)]
         angles = np.column_stack([rows[:, 9], rows[:, 8], rows[:, 7] % 360.0])
         return attitude_track(rows[:, 0], angles, UNSTATED, joined_name(self.paths), self.notices)
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report rates, span and the mean specific force.
-
-        Raises:
-            InputError: as :meth:`inertial`.
-        """
+        """Read the whole first file and report rates, span and the mean specific force."""
         reader = type(self)(self.paths[:1], self.options)
         track = reader.inertial()
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), "of the sensor")

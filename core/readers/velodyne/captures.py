@@ -175,11 +175,7 @@ def _stamps_us(datagrams: Datagrams, which: NDArray[np.bool_]) -> NDArray[np.uin
 
 
 def _only_sender(paths: Sequence[Path], senders: NDArray[np.uint64]) -> int:
-    """The sensor that sends the packets.
-
-    Raises:
-        InputError: if there are several.
-    """
+    """The sensor that sends the packets."""
     found, counts = np.unique(senders, return_counts=True)
     order = np.argsort(-counts)
     least = max(_STRAY * counts[order[0]], _STRAY_PACKETS)

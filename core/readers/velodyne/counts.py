@@ -36,8 +36,6 @@ class PacketCounts:
         gaps: number of such gaps.
         lost_s: their total duration.
         pauses: number of longer gaps.
-        shortest_pause_s: the shortest of them.
-        longest_pause_s: the longest of them.
         paused_s: their total duration.
         repeated: packets skipped because they repeat the one before.
         late: packets with a stamp earlier than the one before.

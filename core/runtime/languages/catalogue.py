@@ -115,9 +115,6 @@ def _ordered(table: Mapping[str, str]) -> tuple[Template, ...]:
 def catalogue(language: str) -> Catalogue:
     """The catalogue of a language; an empty one for English.
 
-    Args:
-        language: one of `LANGUAGES`.
-
     Raises:
         ValueError: for another one.
     """
