@@ -18,6 +18,7 @@ from furrowmap.cli.main import COMMANDS, furrowmap
 
 FILE = Path(__file__).resolve().parents[1] / "plugin" / "processing" / "commands.json"
 NOT_IN_QGIS = {
+    "explain": "the report and the log name the remedy beside each message",
     "batch": "it works for hours on many sessions, with processes of its own or on a cluster",
     "season": "it works on the results of a batch, with processes of its own or on a cluster",
     "qgis install": "it installs the plugin that would run it",

@@ -36,7 +36,7 @@ def pytest_configure() -> None:
 
 def _recorded(init: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(init)
-    def recorded(self: Any, *parts: Any, **named: Any) -> None:
+    def recorded(self: Any, /, *parts: Any, **named: Any) -> None:
         init(self, *parts, **named)
         is_constant = sys._getframe(1).f_code.co_name == "<module>"  # made by an import
         if self.code not in MET and not is_constant:

@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from furrowmap.core.runtime.errors import Notice
+
 
 def json_text(value: object) -> str:
     """`value` as indented JSON, keys in their order, with a final line break."""
@@ -37,6 +39,8 @@ def plain(value: object) -> Any:
         return {plain(str(key)): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
         return [plain(item) for item in value]
+    if isinstance(value, Notice):
+        return {"code": value.code, "text": value.text}
     if is_dataclass(value):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     text = value.as_posix() if isinstance(value, Path) else str(value)

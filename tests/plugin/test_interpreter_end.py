@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 CHECKOUT = Path(__file__).resolve().parents[2]
 LEFT_BEHIND = """
 import gc, itertools, time
-from ahead import ahead
+from furrowmap.core.runtime.background import ahead
 
 class Kept:
     pass
@@ -33,8 +33,8 @@ print("the end")
 
 @pytest.fixture
 def script(tmp_path: Path) -> Path:
-    """What leaves an iterator behind whose thread is at work, beside the module alone."""
-    shutil.copyfile(CHECKOUT / "core" / "values" / "ahead.py", tmp_path / "ahead.py")
+    """What leaves an iterator behind whose thread is at work, beside the room of the module alone."""
+    shutil.copytree(CHECKOUT / "core" / "runtime", tmp_path / "furrowmap" / "core" / "runtime")
     path = tmp_path / "left_behind.py"
     path.write_text(LEFT_BEHIND)
     return path

@@ -220,8 +220,8 @@ def _sensor_notice(positions: list[PositionPacket], past_hour_s: float) -> Notic
 
 
 def _recorder_notice(positions: list[PositionPacket], past_hour_s: float) -> Notice:
-    same, apart_s = abs(past_hour_s) <= _SAME_S, abs(past_hour_s)
-    return Notice("clock-recorder", receiver=_no_receiver(positions), same=same, apart_s=apart_s)
+    key = "clock-recorder" if abs(past_hour_s) <= _SAME_S else "clock-recorder.apart"
+    return Notice(key, receiver=_no_receiver(positions), apart_s=abs(past_hour_s))
 
 
 def _no_receiver(positions: list[PositionPacket]) -> str:

@@ -70,7 +70,7 @@ def test_login__that_fails(said: str, code: str) -> None:
     error = _unreachable("server", errors.OperationalError(said))
     assert error.code == code
     last = [line.strip() for line in said.splitlines() if line.strip()][-1:] or ["OperationalError"]
-    assert error.what == f"server: {last[0]}."
+    assert error.what == f"server: {' '.join(last[0].split())}."
 
 
 @pytest.mark.parametrize(
