@@ -54,180 +54,180 @@ if TYPE_CHECKING:
     from furrowmap.results import Raster as Raster
     from furrowmap.results import Result as Result
     from furrowmap.results import open_result as open_result
-    from furrowmap.workflows.batch import Batch as Batch
-    from furrowmap.workflows.batch import BatchSettings as BatchSettings
-    from furrowmap.workflows.batch import batch as batch
-    from furrowmap.workflows.calibrate import Calibration as Calibration
-    from furrowmap.workflows.calibrate import calibrate as calibrate
-    from furrowmap.workflows.calibrate_mount import MountCalibration as MountCalibration
-    from furrowmap.workflows.calibrate_mount import calibrate_mount as calibrate_mount
-    from furrowmap.workflows.canopy import CanopySettings as CanopySettings
-    from furrowmap.workflows.canopy import canopy as canopy
-    from furrowmap.workflows.check import CheckSettings as CheckSettings
-    from furrowmap.workflows.check import check as check
-    from furrowmap.workflows.check import check_pairs as check_pairs
-    from furrowmap.workflows.clean import CleanSettings as CleanSettings
-    from furrowmap.workflows.clean import clean as clean
-    from furrowmap.workflows.colour import colour as colour
-    from furrowmap.workflows.evaluate_gnss import EvaluationSettings as EvaluationSettings
-    from furrowmap.workflows.evaluate_gnss import evaluate_gnss as evaluate_gnss
-    from furrowmap.workflows.evaluate_gnss import evaluation_table as evaluation_table
-    from furrowmap.workflows.export import Exported as Exported
-    from furrowmap.workflows.export import export as export
-    from furrowmap.workflows.farm import FarmMapChange as FarmMapChange
-    from furrowmap.workflows.farm import add_to_farm_map as add_to_farm_map
-    from furrowmap.workflows.farm import farm_map_sessions as farm_map_sessions
-    from furrowmap.workflows.farm import remove_from_farm_map as remove_from_farm_map
-    from furrowmap.workflows.farm_memory import FarmMemory as FarmMemory
-    from furrowmap.workflows.farm_memory import FieldHistory as FieldHistory
-    from furrowmap.workflows.farm_memory import TrafficRaster as TrafficRaster
-    from furrowmap.workflows.farm_memory import TrafficSettings as TrafficSettings
-    from furrowmap.workflows.farm_memory import farm_memory as farm_memory
-    from furrowmap.workflows.farm_memory import farm_traffic as farm_traffic
-    from furrowmap.workflows.farm_memory import field_history as field_history
-    from furrowmap.workflows.features import FeatureSettings as FeatureSettings
-    from furrowmap.workflows.features import features as features
-    from furrowmap.workflows.fields import Fields as Fields
-    from furrowmap.workflows.fields import fields as fields
-    from furrowmap.workflows.frames import frames as frames
-    from furrowmap.workflows.growth import GrowthSettings as GrowthSettings
-    from furrowmap.workflows.growth import growth as growth
-    from furrowmap.workflows.inspect import inspect as inspect
-    from furrowmap.workflows.machines import KnownMachine as KnownMachine
-    from furrowmap.workflows.machines import known_machines as known_machines
-    from furrowmap.workflows.machines import save_machine as save_machine
-    from furrowmap.workflows.mosaic import mosaic as mosaic
-    from furrowmap.workflows.parcels import ParcelSettings as ParcelSettings
-    from furrowmap.workflows.parcels import parcels as parcels
-    from furrowmap.workflows.plots import Place as Place
-    from furrowmap.workflows.plots import Plots as Plots
-    from furrowmap.workflows.plots import plots as plots
-    from furrowmap.workflows.preview import preview as preview
-    from furrowmap.workflows.propose import ProposedSession as ProposedSession
-    from furrowmap.workflows.propose import propose_session as propose_session
-    from furrowmap.workflows.report import write_report_page as write_report_page
-    from furrowmap.workflows.response import ResponseSettings as ResponseSettings
-    from furrowmap.workflows.response import response as response
-    from furrowmap.workflows.run import run as run
-    from furrowmap.workflows.season import Season as Season
-    from furrowmap.workflows.season import SeasonSettings as SeasonSettings
-    from furrowmap.workflows.season import season as season
-    from furrowmap.workflows.share import Shared as Shared
-    from furrowmap.workflows.share import share as share
-    from furrowmap.workflows.simulate import simulate as simulate
-    from furrowmap.workflows.solve_gnss import SolvedPositions as SolvedPositions
-    from furrowmap.workflows.solve_gnss import SolveSettings as SolveSettings
-    from furrowmap.workflows.solve_gnss import solve_gnss as solve_gnss
-    from furrowmap.workflows.surface import surface as surface
-    from furrowmap.workflows.tie import TieSettings as TieSettings
-    from furrowmap.workflows.tie import tie as tie
+    from furrowmap.workflows.batch.batch import Batch as Batch
+    from furrowmap.workflows.batch.batch import BatchSettings as BatchSettings
+    from furrowmap.workflows.batch.batch import batch as batch
+    from furrowmap.workflows.calibrate.calibrate import Calibration as Calibration
+    from furrowmap.workflows.calibrate.calibrate import calibrate as calibrate
+    from furrowmap.workflows.calibrate.mount import MountCalibration as MountCalibration
+    from furrowmap.workflows.calibrate.mount import calibrate_mount as calibrate_mount
+    from furrowmap.workflows.clouds.check import CheckSettings as CheckSettings
+    from furrowmap.workflows.clouds.check import check as check
+    from furrowmap.workflows.clouds.check import check_pairs as check_pairs
+    from furrowmap.workflows.clouds.clean import CleanSettings as CleanSettings
+    from furrowmap.workflows.clouds.clean import clean as clean
+    from furrowmap.workflows.clouds.colour import colour as colour
+    from furrowmap.workflows.clouds.features import FeatureSettings as FeatureSettings
+    from furrowmap.workflows.clouds.features import features as features
+    from furrowmap.workflows.clouds.surface import surface as surface
+    from furrowmap.workflows.crops.canopy import CanopySettings as CanopySettings
+    from furrowmap.workflows.crops.canopy import canopy as canopy
+    from furrowmap.workflows.crops.growth import GrowthSettings as GrowthSettings
+    from furrowmap.workflows.crops.growth import growth as growth
+    from furrowmap.workflows.crops.parcels import ParcelSettings as ParcelSettings
+    from furrowmap.workflows.crops.parcels import parcels as parcels
+    from furrowmap.workflows.crops.plots import Place as Place
+    from furrowmap.workflows.crops.plots import Plots as Plots
+    from furrowmap.workflows.crops.plots import plots as plots
+    from furrowmap.workflows.crops.response import ResponseSettings as ResponseSettings
+    from furrowmap.workflows.crops.response import response as response
+    from furrowmap.workflows.farm.farm import FarmMapChange as FarmMapChange
+    from furrowmap.workflows.farm.farm import add_to_farm_map as add_to_farm_map
+    from furrowmap.workflows.farm.farm import farm_map_sessions as farm_map_sessions
+    from furrowmap.workflows.farm.farm import remove_from_farm_map as remove_from_farm_map
+    from furrowmap.workflows.farm.fields import Fields as Fields
+    from furrowmap.workflows.farm.fields import fields as fields
+    from furrowmap.workflows.farm.memory import FarmMemory as FarmMemory
+    from furrowmap.workflows.farm.memory import FieldHistory as FieldHistory
+    from furrowmap.workflows.farm.memory import TrafficRaster as TrafficRaster
+    from furrowmap.workflows.farm.memory import TrafficSettings as TrafficSettings
+    from furrowmap.workflows.farm.memory import farm_memory as farm_memory
+    from furrowmap.workflows.farm.memory import farm_traffic as farm_traffic
+    from furrowmap.workflows.farm.memory import field_history as field_history
+    from furrowmap.workflows.farm.mosaic import mosaic as mosaic
+    from furrowmap.workflows.gnss.evaluate import EvaluationSettings as EvaluationSettings
+    from furrowmap.workflows.gnss.evaluate import evaluate_gnss as evaluate_gnss
+    from furrowmap.workflows.gnss.evaluate import evaluation_table as evaluation_table
+    from furrowmap.workflows.gnss.solve import SolvedPositions as SolvedPositions
+    from furrowmap.workflows.gnss.solve import SolveSettings as SolveSettings
+    from furrowmap.workflows.gnss.solve import solve_gnss as solve_gnss
+    from furrowmap.workflows.run.preview import preview as preview
+    from furrowmap.workflows.run.run import run as run
+    from furrowmap.workflows.season.season import Season as Season
+    from furrowmap.workflows.season.season import SeasonSettings as SeasonSettings
+    from furrowmap.workflows.season.season import season as season
+    from furrowmap.workflows.session.frames import frames as frames
+    from furrowmap.workflows.session.init import ProposedSession as ProposedSession
+    from furrowmap.workflows.session.init import propose_session as propose_session
+    from furrowmap.workflows.session.inspect import inspect as inspect
+    from furrowmap.workflows.session.machines import KnownMachine as KnownMachine
+    from furrowmap.workflows.session.machines import known_machines as known_machines
+    from furrowmap.workflows.session.machines import save_machine as save_machine
+    from furrowmap.workflows.session.simulate import simulate as simulate
+    from furrowmap.workflows.share.export import Exported as Exported
+    from furrowmap.workflows.share.export import export as export
+    from furrowmap.workflows.share.report import write_report_page as write_report_page
+    from furrowmap.workflows.share.share import Shared as Shared
+    from furrowmap.workflows.share.share import share as share
+    from furrowmap.workflows.tie.tie import TieSettings as TieSettings
+    from furrowmap.workflows.tie.tie import tie as tie
 
     __version__ = version("furrowmap")
 
 _HOMES = {
-    "Batch": "workflows.batch",
-    "BatchSettings": "workflows.batch",
+    "Batch": "workflows.batch.batch",
+    "BatchSettings": "workflows.batch.batch",
     "Board": "core.images.board",
-    "Calibration": "workflows.calibrate",
-    "CanopySettings": "workflows.canopy",
+    "Calibration": "workflows.calibrate.calibrate",
+    "CanopySettings": "workflows.crops.canopy",
     "Check": "core.checking.check",
-    "CheckSettings": "workflows.check",
-    "CleanSettings": "workflows.clean",
+    "CheckSettings": "workflows.clouds.check",
+    "CleanSettings": "workflows.clouds.clean",
     "Cleaning": "core.pointclouds.cleaning",
     "Evaluation": "core.evaluation.evaluation",
-    "EvaluationSettings": "workflows.evaluate_gnss",
+    "EvaluationSettings": "workflows.gnss.evaluate",
     "Examined": "core.session.examination",
-    "Exported": "workflows.export",
-    "FarmMapChange": "workflows.farm",
-    "FarmMemory": "workflows.farm_memory",
-    "FeatureSettings": "workflows.features",
-    "FieldHistory": "workflows.farm_memory",
-    "Fields": "workflows.fields",
+    "Exported": "workflows.share.export",
+    "FarmMapChange": "workflows.farm.farm",
+    "FarmMemory": "workflows.farm.memory",
+    "FeatureSettings": "workflows.clouds.features",
+    "FieldHistory": "workflows.farm.memory",
+    "Fields": "workflows.farm.fields",
     "Frame": "core.session.frames",
     "FrameTree": "core.session.frames",
     "FurrowmapError": "core.runtime.errors",
-    "GrowthSettings": "workflows.growth",
+    "GrowthSettings": "workflows.crops.growth",
     "InputError": "core.runtime.errors",
     "Inspection": "core.readers.reader",
-    "KnownMachine": "workflows.machines",
+    "KnownMachine": "workflows.session.machines",
     "KnownSession": "exporters.farm.edit",
     "Mosaic": "exporters.farm.mosaic",
     "MosaicSettings": "exporters.farm.mosaic",
-    "MountCalibration": "workflows.calibrate_mount",
+    "MountCalibration": "workflows.calibrate.mount",
     "Notice": "core.runtime.errors",
     "POINT": "points",
     "PairedPoints": "core.checking.paired_points",
-    "ParcelSettings": "workflows.parcels",
-    "Place": "workflows.plots",
+    "ParcelSettings": "workflows.crops.parcels",
+    "Place": "workflows.crops.plots",
     "PlotGrid": "core.crops.plot_grid",
-    "Plots": "workflows.plots",
+    "Plots": "workflows.crops.plots",
     "Points": "points",
-    "ProposedSession": "workflows.propose",
+    "ProposedSession": "workflows.session.init",
     "Raster": "results",
     "RefusedError": "core.runtime.errors",
-    "ResponseSettings": "workflows.response",
+    "ResponseSettings": "workflows.crops.response",
     "Result": "results",
     "Scan": "core.values.scan",
-    "Season": "workflows.season",
-    "SeasonSettings": "workflows.season",
-    "Shared": "workflows.share",
+    "Season": "workflows.season.season",
+    "SeasonSettings": "workflows.season.season",
+    "Shared": "workflows.share.share",
     "Simulated": "core.simulator.simulate",
     "SiteCoordinates": "core.session.site_coordinates",
-    "SolveSettings": "workflows.solve_gnss",
-    "SolvedPositions": "workflows.solve_gnss",
+    "SolveSettings": "workflows.gnss.solve",
+    "SolvedPositions": "workflows.gnss.solve",
     "SurfaceSettings": "core.pointclouds.surface_settings",
-    "TrafficRaster": "workflows.farm_memory",
-    "TrafficSettings": "workflows.farm_memory",
+    "TrafficRaster": "workflows.farm.memory",
+    "TrafficSettings": "workflows.farm.memory",
     "UsageError": "core.runtime.errors",
     "Wheels": "exporters.farm.traffic",
-    "add_to_farm_map": "workflows.farm",
+    "add_to_farm_map": "workflows.farm.farm",
     "allowing": "core.runtime.allowances",
-    "batch": "workflows.batch",
-    "calibrate": "workflows.calibrate",
-    "calibrate_mount": "workflows.calibrate_mount",
-    "canopy": "workflows.canopy",
-    "check": "workflows.check",
-    "check_pairs": "workflows.check",
-    "clean": "workflows.clean",
-    "colour": "workflows.colour",
-    "evaluate_gnss": "workflows.evaluate_gnss",
+    "batch": "workflows.batch.batch",
+    "calibrate": "workflows.calibrate.calibrate",
+    "calibrate_mount": "workflows.calibrate.mount",
+    "canopy": "workflows.crops.canopy",
+    "check": "workflows.clouds.check",
+    "check_pairs": "workflows.clouds.check",
+    "clean": "workflows.clouds.clean",
+    "colour": "workflows.clouds.colour",
+    "evaluate_gnss": "workflows.gnss.evaluate",
     "evaluation_figures": "exporters.reports.evaluation_figures",
-    "evaluation_table": "workflows.evaluate_gnss",
-    "export": "workflows.export",
-    "farm_map_sessions": "workflows.farm",
-    "farm_memory": "workflows.farm_memory",
-    "farm_traffic": "workflows.farm_memory",
-    "features": "workflows.features",
-    "field_history": "workflows.farm_memory",
-    "fields": "workflows.fields",
-    "frames": "workflows.frames",
-    "growth": "workflows.growth",
-    "inspect": "workflows.inspect",
-    "known_machines": "workflows.machines",
-    "mosaic": "workflows.mosaic",
+    "evaluation_table": "workflows.gnss.evaluate",
+    "export": "workflows.share.export",
+    "farm_map_sessions": "workflows.farm.farm",
+    "farm_memory": "workflows.farm.memory",
+    "farm_traffic": "workflows.farm.memory",
+    "features": "workflows.clouds.features",
+    "field_history": "workflows.farm.memory",
+    "fields": "workflows.farm.fields",
+    "frames": "workflows.session.frames",
+    "growth": "workflows.crops.growth",
+    "inspect": "workflows.session.inspect",
+    "known_machines": "workflows.session.machines",
+    "mosaic": "workflows.farm.mosaic",
     "open_points": "points",
     "open_recording": "recordings",
     "open_result": "results",
-    "parcels": "workflows.parcels",
-    "plots": "workflows.plots",
-    "preview": "workflows.preview",
-    "propose_session": "workflows.propose",
+    "parcels": "workflows.crops.parcels",
+    "plots": "workflows.crops.plots",
+    "preview": "workflows.run.preview",
+    "propose_session": "workflows.session.init",
     "range_image": "recordings",
-    "remove_from_farm_map": "workflows.farm",
-    "response": "workflows.response",
-    "run": "workflows.run",
-    "save_machine": "workflows.machines",
-    "season": "workflows.season",
-    "share": "workflows.share",
-    "simulate": "workflows.simulate",
+    "remove_from_farm_map": "workflows.farm.farm",
+    "response": "workflows.crops.response",
+    "run": "workflows.run.run",
+    "save_machine": "workflows.session.machines",
+    "season": "workflows.season.season",
+    "share": "workflows.share.share",
+    "simulate": "workflows.session.simulate",
     "site_coordinates": "core.session.site_coordinates",
-    "solve_gnss": "workflows.solve_gnss",
-    "surface": "workflows.surface",
-    "tie": "workflows.tie",
-    "TieSettings": "workflows.tie",
+    "solve_gnss": "workflows.gnss.solve",
+    "surface": "workflows.clouds.surface",
+    "tie": "workflows.tie.tie",
+    "TieSettings": "workflows.tie.tie",
     "time_matches": "core.session.examination",
     "using_threads": "core.runtime.threads",
-    "write_report_page": "workflows.report",
+    "write_report_page": "workflows.share.report",
 }
 """The module of each public name. They are imported on first use, so that `import furrowmap` takes no time."""
 

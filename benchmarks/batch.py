@@ -28,10 +28,10 @@ import shapely
 
 import furrowmap
 from furrowmap.exporters.files.batch_state import STATE, Outcome, batch_state
-from furrowmap.workflows.batch_engine import Manner
-from furrowmap.workflows.batch_jobs import Job, identity, key_of, open_job
-from furrowmap.workflows.batch_sources import find_sources
-from furrowmap.workflows.batch_task import input_stamps
+from furrowmap.workflows.batch.engine import Manner
+from furrowmap.workflows.batch.jobs import Job, identity, key_of, open_job
+from furrowmap.workflows.batch.sources import find_sources
+from furrowmap.workflows.batch.task import input_stamps
 
 SCENARIO = Path(__file__).parents[1] / "tests" / "app" / "one_pass.toml"
 

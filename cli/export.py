@@ -26,7 +26,7 @@ FORMATS = (
     "isoxml",
     "stac",
 )
-"""As in `furrowmap.workflows.export`, which `--help` must not wait for."""
+"""As in `furrowmap.workflows.share.export`, which `--help` must not wait for."""
 
 
 @click.command(

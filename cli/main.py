@@ -18,10 +18,9 @@ import click
 
 from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, Interruption
-from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
+from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError, as_furrowmap_error
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.languages.choice import using_language
-from furrowmap.workflows.failures import in_three_lines
 
 COMMANDS: Final = (
     "init",
@@ -213,7 +212,7 @@ def _in_three_lines(raised: BaseException, arguments: Sequence[str]) -> Furrowma
         return Cancelled()
     if isinstance(raised, click.UsageError):
         return _usage(raised, arguments)
-    return in_three_lines(raised)
+    return as_furrowmap_error(raised)
 
 
 def _usage(raised: click.UsageError, arguments: Sequence[str]) -> UsageError:

@@ -39,7 +39,7 @@ def install(console: Console, profile: str | None, plugins_folder: Path | None) 
 
     An earlier version of the plugin is replaced. Restart QGIS to load it.
     """
-    from furrowmap.workflows.qgis_plugin import enable_plugin, find_profiles, install_plugin
+    from furrowmap.workflows.share.qgis_plugin import enable_plugin, find_profiles, install_plugin
 
     if profile is not None and plugins_folder is not None:
         raise UsageError("usage.install")

@@ -140,7 +140,7 @@ BOUNDARIES = {
     "japan_geoid": ["core.geodesy.height_system"],
     "rasterio": [
         *("core.readers.geotiff", "core.readers.las.crs", "core.checking.surface_at_points"),
-        *("core.surfaces.depressions", "results", "workflows.cloud_rasters", "workflows.surface"),
+        *("core.surfaces.depressions", "results", "workflows.clouds.rasters", "workflows.clouds.surface"),
         "cli.main",  # its version
     ],
 }
@@ -221,7 +221,7 @@ def test_rasters_and_arrays__of_others_are_opened_by_our_own_functions() -> None
     }
     # Written a moment before by the same process; the profile of a new file has its driver.
     written = {"exporters/rasters/cog.py", "exporters/rasters/orthophoto_file.py"}
-    assert calls.keys() <= {"app/workflows/cloud_rasters.py", *written}, calls
+    assert calls.keys() <= {"app/workflows/clouds/rasters.py", *written}, calls
 
 
 def test_imports__are_of_declared_packages() -> None:

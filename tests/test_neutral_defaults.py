@@ -17,7 +17,7 @@ HELD_BY_PAGES: Final = ("core/simulator/scenario.py", "core/simulator/flight_sce
 EVERY_ONE: Final = {
     "core/pointclouds/cleaning.py Cleaning.every": 1,
     "core/pointclouds/spooled_clouds.py spool_clouds(every)": 1,
-    "app/workflows/features.py FeatureSettings.every": 1,
+    "app/workflows/clouds/features.py FeatureSettings.every": 1,
     "core/pointclouds/surface_settings.py SurfaceSettings.every": 1,
     "core/calibration/clock_search.py _Trial.agreement(every)": 1,
     "core/crops/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
@@ -72,11 +72,11 @@ PUBLISHED: Final = {
     "core/surfaces/terrain.py hillshade(altitude_deg)": 45.0,
 }
 OWN: Final = {
-    "app/workflows/canopy.py CanopySettings.ground_m": 0.2,  # the roughness of ground, and noise
-    "app/workflows/canopy.py CanopySettings.layer_m": 0.5,
-    "app/workflows/season.py SeasonSettings.most_rows": 5_000_000,  # files of a hundred megabytes
-    "app/workflows/solve_gnss.py SolveSettings.mask_deg": 15.0,
-    "app/workflows/check.py CheckSettings.diameter_m": 0.3,
+    "app/workflows/crops/canopy.py CanopySettings.ground_m": 0.2,  # the roughness of ground, and noise
+    "app/workflows/crops/canopy.py CanopySettings.layer_m": 0.5,
+    "app/workflows/season/season.py SeasonSettings.most_rows": 5_000_000,  # files of a hundred megabytes
+    "app/workflows/gnss/solve.py SolveSettings.mask_deg": 15.0,
+    "app/workflows/clouds/check.py CheckSettings.diameter_m": 0.3,
     "core/checking/check.py check_product(diameter_m)": 0.3,
     "core/checking/cloud_at_points.py cloud_at_points(diameter_m)": 0.3,
     "core/surfaces/outliers.py radius_outliers(radius_m)": 0.5,

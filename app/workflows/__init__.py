@@ -1,1 +1,1 @@
-"""The workflows of furrowmap, one file each: what the command line, the QGIS worker and notebooks call."""
+"""The workflows of furrowmap, a folder each: what the command line, the QGIS worker and notebooks call."""

@@ -104,6 +104,24 @@ class Cancelled(FurrowmapError):
         super().__init__("cancelled")
 
 
+def as_furrowmap_error(raised: BaseException) -> FurrowmapError:
+    """Any exception as an error with a remedy."""
+    if isinstance(raised, FurrowmapError):
+        return raised
+    if isinstance(raised, KeyboardInterrupt):
+        return Cancelled()
+    if isinstance(raised, MemoryError):
+        return FurrowmapError("out-of-memory")
+    if isinstance(raised, OSError) and raised.strerror:
+        return FurrowmapError(
+            "system",
+            filename=raised.filename or None,
+            strerror=raised.strerror if raised.filename else None,
+            raised_strerror=raised.strerror if not (raised.filename) else None,
+        )
+    return FurrowmapError("fault", name=type(raised).__name__, raised=raised)
+
+
 @dataclass(frozen=True, init=False)
 class Notice:
     """A warning about an input or a result that does not stop the work.

@@ -17,8 +17,8 @@ import pytest
 import furrowmap
 from furrowmap.exporters.share.features import shared_layer
 from furrowmap.exporters.vectors.map_tip_times import Clock, in_local_time, in_local_times, offset_changes
-from furrowmap.workflows.export import export
-from furrowmap.workflows.farm import add_to_farm_map, farm_map_sessions
+from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions
+from furrowmap.workflows.share.export import export
 
 TOKYO = ZoneInfo("Asia/Tokyo")
 HOURS = "to_interval('32400 seconds')"

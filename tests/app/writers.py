@@ -27,9 +27,9 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.mosaic import write_mosaic
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
-from furrowmap.workflows.calibrate import write_calibration
-from furrowmap.workflows.evaluate_gnss import evaluate_gnss
-from furrowmap.workflows.export import export
+from furrowmap.workflows.calibrate.calibrate import write_calibration
+from furrowmap.workflows.gnss.evaluate import evaluate_gnss
+from furrowmap.workflows.share.export import export
 from tests.exporters.farm.result_folders import write_result
 from tests.fuzz.texts import worked
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import InputError, RefusedError
-from furrowmap.workflows.qgis_plugin import find_profiles, install_plugin, with_setting
+from furrowmap.workflows.share.qgis_plugin import find_profiles, install_plugin, with_setting
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 

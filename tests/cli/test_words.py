@@ -24,11 +24,11 @@ from furrowmap.core.evaluation.statistics import Row
 from furrowmap.core.values.machine import Calibrated, Machine, MachineCamera, MachineImplement, MachineImu
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.session import Antenna, Lidar
-from furrowmap.workflows.batch import Batch
-from furrowmap.workflows.calibrate import Calibration
-from furrowmap.workflows.farm import FarmMapChange
-from furrowmap.workflows.farm_memory import FarmMemory
-from furrowmap.workflows.machines import KnownMachine
+from furrowmap.workflows.batch.batch import Batch
+from furrowmap.workflows.calibrate.calibrate import Calibration
+from furrowmap.workflows.farm.farm import FarmMapChange
+from furrowmap.workflows.farm.memory import FarmMemory
+from furrowmap.workflows.session.machines import KnownMachine
 
 STATED = Mounting((-0.61, 0.02, 2.43), (0.04, 40.05, 180.06))
 FOUND = Calibration(

@@ -14,7 +14,7 @@ from furrowmap.core.work.depth import SOIL_SIGMA_M
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.reports.report_page import _passes
 from furrowmap.exporters.share.features import shared_layer
-from furrowmap.workflows.export import export
+from furrowmap.workflows.share.export import export
 from tests.exporters.farm.result_folders import field, write_result
 
 TOKYO = ZoneInfo("Asia/Tokyo")

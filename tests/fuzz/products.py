@@ -17,7 +17,7 @@ from furrowmap.core.implement.range_image import COLUMNS
 from furrowmap.core.implement.saved import load_implement, save_implement
 from furrowmap.core.implement.template import SideViewGrid, Template
 from furrowmap.core.simulator.scenario_file import load_scenario
-from furrowmap.workflows.export import export
+from furrowmap.workflows.share.export import export
 from tests.core.implement.test_tool_history import TILLER
 from tests.exporters.farm.result_folders import write_result
 from tests.fuzz.mutations import Files

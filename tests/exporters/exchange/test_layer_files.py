@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.exchange.vectors import FORMATS, _short_names, write_vectors
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.workflows.export import export
+from furrowmap.workflows.share.export import export
 from tests.exporters.farm.result_folders import rename_layer, write_result
 
 SPLIT = sorted(name for name, kind in FORMATS.items() if kind.write_one is not None)

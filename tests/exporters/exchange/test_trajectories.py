@@ -15,7 +15,7 @@ from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import RefusedError, UsageError
 from furrowmap.exporters.exchange.trajectories import _Poses
 from furrowmap.exporters.files.result_folder import open_result
-from furrowmap.workflows.export import export
+from furrowmap.workflows.share.export import export
 from tests.exporters.farm.result_folders import write_result
 
 

@@ -10,7 +10,7 @@ import os
 import sys
 from pathlib import Path
 
-from furrowmap.workflows.farm import add_to_farm_map
+from furrowmap.workflows.farm.farm import add_to_farm_map
 
 for line in sys.stdin:
     base, *folders = json.loads(line)

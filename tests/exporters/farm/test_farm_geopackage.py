@@ -28,7 +28,7 @@ from pyproj import CRS
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.exporters.farm import lock
-from furrowmap.workflows.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
+from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
 from tests.exporters.farm.processes import adders, ask, ended
 from tests.exporters.farm.result_folders import coverage, write_result
 

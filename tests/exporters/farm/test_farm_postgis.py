@@ -23,7 +23,7 @@ from pyproj import CRS
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.farm import postgis
-from furrowmap.workflows.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
+from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
 from tests.exporters.farm.processes import adders, ended
 from tests.exporters.farm.processes import ask as order
 from tests.exporters.farm.result_folders import write_result

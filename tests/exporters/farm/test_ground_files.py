@@ -13,7 +13,7 @@ import shapely
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import HEIGHT, write_cog
-from furrowmap.workflows.farm import add_to_farm_map, remove_from_farm_map
+from furrowmap.workflows.farm.farm import add_to_farm_map, remove_from_farm_map
 from tests.exporters.farm.result_folders import JAPAN, field, write_result
 
 

@@ -1,0 +1,1 @@
+"""A batch: many sessions, each run once."""

@@ -1,0 +1,331 @@
+"""The runs of a batch: one for each session, or one for each visit of a field by a recording."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import cache, lru_cache, partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import msgspec
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.geodesy.coordinates import transform_poses, transform_track
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.readers.boundary import FieldOutline, read_fields
+from furrowmap.core.readers.reader import GivesPoses, GivesTrack
+from furrowmap.core.runtime.errors import as_furrowmap_error
+from furrowmap.core.session.file import parse_session
+from furrowmap.core.session.opened import Inputs, OpenSession
+from furrowmap.core.trajectory.from_poses import trajectory_from_poses
+from furrowmap.core.values.session import Session
+from furrowmap.core.values.time_span import poses_within, track_within
+from furrowmap.core.work.boundary import boundary_on_map
+from furrowmap.exporters.files.atomic import atomic_output, relative_path
+from furrowmap.exporters.files.batch_state import Failure, Stamp
+from furrowmap.workflows.batch.engine import Manner
+from furrowmap.workflows.batch.places import scratch, staged
+from furrowmap.workflows.session.init import proposed
+
+Found = TypeVar("Found")
+
+FIELDS: Final = ".batch-fields"
+"""Folder of the outlines that runs take as the boundary of their field."""
+LEAST_VISIT_S: Final = 30.0
+"""A field in which the vehicle is for less is passed by or crossed."""
+BEFORE_AND_AFTER_S: Final = 30.0
+"""Part of the drive before the first and after the last place in the field that its run has as well: a turn."""
+_GAP_S: Final = 10.0
+"""Longer gaps between positions do not count as time in a field."""
+
+
+def result_or_failure(work: Callable[[], Found]) -> Found | Failure:
+    """What `work` returns, or the error that ended it: one session of a batch must not stop the others."""
+    try:
+        return work()
+    except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
+        return Failure.of(as_furrowmap_error(error))
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A part of a recording in one field.
+
+    Attributes:
+        name: of the field, with a number from its second visit on.
+        outline: its polygons in longitude and latitude, as GeoJSON.
+        span_s: first and last UTC to use.
+    """
+
+    name: str
+    outline: str
+    span_s: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a source is looked at for.
+
+    Attributes:
+        file: session file.
+        made: whether it is made from the recordings in its folder.
+        machine: profile for a session that is made; empty for none.
+        boundaries: file with fields; empty for none.
+        url: of the folder of the session, if it is in a store.
+        stamps: the files there.
+    """
+
+    file: str
+    made: bool
+    machine: str = ""
+    boundaries: str = ""
+    url: str = ""
+    stamps: tuple[Stamp, ...] = ()
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What a source holds.
+
+    Attributes:
+        text: of the session file.
+        visits: of fields; empty for a recording that is run as a whole.
+        failure: why nothing can be run.
+    """
+
+    text: str = ""
+    visits: tuple[Visit, ...] = ()
+    failure: Failure | None = None
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run.
+
+    Attributes:
+        name: of the result folder.
+        file: of the session; a session that is made from recordings is not written there.
+        text: its content.
+        results: folder of all results.
+        manner: what the user has chosen for the run.
+        visit: the part of the recording to run; None for all.
+        overwrite: replace products of other recordings in the result folder.
+        url: of the folder of the session, if it is in a store; `file` is then the address of the session file.
+        stamps: the files there.
+        results_url: of the folder of all results, if that is in a store.
+    """
+
+    name: str
+    file: str
+    text: str
+    results: str
+    manner: Manner
+    visit: Visit | None = None
+    overwrite: bool = False
+    url: str = ""
+    stamps: tuple[Stamp, ...] = ()
+    results_url: str = ""
+
+    @property
+    def folder(self) -> Path:
+        """The result folder."""
+        return Path(self.results) / self.name
+
+    @property
+    def identity(self) -> str:
+        """What the job is made from, whatever is in it."""
+        return identity(self.file, self.visit)
+
+
+def identity(file: str, visit: Visit | None) -> str:
+    """What tells the run of a source, or of its visit of a field, from all others."""
+    return json.dumps([file, *([visit.name] if visit is not None else [])], ensure_ascii=False)
+
+
+@cache
+def own_version() -> str:
+    """The version of furrowmap; looking it up takes 2 ms."""
+    return version("furrowmap")
+
+
+@lru_cache(maxsize=1)
+def _parsed(text: str, file: str) -> Session:
+    """The session of a job, which several steps need in a row."""
+    return parse_session(text, file)
+
+
+def prepare(request: Request) -> Prepared:
+    """Look at a source: propose a session for its recordings, and find the fields that they enter.
+
+    Errors are returned, because one source must not stop the others.
+    """
+    found = result_or_failure(partial(_fetched_and_prepared, request))
+    return Prepared(failure=found) if isinstance(found, Failure) else found
+
+
+def open_job(job: Job) -> OpenSession:
+    """The session of a job; the outline of its field is written into the folder of the results.
+
+    Raises:
+        InputError: as :func:`~furrowmap.core.session.opened.open_session`.
+        RefusedError: if the map frame is ambiguous.
+    """
+    file = Path(job.file)
+    session = _parsed(job.text, job.file)
+    inputs = Inputs.of(file, session)
+    frame = map_frame(session.crs, inputs.parameters, inputs.geoid_grid)
+    if job.visit is not None:
+        boundary = _outline_file(Path(job.results) / FIELDS, job.visit.outline)
+        session = _of_visit(session, job.visit, relative_path(boundary, file.parent) or str(boundary))
+        inputs = replace(inputs, boundary=boundary)
+    return OpenSession(file, session, inputs, frame)
+
+
+def key_of(job: Job) -> str:
+    """A hash of what decides on the products besides the content of the inputs: settings and version.
+
+    Raises:
+        InputError: if the session is not valid.
+    """
+    session = msgspec.to_builtins(_parsed(job.text, job.file))
+    visit = msgspec.to_builtins(job.visit)
+    decisive = [own_version(), session, visit, job.manner.language, sorted(job.manner.allowed)]
+    return hashlib.sha256(json.dumps(decisive, default=str, sort_keys=True).encode()).hexdigest()
+
+
+def visits_of(
+    t_s: NDArray[np.float64], xy_m: NDArray[np.float64], shapes: Sequence[BaseGeometry]
+) -> list[tuple[int, float, float]]:
+    """The visits of fields in the order of time.
+
+    A field that is entered again after another one has two visits. Where fields overlap, the first counts.
+
+    Args:
+        t_s: (n,) times of the places, increasing.
+        xy_m: (n, 2) places of the vehicle.
+        shapes: of the fields, in the same coordinates.
+
+    Returns:
+        Index of the field, first and last time in it.
+    """
+    field = np.full(len(t_s), -1)
+    for k, shape in enumerate(shapes):
+        west, south, east, north = shape.bounds
+        near = (field < 0) & (xy_m[:, 0] >= west) & (xy_m[:, 0] <= east)
+        near &= (xy_m[:, 1] >= south) & (xy_m[:, 1] <= north)
+        if near.any():
+            shapely.prepare(shape)
+            near[near] = shapely.contains_xy(shape, *xy_m[near].T)
+            field[near] = k
+    step_s = np.diff(t_s, append=t_s[-1:])
+    step_s[step_s > _GAP_S] = 0.0
+    inside = np.flatnonzero(field >= 0)
+    kept: list[tuple[int, float, float]] = []
+    for part in np.split(inside, np.flatnonzero(np.diff(field[inside])) + 1):
+        if not len(part) or float(step_s[part].sum()) < LEAST_VISIT_S:
+            continue
+        k, first, last = int(field[part[0]]), float(t_s[part[0]]), float(t_s[part[-1]])
+        if kept and kept[-1][0] == k:
+            kept[-1] = (k, kept[-1][1], last)
+        else:
+            kept.append((k, first, last))
+    return kept
+
+
+def _fetched_and_prepared(request: Request) -> Prepared:
+    if not request.url:
+        return _prepared(request)
+    with scratch() as folder:
+        file = staged(request.url, request.stamps, Path(folder))
+        return _prepared(replace(request, file=str(file)))
+
+
+def _prepared(request: Request) -> Prepared:
+    file = Path(request.file)
+    if request.made:
+        proposal, _ = proposed([file.parent], file.parent, request.machine or None)
+        text = proposal.text
+    else:
+        text = file.read_text(encoding="utf-8")
+    session = parse_session(text, request.file)
+    if not request.boundaries or session.field.boundary is not None:
+        return Prepared(text)
+    return Prepared(text, tuple(_visits(file, session, read_fields(Path(request.boundaries)))))
+
+
+def _visits(file: Path, session: Session, fields: Sequence[FieldOutline]) -> list[Visit]:
+    inputs = Inputs.of(file, session)
+    opened = OpenSession(file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
+    t_s, xy_m = _places(opened)
+    near = [field for field in fields if _near(field, opened, xy_m)]
+    found = visits_of(t_s, xy_m, [boundary_on_map(field.outline, opened.frame) for field in near])
+    visits: list[Visit] = []
+    for n, (k, first, last) in enumerate(found):
+        before = found[n - 1][2] if n else -math.inf
+        after = found[n + 1][1] if n + 1 < len(found) else math.inf
+        span = (max(first - BEFORE_AND_AFTER_S, before), min(last + BEFORE_AND_AFTER_S, after))
+        name = near[k].names[0] if near[k].names else f"field {fields.index(near[k]) + 1}"
+        again = 1 + sum(earlier == k for earlier, *_ in found[:n])
+        name = f"{name} ({again})" if again > 1 else name
+        visits.append(Visit(name, _geojson(near[k].outline, name), (math.floor(span[0]), math.ceil(span[1]))))
+    return visits
+
+
+def _places(opened: OpenSession) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times (n,) and places (n, 2) on the map of the antenna, or of a trajectory from elsewhere."""
+    reader, span_s = opened.positions(), opened.session.recording.span_s
+    if opened.session.trajectory is not None:
+        assert isinstance(reader, GivesPoses)
+        poses, _ = transform_poses(poses_within(reader.poses(), span_s), opened.frame)
+        trajectory = trajectory_from_poses(poses, opened.frame)
+        return trajectory.t_s, trajectory.xyz_m[:, :2]
+    assert isinstance(reader, GivesTrack)
+    track, _ = transform_track(track_within(reader.track(), span_s), opened.frame)
+    return track.t_s, np.column_stack(opened.frame.project(track.lon_deg, track.lat_deg))
+
+
+def _near(field: FieldOutline, opened: OpenSession, xy_m: NDArray[np.float64]) -> bool:
+    """Whether the drive may have entered a field: fields far away may lie outside of the map."""
+    lon, lat = opened.frame.to_lon_lat(*xy_m[:: max(1, len(xy_m) // 1000)].T)
+    west, south, east, north = field.outline.bounds
+    beyond = 0.001
+    inside = (lon >= west - beyond) & (lon <= east + beyond) & (lat >= south - beyond) & (lat <= north + beyond)
+    return bool(inside.any())
+
+
+def _geojson(outline: BaseGeometry, name: str) -> str:
+    shape = json.loads(shapely.to_geojson(outline))
+    feature = {"type": "Feature", "properties": {"name": name}, "geometry": shape}
+    return json.dumps({"type": "FeatureCollection", "features": [feature]}, ensure_ascii=False)
+
+
+def _outline_file(folder: Path, outline: str) -> Path:
+    """The file of an outline, named by its content."""
+    path = folder / f"{hashlib.sha256(outline.encode()).hexdigest()[:16]}.geojson"
+    if not path.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        with atomic_output(path) as unfinished:
+            unfinished.write_text(outline, encoding="utf-8")
+    return path
+
+
+def _of_visit(session: Session, visit: Visit, boundary: str) -> Session:
+    recording, first, last = session.recording, *session.recording.span_s
+    begin, end = max(first, visit.span_s[0]), min(last, visit.span_s[1])
+    replaced: dict[str, Any] = {
+        "name": f"{session.name}, {visit.name}" if session.name else visit.name,
+        "recording": msgspec.structs.replace(
+            recording, begin=datetime.fromtimestamp(begin, UTC), end=datetime.fromtimestamp(end, UTC)
+        ),
+        "field": msgspec.structs.replace(session.field, boundary=boundary, name=None),
+    }
+    return msgspec.structs.replace(session, **replaced)

@@ -1,0 +1,178 @@
+"""Recordings and results of a batch in an object store or on a server, by fsspec URLs such as s3:// and sftp://."""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import msgspec
+
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.exporters.files.batch_state import Outcome, Stamp, same_files
+from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION
+from furrowmap.workflows.batch.sources import Source, holds_scans
+
+MARKER: Final = "complete.json"
+"""The file of a result in a store that is written last: what became of the session."""
+
+
+def is_url(place: str | Path) -> bool:
+    """Whether a place is a URL rather than a path."""
+    return "://" in str(place)
+
+
+@dataclass(frozen=True)
+class Store:
+    """A folder in a store.
+
+    Attributes:
+        url: of the folder, without a slash at its end.
+    """
+
+    url: str
+
+    def files(self) -> dict[str, Stamp]:
+        """All files below the folder, by their path relative to it."""
+        system, root = self._opened()
+        listed: Mapping[str, Mapping[str, Any]] = system.find(root, detail=True)
+        found = {}
+        for path, facts in listed.items():
+            name = posixpath.relpath(path, root)
+            known = [
+                facts.get(key) for key in ("ETag", "etag", "md5Hash", "mtime", "LastModified", "modified", "created")
+            ]
+            mark = next((str(one) for one in known if one is not None), "")
+            found[name] = Stamp(f"{self.url}/{name}", int(facts["size"]), mark)
+        return found
+
+    def read(self, name: str) -> bytes | None:
+        """The content of a file; None where there is none."""
+        system, root = self._opened()
+        try:
+            content: bytes = system.cat_file(f"{root}/{name}")
+        except FileNotFoundError:
+            return None
+        return content
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file."""
+        system, root = self._opened()
+        system.makedirs(posixpath.dirname(f"{root}/{name}"), exist_ok=True)
+        system.pipe_file(f"{root}/{name}", content)
+
+    def fetch(self, names: Sequence[str], folder: Path) -> None:
+        """Copy files into a folder.
+
+        Raises:
+            InputError: if the store names a file that would lie outside of the folder.
+        """
+        system, root = self._opened()
+        for name in names:
+            if not all(is_file_name(part) for part in name.split("/")):
+                raise InputError("batch-file-name", url=self.url, name=name)
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            system.get_file(f"{root}/{name}", str(folder / name))
+
+    def put(self, folder: Path) -> None:
+        """Copy the files of a folder, and remove others but the marker, which is removed first."""
+        system, root = self._opened()
+        if system.exists(root):
+            system.invalidate_cache()
+            there = set(self.files())
+        else:
+            there = set()
+        if MARKER in there:
+            system.rm_file(f"{root}/{MARKER}")
+        system.makedirs(root, exist_ok=True)
+        names = [path.name for path in sorted(folder.iterdir()) if path.is_file() and not path.name.startswith(".")]
+        for name in names:
+            system.put_file(str(folder / name), f"{root}/{name}")
+        for name in there - {MARKER, *names}:
+            system.rm_file(f"{root}/{name}")
+
+    def complete(self) -> set[str]:
+        """Names of the folders in this one that are whole."""
+        system, root = self._opened()
+        return {posixpath.basename(posixpath.dirname(path)) for path in system.glob(f"{root}/*/{MARKER}")}
+
+    def _opened(self) -> tuple[Any, str]:
+        """The file system and the path in it."""
+        try:
+            from fsspec.core import url_to_fs
+
+            system, root = url_to_fs(self.url)
+        except ImportError as error:
+            raise RefusedError("no-fsspec", url=self.url, error=error) from None
+        return system, str(root).rstrip("/")
+
+
+def find_remote(url: str) -> Iterator[Source]:
+    """The sources below a URL, as :func:`~.batch_sources.find_sources` finds them on the disk.
+
+    Raises:
+        InputError: if there is nothing.
+    """
+    store = Store(url.rstrip("/"))
+    files = store.files()
+    if not files:
+        raise InputError("batch-no-store", url=url)
+    folders: dict[str, dict[str, Stamp]] = {}
+    for name, stamp in files.items():
+        folders.setdefault(posixpath.dirname(name), {})[posixpath.basename(name)] = stamp
+    results = [home for home, names in folders.items() if REPORT in names or PREVIEW_REPORT in names]
+    of_session: list[str] = []
+    for home, names in sorted(folders.items()):
+        if any(_is_in(home, result) for result in results) or any(part.startswith(".") for part in home.split("/")):
+            continue
+        made = SESSION not in names
+        if made and (not holds_scans(names) or any(_is_in(home, other) for other in of_session)):
+            continue
+        of_session.append(home)
+        inside = tuple(stamp for name, stamp in sorted(files.items()) if _is_in(name, home))
+        parts = tuple(home.split("/")) if home else (posixpath.basename(store.url),)
+        yield Source(Path(SESSION), parts, made, inside, url=f"{store.url}/{home}".rstrip("/"))
+
+
+def staged(url: str, stamps: Sequence[Stamp], folder: Path) -> Path:
+    """The session file of a source in a store, after its files have been copied into a folder."""
+    home = folder / (posixpath.basename(url) or "session")
+    Store(url).fetch([posixpath.relpath(one.path, url) for one in stamps], home)
+    return home / SESSION
+
+
+def put_result(folder: Path, url: str, outcome: Outcome) -> None:
+    """Copy a result into a store: its marker last, so that a result is there as a whole or has no marker."""
+    store = Store(url)
+    store.put(folder)
+    store.write(MARKER, msgspec.json.encode(outcome))
+
+
+def earlier_in_store(url: str, key: str, inputs: Sequence[Stamp]) -> Outcome | None:
+    """What the marker of a result in a store says, if it is of the same settings, version and inputs."""
+    content = Store(url).read(MARKER)
+    try:
+        found = msgspec.json.decode(content, type=Outcome) if content is not None else None
+    except msgspec.MsgspecError:
+        return None
+    if found is None or found.key != key or not same_files(found.inputs, inputs):
+        return None
+    return replace(found, repeated=True)
+
+
+def scratch() -> TemporaryDirectory[str]:
+    """A folder for copies: in the system's folder of temporary files, which TMPDIR moves."""
+    return TemporaryDirectory(prefix="furrowmap-batch-")
+
+
+def store_failure(url: str, error: Exception) -> FurrowmapError:
+    """What a store or its library raised, as an error with a remedy."""
+    return FurrowmapError("batch-store", url=url, name=type(error).__name__, error=error)
+
+
+def _is_in(name: str, folder: str) -> bool:
+    return not folder or name == folder or name.startswith(f"{folder}/")

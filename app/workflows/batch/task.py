@@ -1,0 +1,162 @@
+"""One run of a batch, as a worker does it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from time import monotonic, perf_counter, process_time, sleep
+from typing import Any, Final
+
+import msgspec
+
+from furrowmap.core.runtime.errors import FurrowmapError, RefusedError, as_furrowmap_error
+from furrowmap.core.runtime.json_text import plain
+from furrowmap.core.session.opened import OpenSession
+from furrowmap.exporters.files.batch_state import Failure, Outcome, Stamp
+from furrowmap.exporters.files.file_records import file_records, files_in
+from furrowmap.exporters.files.result_folder import REPORT
+from furrowmap.exporters.vectors.batch_table import FIGURES, outlines
+from furrowmap.results import Result, open_result
+from furrowmap.workflows.batch.jobs import Job, key_of, open_job, result_or_failure
+from furrowmap.workflows.batch.places import earlier_in_store, put_result, scratch, staged, store_failure
+from furrowmap.workflows.batch.sources import stamp
+from furrowmap.workflows.run.run import run_opened
+
+PATIENCE_S: Final = 3600.0
+"""A run of another worker into the same folder, such as one whose scheduler is gone, is waited for so long."""
+_LOOK_S: Final = 1.0
+
+
+@dataclass(frozen=True)
+class _Spent:
+    """What a job has taken so far."""
+
+    wall_s: float
+    processor_s: float
+
+    @classmethod
+    def begin(cls) -> Callable[[], _Spent]:
+        """Start to count."""
+        wall_s, processor_s = perf_counter(), process_time()
+        return lambda: cls(perf_counter() - wall_s, process_time() - processor_s)
+
+
+def run_job(job: Job) -> Outcome:
+    """Run a session into its folder, unless the result of the same inputs, settings and version is there.
+
+    Errors are part of the outcome, because one session must not stop the others.
+    """
+    if job.url or job.results_url:
+        return _run_with_store(job)
+    spent = _Spent.begin()
+    looked = result_or_failure(partial(_looked_at, job))
+    if isinstance(looked, Failure):
+        outcome = Outcome("", failure=looked)
+    else:
+        ran = result_or_failure(partial(_ran, job, *looked))
+        outcome = Outcome(*looked[:2], ran) if isinstance(ran, Failure) else ran
+    took = spent()
+    return replace(
+        outcome,
+        seconds=round(took.wall_s, 3),
+        processor_s=round(took.processor_s, 3),
+        peak_mb=round(peak_memory_mb(), 1),
+    )
+
+
+def _run_with_store(job: Job) -> Outcome:
+    """Run a session whose recordings or results are in a store, on copies."""
+    target = f"{job.results_url}/{job.name}" if job.results_url else ""
+    try:
+        key = key_of(job)
+        if target and job.url and (earlier := earlier_in_store(target, key, job.stamps)) is not None:
+            return earlier
+        with scratch() as folder:
+            file = str(staged(job.url, job.stamps, Path(folder))) if job.url else job.file
+            results = str(Path(folder) / "results") if target else job.results
+            local = replace(job, file=file, results=results, url="", results_url="")
+            outcome = run_job(local)
+            outcome = replace(outcome, key=key, inputs=job.stamps) if job.url else outcome
+            if target and outcome.failure is None:
+                put_result(local.folder, target, outcome)
+            return outcome
+    except Exception as error:  # noqa: BLE001 whatever a store or its library raises is told in the table
+        ours = isinstance(error, FurrowmapError | MemoryError)
+        told = as_furrowmap_error(error) if ours else store_failure(job.url or target, error)
+        return Outcome("", job.stamps, Failure.of(told))
+
+
+def input_stamps(opened: OpenSession) -> tuple[Stamp, ...]:
+    """The files of a session as they are now, without their content."""
+    files = [file for path in opened.inputs.all for file in (files_in(path) if path.is_dir() else [path])]
+    return tuple(stamp(file) for file in files)
+
+
+def peak_memory_mb() -> float:
+    """Peak memory of this process; nan where the system does not report it."""
+    if sys.platform == "win32":
+        return float("nan")
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 1e6 if sys.platform == "darwin" else peak / 1e3
+
+
+def _looked_at(job: Job) -> tuple[str, tuple[Stamp, ...], OpenSession]:
+    """The key of a job, the files of its session, and that."""
+    with job.manner.applied():
+        opened = open_job(job)
+        return key_of(job), input_stamps(opened), opened
+
+
+def _ran(job: Job, key: str, stamps: tuple[Stamp, ...], opened: OpenSession) -> Outcome:
+    """What became of a job that could be opened."""
+    with job.manner.applied():
+        result, repeated = _result(job, opened)
+        return replace(_finished(key, stamps, result, opened), repeated=repeated)
+
+
+def _result(job: Job, opened: OpenSession) -> tuple[Result, bool]:
+    """The result, and whether it was there."""
+    until = monotonic() + PATIENCE_S
+    while True:
+        try:
+            earlier = _earlier(job.folder, opened)
+            if earlier is not None:
+                return earlier, True
+            return run_opened(opened, job.folder, overwrite=job.overwrite, resume=True), False
+        except RefusedError as error:
+            if error.code != "output-busy" or monotonic() > until:
+                raise
+            sleep(_LOOK_S)
+
+
+def _earlier(folder: Path, opened: OpenSession) -> Result | None:
+    """The result in a folder, if it is of the same inputs, settings and version."""
+    if not (folder / REPORT).is_file():
+        return None
+    result = open_result(folder)
+    report = result.report
+    if report["furrowmap"] != version("furrowmap") or report["session"] != plain(msgspec.to_builtins(opened.session)):
+        return None
+    records = plain(file_records(opened.inputs.all, opened.file.resolve().parent))
+    return result if _contents(report["inputs"]) == _contents(records) else None
+
+
+def _contents(records: Any) -> list[tuple[str, str]]:
+    return sorted((record["name"], record["sha256"]) for record in records)
+
+
+def _finished(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenSession) -> Outcome:
+    report = result.report
+    root = opened.file.resolve().parent
+    digests = {(root / record["name"]).resolve(): record["sha256"] for record in report["inputs"]}
+    inputs = tuple(replace(one, sha256=digests.get(Path(one.path).resolve(), "")) for one in stamps)
+    figures = {name: report["figures"][name] for name in FIGURES if name in report["figures"]}
+    figures |= {"session": report["session"]["name"], "warnings": len(report["warnings"])}
+    footprint, track = outlines(result, opened.frame)
+    return Outcome(key, inputs, figures=figures, footprint=footprint, track=track)

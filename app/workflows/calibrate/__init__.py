@@ -1,0 +1,1 @@
+"""Calibration of mountings and clocks."""

@@ -1,0 +1,1 @@
+"""Clouds of any origin: cleaning, checks, colours, features, surfaces."""

@@ -1,0 +1,129 @@
+"""Colouring clouds: any cloud in the colours of the images of a session."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from furrowmap.core.images.frames import Frames, frames_along
+from furrowmap.core.images.session_aid import aided_session
+from furrowmap.core.pipeline import companions, ground_scale
+from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
+from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
+from furrowmap.core.readers.exif import expect_pillow
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.json_text import plain
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.record_spool import RecordArray
+from furrowmap.core.runtime.scratch import scratch_in
+from furrowmap.core.session.opened import OpenSession, open_session
+from furrowmap.core.trajectory.located import locate
+from furrowmap.core.values.images import CONTRADICTING
+from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
+from furrowmap.exporters.cloud.writer import CopcWriter
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.workflows.clouds.clean import NO_TIME, batch_of, refuse_target, scale_of
+from furrowmap.workflows.clouds.inputs import input_records
+from furrowmap.workflows.run.colours import ColourFigures, RunColours
+
+
+def colour(
+    cloud: str | Path,
+    session: str | Path,
+    out: str | Path,
+    *,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Write a cloud in the colours of the images of a session, as COPC with point format 7.
+
+    Each point takes the colour of the best image that sees it; points that none sees, of the machine, and noise are 0.
+    The poses of the images are those of the session's trajectory from GNSS, IMU and the images themselves, with the
+    camera's mounting that these show, or of its `[trajectory]`.
+
+    Args:
+        cloud: LAS, LAZ or COPC file; it is taken to the session's CRS, its heights are taken as they are.
+        session: session file with `[camera]`.
+        out: the file to write, whole or not at all.
+        overwrite: replace it if it exists.
+        progress: is called with each stage and its share, 0 to 1.
+
+    Returns:
+        Counts of the points and images, and warnings.
+
+    Raises:
+        InputError: if the session has no camera, no image has a pose, or a file cannot be read.
+        RefusedError: if the file exists, or is the cloud, or the images contradict GNSS and IMU.
+        OSError: if the file cannot be written.
+    """
+    source, target, notices = Path(cloud), Path(out), list[Notice]()
+    refuse_target(target, [source], overwrite=overwrite)
+    opened = open_session(Path(session))
+    clouds = open_clouds([source], None, opened.frame.crs)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with scratch_in(target.parent), RunColours() as colours:
+        frames = _frames(opened, notices, progress)
+        figures = _write(clouds, frames, colours, target, progress)
+    told = [*notices, *clouds.notices, *figures.notices]
+    return dict(plain({"cloud": source.name, "figures": figures.plain(), "warnings": list(dict.fromkeys(told))}))
+
+
+def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> Frames:
+    """The frames of the session's camera."""
+    camera = opened.session.camera
+    if camera is None:
+        raise InputError("no-camera.frames", file=opened.file)
+    expect_pillow()
+    images = opened.images(notices)
+    located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
+    scale = ground_scale(opened.frame, located.trajectory)
+    located, aid = aided_session(opened, located, scale, notices, progress)
+    contradicting = next((notice for notice in notices if notice.code == CONTRADICTING), None)
+    if contradicting is not None:
+        raise RefusedError(f"{CONTRADICTING}.colour", file=opened.file, contradiction=contradicting.text)
+    used = aid.camera if aid is not None else opened.camera()
+    frames = frames_along(images, used, located.trajectory, scale, notices) if len(images) else None
+    if frames is None:
+        raise InputError(
+            "no-images.frames",
+            file=opened.file,
+            images=len(images),
+            notices="".join(f" {notice.text}" for notice in notices),
+        )
+    return frames
+
+
+def _write(clouds: Clouds, frames: Frames, colours: RunColours, target: Path, progress: Progress) -> ColourFigures:
+    """Read the cloud twice: for what hides what, and to write it."""
+    origin_m: tuple[float, float, float] | None = None
+    for records in _points(clouds, target.parent, progress):
+        if origin_m is None:
+            east, north, up = (np.floor(records["xyz_m"][0] / 1000.0) * 1000.0).tolist()
+            origin_m = east, north, up
+            colours.take(frames, origin_m)
+        colours.add_points(records["xyz_m"] - origin_m, records["classification"])
+    if origin_m is None:
+        raise no_points_error(clouds, None)
+    colours.finish(progress)
+    scale_m = scale_of(clouds)
+    kind = CopcFormat(las_wkt(clouds.crs), origin_m, scale_m, colour=True, week_time=clouds.week_times)
+    no_time = 0.0 if clouds.week_times else NO_TIME
+    inputs = [(record.name, record.sha256) for record in input_records(clouds, progress)]
+    with CopcWriter(target, kind) as writer:
+        for records in _points(clouds, target.parent, progress):
+            writer.append(batch_of(records, origin_m, no_time, coloured=True))
+        text = Origin("points of a cloud, coloured by images", inputs=inputs).text
+        writer.close(progress, lambda points: colours.paint(points, scale_m), text)
+    figures = colours.figures()
+    assert figures is not None
+    return figures
+
+
+def _points(clouds: Clouds, folder: Path, progress: Progress) -> Iterator[RecordArray]:
+    """The points in batches."""
+    with closing(cleaned(clouds, Cleaning(), folder, None, progress)) as points:
+        yield from (records for records in points if len(records))

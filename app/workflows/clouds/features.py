@@ -1,0 +1,183 @@
+"""Features of clouds: ground, planes, lines and plants by shape and colour."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from pyproj import CRS
+
+from furrowmap.core.features.classes import Feature
+from furrowmap.core.features.cloud_features import CELLS_M, Found, density, with_features
+from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.pointclouds.cleaning import Cleaning
+from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, open_clouds
+from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.surfaces.cloth import require_cloth
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.exporters.files.file_records import FileRecord
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import CLOUD, FEATURE_PRODUCTS, FEATURES, FEATURES_REPORT, refuse_occupied
+from furrowmap.exporters.files.staging import staged_folder
+from furrowmap.exporters.vectors.feature_layers import feature_layers, write_features
+from furrowmap.exporters.vectors.field_layers import Layer
+from furrowmap.workflows.clouds.clean import write_records
+from furrowmap.workflows.clouds.inputs import input_records, input_rows
+
+GroundChoice = Literal["auto", "class", "smrf", "csf"]
+
+
+@dataclass(frozen=True)
+class FeatureSettings:
+    """How features of clouds are found.
+
+    Attributes:
+        ground: ground filter; "auto" takes the files' ground class where there is one, else smrf.
+        cell_m: size of voxels, the least detail; None for the spacing of the points.
+        every: keep every n-th point, from the first.
+        box: west, south, east, north; None for all points.
+        box_crs: CRS of the box; None for that of the output.
+        crs: CRS of files that state none.
+        dst_crs: CRS of the output; None for that of the files.
+        within: vector file, or CSV of corners, in whose polygons the points lie; None for all.
+    """
+
+    ground: GroundChoice = "auto"
+    cell_m: float | None = None
+    every: int = 1
+    box: Box | None = None
+    box_crs: CRS | str | None = None
+    crs: CRS | str | None = None
+    dst_crs: CRS | str | None = None
+    within: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.ground not in get_args(GroundChoice):
+            raise ValueError(f"ground by {self.ground!r}")
+
+
+def features(
+    clouds: Sequence[str | Path],
+    out: str | Path,
+    settings: FeatureSettings = FeatureSettings(),
+    *,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> dict[str, Any]:
+    """Classify clouds into ground, horizontal and vertical planes, lines and plants, and write these as layers.
+
+    Args:
+        clouds: LAS, LAZ or COPC files, which are used together.
+        out: folder for the products, made if it does not exist; all of them are written or none.
+        settings: ground filter, voxels, box, CRS.
+        overwrite: replace earlier products in the folder.
+        progress: is called with each stage and its share, 0 to 1.
+
+    Returns:
+        The content of `features.json`: inputs, CRS, parameters, figures, warnings, names of the products.
+
+    Raises:
+        InputError: if a cloud cannot be read, the CRS do not fit together, or no point is left.
+        RefusedError: if the folder holds features, or the result of a run.
+        OSError: if the folder cannot be written to.
+    """
+    folder = Path(out)
+    refuse_occupied(folder, FEATURE_PRODUCTS, CLOUD, overwrite=overwrite)
+    if settings.ground == "csf":
+        require_cloth()
+    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    opened = clipped(opened, Path(settings.within) if settings.within is not None else None)
+    with staged_folder(folder) as staging:
+        account = _write(opened, staging, settings, progress)
+        (staging / FEATURES_REPORT).write_text(json_text(account), encoding="utf-8")
+    return dict(plain(account))
+
+
+def _write(clouds: Clouds, staging: Path, settings: FeatureSettings, progress: Progress) -> dict[str, Any]:
+    """Write the products into `staging`; the content of `features.json`."""
+    box, far = box_in(clouds, settings.box, optional_crs(settings.box_crs)), tuple[Notice, ...]()
+    if box is None:
+        box, far = near_box(clouds, progress)
+    spacing = density(clouds, box, progress)
+    method = settings.ground
+    if method == "auto":
+        method = "class" if spacing.classified else "smrf"
+    if method == "class" and not spacing.classified:
+        raise InputError("no-ground-class")
+    cell_m = settings.cell_m or spacing.cell_m
+    cleaning = Cleaning(box, every=settings.every, ground="none" if method == "class" else method)
+    inputs = input_records(clouds, progress)
+    parameters = {
+        "box": box,
+        "within": clouds.area.path.name if clouds.area is not None else None,
+        "every": settings.every,
+        "ground": method,
+        "voxel_m": cell_m,
+    }
+    found, surveys = Found(), list[Survey]()
+    with closing(with_features(clouds, cleaning, cell_m, staging, found, surveys.append, progress)) as points:
+        origin = ("points of clouds with the classes of features", inputs, parameters)
+        summary, lost = write_records(clouds, points, staging / CLOUD, box, origin, progress)
+    figures = _write_layers(staging, clouds, found, inputs, parameters)
+    notices = [notice for survey in surveys for notice in survey.notices()]
+    sparse = sparse_notices(spacing.cell_m)
+    return {
+        "furrowmap": version("furrowmap"),
+        "inputs": input_rows(clouds, inputs),
+        "crs": name_of(clouds.crs),
+        "parameters": parameters,
+        "figures": {"points": summary.points, **figures},
+        "points_by_class": {str(number): count for number, count in summary.points_by_class.items()},
+        "warnings": list(dict.fromkeys([*clouds.notices, *notices, *far, *lost, *sparse])),
+        "products": sorted(FEATURE_PRODUCTS),
+    }
+
+
+def _write_layers(
+    staging: Path, clouds: Clouds, found: Found, inputs: Sequence[FileRecord], parameters: dict[str, Any]
+) -> dict[str, Any]:
+    """Write the layers; their figures."""
+    layers, counts = found_layers(found)
+    origin = Origin(
+        "features of clouds",
+        inputs=[(record.name, record.sha256) for record in inputs],
+        parameters={name: str(value) for name, value in parameters.items() if value is not None},
+    )
+    write_features(staging / FEATURES, layers, clouds.crs, origin)
+    return {
+        **{f"points_{kind.label}": int(found.points[kind]) for kind in Feature if kind is not Feature.NONE},
+        **counts,
+    }
+
+
+def found_layers(found: Found) -> tuple[list[Layer], dict[str, int]]:
+    """The layers of features, and the numbers of what they hold."""
+    joined = found.joined_planes()
+    lines, plants = found.all_lines(joined), found.all_plants()
+    planes = [plane for plane in joined if not plane.is_open]
+    kinds = [line.kind for line in lines]
+    return feature_layers(planes, lines, plants), {
+        "planes_horizontal": sum(not plane.vertical for plane in planes),
+        "planes_vertical": sum(plane.vertical for plane in planes),
+        "poles": kinds.count("pole"),
+        "wires": kinds.count("wire"),
+        "fences": kinds.count("fence"),
+        "ditches": kinds.count("ditch"),
+        "plants": len(plants),
+    }
+
+
+def sparse_notices(cell_m: float) -> list[Notice]:
+    """A warning where points are too far apart for thin things."""
+    if cell_m < CELLS_M[1]:
+        return []
+    return [Notice("features-sparse", cell_m=cell_m)]

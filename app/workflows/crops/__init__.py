@@ -1,0 +1,1 @@
+"""Crops on parcels, plots and stands."""

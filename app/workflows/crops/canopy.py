@@ -1,0 +1,315 @@
+"""Stands that are no plots: canopy height model, height percentiles, gaps and profiles of clouds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from furrowmap.core.areas.rings import Rings, ring_at, rings_of
+from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
+from furrowmap.core.crops.stand import Stand, stand_of
+from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.geodesy.projection import scale_at
+from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
+from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
+from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
+from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.runtime.errors import Notice, UsageError
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
+from furrowmap.core.surfaces.spool import TILE, PointSpool
+from furrowmap.core.surfaces.statistic import Statistic
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.parcel import Parcel
+from furrowmap.exporters.files.file_records import FileRecord, file_records
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import (
+    CANOPY,
+    CANOPY_HEIGHT,
+    CANOPY_PRODUCTS,
+    CANOPY_PROFILES,
+    CANOPY_REPORT,
+    CANOPY_TABLE,
+    packaged_style,
+    style_of,
+)
+from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.exporters.rasters.cog import Band, cog_output
+from furrowmap.exporters.vectors.canopy_layer import LAYER, canopy_layer, write_profiles
+from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
+from furrowmap.exporters.vectors.parcel_table import write_parcel_table
+from furrowmap.workflows.clouds.inputs import input_records, input_rows
+from furrowmap.workflows.clouds.surface import ground_method, no_warning
+
+FloatArray = NDArray[np.float64]
+
+COARSEST_PIXEL_M: Final = 1.0
+GROUND_REACH_M: Final = 20.0
+"""Around polygons, for the ground below their edges."""
+HIGHEST: Final = Statistic.parse("max")
+_HEIGHT: Final = np.dtype([("height_m", "<f4"), ("column", "<i4"), ("row", "<i4")])
+
+
+@dataclass(frozen=True)
+class CanopySettings:
+    """How a canopy is described.
+
+    Attributes:
+        cell_m: side of the square cells that figures are of; None with polygons.
+        polygons: file with the areas that figures are of; None for cells.
+        pixel_m: side of a pixel of the canopy height model; None for the smallest round one with four points in it.
+        ground_m: returns up to this height above the ground are from the ground: what its roughness and the noise of
+            heights leave.
+        layer_m: height of a layer of the profile.
+        ground: ground filter; "auto" for the classes of the files where they have any, else "smrf".
+        box: west, south, east, north of the points used, in the CRS of the output; None for all.
+        classes: of the points used; None for all but noise and the machine.
+        crs: of clouds without one.
+        dst_crs: of the output, projected in metres; None for that of the clouds.
+
+    Raises:
+        UsageError: if there are neither cells nor polygons, or both, or a size is not above zero.
+    """
+
+    cell_m: float | None = None
+    polygons: str | Path | None = None
+    pixel_m: float | None = None
+    ground_m: float = 0.2
+    layer_m: float = 0.5
+    ground: GroundMethod | Literal["auto"] = "auto"
+    box: Box | None = None
+    classes: frozenset[int] | None = None
+    crs: str | None = None
+    dst_crs: str | None = None
+
+    def __post_init__(self) -> None:
+        sizes = [self.pixel_m, self.cell_m, self.layer_m]
+        faults = {
+            "usage.canopy-both": self.cell_m is not None and self.polygons is not None,
+            "usage.canopy-neither": self.cell_m is None and self.polygons is None,
+            "usage.canopy-size": any(size is not None and not size > 0.0 for size in sizes),
+            "usage.canopy-ground": not self.ground_m >= 0.0,
+        }
+        fault = next((key for key, given in faults.items() if given), None)
+        if fault is not None:
+            raise UsageError(fault)
+
+
+def canopy(
+    clouds: Sequence[str | Path],
+    out: str | Path,
+    settings: CanopySettings,
+    *,
+    overwrite: bool = False,
+    progress: Progress = silent,
+    warn: Callable[[Notice], None] = no_warning,
+) -> dict[str, Any]:
+    """Describe a stand that is no plot: canopy height model, and heights, gaps and profile by cell or polygon.
+
+    Args:
+        clouds: LAS, LAZ or COPC files, which are used together.
+        out: folder for the products, made if it does not exist; all of them are written or none.
+        settings: cells or polygons, and more.
+        overwrite: replace earlier products in the folder.
+        progress: is called with each stage and its share, 0 to 1.
+        warn: is called once with each warning, as early as it is known.
+
+    Returns:
+        The content of `canopy.json`: inputs, CRS, parameters, figures of the whole, warnings, products.
+
+    Raises:
+        InputError: if a file cannot be read, or no point is left.
+        RefusedError: if the folder holds such products.
+        OSError: if the folder cannot be written to.
+    """
+    folder = Path(out)
+    if folder.is_dir():
+        recover(folder)
+        refuse_products(folder, CANOPY_PRODUCTS, overwrite=overwrite)
+    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    file = Path(settings.polygons) if settings.polygons is not None else None
+    areas = read_parcels(file, opened.crs) if file is not None else ()
+    box, notices = _box(opened, areas, settings, progress)
+    records = [*input_records(opened, progress), *(file_records([file], file.parent) if file is not None else [])]
+    with staged_folder(folder) as staging:
+        pixel_m = settings.pixel_m or min(cell_for(opened, box, settings.classes, progress), COARSEST_PIXEL_M)
+        with PointSpool(pixel_m, folder=staging) as points, PointSpool(pixel_m, folder=staging) as ground:
+            spooled = spool_clouds(opened, points, ground, box, settings.classes, progress=progress)
+            if points.grid is None:
+                raise no_points_error(opened, box)
+            made = _Made(opened, settings, areas, records, ground_method(settings.ground, spooled))
+            stands = made.write(staging, spooled, progress)
+        if file is not None and not any(stand.returns for stand in stands):
+            raise elsewhere_error(file, opened.points, box or (0.0, 0.0, 0.0, 0.0))
+        for notice in (notices := [*opened.notices, *notices, *spooled.notices]):
+            warn(notice)
+        account = {
+            "furrowmap": version("furrowmap"),
+            "inputs": input_rows(opened, records[: len(opened.files)]),
+            "polygons_file": records[-1] if file is not None else None,
+            "crs": name_of(opened.crs),
+            "parameters": {**made.parameters, "pixel_m": pixel_m},
+            "figures": _figures(stands),
+            "warnings": notices,
+            "products": sorted([*(path.name for path in staging.iterdir()), CANOPY_REPORT]),
+        }
+        (staging / CANOPY_REPORT).write_text(json_text(plain(account)), encoding="utf-8")
+    return dict(plain(account))
+
+
+def _box(
+    clouds: Clouds, areas: Sequence[Parcel], settings: CanopySettings, progress: Progress
+) -> tuple[Box | None, list[Notice]]:
+    """The box of the points to use: as stated, around the polygons, or without stray points."""
+    if settings.box is not None:
+        return settings.box, []
+    if areas:
+        west, south, east, north = shapely.total_bounds([area.gross for area in areas]).tolist()
+        return (west - GROUND_REACH_M, south - GROUND_REACH_M, east + GROUND_REACH_M, north + GROUND_REACH_M), []
+    box, far = near_box(clouds, progress)
+    return box, list(far)
+
+
+@dataclass(frozen=True)
+class _Made:
+    """Products being made.
+
+    Attributes:
+        settings: of the figures.
+        areas: the polygons; none for cells.
+        records: of the input files.
+        method: of the ground.
+    """
+
+    clouds: Clouds
+    settings: CanopySettings
+    areas: Sequence[Parcel]
+    records: Sequence[FileRecord]
+    method: GroundMethod
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """As the account has them."""
+        names = ("cell_m", "ground_m", "layer_m")
+        return {"ground": self.method, **{name: getattr(self.settings, name) for name in names}}
+
+    def write(self, folder: Path, spooled: SpooledClouds, progress: Progress) -> list[Stand]:
+        """Write the canopy height model, the layer and the tables; the stands."""
+        grid = spooled.points.grid
+        assert grid is not None
+        inputs = [(record.name, record.sha256) for record in self.records]
+        origin = Origin("canopy height", inputs=inputs, span_s=spooled.span_s)
+        band = Band("canopy height")
+        with (
+            RecordSpool(_HEIGHT, folder.parent) as heights,
+            cog_output(folder / CANOPY_HEIGHT, grid, self.clouds.crs, [band], origin) as put,
+        ):
+            index = _Index.of(self.areas, self.settings.cell_m)
+            for tile in cloud_tiles(spooled, self.method, HIGHEST, "none", progress):
+                if tile.above_m is not None:
+                    put(tile.grid, [np.maximum(tile.above_m, 0.0)])
+                    _collect(heights, tile, spooled.points, index)
+            stands, shapes = self._stands(heights, grid.cell_m)
+        (folder / style_of(CANOPY_HEIGHT)).write_text(packaged_style("height_above_ground.qml"), encoding="utf-8")
+        layer = canopy_layer(stands, shapes, self.areas)
+        write_layer(folder / CANOPY, layer, self.clouds.crs, indexed=len(stands) > INDEXED_FROM, origin=origin)
+        write_styles(folder / CANOPY, [LAYER])
+        write_parcel_table(folder / CANOPY_TABLE, layer)
+        write_profiles(folder / CANOPY_PROFILES, stands, self.settings.layer_m)
+        return stands
+
+    def _stands(self, heights: RecordSpool, pixel_m: float) -> tuple[list[Stand], list[shapely.Polygon]]:
+        """The stands and their shapes: polygons in the order of the file, or cells with returns, north first."""
+        cell_m = self.settings.cell_m
+        if cell_m is None:
+            named = [(k, area.id, area.gross) for k, area in enumerate(self.areas)]
+        else:
+            squares = sorted(((key, *square_of(key)) for key in heights.counts), key=lambda s: (-s[2], s[1]))
+            named = [(key, *_cell(column, row, cell_m)) for key, column, row in squares]
+        stands = []
+        place = named[0][2].centroid if named else shapely.Point()
+        pixel_m2 = (pixel_m / scale_at(self.clouds.crs, place.x, place.y)) ** 2 if named else 0.0
+        for key, name, _ in named:
+            own = heights.read([key])
+            pixel = (own["column"].astype(np.int64) << 32) + own["row"]
+            above = own["height_m"].astype(np.float64)
+            stands.append(stand_of(name, above, pixel, pixel_m2, self.settings.ground_m, self.settings.layer_m))
+        return stands, [shape for _, _, shape in named]
+
+
+@dataclass(frozen=True)
+class _Index:
+    """Which area a position belongs to.
+
+    Attributes:
+        cell_m: side of cells; None for polygons.
+        rings: the polygons; None for cells.
+        origin_m: of the rings.
+    """
+
+    cell_m: float | None
+    rings: Rings | None
+    origin_m: tuple[float, float]
+
+    @classmethod
+    def of(cls, areas: Sequence[Parcel], cell_m: float | None) -> _Index:
+        """Of polygons or of cells."""
+        if cell_m is not None:
+            return cls(cell_m, None, (0.0, 0.0))
+        shapes = [area.gross for area in areas]
+        west, south, _, _ = shapely.total_bounds(shapes).tolist()
+        return cls(None, rings_of(shapes, (west, south)), (west, south))
+
+    def at(self, easting_m: FloatArray, northing_m: FloatArray) -> NDArray[np.int64]:
+        """Key (n,) of the area of each position; -1 for none."""
+        if self.rings is not None:
+            return ring_at(self.rings, easting_m - self.origin_m[0], northing_m - self.origin_m[1])
+        assert self.cell_m is not None
+        return square_keys(np.floor(easting_m / self.cell_m), np.floor(northing_m / self.cell_m))
+
+
+def _collect(heights: RecordSpool, tile: CloudTile, points: PointSpool, index: _Index) -> None:
+    """Add the heights above the ground of a tile's points under the key of their area, that of their pixel's middle."""
+    grid = tile.grid
+    assert tile.above_m is not None
+    own = points.tile((grid.west // TILE, grid.north // TILE - 1))
+    ground_m = (tile.dsm.height_m - tile.above_m).ravel()
+    above = own.height_m + own.base_m - ground_m[own.cell]
+    row, column = np.divmod(own.cell.astype(np.int64), TILE)
+    east, north = grid.west + column, grid.north - 1 - row
+    key = index.at((east + 0.5) * grid.cell_m, (north + 0.5) * grid.cell_m)
+    kept = np.isfinite(above) & (key >= 0)
+    records = np.empty(int(kept.sum()), _HEIGHT)
+    records["height_m"], records["column"], records["row"] = above[kept], east[kept], north[kept]
+    heights.add(records, key[kept])
+
+
+def _cell(column: int, row: int, cell_m: float) -> tuple[str, shapely.Polygon]:
+    """Name and square of a cell; the name is its southwestern corner, and the same in every cloud."""
+    west, south = column * cell_m, row * cell_m
+    return f"{west:.10g}_{south:.10g}", shapely.box(west, south, west + cell_m, south + cell_m)
+
+
+def _figures(stands: Sequence[Stand]) -> dict[str, Any]:
+    """Figures of all areas together."""
+    seen = [stand for stand in stands if stand.returns]
+    returns, area = sum(stand.returns for stand in seen), sum(stand.area_m2 for stand in seen)
+    gaps = sum(stand.gap_fraction * stand.returns for stand in seen)
+    tops = sum(stand.top_height_m * stand.area_m2 for stand in seen)
+    return {
+        "areas": len(stands),
+        "area_m2": round(area, 3),
+        "returns": returns,
+        "gap_fraction": gaps / returns if returns else None,
+        "top_height_m": tops / area if area else None,
+        "max_height_m": max((stand.max_height_m for stand in seen if stand.max_height_m > 0.0), default=None),
+    }

@@ -1,0 +1,224 @@
+"""Growth of the crop on parcels between flights of several days."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pyproj import CRS
+
+from furrowmap.core.crops.measured_growth import MeasuredGrowth, measured_growth, soil_changes
+from furrowmap.core.crops.parcel_points import ParcelPoints
+from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.crops.soil_change import FEWEST_COMMON, SoilChange
+from furrowmap.core.crops.treatments import day_of
+from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.geodesy.local_time import local_day
+from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
+from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.parcel import Parcel
+from furrowmap.exporters.files.file_records import FileRecord, file_records
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import (
+    GROWTH,
+    GROWTH_PRODUCTS,
+    GROWTH_REPORT,
+    GROWTH_TABLE,
+    GROWTH_WORKBOOK,
+)
+from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.exporters.files.workbook import write_workbook
+from furrowmap.exporters.vectors.field_layers import Layer
+from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
+from furrowmap.exporters.vectors.growth_layer import LAYER, growth_layer
+from furrowmap.exporters.vectors.parcel_table import write_parcel_table
+from furrowmap.workflows.clouds.inputs import input_records, input_rows
+from furrowmap.workflows.clouds.surface import no_warning
+from furrowmap.workflows.crops.parcels import collect
+
+
+@dataclass(frozen=True)
+class GrowthSettings:
+    """How the growth of parcels is measured.
+
+    Attributes:
+        days: of the flights, one for each cloud (YYYY-MM-DD); None for those of the points, in the time of the place.
+            Clouds of the same day are used together.
+        net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
+        net: file with the net parcels, instead of an inset.
+        classes: of the points to use; None for all but noise and the machine.
+        crs: of clouds without one.
+        dst_crs: of the output, projected in metres; None for that of the clouds.
+    """
+
+    days: tuple[str, ...] | None = None
+    net_inset_m: tuple[float, float] = (0.0, 0.0)
+    net: str | Path | None = None
+    classes: frozenset[int] | None = None
+    crs: str | None = None
+    dst_crs: str | None = None
+
+
+def growth(
+    clouds: Sequence[str | Path],
+    parcels: str | Path,
+    out: str | Path,
+    settings: GrowthSettings = GrowthSettings(),
+    *,
+    overwrite: bool = False,
+    progress: Progress = silent,
+    warn: Callable[[Notice], None] = no_warning,
+) -> dict[str, Any]:
+    """Measure what the crop on each parcel grew between flights, which bare soil aligns in height.
+
+    Args:
+        clouds: LAS, LAZ or COPC files of two days or more.
+        parcels: vector file, or CSV of corners, with the gross parcels.
+        out: folder for the products, made if it does not exist; all of them are written or none.
+        settings: days, net parcels, CRS and more.
+        overwrite: replace earlier products in the folder.
+        progress: is called with each stage and its share, 0 to 1.
+        warn: is called once with each warning, as early as it is known.
+
+    Returns:
+        The content of `growth.json`: inputs, CRS, days, the alignment of each, a row per parcel, warnings, products.
+
+    Raises:
+        InputError: if a file cannot be read, the parcels are elsewhere, no point of a day lies in one, or two days have
+            too little bare soil in common.
+        UsageError: if there are fewer than two days, or not one for each cloud.
+        RefusedError: if the folder holds such products.
+        OSError: if the folder cannot be written to.
+    """
+    folder, file = Path(out), Path(parcels)
+    _refuse_occupied(folder, overwrite=overwrite)
+    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
+    by_day, notices = _by_day(opened, areas, settings.days), list(opened.notices)
+    with staged_folder(folder) as staging, ExitStack() as stack:
+        flights = [stack.enter_context(ParcelPoints(areas, staging.parent)) for _ in by_day]
+        for points, part in zip(flights, by_day.values(), strict=True):
+            notices += collect(part, file, points, settings.classes, progress)[0]
+        changes, grown = _measured(list(by_day), flights, progress)
+        records = [*input_records(opened, progress), *file_records([file], file.parent)]
+        layer = _write(staging, grown, list(by_day), opened.crs, records)
+        for notice in (notices := [*notices, *_unmeasured(grown)]):
+            warn(notice)
+        account = {
+            "furrowmap": version("furrowmap"),
+            "inputs": input_rows(opened, records[:-1]),
+            "parcels_file": records[-1],
+            "crs": name_of(opened.crs),
+            "parameters": {"net_inset_m": list(settings.net_inset_m)},
+            "flights": _flights(by_day, changes),
+            "parcels": _rows(layer),
+            "warnings": notices,
+            "products": sorted([*(path.name for path in staging.iterdir()), GROWTH_REPORT]),
+        }
+        (staging / GROWTH_REPORT).write_text(json_text(plain(account)), encoding="utf-8")
+    return dict(plain(account))
+
+
+def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
+    if folder.is_dir():
+        recover(folder)
+        refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
+
+
+def _measured(
+    days: Sequence[dt.date], flights: Sequence[ParcelPoints], progress: Progress
+) -> tuple[list[SoilChange], MeasuredGrowth]:
+    """The change of the soil from the first flight to each other, and the growth."""
+    cells, found = soil_changes(flights)
+    changes = list(_aligned(days, found))
+    return changes, measured_growth(days, flights, cells, changes, progress)
+
+
+def _write(
+    folder: Path, grown: MeasuredGrowth, days: Sequence[dt.date], crs: CRS, records: Sequence[FileRecord]
+) -> Layer:
+    """Write layer, table and spreadsheet; the layer."""
+    origin = Origin("Crop growth", inputs=[(record.name, record.sha256) for record in records])
+    layer = growth_layer(grown.parcels, days)
+    write_layer(folder / GROWTH, layer, crs, indexed=False, origin=origin)
+    write_styles(folder / GROWTH, [LAYER])
+    write_parcel_table(folder / GROWTH_TABLE, layer)
+    if find_spec("openpyxl") is not None:
+        write_workbook(folder / GROWTH_WORKBOOK, {"growth": _rows(layer)})
+    return layer
+
+
+def _flights(by_day: Mapping[dt.date, Clouds], changes: Sequence[SoilChange]) -> list[dict[str, Any]]:
+    """Day, clouds and alignment of each flight."""
+    alignments = [None, *(change.plain() for change in changes)]
+    return [
+        {"day": str(day), "clouds": [each.path.name for each in part.files], "alignment": alignment}
+        for (day, part), alignment in zip(by_day.items(), alignments, strict=True)
+    ]
+
+
+def _by_day(clouds: Clouds, parcels: Sequence[Parcel], stated: Sequence[str] | None) -> dict[dt.date, Clouds]:
+    """The clouds of each day, days increasing."""
+    if stated is not None and len(stated) != len(clouds.files):
+        raise UsageError("usage.by-day", stated=len(stated), files=len(clouds.files))
+    parts = [replace(clouds, files=(file,), notices=()) for file in clouds.files]
+    texts = stated if stated is not None else [None] * len(parts)
+    days = [day_of(text) or _day_of_points(part, parcels) for text, part in zip(texts, parts, strict=True)]
+    if len(set(days)) < 2:
+        raise UsageError("usage.by-day-2", days=days[0])
+    return {
+        day: replace(clouds, files=tuple(file for file, own in zip(clouds.files, days, strict=True) if own == day))
+        for day in sorted(set(days))
+    }
+
+
+def _day_of_points(part: Clouds, parcels: Sequence[Parcel]) -> dt.date:
+    """The day of the first points of a cloud that have a time, as clocks show it where the parcels are."""
+    place = parcels[0].net.centroid
+    for batch in part.batches():
+        known = batch.t_s[np.isfinite(batch.t_s)] if batch.t_s is not None else np.zeros(0)
+        if len(known) and not part.week_times:
+            day = local_day(float(known[0]), part.crs, (place.x, place.y))
+            if day is not None:
+                return day
+        if batch.t_s is None:
+            break
+    raise InputError("cloud-day", files=part.files[0].path)
+
+
+def _aligned(days: Sequence[dt.date], found: Sequence[SoilChange | None]) -> Iterator[SoilChange]:
+    """The changes of the soil."""
+    for day, change in zip(days[1:], found, strict=True):
+        if change is None:
+            raise InputError("growth-soil", fewest_common=FEWEST_COMMON, days=days[0], day=day)
+        yield change
+
+
+def _rows(layer: Layer) -> list[dict[str, Any]]:
+    """A row for each parcel."""
+    return [
+        {
+            name: values[k].item() if isinstance(values[k], np.generic) else values[k]
+            for name, values in layer.columns.items()
+        }
+        for k in range(len(layer.shapes))
+    ]
+
+
+def _unmeasured(grown: MeasuredGrowth) -> list[Notice]:
+    """A warning about parcels without growth."""
+    names = [row.parcel.id for row in grown.parcels if row.growth is None]
+    if not names:
+        return []
+    shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
+    return [Notice("growth-unmeasured", names=len(names), parcels=len(grown.parcels), shown=shown)]

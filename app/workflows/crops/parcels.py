@@ -1,0 +1,300 @@
+"""Crops by parcel: heights and volumes from clouds and parcels."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from pyproj import CRS
+
+from furrowmap.core.crops.measure import METHODS, MeasuredParcel, Method, measured
+from furrowmap.core.crops.parcel_points import AROUND_M, ParcelPoints
+from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
+from furrowmap.core.crops.site_soil import site_soil
+from furrowmap.core.crops.treatments import day_of, read_treatments, with_treatments
+from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.geodesy.local_time import local_day
+from furrowmap.core.geodesy.projection import scale_at
+from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
+from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.errors import Notice, UsageError
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.session.opened import OpenSession
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.parcel import SOIL_METHODS, Parcel
+from furrowmap.exporters.files.file_records import FileRecord, file_records
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import (
+    CROP_HEIGHT,
+    PARCEL_PRODUCTS,
+    PARCEL_SHEET,
+    PARCEL_TABLE,
+    PARCELS,
+    PARCELS_REPORT,
+    packaged_style,
+    style_of,
+)
+from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.exporters.rasters.crop_height import CropHeights
+from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
+from furrowmap.exporters.vectors.parcel_table import LAYER, parcel_layer, write_parcel_sheet, write_parcel_table
+from furrowmap.workflows.clouds.inputs import input_records, input_rows
+from furrowmap.workflows.clouds.surface import no_warning
+from furrowmap.workflows.crops.soil_source import expect_soil, soil_file, soil_source
+
+
+@dataclass(frozen=True)
+class ParcelSettings:
+    """How crops are measured by parcel.
+
+    Attributes:
+        net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
+        net: file with the net parcels, instead of an inset.
+        method: "canopy-top", or "christiansen2017", the published one.
+        soil: "surface" through the bare soil around the parcels, "plane" through that around each, or the survey of
+            another date: a surface or terrain model (GeoTIFF), a cloud of bare soil, or the folder of a result.
+        compare: whether the published method is computed beside the default one.
+        classes: of the points to use; None for all but noise and the machine.
+        crs: of clouds without one.
+        dst_crs: of the output, projected in metres; None for that of the clouds.
+        treatments: table with what each parcel was given; None for none.
+        day: of the flight (YYYY-MM-DD), up to which doses are summed; None for that of the points.
+
+    Raises:
+        UsageError: if there is no such method, or the day is no date.
+        InputError: if there is no such survey of the soil.
+    """
+
+    net_inset_m: tuple[float, float] = (0.0, 0.0)
+    net: str | Path | None = None
+    method: Method = "canopy-top"
+    soil: str | Path = "surface"
+    compare: bool = False
+    classes: frozenset[int] | None = None
+    crs: str | None = None
+    dst_crs: str | None = None
+    treatments: str | Path | None = None
+    day: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise UsageError("usage.post-init", method=self.method, methods=", ".join(METHODS))
+        soil_file(self.soil)
+        day_of(self.day)
+
+    @property
+    def published(self) -> bool:
+        """Whether the published method is computed."""
+        return self.compare or self.method == "christiansen2017"
+
+    @property
+    def around_m(self) -> float | None:
+        """Width of the strip around the gross parcels whose points are needed; None for the net parcels only."""
+        return AROUND_M if self.published else None
+
+
+def parcels(
+    clouds: Sequence[str | Path],
+    parcels: str | Path,
+    out: str | Path,
+    settings: ParcelSettings = ParcelSettings(),
+    *,
+    overwrite: bool = False,
+    progress: Progress = silent,
+    warn: Callable[[Notice], None] = no_warning,
+) -> dict[str, Any]:
+    """Measure height and volume of the crop on each parcel.
+
+    Args:
+        clouds: LAS, LAZ or COPC files, which are used together.
+        parcels: vector file, or CSV of corners, with the gross parcels.
+        out: folder for the products, made if it does not exist; all of them are written or none.
+        settings: net parcels, method, soil, CRS and more.
+        overwrite: replace earlier products in the folder.
+        progress: is called with each stage and its share, 0 to 1.
+        warn: is called once with each warning, as early as it is known.
+
+    Returns:
+        The content of `parcels.json`: inputs, CRS, parameters, a row of figures per parcel, warnings, products.
+
+    Raises:
+        InputError: if a file cannot be read, the parcels are elsewhere, or no point lies in one.
+        RefusedError: if the folder holds such products.
+        OSError: if the folder cannot be written to.
+    """
+    folder, file = Path(out), Path(parcels)
+    if folder.is_dir():
+        recover(folder)
+        refuse_products(folder, PARCEL_PRODUCTS, overwrite=overwrite)
+    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
+    _treated(areas, settings, dt.date.max)  # what is wrong with the table is told before the work
+    with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, settings.around_m) as points:
+        expect_soil(soil_file(settings.soil), opened.crs, points.box_m)
+        notices, span_s = collect(opened, file, points, settings.classes, progress)
+        records = _records(opened, (soil_file(settings.soil), file), progress)
+        origin = Origin("Crop height", inputs=[(record.name, record.sha256) for record in records], span_s=span_s)
+        written = write_parcels(staging, points, settings, opened.crs, origin, progress)
+        layer = parcel_layer(written.found)
+        write_layer(staging / PARCELS, layer, opened.crs, indexed=False, origin=origin)
+        write_styles(staging / PARCELS, [LAYER])
+        for notice in (*opened.notices, *notices, *written.notices):
+            warn(notice)
+        account = {
+            "furrowmap": version("furrowmap"),
+            "inputs": input_rows(opened, records[: len(opened.files)]),
+            "parcels_file": records[-1],
+            "crs": name_of(opened.crs),
+            **written.account,
+            "warnings": [*opened.notices, *notices, *written.notices],
+            "products": sorted([*(path.name for path in staging.iterdir()), PARCELS_REPORT]),
+        }
+        (staging / PARCELS_REPORT).write_text(json_text(plain(account)), encoding="utf-8")
+    return dict(plain(account))
+
+
+def _records(clouds: Clouds, others: Sequence[Path | None], progress: Progress) -> list[FileRecord]:
+    """The files of clouds, then others."""
+    named = [path for path in others if path is not None]
+    return [*input_records(clouds, progress), *(file_records([path], path.parent)[0] for path in named)]
+
+
+def parcel_settings(opened: OpenSession) -> ParcelSettings:
+    """The settings in `[parcels]` of a session.
+
+    Raises:
+        UsageError: if it names no method.
+    """
+    stated = opened.session.parcels
+    if stated is None:
+        return ParcelSettings()
+    method: Any = stated.method or "canopy-top"
+    soil = opened.inputs.soil or stated.soil or "surface"
+    treatments = opened.inputs.treatments
+    return ParcelSettings(net_inset_m=stated.net_inset_m, method=method, soil=soil, treatments=treatments)
+
+
+@contextmanager
+def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints | None]:
+    """What collects the points of a session's parcels; None where it has none, or no scanner.
+
+    Raises:
+        InputError: if the parcels, their treatments or their soil cannot be read, or do not fit each other.
+        UsageError: as :func:`parcel_settings`.
+    """
+    path, settings = opened.inputs.parcels, parcel_settings(opened)
+    if path is None or not opened.session.recording.lidar:
+        yield None
+        return
+    areas = read_parcels(path, opened.frame.crs, settings.net_inset_m)
+    _treated(areas, settings, dt.date.max)  # what is wrong with the table is told before the work
+    with ParcelPoints(areas, folder, settings.around_m) as points:
+        expect_soil(soil_file(settings.soil), opened.frame.crs, points.box_m)
+        yield points
+
+
+def collect(
+    clouds: Clouds, parcels: Path, points: ParcelPoints, classes: frozenset[int] | None, progress: Progress
+) -> tuple[list[Notice], tuple[float, float] | None]:
+    """Collect the points of the parcels; notices about the clouds, and the first and last UTC.
+
+    Raises:
+        InputError: if there are none.
+    """
+    notices: list[Notice] = []
+    first_s, last_s = math.inf, -math.inf
+    total = max(clouds.points, 1)
+
+    def seen(survey: Survey) -> None:
+        notices.extend(survey.notices())
+
+    for batch in clouds.batches(
+        points.box_m, classes, seen, lambda done: progress("reading clouds", min(done / total, 1.0))
+    ):
+        points.add(batch.xyz_m)
+        if batch.t_s is not None and len(batch.t_s):
+            known = batch.t_s[batch.t_s == batch.t_s]
+            if len(known):
+                first_s, last_s = min(first_s, float(known.min())), max(last_s, float(known.max()))
+    if not points.count:
+        raise elsewhere_error(parcels, clouds.points, points.box_m)
+    return notices, (first_s, last_s) if first_s <= last_s else None
+
+
+@dataclass(frozen=True)
+class WrittenParcels:
+    """Parcels that were measured and written.
+
+    Attributes:
+        account: parameters, soil, and a row per parcel, for JSON.
+        notices: warnings.
+    """
+
+    found: list[MeasuredParcel]
+    account: dict[str, Any]
+    notices: list[Notice]
+
+
+def write_parcels(
+    folder: Path, points: ParcelPoints, settings: ParcelSettings, crs: CRS, origin: Origin, progress: Progress
+) -> WrittenParcels:
+    """Measure the parcels and write their table and the raster of crop heights.
+
+    Args:
+        settings: of the measurement.
+        crs: of the map.
+        origin: provenance.
+        progress: receives the stage "measuring parcels".
+    """
+    found: list[MeasuredParcel] = []
+    place = points.parcels[0].net.centroid
+    with soil_source(settings.soil, crs, points.box_m, folder.parent, progress) as source:
+        soil = site_soil(points, source)
+    with CropHeights(folder.parent) as heights:
+        scale = scale_at(crs, place.x, place.y)
+        rows = measured(points, soil.soil, soil.noise_m, settings.method, compare=settings.published, scale=scale)
+        for row, canopy in rows:
+            heights.add(canopy)
+            found.append(row)
+            progress("measuring parcels", len(found) / len(points.parcels))
+        if heights.write(folder / CROP_HEIGHT, crs, origin):
+            (folder / style_of(CROP_HEIGHT)).write_text(packaged_style(style_of(CROP_HEIGHT)), encoding="utf-8")
+    day = local_day(origin.span_s[0], crs, (place.x, place.y)) if origin.span_s is not None else None
+    treated, notices = _treated([row.parcel for row in found], settings, day)
+    found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]
+    layer = parcel_layer(found)
+    write_parcel_table(folder / PARCEL_TABLE, layer)
+    write_parcel_sheet(folder / PARCEL_SHEET, layer)
+    unknown = [row.parcel.id for row in found if math.isnan(row.figures.mean_height_m)]
+    notices += [*soil.notices, *([_unmeasured(unknown, len(found))] if unknown else [])]
+    account = {
+        "parameters": {
+            "method": settings.method,
+            "soil": settings.soil if settings.soil in SOIL_METHODS else Path(settings.soil).name,
+            "net_inset_m": list(settings.net_inset_m),
+        },
+        "soil": soil.plain(),
+        "parcels": [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))],
+    }
+    return WrittenParcels(found, account, notices)
+
+
+def _treated(
+    parcels: Sequence[Parcel], settings: ParcelSettings, day: dt.date | None
+) -> tuple[Sequence[Parcel], list[Notice]]:
+    """The parcels with their treatments, and which have none; `day` is that of the points."""
+    if settings.treatments is None:
+        return parcels, []
+    return with_treatments(parcels, read_treatments(Path(settings.treatments), day_of(settings.day) or day))
+
+
+def _unmeasured(names: Sequence[str], total: int) -> Notice:
+    shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
+    return Notice("parcels-unmeasured", names=len(names), total=total, shown=shown)

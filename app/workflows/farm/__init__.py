@@ -1,0 +1,1 @@
+"""The farm map: its sessions, its history and its mosaic."""

@@ -1,0 +1,300 @@
+"""What a farm map remembers: fields and their seasons, the history of a field, and traffic."""
+
+from __future__ import annotations
+
+import csv
+import datetime as dt
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from furrowmap.core.runtime.errors import InputError, UsageError
+from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.exporters.farm.edit import FarmEdit
+from furrowmap.exporters.farm.memory import FIELDS, MACHINES, SEASONS, VISITS
+from furrowmap.exporters.farm.results import TRACKS
+from furrowmap.exporters.farm.traffic import Traffic, Wheels, write_traffic
+from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
+from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.reports.area_units import HECTARE, filled_in
+from furrowmap.exporters.reports.history_page import history_page
+from furrowmap.exporters.reports.page_language import in_language
+from furrowmap.exporters.vectors.field_layers import Layer
+from furrowmap.workflows.farm.farm import DB_SCHEMA, open_edit
+
+_FIGURES: Final = (
+    "worked_area_m2", "overlap_area_m2", "missed_area_m2", "swept_area_m2", "hours", "work_rate_ha_h", "distance_m",
+    "soil_moved_m3", "depth_m",
+)  # fmt: skip
+_WHOLE: Final = frozenset({"sessions", "season", "times_worked"})
+FIELD_COLUMNS: Final = ("field", "name", "area_m2", "sessions", "first_date", "last_date")
+SEASON_COLUMNS: Final = ("field", "name", "season", "times_worked", "first_date", "last_date", "ground_m2", *_FIGURES)
+VISIT_COLUMNS: Final = ("field", "date", "season", "name", "machine", "implement", *_FIGURES, "session")
+MACHINE_COLUMNS: Final = (
+    "machine", "implement", "sessions", "first_date", "last_date", "worked_area_m2", "hours", "work_rate_ha_h",
+    "distance_m", "soil_moved_m3",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FarmMemory:
+    """The tables of a farm map; values are None where unknown, dates ISO 8601.
+
+    Attributes:
+        farm_map: its path or address, without a password.
+        fields: rows by column.
+        seasons: a row for each field and season.
+        machines: a row for each machine.
+    """
+
+    farm_map: str
+    fields: list[dict[str, Any]]
+    seasons: list[dict[str, Any]]
+    machines: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class FieldHistory:
+    """The history of a field.
+
+    Attributes:
+        path: that was written; None where it was only asked for.
+        field: row of the field.
+        seasons: its seasons, the last one first.
+        visits: its sessions, the last one first.
+    """
+
+    path: Path | None
+    field: dict[str, Any]
+    seasons: list[dict[str, Any]]
+    visits: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class TrafficSettings:
+    """What counts as traffic.
+
+    Attributes:
+        season: only its sessions; None for all.
+        since: first day of sessions that count; None for the first of all.
+        until: last day of sessions that count; None for the last of all.
+        cell_m: length of a cell's sides; None for :data:`CELL_M`.
+        wheels: of the rear axle; None leaves their band out.
+    """
+
+    season: int | None = None
+    since: dt.date | None = None
+    until: dt.date | None = None
+    cell_m: float | None = None
+    wheels: Wheels | None = None
+
+    def plain(self) -> dict[str, str]:
+        """What is stated, as texts."""
+        said: dict[str, object] = {"season": self.season, "since": self.since, "until": self.until}
+        if self.wheels is not None:
+            said |= {"track_width_m": self.wheels.track_width_m, "tyre_width_m": self.wheels.tyre_width_m}
+        return {key: str(value) for key, value in said.items() if value is not None}
+
+
+CELL_M: Final = 0.1
+_EVERYTHING: Final = TrafficSettings()
+
+
+@dataclass(frozen=True)
+class TrafficRaster:
+    """A written raster of traffic.
+
+    Attributes:
+        crs: of its cells.
+        cell_m: length of a cell's sides.
+        columns: from west to east.
+        rows: from north to south.
+        sessions: number of sessions counted.
+        passes: number of passes counted.
+    """
+
+    path: Path
+    crs: str
+    cell_m: float
+    columns: int
+    rows: int
+    sessions: int
+    passes: int
+
+
+def farm_memory(farm_map: str | Path, *, schema: str = DB_SCHEMA, progress: Progress = silent) -> FarmMemory:
+    """The tables of fields, seasons and machines of a farm map.
+
+    Raises:
+        FurrowmapError: if it cannot be opened.
+    """
+    with open_edit(farm_map, schema=schema, progress=progress) as edit:
+        tables = [
+            _rows(edit.read(name, columns))
+            for name, columns in ((FIELDS, FIELD_COLUMNS), (SEASONS, SEASON_COLUMNS), (MACHINES, MACHINE_COLUMNS))
+        ]
+        return FarmMemory(edit.name(), *tables)
+
+
+def field_history(
+    farm_map: str | Path,
+    field: str,
+    out: str | Path | None = None,
+    *,
+    language: str | None = None,
+    schema: str = DB_SCHEMA,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> FieldHistory:
+    """The history of a field: its seasons and sessions, as a page or a table.
+
+    Args:
+        farm_map: path of a GeoPackage, or a PostgreSQL connection string.
+        field: name or identity of the field, or the beginning of the latter.
+        out: `.html` for a page with a map, `.csv` for a table of the sessions; nothing is written without it.
+        language: of the page, "en" or "ja"; None for the user's.
+        schema: of the tables in a database.
+        overwrite: replace an existing file.
+        progress: receives the stage of waiting for other processes.
+
+    Raises:
+        UsageError: if `out` has another suffix.
+        InputError: if the farm map has no such field, or several.
+        RefusedError: if the file exists.
+        OSError: if it cannot be written.
+    """
+    target = Path(out) if out is not None else None
+    if target is not None:
+        if target.suffix not in (".html", ".csv"):
+            raise UsageError("usage.field-history", target=target)
+        refuse_existing(target, overwrite=overwrite)
+    with open_edit(farm_map, schema=schema, progress=progress) as edit:
+        fields = edit.read(FIELDS, FIELD_COLUMNS)
+        row = _field_row(fields, field, edit.name())
+        seasons, visits = edit.read(SEASONS, SEASON_COLUMNS), edit.read(VISITS, VISIT_COLUMNS)
+    chosen = str(fields.columns["field"][row])
+    told = _rows(fields)[row]
+    own_seasons, own_visits = ((layer.columns["field"] == chosen).nonzero()[0] for layer in (seasons, visits))
+    own_seasons = own_seasons[np.argsort(-seasons.columns["season"][own_seasons], kind="stable")]
+    own_visits = own_visits[np.argsort(visits.columns["date"][own_visits], kind="stable")[::-1]]
+    by_season, by_visit = _rows(seasons, own_seasons), _rows(visits, own_visits)
+    if target is not None:
+        if target.suffix == ".csv":
+            text = _csv(by_visit)
+        else:
+            page = history_page(told, fields.shapes[row], by_season, by_visit, visits.shapes[own_visits])
+            text = in_language(filled_in(page, HECTARE), language or language_of_user())
+        with atomic_output(target) as unfinished:
+            unfinished.write_text(text, encoding="utf-8", newline="")
+    return FieldHistory(target, told, by_season, by_visit)
+
+
+def farm_traffic(
+    farm_map: str | Path,
+    out: str | Path,
+    settings: TrafficSettings = _EVERYTHING,
+    *,
+    schema: str = DB_SCHEMA,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> TrafficRaster:
+    """Write how often each spot of a farm was worked and driven on.
+
+    Args:
+        farm_map: path of a GeoPackage, or a PostgreSQL connection string.
+        out: a cloud-optimised GeoTIFF of 16-bit numbers: times worked, last day worked, passages of wheels.
+        settings: what counts, and the cells.
+        schema: of the tables in a database.
+        overwrite: replace an existing file.
+        progress: receives the stages.
+
+    Raises:
+        InputError: if the farm map has no such sessions, or cannot be read.
+        RefusedError: if the file exists.
+        OSError: if the raster cannot be written.
+    """
+    target = Path(out)
+    refuse_existing(target, overwrite=overwrite)
+    with open_edit(farm_map, schema=schema, progress=progress) as edit:
+        name, crs = edit.name(), edit.crs()
+        traffic = _traffic(edit, _sessions_of(edit, settings))
+    if crs is None or not len(traffic.tracks):
+        raise InputError("no-traffic", name=name)
+    cell_m = settings.cell_m or CELL_M
+    origin = Origin("Traffic: times worked and driven on", parameters=settings.plain())
+    grid = write_traffic(target, traffic, crs, cell_m, settings.wheels, origin, progress)
+    passes = len(traffic.passes)
+    return TrafficRaster(target, crs.to_string(), cell_m, grid.columns, grid.rows, len(traffic.tracks), passes)
+
+
+def _sessions_of(edit: FarmEdit, settings: TrafficSettings) -> set[str]:
+    """The sessions of a time."""
+    visits = edit.read(VISITS, ("session", "season"))
+    of_season = set(visits.columns["session"][visits.columns["season"] == settings.season].tolist())
+    first, last = settings.since or dt.date.min, settings.until or dt.date.max
+    return {
+        s.session
+        for s in edit.sessions()
+        if first <= s.date <= last and (settings.season is None or s.session in of_season)
+    }
+
+
+def _traffic(edit: FarmEdit, wanted: set[str]) -> Traffic:
+    passes, overlaps = (
+        edit.read("passes", ("session", "date")),
+        edit.read("overlaps", ("session", "date", "pass_a", "pass_b")),
+    )
+    tracks = edit.read(TRACKS, ("session",))
+    again = overlaps.columns["pass_a"] == overlaps.columns["pass_b"]
+    mine = [_of(layer, wanted) for layer in (passes, overlaps, tracks)]
+    mine[1] &= again
+    shapes = np.concatenate([passes.shapes[mine[0]], overlaps.shapes[mine[1]]])
+    days = np.concatenate([passes.columns["date"][mine[0]], overlaps.columns["date"][mine[1]]])
+    return Traffic(shapes, days.astype("datetime64[D]"), shapely.force_2d(tracks.shapes[mine[2]]))
+
+
+def _of(layer: Layer, sessions: set[str]) -> NDArray[np.bool_]:
+    return np.array([session in sessions for session in layer.columns["session"]], bool)
+
+
+def _field_row(fields: Layer, wanted: str, farm_map: str) -> int:
+    """The row of the field that a user means."""
+    ids, names = fields.columns["field"].tolist(), fields.columns["name"].tolist()
+    found = [k for k, name in enumerate(names) if name == wanted] or [
+        k for k, one in enumerate(ids) if one == wanted or (len(wanted) >= 4 and one.startswith(wanted))
+    ]
+    if len(found) == 1:
+        return found[0]
+    listed = ", ".join(f"{ids[k]} ({names[k]})" for k in (found or range(len(ids)))[:5]) or "none"
+    raise InputError("no-such-field", farm_map=farm_map, found=bool(found), wanted=wanted, listed=listed)
+
+
+def _rows(layer: Layer, rows: NDArray[np.intp] | None = None) -> list[dict[str, Any]]:
+    """Rows with plain values: None where unknown."""
+    picked = np.arange(len(layer.shapes)) if rows is None else rows
+    cells = {name: [_plain(value, name) for value in values[picked].tolist()] for name, values in layer.columns.items()}
+    return [dict(zip(cells, row, strict=True)) for row in zip(*cells.values(), strict=True)]
+
+
+def _plain(value: Any, name: str) -> Any:
+    if isinstance(value, float):
+        if not np.isfinite(value):
+            return None
+        return int(value) if name in _WHOLE else round(value, 4)
+    return value.isoformat() if isinstance(value, dt.date) else value
+
+
+def _csv(rows: list[dict[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\r\n")
+    writer.writerow(VISIT_COLUMNS[1:])
+    for row in rows:
+        writer.writerow(["" if row[name] is None else cell(row[name]) for name in VISIT_COLUMNS[1:]])
+    return text.getvalue()

@@ -1,0 +1,89 @@
+"""The surfaces of a farm's sessions as one raster."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.exporters.farm.mosaic import SUFFIXES, Mosaic, MosaicSettings, write_mosaic
+from furrowmap.exporters.files.atomic import refuse_existing
+from furrowmap.exporters.files.result_folder import open_result
+from furrowmap.workflows.farm.farm import DATABASES, DB_SCHEMA, farm_map_sessions
+
+_PRODUCT: Final = re.compile(r"\w[\w-]*")
+_DEFAULTS: Final = MosaicSettings()
+
+
+def mosaic(
+    sources: Sequence[str | Path],
+    out: str | Path,
+    settings: MosaicSettings = _DEFAULTS,
+    *,
+    product: str = "dsm",
+    schema: str = DB_SCHEMA,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> Mosaic:
+    """Merge the surfaces of sessions into one raster, the latest session on top.
+
+    Args:
+        sources: farm maps, and folders of results.
+        out: `.vrt` for a virtual raster, `.tif` for a cloud-optimised GeoTIFF.
+        settings: CRS, cells and the value of overlapping cells.
+        product: file name of the surfaces without its suffix.
+        schema: of the tables in databases.
+        overwrite: replace an existing file.
+        progress: receives the stages.
+
+    Raises:
+        UsageError: if `product` is not a file name, or `out` has another suffix.
+        InputError: if a farm map or folder cannot be read, or none has the product.
+        RefusedError: if the file exists, or the surfaces cannot be merged.
+        OSError: if the raster cannot be written.
+    """
+    output = Path(out)
+    if output.suffix not in SUFFIXES:
+        raise UsageError("usage.mosaic", output=output)
+    refuse_existing(output, overwrite=overwrite)
+    paths, missing = find_surfaces(sources, product, schema=schema, progress=progress)
+    made = write_mosaic(paths, output, settings, progress)
+    return replace(made, notices=(*missing, *made.notices))
+
+
+def find_surfaces(
+    sources: Sequence[str | Path], product: str, *, schema: str = DB_SCHEMA, progress: Progress = silent
+) -> tuple[list[Path], tuple[Notice, ...]]:
+    """The files of a product in order of their sessions' times, and a notice on missing ones.
+
+    Raises:
+        UsageError: if `product` is not a file name.
+        InputError: if a farm map or folder cannot be read, or none has the product.
+    """
+    if not _PRODUCT.fullmatch(product):
+        raise UsageError("usage.find-surfaces", product=product)
+    folders: dict[Path, dt.datetime] = {}
+    for source in sources:
+        if str(source).startswith(DATABASES) or not Path(source).is_dir():
+            _, _, sessions = farm_map_sessions(source, schema=schema, progress=progress)
+            folders |= {Path(session.folder): session.end for session in sessions}
+        else:
+            end = open_result(Path(source)).report["figures"]["end"]
+            folders[Path(source).resolve()] = dt.datetime.fromisoformat(end)
+    paths = [folder / f"{product}.tif" for folder, _ in sorted(folders.items(), key=lambda item: (item[1], item[0]))]
+    found = [path for path in paths if path.is_file()]
+    missing = [path for path in paths if path not in found]
+    if not found:
+        raise InputError(
+            "no-surfaces", paths=len(paths), product=product, parent=missing[0].parent if missing else None
+        )
+    if not missing:
+        return found, ()
+    return found, (
+        Notice("surfaces-missing", missing=len(missing), paths=len(paths), product=product, parent=missing[0].parent),
+    )

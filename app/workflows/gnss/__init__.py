@@ -1,0 +1,1 @@
+"""GNSS positions: evaluation and post-processing."""

@@ -1,0 +1,1 @@
+"""A run of a session, and the preview of one."""

@@ -1,0 +1,1 @@
+"""The products of a season from the results of its runs."""

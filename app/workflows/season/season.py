@@ -1,0 +1,189 @@
+"""The products of a season: mosaics of each date, points and trajectories of all sessions, and their catalogue."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+from pyproj import CRS
+
+from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.runtime.errors import FurrowmapError, Notice, RefusedError, UsageError
+from furrowmap.core.runtime.json_text import json_text
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.exporters.exchange.stac import CATALOGUE
+from furrowmap.exporters.files.atomic import remove_unfinished
+from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.workflows.batch.engine import ATTEMPTS, Manner, Workforce
+from furrowmap.workflows.season.parts import SEASON, Planned, Record, SeasonPlan, plan_tables, plan_tiles
+from furrowmap.workflows.season.products import put_catalogue, put_virtual_mosaics
+from furrowmap.workflows.season.sources import find_sessions, season_crs
+from furrowmap.workflows.season.tasks import write_part
+from furrowmap.workflows.share.export import refuse_result
+
+MOSAICS: Final = "mosaics"
+POINTS: Final = "points"
+TRAJECTORIES: Final = "trajectories"
+CONTENTS: Final = (MOSAICS, POINTS, TRAJECTORIES)
+_WRITING: Final = "writing the season"
+
+
+@dataclass(frozen=True)
+class SeasonSettings:
+    """Options of a season.
+
+    Attributes:
+        content: of "mosaics", "points" and "trajectories"; all if none is named.
+        crs: of all products; None for that of the sessions.
+        cell_m: length of the sides of the mosaics' cells; None for that of the latest surface.
+        spacing_m: point spacing that suffices: only the levels of the clouds that it needs are taken; 0 for all points.
+        most_rows: of a Parquet file.
+        workers: number of workers; None for as many as the machine has cores and memory for.
+        scheduler: address of a running Dask scheduler.
+    """
+
+    content: Sequence[str] = ()
+    crs: CRS | str | None = None
+    cell_m: float | None = None
+    spacing_m: float = 0.0
+    most_rows: int = 5_000_000
+    workers: int | None = None
+    scheduler: str | None = None
+
+
+@dataclass(frozen=True)
+class Season:
+    """What a season holds.
+
+    Attributes:
+        folder: of the products.
+        dates: in their order, as ISO 8601.
+        tiles: number of rasters.
+        points: number of rows.
+        poses: number of rows.
+        written: number of parts that were made.
+        unchanged: number of parts that were there.
+        notices: what a user should know.
+    """
+
+    folder: Path
+    crs: str
+    dates: tuple[str, ...]
+    sessions: int
+    tiles: int
+    points: int
+    poses: int
+    written: int
+    unchanged: int
+    notices: tuple[Notice, ...]
+
+
+def season(
+    results: Sequence[str | Path],
+    out: str | Path,
+    settings: SeasonSettings = SeasonSettings(),
+    *,
+    overwrite: bool = False,
+    say: Callable[[str], None] = lambda _: None,
+    progress: Progress = silent,
+) -> Season:
+    """Write the products of many sessions: mosaics of each date in tiles of one grid, tables of points and poses.
+
+    Parts that a season in the folder has already, of the same results, settings and version, are not made again. All
+    products take their places together.
+
+    Args:
+        results: folders with results of runs in them, as `furrowmap batch` writes them, or results; surfaces that a
+            `furrowmap tie` among them has moved replace those of their results.
+        out: folder of the season.
+        settings: what is written, and how.
+        overwrite: replace a catalogue of something else in the folder.
+        say: is called with what a user may want to know meanwhile, such as the address of the dashboard.
+        progress: receives the stage "writing the season".
+
+    Raises:
+        UsageError: if a content is unknown.
+        InputError: if there are no results, or one is damaged.
+        RefusedError: if the sessions have several CRSs or height systems, the folder is occupied, or a package is
+            missing.
+        FurrowmapError: if a worker is lost several times, or the scheduler cannot be reached.
+        OSError: if the folder cannot be written to.
+    """
+    folder, content = Path(out), _content(settings)
+    _refuse_occupied(folder, overwrite=overwrite)
+    sessions, notices = find_sessions([Path(result) for result in results], folder)
+    crs, changes = season_crs(sessions, optional_crs(settings.crs))
+    force = Workforce(settings.workers, settings.scheduler, say)
+    with staged_folder(folder) as staging, force:
+        plan = SeasonPlan(staging.resolve(), sessions, crs, Manner.of_user(force.threads))
+        parts: dict[str, Planned] = {}
+        if MOSAICS in content:
+            parts |= plan_tiles(plan, settings.cell_m)
+        if POINTS in content:
+            parts |= plan_tables(plan, POINTS, settings.most_rows, settings.spacing_m)
+        if TRAJECTORIES in content:
+            parts |= plan_tables(plan, TRAJECTORIES, settings.most_rows)
+        record = Record.read(folder)
+        told = {name: kept for name, part in parts.items() if (kept := record.kept(name, part)) is not None}
+        unchanged = len(told)
+        due = [(name, part.part) for name, part in parts.items() if name not in told]
+        _make(due, told, force, progress)
+        remove_unfinished(staging)
+        put_virtual_mosaics(plan, parts, told)
+        put_catalogue(plan, parts, told, folder)
+        _put_record(staging, parts, told)
+    rows = [sum(rows for name, part in parts.items() for _, rows in told[name]["files"] if part.kind == kind)
+            for kind in (POINTS, TRAJECTORIES)]  # fmt: skip
+    tiles = sum(len(told[name]["files"]) for name, part in parts.items() if part.grid is not None)
+    dates = tuple(sorted({session.date.isoformat() for session in sessions}))
+    counts = (len(sessions), tiles, rows[0], rows[1], len(due), unchanged)
+    return Season(folder, name_of(crs), dates, *counts, (*notices, *changes))
+
+
+def _content(settings: SeasonSettings) -> tuple[str, ...]:
+    unknown = [name for name in settings.content if name not in CONTENTS]
+    if unknown:
+        raise UsageError("usage.content", unknown=unknown[0], contents=", ".join(CONTENTS))
+    content = tuple(settings.content) or CONTENTS
+    if content != (MOSAICS,) and find_spec("pyarrow") is None:
+        raise RefusedError("extra-missing")
+    return content
+
+
+def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
+    """Check that a folder holds no catalogue but that of a season, and no result."""
+    recover(folder)
+    refuse_result(folder)
+    if not (folder / SEASON).is_file():
+        refuse_products(folder, (CATALOGUE,), overwrite=overwrite)
+
+
+def _make(due: Sequence[tuple[str, Any]], told: dict[str, Any], force: Workforce, progress: Progress) -> None:
+    """Make parts; what there is to say of them is added to `told`."""
+    for name, found in force.each(write_part, due, _WRITING, progress):
+        if isinstance(found, FurrowmapError):
+            raise found
+        if not isinstance(found, dict):
+            raise _lost(name)
+        told[name] = found
+
+
+def _lost(name: str) -> FurrowmapError:
+    return FurrowmapError("season-worker-lost", name=name, attempts=ATTEMPTS)
+
+
+def _put_record(staging: Path, parts: Mapping[str, Planned], told: Mapping[str, Any]) -> None:
+    """Write `season.json`: all products, and what each part was made of."""
+    kept = {f"{part.place}/{file}" for name, part in parts.items() for file, _ in told[name]["files"]}
+    written = {path.relative_to(staging).as_posix() for path in staging.rglob("*") if path.is_file()}
+    record = {
+        "furrowmap": version("furrowmap"),
+        "products": sorted({*kept, *written, SEASON}),
+        "parts": {name: {"key": part.key, "told": told[name]} for name, part in parts.items()},
+    }
+    (staging / SEASON).write_text(json_text(record), encoding="utf-8")

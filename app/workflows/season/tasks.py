@@ -1,0 +1,177 @@
+"""The parts of a season, as workers make them: a tile of a mosaic, or the tables of a session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.readers.las.cloud import open_cloud
+from furrowmap.core.runtime.errors import FurrowmapError, as_furrowmap_error
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.exporters.exchange.vectors import changed_crs
+from furrowmap.exporters.farm.mosaic import write_mosaic_part
+from furrowmap.exporters.farm.surface_file import same_map, surface_file
+from furrowmap.exporters.farm.traffic import write_worked
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import FIELD, TRAJECTORY, open_result, reading_result
+from furrowmap.workflows.batch.engine import Manner
+from furrowmap.workflows.season.sources import PASSES
+
+if TYPE_CHECKING:
+    from furrowmap.exporters.exchange.partitions import Partition
+
+BATCH_POINTS: Final = 500_000
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A tile of a mosaic to be written.
+
+    Attributes:
+        out: of the raster.
+        grid: of its cells.
+        crs: of the mosaic as WKT, with heights where its values are heights.
+        bands: to write, by their descriptions; empty for the coverage.
+        sources: surfaces, or results with worked ground, in the order of their sessions.
+        origin: provenance.
+        manner: how it is made.
+    """
+
+    out: Path
+    grid: Grid
+    crs: str
+    bands: tuple[str, ...]
+    sources: tuple[Path, ...]
+    origin: Origin
+    manner: Manner
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Points or trajectory of a session to be written.
+
+    Attributes:
+        out: folder of the date.
+        name: of the session.
+        source: its cloud, or its result for the trajectory.
+        crs: of the season as WKT, without heights.
+        own_crs: of the session, likewise.
+        spacing_m: of the points that suffices; 0 for all.
+        origin: provenance.
+        manner: how they are made.
+    """
+
+    out: Path
+    name: str
+    source: Path
+    crs: str
+    own_crs: str
+    spacing_m: float
+    most_rows: int
+    origin: Origin
+    manner: Manner
+
+
+Part = Tile | Tables
+Told = dict[str, Any]
+"""What came of a part: `files` with their rows, and `bounds_m`; of a tile `bands`: least, greatest, known cells."""
+
+
+def write_part(part: Part) -> Told | FurrowmapError:
+    """Write a part; an error that ends it is what comes of it."""
+    try:
+        with part.manner.applied():
+            if isinstance(part, Tables):
+                return _tables(part)
+            return _surface(part) if part.bands else _coverage(part)
+    except Exception as error:  # noqa: BLE001 whatever ends a part is raised where the season is made
+        return as_furrowmap_error(error)
+
+
+def _surface(tile: Tile) -> Told:
+    tile.out.parent.mkdir(parents=True, exist_ok=True)
+    surfaces = [surface_file(path) for path in tile.sources]
+    found = write_mosaic_part(surfaces, tile.out, tile.grid, CRS.from_wkt(tile.crs), tile.bands, tile.origin)
+    if found is None:
+        return {"files": []}
+    return {"files": [[tile.out.name, 0]], "bands": [[*row] for row in found.tolist()]}
+
+
+def _coverage(tile: Tile) -> Told:
+    crs = CRS.from_wkt(tile.crs)
+    shapes = [_passes(folder, crs) for folder in tile.sources]
+    passes = np.concatenate(shapes) if shapes else np.empty(0, object)
+    passes = passes[shapely.intersects(passes, shapely.box(*tile.grid.bounds_m))]
+    if not len(passes):
+        return {"files": []}
+    tile.out.parent.mkdir(parents=True, exist_ok=True)
+    most = write_worked(tile.out, passes, tile.grid, crs, tile.origin)
+    return {"files": [[tile.out.name, 0]], "bands": [[0, most, tile.grid.rows * tile.grid.columns]]}
+
+
+def _passes(folder: Path, crs: CRS) -> NDArray[np.object_]:
+    layer = open_result(folder).layer(PASSES)
+    if not same_map(CRS(layer.crs), crs):
+        layer = changed_crs({PASSES: layer}, crs)[0][PASSES]
+    shapes: NDArray[np.object_] = layer.geometry.to_numpy()
+    return shapes[~shapely.is_missing(shapes)]
+
+
+def _tables(tables: Tables) -> Told:
+    from furrowmap.exporters.exchange.partitions import POINT_COLUMNS, POSE_COLUMNS, Partition
+
+    is_cloud = tables.source.is_file()
+    schema = POINT_COLUMNS if is_cloud else POSE_COLUMNS
+    crs = CRS.from_wkt(tables.crs)
+    with Partition(tables.out, tables.name, schema, crs, tables.origin, tables.most_rows) as partition:
+        if is_cloud:
+            _write_points(tables, partition)
+        else:
+            _write_poses(tables, partition)
+    return {"files": [list(one) for one in partition.files], "bounds_m": partition.bounds_m.tolist()}
+
+
+def _write_points(tables: Tables, partition: Partition) -> None:
+    resolution = tables.spacing_m or None
+    for batch in open_cloud(tables.source).batches(resolution=resolution, batch_points=BATCH_POINTS):
+        points = batch.where(~batch.withheld)
+        if not len(points):
+            continue
+        colours = points.rgb.T if points.rgb is not None else (None, None, None)
+        columns = {
+            "session": np.full(len(points), tables.name, object),
+            "time": points.t_s,
+            **dict(zip(("red", "green", "blue"), colours, strict=True)),
+        }
+        names = ("intensity", "return_number", "returns", "classification", "point_source_id")
+        columns |= {name: getattr(points, name) for name in names}
+        partition.write(_moved(points.xyz_m, tables), columns)
+
+
+def _write_poses(tables: Tables, partition: Partition) -> None:
+    result = open_result(tables.source)
+    layer = result.layer(TRAJECTORY)
+    with reading_result(tables.source / FIELD):
+        layer = layer.sort_values("t_s")
+        xyz = np.column_stack([layer.geometry.x, layer.geometry.y, layer.geometry.z]).astype(np.float64)
+        columns = {name: layer[name].to_numpy() for name in layer.columns if name != layer.geometry.name}
+        columns |= {"time": layer["t_s"].to_numpy(np.float64), "session": np.full(len(layer), tables.name, object)}
+        if len(layer):
+            partition.write(_moved(xyz, tables), columns)
+
+
+def _moved(xyz_m: NDArray[np.float64], tables: Tables) -> NDArray[np.float64]:
+    """Coordinates (n, 3) in the CRS of the season; heights are unchanged."""
+    own, target = CRS.from_wkt(tables.own_crs), CRS.from_wkt(tables.crs)
+    if same_map(own, target):
+        return xyz_m
+    (west, south), (east, north) = xyz_m[:, :2].min(axis=0).tolist(), xyz_m[:, :2].max(axis=0).tolist()
+    change = crs_change(own, target, (west, south, east, north))
+    return np.column_stack([change.points(xyz_m[:, :2]), xyz_m[:, 2:]])

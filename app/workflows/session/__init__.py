@@ -1,0 +1,1 @@
+"""What precedes a run: recordings, session files and machines."""

@@ -1,0 +1,118 @@
+"""A first session file from recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, printable
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.session.examination import Examined
+from furrowmap.core.session.machine import load_machine
+from furrowmap.core.session.proposal import Proposal, common_folder
+from furrowmap.core.session.proposal import propose_session as proposal_of
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.workflows.session.machines import machine_file
+
+NOT_RECORDED: Final = frozenset(
+    {".toml", ".geojson", ".gpkg", ".kml", ".shp", ".shx", ".dbf", ".prj", ".cpg", ".jpg", ".jpeg", ".png", ".tif"}
+    | {".html", ".md", ".pdf", ".qgz", ".qml"}
+)
+"""Suffixes of what else is in a folder of recordings."""
+
+
+@dataclass(frozen=True)
+class ProposedSession:
+    """A session file that was written.
+
+    Attributes:
+        found: what the recordings show.
+        missing: what a run needs or gains from, and the recordings do not show.
+    """
+
+    path: Path
+    found: tuple[Notice, ...]
+    missing: tuple[Notice, ...]
+
+
+def propose_session(
+    recordings: Sequence[str | Path],
+    session_file: str | Path | None = None,
+    *,
+    machine: str | Path | None = None,
+    overwrite: bool = False,
+    progress: Progress = silent,
+) -> ProposedSession:
+    """Write a commented session file with what recordings show; what they do not show is left as a comment.
+
+    Args:
+        recordings: LiDAR captures, GNSS logs, trajectories, task data; or a folder of these.
+        session_file: the file to write; `session.toml` in their common folder by default.
+        machine: name or file of the profile of the machine that made the recordings; its places are copied.
+        overwrite: replace the file.
+        progress: is called with each stage.
+
+    Raises:
+        InputError: if a recording cannot be read, a folder has none, or no folder holds them all.
+        RefusedError: if the file exists.
+    """
+    paths = [Path(path) for path in recordings]
+    target = (
+        Path(session_file)
+        if session_file is not None
+        else common_folder([_home(path) for path in paths]) / "session.toml"
+    )
+    if target.exists() and not overwrite:
+        raise RefusedError("exists", target=target)
+    proposal, skipped = proposed(paths, target.parent, machine, progress)
+    with atomic_output(target) as unfinished:
+        unfinished.write_text(proposal.text, encoding="utf-8")
+    return ProposedSession(target, proposal.found, (*proposal.missing, *skipped))
+
+
+def proposed(
+    paths: Sequence[Path], folder: Path, machine: str | Path | None, progress: Progress = silent
+) -> tuple[Proposal, list[Notice]]:
+    """The proposal of a session file in `folder`, which is not written, and what is not used in it.
+
+    Raises:
+        InputError: as :func:`propose_session`.
+    """
+    profile = load_machine(machine_file(machine)) if machine is not None else None
+    examined, skipped = [], list[Notice]()
+    for path in paths:
+        progress(f"Reading {printable(path.name)}", 0.0)
+        examined += _examined(path, skipped)
+    return proposal_of(examined, folder, profile), skipped
+
+
+def _home(path: Path) -> Path:
+    """A path whose folder is that of the session: the first file of a folder of recordings, else the path itself."""
+    return path if not path.is_dir() or is_recording(path) else path / "session.toml"
+
+
+def _examined(path: Path, skipped: list[Notice]) -> list[Examined]:
+    """A recording, or those in a folder of recordings; other files there are added to `skipped`."""
+    if not path.is_dir() or is_recording(path):
+        return [Examined.of(path)]
+    found: list[Examined] = []
+    names = []
+    for file in sorted(path.iterdir()):
+        if file.name.startswith(".") or file.suffix.lower() in NOT_RECORDED:
+            continue
+        try:
+            found.append(Examined.of(file))
+        except InputError as error:
+            names.append(printable(file.name))
+            skipped.append(Notice("recording-unused", file=printable(file.name), what=error.what))
+    if not found:
+        raise InputError("no-recording", path=path, names=", ".join(names) or "it is empty")
+    return found
+
+
+def is_recording(folder: Path) -> bool:
+    """Whether a folder is one recording: a ROS 2 bag or task data."""
+    names = [path.name.lower() for path in folder.iterdir()]
+    return any(name in ("metadata.yaml", "taskdata.xml") or name.endswith((".db3", ".mcap")) for name in names)

@@ -1,0 +1,1 @@
+"""Dates of one field tied to each other."""

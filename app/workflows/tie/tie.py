@@ -1,0 +1,326 @@
+"""Dates of one field tied to each other, and the change between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.dates.between import left_under
+from furrowmap.core.dates.moved_surface import moved_places
+from furrowmap.core.dates.network import Network, network
+from furrowmap.core.dates.pair_tie import PLACE, PairTie, pair_tie
+from furrowmap.core.dates.upright import Upright
+from furrowmap.core.dates.upright_tie import upright_tie
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.values.crs_name import name_of
+from furrowmap.exporters.farm.surface_file import heights_of, same_map
+from furrowmap.exporters.files.file_records import rooted_records
+from furrowmap.exporters.files.provenance import Origin
+from furrowmap.exporters.files.result_folder import CLOUD, TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
+from furrowmap.exporters.files.staging import staged_folder
+from furrowmap.exporters.rasters.dated_surface import BESIDE_M, DatedSurface, OpenSurface, dated_surface, opened
+from furrowmap.exporters.rasters.tied_surfaces import (
+    ChangedGround,
+    Mover,
+    ground_pairs,
+    union,
+    write_change,
+    write_moved,
+)
+from furrowmap.exporters.reports.area_units import HECTARE, filled_in
+from furrowmap.exporters.reports.page_language import in_language
+from furrowmap.exporters.reports.tie_page import tie_page
+from furrowmap.exporters.vectors.geopackage import write_layer
+from furrowmap.exporters.vectors.tie_layers import tie_layers
+from furrowmap.workflows.clouds.surface import no_warning
+from furrowmap.workflows.tie.figures import date_rows, moved_figures, tie_rows
+from furrowmap.workflows.tie.reference import Reference, open_reference, reference_tie
+from furrowmap.workflows.tie.upright import outside, what_stands
+
+FloatArray = NDArray[np.float64]
+
+MOST_APART: Final = 4
+"""Dates between which ties are looked for: each with so many of those after it."""
+CONTRADICTED: Final = 3.0
+"""Tension of a tie from which on it contradicts the others."""
+UNSEEN_SHARE: Final = 0.7
+"""Share of the receivers' standard deviation from which on a place counts as not seen."""
+
+
+@dataclass(frozen=True)
+class TieSettings:
+    """How dates are tied.
+
+    Attributes:
+        reference: surveyed surface (GeoTIFF) or points (CSV, GeoPackage) that the dates are moved onto; None for the
+            mean of their own positions.
+        reference_sigma_m: standard deviation of its heights, and of points that state none.
+    """
+
+    reference: str | Path | None = None
+    reference_sigma_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What a tie is made of."""
+
+    dates: list[DatedSurface]
+    surfaces: list[tuple[OpenSurface, OpenSurface]]
+    """As left, and before the work."""
+    middle_m: FloatArray
+    crs: CRS
+    reference: Reference | None = None
+    upright: list[Upright] = field(default_factory=list)
+    """What stands, by date."""
+    ties: dict[tuple[int, int], PairTie] = field(default_factory=dict)
+
+    @property
+    def first(self) -> int:
+        """Number of the first date in the network: the reference comes before."""
+        return 0 if self.reference is None else 1
+
+
+def tie(
+    results: Sequence[str | Path],
+    out: str | Path,
+    settings: TieSettings = TieSettings(),
+    *,
+    overwrite: bool = False,
+    progress: Progress = silent,
+    warn: Callable[[Notice], None] = no_warning,
+) -> dict[str, Any]:
+    """Tie the results of one field to each other by the ground that no tool touched between them.
+
+    Each date is moved in place, height, tilt and heading such that untouched ground agrees; all ties are adjusted
+    together, with the receivers' own standard deviations as loose knowledge before.
+
+    Args:
+        results: folders of `furrowmap run`, of one field, in any order.
+        out: folder for the products, made if it does not exist; all of them are written or none.
+        settings: a reference.
+        overwrite: replace earlier products in the folder.
+        progress: is called with each stage and its share, 0 to 1.
+        warn: is called once with each warning, as early as it is known.
+
+    Returns:
+        The content of `tie.json`: dates with their moves, ties, changes between dates, warnings, products.
+
+    Raises:
+        InputError: if a result cannot be read, or no two dates have untouched ground in common.
+        UsageError: if there are fewer than two results, or one without a reference.
+        RefusedError: if the surfaces have several CRSs, cell sizes or height systems, or the folder holds such
+            products.
+        OSError: if the folder cannot be written to.
+    """
+    folder = Path(out)
+    if len(results) < (2 if settings.reference is None else 1):
+        raise UsageError("usage.tie", results=len(results))
+    refuse_occupied(folder, (TIE, TIE_REPORT, TIE_PAGE), "surfaces", overwrite=overwrite)
+    dates = sorted((dated_surface(open_result(Path(each))) for each in results), key=lambda date: date.start)
+    _expect_alike(dates)
+    with staged_folder(folder) as staging, ExitStack() as stack:
+        work = _opened(dates, settings, stack)
+        _find_ties(work, progress)
+        if not work.ties:
+            raise _nothing_common(dates)
+        prior = np.array([*([work.reference.sigma] if work.reference else []), *[date.sigma for date in dates]])
+        net = network(work.ties, prior)
+        notices = list(_notices(work, net, prior))
+        for notice in notices:
+            warn(notice)
+        return _write(staging, work, net, settings, notices, progress)
+
+
+def _expect_alike(dates: Sequence[DatedSurface]) -> None:
+    """Raises RefusedError if the surfaces cannot be compared cell by cell."""
+    first = dates[0]
+    for date in dates:
+        for surface in (date.after, date.before):
+            same = same_map(surface.crs, first.after.crs) and heights_of(surface.crs) == heights_of(first.after.crs)
+            if not same or surface.grid is None or surface.cell_m != first.after.cell_m:
+                raise RefusedError("tie-crs", surface=surface.path, after=first.after.path)
+
+
+def _opened(dates: list[DatedSurface], settings: TieSettings, stack: ExitStack) -> _Work:
+    surfaces = []
+    for date in dates:
+        after = stack.enter_context(opened(date.after))
+        surfaces.append((after, after if date.before is date.after else stack.enter_context(opened(date.before))))
+    bounds = np.array([date.after.bounds_m for date in dates])
+    west, south = bounds[:, :2].min(axis=0).tolist()
+    east, north = bounds[:, 2:].max(axis=0).tolist()
+    middle_m = np.array([0.5 * (west + east), 0.5 * (south + north)])
+    if settings.reference is None:
+        return _Work(dates, surfaces, middle_m, dates[0].after.crs)
+    around, sigma_m = (west, south, east, north), settings.reference_sigma_m
+    reference = open_reference(Path(settings.reference), dates, around, sigma_m, stack)
+    return _Work(dates, surfaces, middle_m, dates[0].after.crs, reference)
+
+
+def _find_ties(work: _Work, progress: Progress) -> None:
+    """Every tie that the ground allows."""
+    dates, first = work.dates, work.first
+    for k, date in enumerate(dates):
+        progress("finding walls and posts", k / len(dates))
+        work.upright.append(what_stands(date.folder / CLOUD, date.after.bounds_m))
+    pairs = [(i, j) for i in range(len(dates)) for j in range(i + 1, min(i + 1 + MOST_APART, len(dates)))]
+    for number, (i, j) in enumerate(pairs):
+        progress("tying dates", number / max(len(pairs), 1))
+        touched = union([date.touched for date in dates[i:j]])
+        pieces = list(ground_pairs(work.surfaces[i][1], work.surfaces[j][1], touched))
+        sigma = np.hypot(dates[i].sigma, dates[j].sigma)[PLACE]
+        standing = upright_tie(
+            outside(touched, work.upright[i]), outside(touched, work.upright[j]), work.middle_m, sigma
+        )
+        found = pair_tie(pieces, work.middle_m, sigma, standing)
+        if found is not None:
+            work.ties[first + i, first + j] = found
+    if work.reference is not None:
+        touched = union([date.touched for date in dates])
+        for j, (_, before) in enumerate(work.surfaces):
+            found = reference_tie(work.reference, before, dates[j], touched, work.middle_m)
+            if found is not None:
+                work.ties[0, 1 + j] = found
+    progress("tying dates", 1.0)
+
+
+def _notices(work: _Work, net: Network, prior: FloatArray) -> list[Notice]:
+    """What could not be tied, and what contradicts itself."""
+    dates, first, found = work.dates, work.first, []
+    alone = [date.name for k, date in enumerate(dates) if (net.group == net.group[first + k]).sum() == 1]
+    if alone:
+        found.append(Notice("tie-none", alone=len(alone), dates=len(dates), alone_list=", ".join(alone)))
+    if len(set(net.group.tolist())) > 1 + len(alone):
+        found.append(Notice("tie-groups"))
+    unknown = [date.name for date in dates if not date.work_known]
+    if unknown:
+        found.append(Notice("tie-work-unknown", unknown=", ".join(unknown)))
+    for (one, other), tension in net.tension.items():
+        if tension > CONTRADICTED:
+            names = (_name(work, one), _name(work, other))
+            found.append(Notice("tie-contradiction", names=names[0], names_other=names[1], tension=tension))
+    for (one, other), tied in work.ties.items():
+        if tied.upright is not None and len(tied.upright.moved_m):
+            moved, count = tied.upright.moved_m, len(tied.upright.used_m) + len(tied.upright.moved_m)
+            east, north = np.median(moved, axis=0).tolist()
+            found.append(
+                Notice(
+                    "tie-moved",
+                    moved=len(moved),
+                    count=count,
+                    work=_name(work, other),
+                    work_2=_name(work, one),
+                    east=east,
+                    north=north,
+                )
+            )
+    unseen = [
+        f"{_name(work, one)} and {_name(work, other)}"
+        for one, other in work.ties
+        if np.sqrt(np.diag(net.between(one, other)[1])[:2]).max()
+        > UNSEEN_SHARE * np.hypot(prior[one], prior[other])[:2].max()
+    ]
+    if unseen:
+        found.append(Notice("tie-place", unseen="; ".join(unseen)))
+    return found
+
+
+def _name(work: _Work, node: int) -> str:
+    return "the reference" if node < work.first else work.dates[node - work.first].name
+
+
+def _write(
+    staging: Path, work: _Work, net: Network, settings: TieSettings, notices: Sequence[Notice], progress: Progress
+) -> dict[str, Any]:
+    """Write all products; the account."""
+    inputs = [
+        (path, date.after.path.parent.parent)
+        for date in work.dates
+        for path in sorted({date.after.path, date.before.path})
+    ]
+    records = rooted_records(inputs, progress)
+    origin = Origin("Ties of dates", inputs=[(record.name, record.sha256) for record in records])
+    tied = [bool((net.group == net.group[work.first + k]).sum() > 1) for k in range(len(work.dates))]
+    dates = date_rows(work.dates, net, work.first, tied)
+    ties = tie_rows(work.ties, net, work.first)
+    movers = [Mover(after, net.moves[work.first + k], work.middle_m) for k, (after, _) in enumerate(work.surfaces)]
+    for k, (date, mover) in enumerate(zip(work.dates, movers, strict=True)):
+        progress("writing surfaces", k / len(movers))
+        if tied[k] and mover.surface.grid is not None:
+            own = Origin("Surface moved by its tie", date.name, origin.inputs)
+            write_moved(staging / dates[k]["surface"], mover, mover.surface.grid, work.crs, own)
+    changes = _changes(staging, work, net, movers, origin)
+    outlines = [shapely.box(*date.after.bounds_m) for date in work.dates]
+    for layer in tie_layers(outlines, dates, work.ties, ties):
+        write_layer(staging / TIE, layer, work.crs, indexed=False, origin=origin)
+    account: Mapping[str, Any] = {
+        "furrowmap": version("furrowmap"),
+        "inputs": records,
+        "crs": name_of(work.crs),
+        "reference": str(Path(settings.reference).name) if settings.reference is not None else None,
+        "reference_sigma_m": settings.reference_sigma_m if settings.reference is not None else None,
+        "middle_m": work.middle_m.tolist(),
+        "dates": dates,
+        "ties": ties,
+        "changes": changes,
+        "warnings": list(notices),
+        "products": sorted([*(path.name for path in staging.iterdir()), TIE_REPORT, TIE_PAGE]),
+    }
+    told = dict(plain(account))
+    page = in_language(filled_in(tie_page(told), HECTARE), language_of_user())
+    (staging / TIE_PAGE).write_text(page, encoding="utf-8")
+    (staging / TIE_REPORT).write_text(json_text(told), encoding="utf-8")
+    return told
+
+
+def _changes(staging: Path, work: _Work, net: Network, movers: Sequence[Mover], origin: Origin) -> list[dict[str, Any]]:
+    """Write the change from each date to the next one that it is tied to; the figures."""
+    rows = []
+    worked_by = [_moved(date.worked, mover) for date, mover in zip(work.dates, movers, strict=True)]
+    for k in range(len(work.dates)):
+        a = work.first + k
+        later = [j for j in range(k + 1, len(work.dates)) if net.group[work.first + j] == net.group[a]]
+        if not later:
+            continue
+        j, b = later[0], work.first + later[0]
+        one, other = work.dates[k], work.dates[j]
+        ground = ChangedGround(
+            union(worked_by[k + 1 : j + 1]),
+            before=union(worked_by[: k + 1]),
+            touched=union([shape.buffer(BESIDE_M) for shape in worked_by[k : j + 1]]),
+        )
+        name = f"change_{k + 1:02d}_{j + 1:02d}.tif"
+        own = Origin(f"Change from {one.name} to {other.name}", inputs=origin.inputs)
+        found = write_change(staging / name, (movers[k], movers[j]), ground, work.crs, own)
+        if found is None:
+            continue
+        move, covariance = net.between(a, b)
+        left = (0.0, float("nan"))
+        if len(found.places_m):
+            left = left_under(found.places_m, work.middle_m, move, covariance, work.ties.get((a, b)))
+        rows.append({"date_a": k + 1, "date_b": j + 1, "raster": name, **moved_figures(found, left)})
+    return rows
+
+
+def _moved(shape: BaseGeometry, mover: Mover) -> BaseGeometry:
+    """Ground that a tool worked, moved in place with the surface: two centimetres are a percent of a lane."""
+    moved: BaseGeometry = shapely.transform(shape, lambda xy: moved_places(xy, mover.move, mover.middle_m))
+    return moved
+
+
+def _nothing_common(dates: Sequence[DatedSurface]) -> InputError:
+    return InputError("tie-nothing-common", dates=len(dates))

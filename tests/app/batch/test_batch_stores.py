@@ -1,0 +1,83 @@
+"""Batches whose recordings and results are in an object store, against moto's S3 server."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import fsspec
+import pytest
+from moto.server import ThreadedMotoServer
+
+import furrowmap
+from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.exporters.files.batch_state import STATE
+from furrowmap.workflows.batch.engine import Manner
+from furrowmap.workflows.batch.jobs import Job
+from furrowmap.workflows.batch.places import MARKER, Store, earlier_in_store, is_url
+from furrowmap.workflows.batch.task import run_job
+
+ONE = furrowmap.BatchSettings(workers=1)
+
+
+@pytest.fixture
+def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """An empty bucket of a server in this process."""
+    server = ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    host, port = server.get_host_and_port()
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "key")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    monkeypatch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+    fsspec.filesystem("s3", skip_instance_cache=True).mkdir("season")
+    yield "s3://season"
+    server.stop()
+
+
+def test_batch__of_a_store_puts_whole_results_there(
+    bucket: str, simulated: furrowmap.Simulated, tmp_path: Path
+) -> None:
+    files = {name: (simulated.folder / name).read_bytes() for name in ("session.toml", "recording.pcap", "gnss.nmea")}
+    files["boundary.geojson"] = (simulated.folder / "boundary.geojson").read_bytes()
+    for name, content in files.items():
+        Store(f"{bucket}/in").write(f"north/{name}", content)
+    Store(f"{bucket}/in").write("raw/recording.pcap", b"")
+    found = furrowmap.batch([f"{bucket}/in"], f"{bucket}/out", ONE)
+    assert (found.run, found.failed) == (("north",), ())
+    assert [notice.code for notice in found.notices] == ["batch-no-session"]
+    there = Store(f"{bucket}/out").files()
+    assert {"batch.csv", "batch.gpkg", "batch.html", STATE, f"north/{MARKER}", "north/report.json"} <= there.keys()
+    copy = tmp_path / "copy"
+    Store(f"{bucket}/out/north").fetch([name.removeprefix("north/") for name in there if "north/" in name], copy)
+    assert furrowmap.open_result(copy).report["figures"]["passes"] == 1
+
+    again = furrowmap.batch([f"{bucket}/in"], f"{bucket}/out", ONE)
+    assert (again.run, again.unchanged) == ((), ("north",))
+    outcome = again.sessions[0].outcome  # without the state, what is done shows in the markers
+    marked = earlier_in_store(f"{bucket}/out/north", outcome.key, outcome.inputs)
+    assert marked == replace(outcome, repeated=True)
+    assert earlier_in_store(f"{bucket}/out/north", "other settings", outcome.inputs) is None
+
+    Store(f"{bucket}/in").write("north/session.toml", b"furrowmap = 1\n[recoding]\n")
+    assert furrowmap.batch([f"{bucket}/in"], f"{bucket}/out", ONE).failed == ("north",)
+
+
+def test_store__that_holds_nothing_or_cannot_be_opened_is_an_error(tmp_path: Path) -> None:
+    assert is_url("sftp://host/season")
+    assert not is_url(tmp_path)
+    with pytest.raises(InputError) as empty:
+        furrowmap.batch(["memory://nothing"], tmp_path / "results", ONE)
+    assert empty.value.code == "batch-no-store"
+    with pytest.raises(InputError) as outside:
+        Store("memory://nothing").fetch(["../x"], tmp_path)
+    assert outside.value.code == "batch-file-name"
+    with pytest.raises(RefusedError) as unknown:
+        Store("gs://bucket").files()  # gcsfs is not installed
+    assert unknown.value.code == "no-fsspec"
+    text = 'furrowmap = 1\n[recording]\nlidar = ["a"]\ngnss = ["b"]\n[crs]\nmap = "EPSG:6677"\n'
+    url = "memory://nothing"
+    gone = run_job(Job("n", f"{url}/session.toml", text, "", Manner(None, (), ""), url=url, results_url="bad://x"))
+    assert gone.failure is not None
+    assert gone.failure.code == "batch-store"

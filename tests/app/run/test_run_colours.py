@@ -1,0 +1,85 @@
+"""Colours on their way through a run: counts, what is left out, and what happens without images."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from furrowmap.core import pipeline
+from furrowmap.core.images.frames import Frames
+from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.session.opened import OpenSession
+from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import Scan
+from furrowmap.exporters.cloud.chunk import Columns
+from furrowmap.workflows.run.colours import ColourFigures, RunColours
+from tests.core.images.scenes import cloud, frames_above, texture
+
+ORIGIN_M = (0.0, 0.0, 0.0)
+SCALE_M = 0.001
+
+
+def columns(xyz_m: np.ndarray, classes: np.ndarray) -> Columns:
+    """Points as the cloud has them."""
+    n = len(xyz_m)
+    x, y, z = np.rint(xyz_m.T / SCALE_M).astype(np.int32)
+    small = [np.zeros(n, np.uint16), np.ones(n, np.uint8), classes, np.zeros(n, np.uint16)]
+    return Columns(x, y, z, *small, np.zeros(n), np.zeros((3, n), np.uint16), np.zeros((0, n), np.uint8))
+
+
+def coloured(frames: Frames) -> tuple[Columns, ColourFigures]:
+    """Points of the ground, some of them of the vehicle, through the colours of a run."""
+    ground, board = cloud()
+    whole = np.concatenate([ground, board])
+    classes = np.full(len(whole), PointClass.OTHER, np.uint8)
+    classes[::10] = PointClass.VEHICLE
+    with RunColours() as colours:
+        assert not colours.has_frames
+        colours.take(frames, ORIGIN_M)
+        scan = Scan.__new__(Scan)  # its points alone matter
+        colours.add(PlacedScan(scan, whole, classes))
+        colours.finish(lambda *_: None)
+        assert colours.has_frames
+        points = columns(whole, classes)
+        colours.paint(points, SCALE_M)
+        figures = colours.figures()
+    assert figures is not None
+    return points, figures
+
+
+def test_run__colours_and_counts(tmp_path: Path) -> None:
+    points, figures = coloured(frames_above(tmp_path, np.array([[-2.0, 0.0], [2.0, 0.0]]), np.zeros(2)))
+    assert points.rgb is not None
+    has = (points.rgb > 0).any(axis=0)
+    of_vehicle = points.classification == PointClass.VEHICLE
+    assert not has[of_vehicle].any()
+    assert figures.coloured == has.sum()
+    assert (figures.left_out, figures.coloured + figures.unseen) == (of_vehicle.sum(), (~of_vehicle).sum())
+    assert figures.unseen > 0
+    on_ground = has & (points.z == 0) & (np.abs(points.x) > 2000)
+    xy = np.column_stack([points.x, points.y])[on_ground] * SCALE_M
+    off = points.rgb[:, on_ground].T / 257.0 - texture(xy)
+    assert np.sqrt((off**2).mean()) < 2.5
+    assert figures.plain()["images"] == 2
+    assert figures.notices == ()
+
+
+def test_run__without_any_colour_says_so(tmp_path: Path) -> None:
+    frames = frames_above(tmp_path, np.array([[0.0, 0.0]]), np.zeros(1))
+    up = replace(frames, poses=replace(frames.poses, rotation=np.eye(3)[None]))
+    points, figures = coloured(up)
+    assert points.rgb is not None
+    assert not points.rgb.any()
+    assert [notice.code for notice in figures.notices] == ["nothing-coloured"]
+
+
+def test_run__without_pillow_goes_on(monkeypatch: pytest.MonkeyPatch, shared_data: Path) -> None:
+    from furrowmap.core.session.opened import open_session
+
+    opened: OpenSession = open_session(shared_data / "uav_wheat" / "session.toml")
+    monkeypatch.setattr(pipeline, "find_spec", lambda _: None)
+    notices = pipeline._give_frames(opened, None, ORIGIN_M, None, RunColours())  # type: ignore[arg-type]
+    assert [notice.code for notice in notices] == ["images-unused"]
