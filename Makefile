@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 PARTS := core exporters cli
 # Every room, but not the long ones, nor what needs QGIS.
-QUICK := $(addprefix tests/core/,checking estimation evaluation geodesy readers session surfaces trajectory values) \
+QUICK := $(addprefix tests/core/,checking estimation geodesy readers session surfaces trajectory values) \
   tests/cli tests/exporters tests/test_house.py --ignore=tests/cli/test_qgis.py
 TESTS ?= tests
 OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one \

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from importlib.metadata import version
 
     from furrowmap.core.checking.check import Check as Check
+    from furrowmap.core.checking.evaluation import Evaluation as Evaluation
     from furrowmap.core.checking.paired_points import PairedPoints as PairedPoints
     from furrowmap.core.crops.plot_grid import PlotGrid as PlotGrid
-    from furrowmap.core.evaluation.evaluation import Evaluation as Evaluation
     from furrowmap.core.images.board import Board as Board
     from furrowmap.core.pointclouds.cleaning import Cleaning as Cleaning
     from furrowmap.core.pointclouds.surface_settings import SurfaceSettings as SurfaceSettings
@@ -134,7 +134,7 @@ _HOMES = {
     "CheckSettings": "workflows.clouds.check",
     "CleanSettings": "workflows.clouds.clean",
     "Cleaning": "core.pointclouds.cleaning",
-    "Evaluation": "core.evaluation.evaluation",
+    "Evaluation": "core.checking.evaluation",
     "EvaluationSettings": "workflows.gnss.evaluate",
     "Examined": "core.session.examination",
     "Exported": "workflows.share.export",

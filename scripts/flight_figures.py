@@ -17,8 +17,8 @@ prepare_process()
 from matplotlib import pyplot as plt  # noqa: E402
 from scipy.spatial.transform import Rotation  # noqa: E402
 
-from furrowmap.core.calibration.boresight import boresight  # noqa: E402
-from furrowmap.core.calibration.strips import strip_returns  # noqa: E402
+from furrowmap.core.adjustment.boresight import boresight  # noqa: E402
+from furrowmap.core.adjustment.strips import strip_returns  # noqa: E402
 from furrowmap.core.session.opened import open_session  # noqa: E402
 from furrowmap.core.trajectory.located import locate  # noqa: E402
 

@@ -20,10 +20,10 @@ import pytest
 
 import furrowmap
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline import run
+from furrowmap.core.pipeline.pipeline import run
+from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.work.run_result import RunResult
 
 RunOnce = Callable[[str, Callable[[Path], Path]], furrowmap.Result]
 TRACTORS = ("tractor_loop", "tractor_fishtail")

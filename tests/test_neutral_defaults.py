@@ -19,7 +19,7 @@ EVERY_ONE: Final = {
     "core/pointclouds/spooled_clouds.py spool_clouds(every)": 1,
     "app/workflows/clouds/features.py FeatureSettings.every": 1,
     "core/pointclouds/surface_settings.py SurfaceSettings.every": 1,
-    "core/calibration/clock_search.py _Trial.agreement(every)": 1,
+    "core/adjustment/clock_search.py _Trial.agreement(every)": 1,
     "core/crops/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
     "core/crops/plot_grid.py PlotGrid.block_size": 1,
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
@@ -44,7 +44,7 @@ FACTORS: Final = {
     "core/matching/ground.py Relief.noise": 1.0,
     "core/simulator/motion.py Motion.scale": 1.0,
     "core/pointclouds/placing.py Placer.scale": 1.0,
-    "core/pipeline.py placer_of(scale)": 1.0,
+    "core/pipeline/pipeline.py placer_of(scale)": 1.0,
     "core/crops/measure.py measured(scale)": 1.0,
     "core/crops/plot_grid.py plot_grid(scale)": 1.0,
     "core/simulator/path.py _straight(gear)": 1,  # forward

@@ -1,1 +1,1 @@
-"""The adjustment of a session: its input, the schedule of its stages, and the result."""
+"""The adjustment of a session, and what it calibrates: mounting, yaw, clock offset, range bow, lasers."""

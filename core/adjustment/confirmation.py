@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from furrowmap.core.calibration.boresight import Boresight
+from furrowmap.core.adjustment.boresight import Boresight
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory

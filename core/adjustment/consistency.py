@@ -9,15 +9,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.calibration.antenna_sway import CERTAIN, AntennaSway
-from furrowmap.core.calibration.clock_offset import LEAST_GAIN, AntennaConstants
-from furrowmap.core.calibration.ground_plane import GroundTilt
+from furrowmap.core.adjustment.antenna_sway import CERTAIN, AntennaSway
+from furrowmap.core.adjustment.clock_offset import LEAST_GAIN, AntennaConstants
+from furrowmap.core.adjustment.ground_plane import GroundTilt
 from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.states import GNSS_DRIFT, State
 from furrowmap.core.estimation.wheels import SLIP_EVERY_S, AxleSteps
 from furrowmap.core.runtime import scratch
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.session.examination import named_offset
+from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.trajectory import Trajectory
 

@@ -7,11 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from furrowmap.core.adjustment.antenna_sway import AntennaSway
+from furrowmap.core.adjustment.clock_offset import AntennaConstants
+from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
 from furrowmap.core.adjustment.problem import Adjusted
-from furrowmap.core.calibration.antenna_sway import AntennaSway
-from furrowmap.core.calibration.clock_offset import AntennaConstants
-from furrowmap.core.calibration.mounting_calibration import MountingCalibration
-from furrowmap.core.calibration.yaw_ambiguity import Facing
+from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.aiding import AIDED, GYRO_SCALE, MISALIGNMENT
 from furrowmap.core.estimation.inertial import RATE_BIAS
 from furrowmap.core.estimation.states import Block

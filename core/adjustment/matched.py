@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.adjustment.antenna_sway import AntennaSway, antenna_sway
+from furrowmap.core.adjustment.clock_offset import AntennaConstants, antenna_constants
+from furrowmap.core.adjustment.clock_search import Candidate, searched_clock_offset
 from furrowmap.core.adjustment.consistency import Seen, seen_in
+from furrowmap.core.adjustment.ground_plane import LEVEL, GroundTilt
 from furrowmap.core.adjustment.held_scans import held_by_positions
 from furrowmap.core.adjustment.match_report import match_figures, match_notices
+from furrowmap.core.adjustment.mounting_calibration import STATED_SIGMA_DEG, MountingCalibration
 from furrowmap.core.adjustment.precision import sigmas, sources_of
 from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
+from furrowmap.core.adjustment.range_bow import range_bow, range_bow_sigma
 from furrowmap.core.adjustment.solve import resolve_yaw_ambiguity, solve
-from furrowmap.core.calibration.antenna_sway import AntennaSway, antenna_sway
-from furrowmap.core.calibration.clock_offset import AntennaConstants, antenna_constants
-from furrowmap.core.calibration.clock_search import Candidate, searched_clock_offset
-from furrowmap.core.calibration.ground_plane import LEVEL, GroundTilt
-from furrowmap.core.calibration.mounting_calibration import STATED_SIGMA_DEG, MountingCalibration
-from furrowmap.core.calibration.range_bow import range_bow, range_bow_sigma
 from furrowmap.core.estimation.aiding import Aid
 from furrowmap.core.estimation.knots import STEP_S, Knots
 from furrowmap.core.estimation.states import State

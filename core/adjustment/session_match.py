@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
+from furrowmap.core.adjustment.antenna_sway import CLOCK_SIGMA_S
+from furrowmap.core.adjustment.clock_search import CERTAIN, motion_certainty
 from furrowmap.core.adjustment.consistency import Cause, Seen, clock_notice, contradiction_notice, enlarged
+from furrowmap.core.adjustment.ground_plane import GroundTilt, ground_tilt
 from furrowmap.core.adjustment.match_report import FACING_ASSUMED, LEVER_ASSUMED, height_is_off
 from furrowmap.core.adjustment.matched import Matched, Prepared, match, prepare
-from furrowmap.core.calibration.antenna_sway import CLOCK_SIGMA_S
-from furrowmap.core.calibration.clock_search import CERTAIN, motion_certainty
-from furrowmap.core.calibration.ground_plane import GroundTilt, ground_tilt
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead

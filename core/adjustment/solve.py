@@ -15,11 +15,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.bridging import bridged, gaps_between
+from furrowmap.core.adjustment.laser_ranges import laser_ranges
+from furrowmap.core.adjustment.mounting_calibration import mounting_calibration
 from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
 from furrowmap.core.adjustment.steps import session_step, window_step
-from furrowmap.core.calibration.laser_ranges import laser_ranges
-from furrowmap.core.calibration.mounting_calibration import mounting_calibration
-from furrowmap.core.calibration.yaw_ambiguity import facing
+from furrowmap.core.adjustment.yaw_ambiguity import facing
 from furrowmap.core.estimation.relaxation import Relaxation
 from furrowmap.core.matching.ground_registration import session_surface
 from furrowmap.core.matching.placing import GUARD_S

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from furrowmap.core.adjustment.crab_angle import crab_angle_rad
 from furrowmap.core.adjustment.problem import Iterate, Linearised, Problem
-from furrowmap.core.calibration.crab_angle import crab_angle_rad
 from furrowmap.core.estimation.banded import NormalEquations, Solution
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_equations, fine_step
 from furrowmap.core.estimation.knots import STEP_S

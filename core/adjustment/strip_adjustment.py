@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.adjustment.boresight import AS_STATED, CERTAIN_DEG, HEIGHT_M, PLACE, TIME, Boresight, boresight
+from furrowmap.core.adjustment.cell_heights import PARAMETERS, CellHeights, cell_heights, derivatives, smooth_groups
 from furrowmap.core.adjustment.mounting_walk import MountingWalk, attitudes_at, mounting_walk, with_walk
-from furrowmap.core.calibration.boresight import AS_STATED, CERTAIN_DEG, HEIGHT_M, PLACE, TIME, Boresight, boresight
-from furrowmap.core.calibration.cell_heights import PARAMETERS, CellHeights, cell_heights, derivatives, smooth_groups
-from furrowmap.core.calibration.strips import CELL_M, LASERS, StripReturns, at_shifted_times
+from furrowmap.core.adjustment.strips import CELL_M, LASERS, StripReturns, at_shifted_times
 from furrowmap.core.estimation.correlated_prior import root_of, solved
 from furrowmap.core.estimation.robust import huber_weight
 from furrowmap.core.estimation.states import POSE

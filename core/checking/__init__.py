@@ -1,1 +1,1 @@
-"""Clouds and surfaces against surveyed points: positional accuracy after ASPRS, Edition 2 (2023)."""
+"""Accuracy of clouds and surfaces at surveyed points (ASPRS, Edition 2), and of receivers against a reference."""

@@ -15,8 +15,8 @@ from furrowmap.core.checking.notices import accuracy_notices, precision_notices
 from furrowmap.core.checking.point_check import Box, PointCheck
 from furrowmap.core.checking.positional_accuracy import Accuracy, Component
 from furrowmap.core.checking.surface_at_points import surface_at_points
-from furrowmap.core.checking.surveyed_points import SurveyedPoints, SurveyOptions
 from furrowmap.core.readers.las.header import SIGNATURE
+from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent
 
@@ -54,7 +54,7 @@ def check_product(
     """Compare a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF) with surveyed points.
 
     Args:
-        points_file: see :func:`~furrowmap.core.checking.surveyed_points.read_points`.
+        points_file: see :func:`~furrowmap.core.readers.surveyed_points.read_points`.
         options: what is stated about the points.
         targets: attribute in which discs are detected, for the horizontal error.
         diameter_m: of the discs.

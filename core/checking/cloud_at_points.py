@@ -15,11 +15,11 @@ from scipy.spatial import cKDTree
 from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, SwathKey, find_swath_key, swath_numbers
 from furrowmap.core.checking.local_plane import local_plane
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
-from furrowmap.core.checking.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
 from furrowmap.core.checking.target_discs import find_disc
 from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours, open_clouds
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
+from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 
@@ -48,7 +48,7 @@ def cloud_at_points(
 
     Args:
         path: of a LAS, LAZ or COPC file.
-        points_file: see :func:`~furrowmap.core.checking.surveyed_points.read_points`.
+        points_file: see :func:`~furrowmap.core.readers.surveyed_points.read_points`.
         options: what is stated about the points.
         targets: attribute in which discs are detected, for the horizontal error.
         diameter_m: of the discs.

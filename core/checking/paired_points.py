@@ -13,7 +13,7 @@ import pyproj
 from numpy.typing import NDArray
 
 from furrowmap.core.checking.point_check import PointCheck
-from furrowmap.core.checking.surveyed_points import SurveyedPoints, SurveyOptions, in_degrees, read_points, survey_of
+from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, in_degrees, read_points, survey_of
 from furrowmap.core.runtime.errors import InputError, Notice
 
 FloatArray = NDArray[np.float64]

@@ -10,7 +10,7 @@ import pyproj
 from numpy.typing import NDArray
 
 from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, SwathKey
-from furrowmap.core.checking.surveyed_points import SurveyedPoints
+from furrowmap.core.readers.surveyed_points import SurveyedPoints
 from furrowmap.core.runtime.errors import Notice
 
 FloatArray = NDArray[np.float64]

@@ -8,8 +8,8 @@ import numpy as np
 import pyproj
 
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
-from furrowmap.core.checking.surveyed_points import SurveyOptions, survey_of
 from furrowmap.core.readers.geotiff import expect_heights, open_geotiff
+from furrowmap.core.readers.surveyed_points import SurveyOptions, survey_of
 from furrowmap.core.runtime.errors import InputError
 
 
@@ -18,7 +18,7 @@ def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = Su
 
     Args:
         path: of a GeoTIFF, whose first band is heights.
-        points_file: see :func:`furrowmap.core.checking.surveyed_points.read_points`.
+        points_file: see :func:`furrowmap.core.readers.surveyed_points.read_points`.
         options: what is stated about the points.
 
     Raises:

@@ -11,12 +11,12 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.areas.rings import pixels_in
 from furrowmap.core.crops.canopy import PIXEL_M, Canopy, canopy_top
 from furrowmap.core.crops.figures import ParcelFigures, parcel_figures
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.crops.published import christiansen2017
 from furrowmap.core.crops.soil import Soil, SoilPatch
+from furrowmap.core.readers.areas.rings import pixels_in
 from furrowmap.core.runtime.threads import in_threads
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.parcel import Parcel

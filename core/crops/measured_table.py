@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from furrowmap.core.areas.corner_table import IDS
 from furrowmap.core.crops.parcels import BLOCKS
+from furrowmap.core.readers.areas.corner_table import IDS
 from furrowmap.core.readers.sheet import read_sheet
 from furrowmap.core.readers.survey_table import SurveyTable
 from furrowmap.core.runtime.errors import InputError

@@ -15,8 +15,8 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.areas.rings import ring_at, rings_of
 from furrowmap.core.crops.soil_cells import SoilCells, noise_in_pixels, soil_cells
+from furrowmap.core.readers.areas.rings import ring_at, rings_of
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys
 from furrowmap.core.runtime.threads import in_threads
 from furrowmap.core.values.parcel import Parcel

@@ -14,10 +14,10 @@ import shapely
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.areas.corner_table import IDS
-from furrowmap.core.areas.polygon_file import MapPolygons, polygons_on_map
 from furrowmap.core.crops.net_parcel import net_of
 from furrowmap.core.geodesy.projection import scale_at
+from furrowmap.core.readers.areas.corner_table import IDS
+from furrowmap.core.readers.areas.polygon_file import MapPolygons, polygons_on_map
 from furrowmap.core.readers.vector_file import FORMATS
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Attribute, Parcel

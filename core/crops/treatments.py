@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.areas.corner_table import IDS
 from furrowmap.core.crops.parcels import BLOCKS, listed
+from furrowmap.core.readers.areas.corner_table import IDS
 from furrowmap.core.readers.sheet import read_sheet
 from furrowmap.core.readers.survey_table import SurveyTable
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError

@@ -13,9 +13,9 @@ import pyproj
 from numpy.typing import NDArray
 from pyproj.crs import CompoundCRS
 
-from furrowmap.core.areas.area import Area, nothing_within, read_area
 from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
 from furrowmap.core.geodesy.crs_choice import choose_crs
+from furrowmap.core.readers.areas.area import Area, nothing_within, read_area
 from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.points import CloudBatch
@@ -205,7 +205,7 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
 
 
 def clipped(clouds: Clouds, polygons: Path | None) -> Clouds:
-    """Clouds without the points outside the polygons of a file (:func:`~furrowmap.core.areas.area.read_area`).
+    """Clouds without the points outside the polygons of a file (:func:`~furrowmap.core.readers.areas.area.read_area`).
 
     Raises:
         InputError: if the polygons cannot be read.

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.areas.area import Area
 from furrowmap.core.pointclouds.placing import Placer
+from furrowmap.core.readers.areas.area import Area
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.point_classes import PointClass

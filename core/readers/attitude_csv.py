@@ -13,11 +13,12 @@ from furrowmap.core.readers.attitude_rows import attitude_facts, attitude_track
 from furrowmap.core.readers.csv_header import columns_of, head_columns, names_a_position
 from furrowmap.core.readers.csv_numbers import complete_rows, pieces
 from furrowmap.core.readers.inertial_rows import joined_name
-from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
+from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, UNSTATED, AttitudeTrack
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]

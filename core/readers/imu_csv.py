@@ -17,11 +17,12 @@ from furrowmap.core.readers.csv_numbers import complete_rows, pieces
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.inertial_rows import first_beyond, inertial_facts, inertial_track, joined_name
 from furrowmap.core.readers.iso_times import tied_to_utc, with_unix_times
-from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
+from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.attitude import AttitudeTrack
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
 from furrowmap.core.values.scan import Clock
 

@@ -15,10 +15,11 @@ from furrowmap.core.readers.csv_header import columns_of, head_columns
 from furrowmap.core.readers.csv_numbers import numbers, pieces
 from furrowmap.core.readers.facts import utc_facts
 from furrowmap.core.readers.line_points import FARTHEST_M, mostly_invalid, sweep
-from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.scan import Clock, Scan
 
 FloatArray = NDArray[np.float64]

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.elsewhere import without_elsewhere
 from furrowmap.core.readers.epochs import in_order, week_time
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
-from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
+from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Source, cut_notice
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Clock
 

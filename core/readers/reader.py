@@ -20,6 +20,7 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.foreign_content import SIGNATURES
 from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.camera import Camera
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack
@@ -58,22 +59,6 @@ class ReadOptions:
     topic: str | None = None
     columns: Mapping[str, tuple[str, str, float]] = field(default_factory=dict)
     glance_s: float | None = None
-
-
-@dataclass(frozen=True)
-class ClockReading:
-    """The readings of one clock in a file.
-
-    Attributes:
-        first_s: its first reading as UTC.
-        last_s: its last reading as UTC.
-        note: its source, and its difference from other clocks.
-    """
-
-    clock: Clock
-    first_s: float
-    last_s: float
-    note: str = ""
 
 
 @dataclass(frozen=True)

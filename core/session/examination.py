@@ -6,10 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from furrowmap.core.readers.reader import (
-    ClockReading,
     GivesAttitude,
     GivesInertial,
     GivesPoses,
@@ -20,21 +18,9 @@ from furrowmap.core.readers.reader import (
     Reader,
     Recognised,
 )
-from furrowmap.core.values.clock import DAY_S, HOUR_S, WEEK_S, iso_utc
+from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc
+from furrowmap.core.values.clock_readings import ClockReading, likely_offset, overlap_s
 from furrowmap.core.values.scan import Clock
-
-_OFFSETS: Final = (
-    (18.0, 1, "leap seconds: GPS time taken for UTC"),
-    (HOUR_S, 14, "a local time taken for UTC"),
-    (HOUR_S / 4, 56, "a local time taken for UTC"),
-    (DAY_S, 7, "a wrong date"),
-    (1024 * WEEK_S, 2, "a GPS week rollover"),
-)
-"""Step, largest multiple and cause of common clock offsets, most likely first."""
-NAMED_S: Final = 0.6
-"""An offset so near to a common one is that: clocks without a receiver are up to half a second off."""
-_ENOUGH: Final = 0.5
-"""Share of the shorter recording that must overlap after an offset for it to be proposed."""
 
 
 @dataclass(frozen=True)
@@ -148,41 +134,8 @@ def time_matches(recordings: Sequence[Examined]) -> Iterator[TimeMatch]:
                 yield _match(scans.path, scans.scan_clock, positions.path, positions.position_clock)
 
 
-def likely_offset(first: ClockReading, second: ClockReading) -> tuple[float, str] | None:
-    """The likely offset of the first clock relative to the second, and its cause, if the recordings do not overlap.
-
-    Returns:
-        The most likely cause with which at least half of the shorter recording overlaps, with the multiple that gives
-        the largest overlap; None if there is none.
-    """
-    shorter_s = min(first.last_s - first.first_s, second.last_s - second.first_s)
-    for step_s, largest, cause in _OFFSETS:
-        # Offsets outside this range give no overlap.
-        low_s, high_s = first.first_s - second.last_s, first.last_s - second.first_s
-        numbers = range(max(-largest, math.ceil(low_s / step_s)), min(largest, math.floor(high_s / step_s)) + 1)
-        meeting = [n * step_s for n in numbers if n != 0]
-        best_s = max(meeting, key=lambda offset_s: (_shared_s(first, second, offset_s), -abs(offset_s)), default=None)
-        if best_s is not None and _shared_s(first, second, best_s) >= _ENOUGH * shorter_s:
-            return best_s, cause
-    return None
-
-
-def named_offset(offset_s: float) -> str:
-    """The common cause of a clock offset, such as leap seconds; empty where there is none."""
-    for step_s, largest, cause in _OFFSETS:
-        number = round(offset_s / step_s)
-        if 0 < abs(number) <= largest and abs(offset_s - number * step_s) < NAMED_S:
-            return cause
-    return ""
-
-
-def _shared_s(first: ClockReading, second: ClockReading, offset_s: float = 0.0) -> float:
-    """Duration of the overlap if the first clock is ahead by `offset_s`; negative: duration of the gap."""
-    return min(first.last_s - offset_s, second.last_s) - max(first.first_s - offset_s, second.first_s)
-
-
 def _match(scans: Path, scanner: ClockReading, positions: Path, other: ClockReading) -> TimeMatch:
-    shared_s = _shared_s(scanner, other)
+    shared_s = overlap_s(scanner, other)
     span_s = scanner.last_s - scanner.first_s
     names = f"{scans.name} and {positions.name}" if scans != positions else f"Scans and positions of {scans.name}"
     offset_s = None

@@ -14,7 +14,7 @@ import numpy as np
 from pyproj import Transformer
 
 from furrowmap.core.geodesy.crs_choice import CrsChoice, choose_crs
-from furrowmap.core.readers.reader import ClockReading, GivesPoses, GivesTrack, ReadOptions
+from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions
 from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.session.examination import Examined, time_matches
 from furrowmap.core.session.proposed_places import (
@@ -27,6 +27,7 @@ from furrowmap.core.session.proposed_places import (
     places_missing,
 )
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.machine import Machine
 from furrowmap.core.values.session import SCHEMA
 

@@ -1,1 +1,1 @@
-"""Worked ground: polygons and figures from a trajectory and the states of the tool."""
+"""The implement and its work: detection in scans, height and states, polygons and figures of the worked ground."""

@@ -11,8 +11,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.areas.area import Area
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.readers.areas.area import Area
 from furrowmap.core.readers.boundary import FieldOutline, read_fields
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.reader import ClockReading, GivesStates, ReadOptions, open_recording
+from furrowmap.core.readers.reader import GivesStates, ReadOptions, open_recording
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.session.examination import likely_offset
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock_readings import ClockReading, likely_offset
 from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates

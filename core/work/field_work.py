@@ -12,13 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.implement.heights import ToolHeightTracker
-from furrowmap.core.implement.learning import learn_implement
-from furrowmap.core.implement.machine import AIRBORNE, Machine, learn_machine
-from furrowmap.core.implement.model import Hint, Learned
-from furrowmap.core.implement.model import Implement as SeenImplement
-from furrowmap.core.implement.near_scans import FRONT_M, NearScan, NearScans
-from furrowmap.core.implement.states import ToolHistory, tool_history
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.intervals import interval_numbers
 from furrowmap.core.values.mounting import Mounting
@@ -29,6 +22,13 @@ from furrowmap.core.values.trajectory import Motion, Trajectory
 from furrowmap.core.work.depth import UNKNOWN_DEPTH, Depth, pass_depths
 from furrowmap.core.work.external_states import StateComparison, compare_states
 from furrowmap.core.work.ground import WorkedGround, worked_ground
+from furrowmap.core.work.heights import ToolHeightTracker
+from furrowmap.core.work.learning import learn_implement
+from furrowmap.core.work.machine import AIRBORNE, Machine, learn_machine
+from furrowmap.core.work.model import Hint, Learned
+from furrowmap.core.work.model import Implement as SeenImplement
+from furrowmap.core.work.near_scans import FRONT_M, NearScan, NearScans
+from furrowmap.core.work.states import ToolHistory, tool_history
 from furrowmap.core.work.sweep import PassTimes, pass_times
 from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
 

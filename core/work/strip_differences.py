@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.calibration.cell_heights import LEAST_IN_GROUP, CellHeights, cell_heights, smooth_groups
-from furrowmap.core.calibration.strips import CELL_M, StripReturns
+from furrowmap.core.adjustment.cell_heights import LEAST_IN_GROUP, CellHeights, cell_heights, smooth_groups
+from furrowmap.core.adjustment.strips import CELL_M, StripReturns
 from furrowmap.core.surfaces.visits import SwathDifferences, SwathSums
 from furrowmap.core.values.intervals import Interval, interval_numbers
 from furrowmap.core.values.mounting import Mounting

@@ -10,13 +10,13 @@ from typing import Any, Final
 
 from pyproj import CRS
 
+from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.surfaces import cloud_tiles
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.surfaces.visits import BLOCK, SwathDifferences, SwathSums
 from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, tool_passages
-from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.soil_moved import Moved, SoilMoved, SoilSums
 from furrowmap.core.work.strip_outlines import StripGround, StripOutlines
 from furrowmap.exporters.files.provenance import Origin

@@ -11,8 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.evaluation.evaluation import Evaluation
-from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Row
+from furrowmap.core.checking.evaluation import Evaluation
+from furrowmap.core.checking.statistics import DEFINITIONS, QUANTILES, Row
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.files.csv_cells import cell

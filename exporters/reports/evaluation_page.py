@@ -13,8 +13,8 @@ from zoneinfo import ZoneInfo
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.evaluation.evaluation import Evaluation
-from furrowmap.core.evaluation.statistics import DEFINITIONS, QUANTILES, Table
+from furrowmap.core.checking.evaluation import Evaluation
+from furrowmap.core.checking.statistics import DEFINITIONS, QUANTILES, Table
 from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.values.gnss import Fix

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 from zoneinfo import ZoneInfo
 
+from furrowmap.core.adjustment.boresight import Boresight
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
-from furrowmap.core.calibration.boresight import Boresight
 from furrowmap.core.geodesy.local_time import clock_words
+from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.surfaces.visits import SwathDifferences
-from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.strip_differences import StripDifferences
 from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.reports.page_parts import figure, remark, section, table

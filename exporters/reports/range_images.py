@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.implement.model import Implement
+from furrowmap.core.work.model import Implement
 from furrowmap.exporters.rasters.png import data_uri
 from furrowmap.exporters.reports.page_parts import escape, figure
 from furrowmap.exporters.reports.svg import WIDTH, drawing

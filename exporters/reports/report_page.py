@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.geodesy.local_time import clock_words, in_local_time, span_words
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.surfaces.visits import SwathDifferences
 from furrowmap.core.values.gnss import Fix
@@ -23,7 +24,6 @@ from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, FieldFigures
-from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.rasters.field_rasters import RasterFigures

@@ -15,24 +15,24 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.calibration.boresight import NAMES, Boresight
+from furrowmap.core.adjustment.boresight import NAMES, Boresight
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
 from furrowmap.core.images.aiding import ImageAid
-from furrowmap.core.pointclouds.position_notices import fix_shares
+from furrowmap.core.pipeline.position_notices import fix_shares
+from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.languages.translation import translated
-from furrowmap.core.session.examination import named_offset
 from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS
 from furrowmap.core.work.external_states import NEAR_S
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, FieldFigures, WorkedGround
-from furrowmap.core.work.run_result import RunResult
 from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.evaluation.evaluation import Evaluation
-from furrowmap.core.evaluation.statistics import QUANTILES
+from furrowmap.core.checking.evaluation import Evaluation
+from furrowmap.core.checking.statistics import QUANTILES
 from furrowmap.core.values.earth import SEMI_MAJOR_M
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.reports.page_parts import escape, figure, key, remark, section

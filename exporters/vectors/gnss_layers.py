@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from furrowmap.core.evaluation.evaluation import Evaluation
+from furrowmap.core.checking.evaluation import Evaluation
 from furrowmap.core.values.earth import earth_centred_m, east_north_up, geodetic
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.vectors.field_layers import Layer, geometry_array

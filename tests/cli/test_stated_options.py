@@ -15,7 +15,7 @@ import pytest
 import rasterio
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.evaluation.evaluation import evaluate
+from furrowmap.core.checking.evaluation import evaluate
 from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.exporters.vectors.geopackage import write_field
 from tests.app.share.test_export import write_report

@@ -16,11 +16,11 @@ from pyproj import CRS
 from furrowmap.cli import batch, calibrate, check, farm, fields, gnss, growth, machine, response, tie
 from furrowmap.cli.tables import MOST_PARCELS, file_size, parcel_table
 from furrowmap.core.checking.check import Check
+from furrowmap.core.checking.continuity import Age, Continuity
 from furrowmap.core.checking.internal_precision import InternalPrecision
 from furrowmap.core.checking.paired_points import PairedPoints
 from furrowmap.core.checking.positional_accuracy import Accuracy, Component
-from furrowmap.core.evaluation.continuity import Age, Continuity
-from furrowmap.core.evaluation.statistics import Row
+from furrowmap.core.checking.statistics import Row
 from furrowmap.core.values.machine import Calibrated, Machine, MachineCamera, MachineImplement, MachineImu
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.session import Antenna, Lidar

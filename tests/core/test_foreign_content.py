@@ -17,16 +17,16 @@ from PIL import Image
 from pyproj import CRS
 from shapely.geometry import Point, box
 
-from furrowmap.core.areas.area import read_area
-from furrowmap.core.checking.surveyed_points import read_points
 from furrowmap.core.crops.measured_table import read_measured
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.treatments import read_treatments
 from furrowmap.core.geodesy.parameter_file import read_parameters
-from furrowmap.core.images.session_aid import read_pixels
+from furrowmap.core.pipeline.session_aid import read_pixels
+from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.image_table import read_image_table
 from furrowmap.core.readers.mount_csv import read_mount
+from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.foreign_content import binary_kind
 from furrowmap.core.session.file import load_session

@@ -18,17 +18,16 @@ from pyproj import CRS
 
 import furrowmap
 from furrowmap.cli.point_options import classes_of, widths_of
-from furrowmap.core.areas.area import read_area
+from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.crops.logistic import fit_logistic
 from furrowmap.core.crops.treatments import read_treatments
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.evaluation.receivers import evaluate_logs
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.images.board import expect_opencv
-from furrowmap.core.implement.saved import load_implement
+from furrowmap.core.pipeline.run_notices import refuse_empty
 from furrowmap.core.pointclouds.placed import Placement
-from furrowmap.core.pointclouds.run_notices import refuse_empty
 from furrowmap.core.readers import zipped_layer
+from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.exif import expect_pillow
 from furrowmap.core.readers.sheet import LARGEST_BYTES, read_sheet
@@ -38,6 +37,7 @@ from furrowmap.core.trajectory.imu_mounting import check_mounting
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 from furrowmap.core.work.external_states import external_states
+from furrowmap.core.work.saved import load_implement
 from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.vectors import FORMATS, write_vectors
 from furrowmap.exporters.farm import database
@@ -176,7 +176,7 @@ def test_implements__of_another_form(changed: dict[str, object], words: str, tmp
         "form": 1, "turn": np.zeros(3), "grid": np.array([0.0, 0.0, 3.0, 3.0]), "levels": np.zeros(5),
         "usual": np.zeros(3), "odds": np.zeros((3, 3)), "columns": np.zeros(3), "still_m": np.zeros((2, 3)),
     }  # fmt: skip
-    from furrowmap.core.implement import saved
+    from furrowmap.core.work import saved
 
     arrays |= {"form": saved.FORM, "columns": np.zeros(saved.COLUMNS), "still_m": np.zeros((2, saved.COLUMNS))}
     np.savez(tmp_path / "implement.npz", **(arrays | changed))  # type: ignore[arg-type]

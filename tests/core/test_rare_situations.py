@@ -20,14 +20,13 @@ from pyproj import CRS
 import furrowmap
 from furrowmap import CleanSettings, SurfaceSettings, clean, surface
 from furrowmap.cli.main import command_line
-from furrowmap.core.checking.surveyed_points import read_points
-from furrowmap.core.evaluation.evaluation import evaluate
-from furrowmap.core.evaluation.receivers import evaluate_logs
+from furrowmap.core.checking.evaluation import evaluate
+from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.pipeline.run_notices import placement_notices, refuse_empty, session_notices
 from furrowmap.core.pointclouds.clouds import no_points_error, open_clouds
 from furrowmap.core.pointclouds.placed import Placement
-from furrowmap.core.pointclouds.run_notices import placement_notices, refuse_empty, session_notices
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.readers.poses.csv import PoseCsv
@@ -36,6 +35,7 @@ from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.sbf.log import SbfLog
 from furrowmap.core.readers.source import look
+from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.ubx.log import UbxLog
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.file import parse_session

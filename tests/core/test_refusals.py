@@ -13,14 +13,12 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.checking import surveyed_points
-from furrowmap.core.checking.surveyed_points import read_points
-from furrowmap.core.evaluation.receivers import evaluate_logs
+from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.geodesy import parameter_file
 from furrowmap.core.geodesy.crs_change import crs_of
 from furrowmap.core.geodesy.height_system import height_system
 from furrowmap.core.geodesy.parameter_file import read_parameters
-from furrowmap.core.readers import boundary, reader, states_csv, vector_file
+from furrowmap.core.readers import boundary, reader, states_csv, surveyed_points, vector_file
 from furrowmap.core.readers.isoxml import files, time_log
 from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.poses.file import RawPoses
@@ -28,6 +26,7 @@ from furrowmap.core.readers.reader import GROUP, ReadOptions, readers
 from furrowmap.core.readers.rosbag.bags import RosBag2
 from furrowmap.core.readers.rosbag.storage import ByteStream, Damage
 from furrowmap.core.readers.states_csv import StatesCsv
+from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import FurrowmapError, Notice
 from furrowmap.core.session.opened import open_session
 from furrowmap.exporters.farm.connection import public_name

@@ -12,13 +12,13 @@ import pyproj
 import shapely
 
 from furrowmap.cli.worker import _arguments
-from furrowmap.core.checking.surveyed_points import read_points
-from furrowmap.core.implement.range_image import COLUMNS
-from furrowmap.core.implement.saved import load_implement, save_implement
-from furrowmap.core.implement.template import SideViewGrid, Template
+from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.simulator.scenario_file import load_scenario
+from furrowmap.core.work.range_image import COLUMNS
+from furrowmap.core.work.saved import load_implement, save_implement
+from furrowmap.core.work.template import SideViewGrid, Template
 from furrowmap.workflows.share.export import export
-from tests.core.implement.test_tool_history import TILLER
+from tests.core.work.test_tool_history import TILLER
 from tests.exporters.farm.result_folders import write_result
 from tests.fuzz.mutations import Files
 from tests.fuzz.trials import Entry

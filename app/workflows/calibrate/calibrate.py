@@ -11,8 +11,8 @@ import numpy as np
 
 from furrowmap.core.adjustment.session_match import match_session
 from furrowmap.core.adjustment.strip_adjustment import calibrated_flight
-from furrowmap.core.calibration.strips import strip_returns
-from furrowmap.core.pipeline import companions
+from furrowmap.core.adjustment.strips import strip_returns
+from furrowmap.core.pipeline.pipeline import companions
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.threads import using_threads

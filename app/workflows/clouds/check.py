@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 from furrowmap.core.checking.check import Check, check_product
 from furrowmap.core.checking.cloud_at_points import Targets
 from furrowmap.core.checking.paired_points import PairedPoints, pairs_of_files, pairs_of_product
-from furrowmap.core.checking.surveyed_points import SurveyOptions
 from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.reports.check_table import write_check_table, write_pairs_table

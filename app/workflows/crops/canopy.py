@@ -12,7 +12,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from furrowmap.core.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
 from furrowmap.core.crops.stand import Stand, stand_of
 from furrowmap.core.geodesy.crs_change import optional_crs
@@ -21,6 +20,7 @@ from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clou
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
+from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import Notice, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain

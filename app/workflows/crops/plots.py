@@ -10,9 +10,9 @@ import shapely
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from furrowmap.core.areas.placing import placed
 from furrowmap.core.crops.plot_grid import PlotGrid, plot_grid
 from furrowmap.core.geodesy.projection import scale_at
+from furrowmap.core.readers.areas.placing import placed
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import refuse_existing

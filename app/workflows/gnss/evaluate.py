@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from furrowmap.core.evaluation.evaluation import Evaluation
-from furrowmap.core.evaluation.receivers import evaluate_logs
+from furrowmap.core.checking.evaluation import Evaluation
+from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.reports.evaluation_figures import table_rows
 from furrowmap.exporters.reports.evaluation_page import write_evaluation

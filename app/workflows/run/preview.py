@@ -10,8 +10,9 @@ from typing import Any, Final
 
 import msgspec
 
-from furrowmap.core import pipeline
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pipeline import pipeline
+from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.progress import Progress, silent
@@ -23,7 +24,6 @@ from furrowmap.core.trajectory.distance import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.work.field_surfaces import FieldPoints
-from furrowmap.core.work.run_result import RunResult
 from furrowmap.exporters.files.file_records import files_in
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, style_of

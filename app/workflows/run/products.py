@@ -18,7 +18,7 @@ import msgspec
 import tomli_w
 
 from furrowmap.core.crops.parcel_points import ParcelPoints
-from furrowmap.core.implement.saved import save_implement
+from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.background import beside
 from furrowmap.core.runtime.errors import printable
 from furrowmap.core.runtime.languages.choice import language_of_user, using_language
@@ -27,7 +27,7 @@ from furrowmap.core.session.implements import together
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.session import Session
 from furrowmap.core.work.field_surfaces import REACH_M, FieldPoints
-from furrowmap.core.work.run_result import RunResult
+from furrowmap.core.work.saved import save_implement
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.exchange.stac import write_item
 from furrowmap.exporters.files.file_records import FileRecord

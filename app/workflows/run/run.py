@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, Final, Self
 
 import msgspec
 
-from furrowmap.core import pipeline
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
+from furrowmap.core.pipeline import pipeline
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.json_text import plain

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.checking.surface_at_points import surface_at_points
-from furrowmap.core.checking.surveyed_points import SurveyOptions
 from furrowmap.core.dates.pair_tie import PLACE, PairTie, pair_tie, points_tie
+from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.surface_file import heights_of, same_map, surface_file

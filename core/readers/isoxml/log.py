@@ -12,10 +12,11 @@ from furrowmap.core.readers.facts import position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.isoxml.content import TaskData
 from furrowmap.core.readers.isoxml.files import MAIN, is_task_data, open_task_files
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
-from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
+from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.tool_states import ToolState, ToolStates

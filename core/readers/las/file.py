@@ -7,9 +7,10 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from furrowmap.core.readers.las.header import SIGNATURE
-from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
+from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.scan import Clock
 
 CLASSES: Final = {

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.elsewhere import elsewhere, far_from_middle, strays
 from furrowmap.core.readers.facts import pose_facts, timing_facts, utc_facts
-from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import (
@@ -21,6 +21,7 @@ from furrowmap.core.values.clock import (
     runs_forward,
     unroll,
 )
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.earth import earth_centred_m
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.rotation import heading_deg

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
 from furrowmap.core.readers.elsewhere import without_elsewhere
-from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.rosbag import db3, mcap, rosbag1
 from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
 from furrowmap.core.readers.rosbag.messages import (
@@ -30,6 +30,7 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack

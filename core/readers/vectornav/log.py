@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.attitude_rows import attitude_track
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.inertial_rows import first_beyond, inertial_facts, inertial_track, joined_name
-from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection
+from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.vectornav import binary, sentences
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.attitude import UNSTATED, AttitudeTrack
 from furrowmap.core.values.clock import gps_to_utc_s
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.scan import Clock
 

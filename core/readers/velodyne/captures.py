@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format
-from furrowmap.core.readers.reader import ClockReading, FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.velodyne.clock import PositionPacket, settle
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.models import BLOCK_MARK, model_named
 from furrowmap.core.readers.velodyne.traffic import Traffic, address_of, kinds_of, position_packets
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.scan import Clock, Scan
 
 GLANCE_S: Final = 0.12

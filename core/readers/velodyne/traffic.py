@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.pcap import Capture, Datagrams
-from furrowmap.core.readers.reader import ClockReading
 from furrowmap.core.readers.velodyne.clock import (
     POSITION_BYTES,
     PPS_LOCKED,
@@ -23,6 +22,7 @@ from furrowmap.core.readers.velodyne.decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.models import BLOCK_MARK, PACKET_BYTES, RETURN_WORDS
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.scan import Clock
 
 _POSITION_PORT: Final = 8308

@@ -16,8 +16,8 @@ import pytest
 from pandas.testing import assert_frame_equal
 
 import furrowmap
-from furrowmap.core import pipeline
 from furrowmap.core.adjustment import session_match
+from furrowmap.core.pipeline import pipeline
 from furrowmap.core.session.opened import open_session
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.lease import leases

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core import pipeline
 from furrowmap.core.images.frames import Frames
+from furrowmap.core.pipeline import pipeline
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.point_classes import PointClass

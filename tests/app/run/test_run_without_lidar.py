@@ -11,12 +11,12 @@ import pytest
 
 import furrowmap
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline import run
+from furrowmap.core.pipeline.pipeline import run
+from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.work.run_result import RunResult
 
 SESSION = """furrowmap = 1
 name = "Harvest"

@@ -11,25 +11,25 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from furrowmap.core.adjustment.clock_search import searched_clock_offset
 from furrowmap.core.adjustment.consistency import Cause
+from furrowmap.core.adjustment.ground_plane import GroundTilt, ground_tilt
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import match_session
-from furrowmap.core.calibration.clock_search import searched_clock_offset
-from furrowmap.core.calibration.ground_plane import GroundTilt, ground_tilt
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.matching.placing import Sensor
 from furrowmap.core.matching.returns import ground_returns
-from furrowmap.core.pipeline import run
+from furrowmap.core.pipeline.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.session.examination import named_offset
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.simulator.scenario import Drive, Field, Scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory

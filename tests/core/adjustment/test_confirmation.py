@@ -8,7 +8,7 @@ import pytest
 from furrowmap.core.adjustment.confirmation import unconfirmed
 from furrowmap.core.adjustment.consistency import Seen
 from furrowmap.core.adjustment.matched import Matched
-from furrowmap.core.calibration.mounting_calibration import MountingCalibration
+from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.trajectory.located import Located

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from furrowmap.core.adjustment.antenna_sway import AntennaSway
+from furrowmap.core.adjustment.clock_offset import AntennaConstants
 from furrowmap.core.adjustment.consistency import Cause, Seen, clock_notice, contradiction_notice, enlarged
-from furrowmap.core.calibration.antenna_sway import AntennaSway
-from furrowmap.core.calibration.clock_offset import AntennaConstants
-from furrowmap.core.calibration.ground_plane import GroundTilt
+from furrowmap.core.adjustment.ground_plane import GroundTilt
 from furrowmap.core.values.trajectory import Trajectory
 
 CLOCK = AntennaConstants(clock_s=0.4, clock_sigma_s=0.01, clock_gain=1e5, lever_gain=1e2)

@@ -19,8 +19,8 @@ from pyproj import CRS, Transformer
 from furrowmap.cli.main import command_line
 from furrowmap.core.checking.check import check_product
 from furrowmap.core.checking.positional_accuracy import Component
-from furrowmap.core.checking.surveyed_points import SurveyOptions, read_points
 from furrowmap.core.crops.parcels import read_parcels
+from furrowmap.core.readers.surveyed_points import SurveyOptions, read_points
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 
 E, N = 22_900.0, 11_600.0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.adjustment.crab_angle import CrabAngle
 from furrowmap.core.adjustment.precision import information_of
-from furrowmap.core.calibration.crab_angle import CrabAngle
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right, fine_step
 from furrowmap.core.estimation.knots import STEP_S, Knots, knots_over, start_from
 from furrowmap.core.estimation.observation import normal_equations

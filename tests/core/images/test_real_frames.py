@@ -14,7 +14,7 @@ from furrowmap.core.images.colouring import NO_FRAME
 from furrowmap.core.images.frame_pixels import decoded
 from furrowmap.core.images.frames import frames_along
 from furrowmap.core.images.projection import inside, project
-from furrowmap.core.pipeline import ground_scale
+from furrowmap.core.pipeline.pipeline import ground_scale
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.trajectory import trajectory_from_attitude

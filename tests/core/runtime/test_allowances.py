@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from furrowmap.cli.main import attempt
-from furrowmap.core.implement.saved import load_implement
 from furrowmap.core.readers.isoxml.files import open_task_files
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime import allowances
 from furrowmap.core.runtime.allowances import allowing, allows, expect_disk, expect_memory, free_memory_bytes
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.core.runtime.npz import read_npz
+from furrowmap.core.work.saved import load_implement
 from tests.fuzz.positions import nmea
 
 if sys.version_info >= (3, 14):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.calibration.strips import StripReturns
+from furrowmap.core.adjustment.strips import StripReturns
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.work.strip_differences import strip_differences
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.evaluation.evaluation import Evaluation, evaluate
+from furrowmap.core.checking.evaluation import Evaluation, evaluate
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.exporters.reports.evaluation_figures import HEADER

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from furrowmap.core.implement.states import ToolHistory
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.session import Implement
 from furrowmap.core.work.depth import pass_depths
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import worked_ground
+from furrowmap.core.work.states import ToolHistory
 from furrowmap.core.work.track import events, tool_paths
 from tests.core.trajectory.drives import drive
 from tests.core.work.drives_with_tool import FRAME, states_of, trajectory_of

@@ -1,0 +1,316 @@
+"""Boresight of a scanner on a vehicle with an IMU, from ground that is seen at several times.
+
+The trajectory is known, so where the same ground comes out at different heights, the mounting is off (or the clock, or
+the lasers' ranges). Heights of cells at each time are observations of three angles, a time offset, constants of the
+lasers, and a height of each window of time for what the trajectory is off; the heights of the cells are eliminated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from furrowmap.core.adjustment.cell_adjustment import GroupHeights, adjusted
+from furrowmap.core.adjustment.cell_heights import PARAMETERS, cell_heights, derivatives, smooth_groups
+from furrowmap.core.adjustment.strips import LASERS, StripReturns, at_shifted_times
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.trajectory import Trajectory
+
+FloatArray = NDArray[np.float64]
+
+WINDOW_S: Final = 1.0
+MOST_WINDOWS: Final = 400
+HEIGHT_M: Final = 0.005
+"""Standard deviation of what a window's heights are off, of a laser's range constant, and of a cell's mean."""
+NAMES: Final = ("roll_deg", "pitch_deg", "yaw_deg", "time_s", "x_m", "y_m", "z_m")
+"""The parameters, about and along the vehicle's axes."""
+TIME: Final = 3
+PLACE: Final = slice(4, 7)
+"""Where time offset and place are among them."""
+AS_STATED: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.001, 1e-5, 1e-5, 1e-5])
+"""Standard deviations of the parameters before they are estimated: clock and place as stated."""
+FREE: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.02, 0.3, 0.3, 0.3])
+"""All free."""
+USEFUL: Final = np.array([0.2, 0.2, 0.2, 0.002, 0.05, 0.05, 0.05])
+"""Largest standard deviations with which a parameter counts as observed."""
+CERTAINLY: Final = 5.0
+"""Standard deviations by which clock or place must be off to be corrected."""
+NOTICEABLE: Final = np.array([0.0, 0.0, 0.0, 0.0005, 0.02, 0.02, 0.02])
+"""Less of an offset of clock and place is not worth a correction."""
+ROUNDS: Final = 6
+SETTLED: Final = np.array([*np.radians([0.001, 0.001, 0.001]), 1e-5, 5e-4, 5e-4, 5e-4])
+"""Smaller corrections end the rounds."""
+LEAST_GROUPS: Final = 500
+CERTAIN_DEG: Final = 0.2
+"""Largest standard deviation of an angle with which the boresight is used."""
+
+
+@dataclass(frozen=True)
+class FreeFit:
+    """All parameters estimated together, with wide limits: what the flight itself shows of each.
+
+    Attributes:
+        value: (7,) corrections in the order of :data:`NAMES`: of the angles from the mounting found, of the others from
+            what the session states.
+        sigma: (7,) their standard deviations; as wide as before the flight where this shows nothing.
+        correlation: (7, 7) of their errors.
+    """
+
+    value: FloatArray
+    sigma: FloatArray
+    correlation: FloatArray
+
+    @property
+    def observed(self) -> NDArray[np.bool_]:
+        """(7,) which parameters the flight shows well enough to be used."""
+        observed: NDArray[np.bool_] = self.sigma < USEFUL
+        return observed
+
+
+@dataclass(frozen=True)
+class Boresight:
+    """The mounting at which ground seen at several times coincides.
+
+    Attributes:
+        mounting: of the scanner.
+        correction_deg: (3,) rotation from the stated mounting, about the vehicle's x, y and z axes.
+        sigma_deg: (3,) standard deviation, that of the trajectory's attitude included.
+        time_offset_s: time by which the scanner's clock is behind the positions', and its standard deviation.
+        scatter_m: scatter of the ground's heights with the stated mounting and with this one (RMS between times).
+        cells: number of cells that count.
+        certain: whether all angles are known well enough to be used.
+        free: angles, time offset and the scanner's place together.
+        clock_used_s: the time offset where it is used, else 0.
+    """
+
+    mounting: Mounting
+    correction_deg: tuple[float, float, float]
+    sigma_deg: tuple[float, float, float]
+    time_offset_s: tuple[float, float]
+    scatter_m: tuple[float, float]
+    cells: int
+    certain: bool
+    free: FreeFit
+    clock_used_s: float = 0.0
+
+    @property
+    def differs(self) -> bool:
+        """Whether an angle is off the stated one by more than three standard deviations."""
+        return any(abs(off) > 3.0 * sigma for off, sigma in zip(self.correction_deg, self.sigma_deg, strict=True))
+
+
+def boresight(
+    returns: StripReturns, trajectory: Trajectory, stated: Mounting, carrier: Trajectory | None = None
+) -> Boresight | None:
+    """The boresight; None where too little ground is seen at several times.
+
+    The scanner's place is the stated one, and its clock that of the positions to a millisecond, unless all parameters
+    estimated together show that they certainly are not.
+
+    Args:
+        returns: of the scanner, with their poses.
+        trajectory: of the vehicle.
+        stated: the mounting as the session states it.
+        carrier: trajectory of the frame that carries the scanner, whose poses the returns have; None for the vehicle's.
+    """
+    if len(returns) < LEAST_GROUPS:
+        return None
+    carrier = trajectory if carrier is None else carrier
+    begin = _State(stated.rotation, np.asarray(stated.xyz_m, np.float64), 0.0)
+    settled = _settled(returns, carrier, begin, np.arange(PARAMETERS) < TIME)
+    if settled is None:
+        return None
+    first_m, free = settled.first_m, _fitted(settled.observed, FREE)
+    freed = _certainly_off(free)
+    if freed[TIME:].any():
+        again = _settled(returns, carrier, settled.state, freed)
+        if again is not None:
+            settled, free = again, _fitted(again.observed, FREE)
+    state, fitted = settled.state, settled.fitted
+    own = np.degrees(np.sqrt(np.diag(fitted.covariance)[:3]))
+    inside = (trajectory.t_s >= returns.t_s[0]) & (trajectory.t_s <= returns.t_s[-1])
+    sigma = np.hypot(own, np.nanmedian(trajectory.sigma[inside, 3:], axis=0))
+    x, y, z = state.place_m.tolist()
+    return Boresight(
+        Mounting.from_rotation((x, y, z), state.rotation),
+        _three(np.degrees(Rotation.from_matrix(state.rotation @ stated.rotation.T).as_rotvec())),
+        _three(sigma),
+        (state.clock_s + float(fitted.values[TIME]), float(np.sqrt(fitted.covariance[TIME, TIME]))),
+        (first_m, fitted.apart_m),
+        fitted.cells,
+        bool((sigma < CERTAIN_DEG).all()),
+        _free_fit(free, state, begin),
+        state.clock_s,
+    )
+
+
+@dataclass(frozen=True)
+class _State:
+    """Rotation (3, 3) and place (3,) of the scanner, and the time by which its clock is behind."""
+
+    rotation: FloatArray
+    place_m: FloatArray
+    clock_s: float
+
+    def corrected(self, values: FloatArray) -> _State:
+        rotation = Rotation.from_rotvec(values[:3]).as_matrix() @ self.rotation
+        return _State(rotation, self.place_m + values[PLACE], self.clock_s + float(values[TIME]))
+
+
+@dataclass(frozen=True)
+class _Observed:
+    """Heights of smooth cells at several times with the scanner in a state."""
+
+    groups: GroupHeights
+    count: NDArray[np.int64]
+    cells: int
+    windows: int
+
+
+def _observed(returns: StripReturns, carrier: Trajectory, state: _State) -> _Observed | None:
+    """Heights of cells with the scanner in a state; None where too little ground is seen at several times."""
+    if state.clock_s:
+        returns = at_shifted_times(returns, carrier, state.clock_s)
+    length_s = max(WINDOW_S, float(np.ptp(returns.t_s)) / MOST_WINDOWS)
+    window = ((returns.t_s - returns.t_s[0]) / length_s).astype(np.int64)
+    heights = cell_heights(returns, window, state.rotation, state.place_m)
+    variance, chosen = smooth_groups(heights)
+    seen, cell = np.unique(heights.cell[chosen], return_inverse=True)
+    if len(chosen) < LEAST_GROUPS or len(chosen) < 1.5 * len(seen):
+        return None
+    count = heights.count[chosen]
+    design = derivatives(returns, heights, chosen, state.rotation, state.place_m)
+    weight = 1.0 / (variance / count + HEIGHT_M**2)
+    groups = GroupHeights(cell, heights.window[chosen], heights.height_m[chosen], weight, design)
+    return _Observed(groups, count, len(seen), int(heights.window.max()) + 1)
+
+
+@dataclass(frozen=True)
+class _Settled:
+    """Scatter at the begin; the state at which the corrections vanish, the heights there, and their fit."""
+
+    first_m: float
+    state: _State
+    observed: _Observed
+    fitted: _Fitted
+
+
+def _settled(
+    returns: StripReturns, carrier: Trajectory, begin: _State, corrected: NDArray[np.bool_]
+) -> _Settled | None:
+    """The state at which the corrections vanish; None where too little ground is seen at several times.
+
+    Args:
+        returns: of the scanner.
+        carrier: trajectory of the frame that carries it.
+        begin: the state to begin with.
+        corrected: (PARAMETERS,) which parameters are corrected; the others stay nearly as they are.
+    """
+    prior = np.where(corrected, FREE, AS_STATED)
+    state, observed = begin, _observed(returns, carrier, begin)
+    if observed is None:
+        return None
+    fitted = _fitted(observed, prior)
+    first_m = fitted.apart_m
+    for _ in range(ROUNDS):
+        values = np.where(corrected, fitted.values, 0.0)
+        if bool((np.abs(values) < SETTLED).all()):
+            break
+        state = state.corrected(values)
+        observed = _observed(returns, carrier, state)
+        if observed is None:
+            return None
+        fitted = _fitted(observed, prior)
+    return _Settled(first_m, state, observed, fitted)
+
+
+def _certainly_off(free: _Fitted) -> NDArray[np.bool_]:
+    """(PARAMETERS,) what is to be corrected: the angles, and what else is certainly another than stated."""
+    off, sigma = np.abs(free.values), np.sqrt(np.diag(free.covariance))
+    found: NDArray[np.bool_] = (off > CERTAINLY * sigma) & (off > NOTICEABLE)
+    found[:TIME] = True
+    return found
+
+
+def _free_fit(free: _Fitted, state: _State, begin: _State) -> FreeFit:
+    value = free.values.copy()
+    value[:TIME] = np.degrees(value[:TIME])
+    value[TIME] += state.clock_s - begin.clock_s
+    value[PLACE] += state.place_m - begin.place_m
+    sigma = np.sqrt(np.diag(free.covariance))
+    correlation = free.covariance / np.outer(sigma, sigma)
+    return FreeFit(value, np.where(np.arange(PARAMETERS) < TIME, np.degrees(sigma), sigma), correlation)
+
+
+def boresight_notices(found: Boresight | None, stated: Mounting) -> list[Notice]:
+    """The mounting of a scanner on a vehicle with an IMU: used as found, or assumed as stated."""
+    if found is None or not found.certain:
+        return [Notice("boresight-assumed")]
+    return [*_angle_notices(found), *_other_notices(found, stated)]
+
+
+def _angle_notices(found: Boresight) -> list[Notice]:
+    if not found.differs:
+        return []
+    angles, sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
+        found.mounting.rpy_deg, found.sigma_deg
+    ))  # fmt: skip
+    return [
+        Notice(
+            "boresight-off",
+            scatter_m=1e3 * found.scatter_m[1],
+            scatter_m_scaled=1e3 * found.scatter_m[0],
+            angles=angles,
+            sigmas=sigmas,
+        )
+    ]
+
+
+def _other_notices(found: Boresight, stated: Mounting) -> list[Notice]:
+    """Place and clock of the scanner, where they are not used as stated."""
+    notices = []
+    if found.mounting.xyz_m != stated.xyz_m:
+        place, sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
+            found.mounting.xyz_m, found.free.sigma[PLACE].tolist()
+        ))  # fmt: skip
+        notices.append(Notice("lever-arm-off", place=place, sigmas=sigmas))
+    if found.clock_used_s:
+        notices.append(
+            Notice(
+                "scanner-clock-off",
+                clock_used_s=1e3 * abs(found.clock_used_s),
+                is_clock_used_s=found.clock_used_s > 0.0,
+                time_offset_s=1e3 * found.time_offset_s[1],
+            )
+        )
+    return notices
+
+
+def _three(values: FloatArray) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """Corrections of the parameters, their covariance, the RMS of heights before, and the number of cells."""
+
+    values: FloatArray
+    covariance: FloatArray
+    apart_m: float
+    cells: int
+
+
+def _fitted(observed: _Observed, prior: FloatArray) -> _Fitted:
+    """Least squares of all parameters, the heights of the cells eliminated."""
+    groups = observed.groups
+    spread = np.concatenate([prior, np.full(LASERS + observed.windows, HEIGHT_M)])
+    off, covariance, middle = adjusted(groups, spread)
+    apart = groups.height_m - middle[groups.cell]
+    rms = float(np.sqrt(np.average(apart**2, weights=observed.count)))
+    return _Fitted(-off[:PARAMETERS], covariance[:PARAMETERS, :PARAMETERS], rms, observed.cells)

@@ -1,0 +1,269 @@
+"""Yaw ambiguity: a mounting that is turned by a quarter, a half or any large angle about the upright.
+
+A wrong yaw is invisible in a single scan, and on soil without walls in a cloud of many scans as well: the ground comes
+out flat, only blurred. But as the vehicle moves, relief that several scans show is in one place under the right angle
+only. The measure is that of :class:`~furrowmap.core.matching.ground.Relief`: the mean product of the heights of even
+and odd scans at the same place, which is the relief's variance where they agree and zero where they do not. GNSS poses
+suffice, because each scan's own slope and bow are removed from its heights, and what stays in one place of the vehicle
+frame: the rings of lasers whose ranges are off, which on smooth ground repeat under a quarter turn. Where the soil is
+too smooth, upright returns decide, by the share of them that even and odd scans have at the same place. Where neither
+shows one angle that stands out from all others, the stated one is assumed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.estimation.knots import Knots
+from furrowmap.core.estimation.states import State
+from furrowmap.core.matching.returns import GroundReturns
+from furrowmap.core.matching.walls import UprightReturns
+
+FloatArray = NDArray[np.float64]
+Measure = Callable[[FloatArray], FloatArray]
+"""What repeats in windows (n,) under each of several turns (k,) in radians, as (n, k)."""
+
+ANGLES: Final = 24
+"""Angles that are tried, evenly round."""
+FINE_DEG: Final = 10.0
+FINE: Final = 11
+"""So many angles are tried within this distance of the best one."""
+WAY_M: Final = 1.0
+"""A window is as long as the vehicle takes for this way: an angle off by half a step of ANGLES blurs it by 13 cm, one
+off by half a turn by two metres."""
+LONGEST_S: Final = 12.0
+WINDOWS: Final = 24
+LEAST_WINDOWS: Final = 8
+"""Most windows that are used, spread over the recording, and fewest that suffice."""
+NEAR_M: Final = 6.0
+LEAST_RETURNS: Final = 500
+MOST_RETURNS: Final = 10_000
+"""So many returns of a window show as much as all of them."""
+LEAST_IN_SCAN: Final = 50
+CELL_M: Final = 0.15
+STANDING_CELL_M: Final = 0.25
+LEAST_STANDING: Final = 300
+ROUGH_M: Final = 0.03
+"""Heights beyond count less when a scan's slope is found, and twice that is the most relief that counts at all."""
+CERTAIN: Final = 4.5
+"""Standard deviations of the windows' mean by which the best angle must be better than the stated one."""
+SHOWN: Final = 3.0
+"""Standard deviations by which it must be better than the second best one."""
+UNIQUE: Final = 1.5
+"""The best angle rises above the worst one by so many times as much as any second peak above the dip beside it."""
+LEAST_CONFIRMING: Final = 3
+"""Windows that suffice to confirm the stated angle."""
+LEAST_RELIEF_M: Final = 0.0022
+LEAST_SHARE: Final = 0.03
+"""The best angle shows at least this much relief, or share of upright returns, more than the middle one."""
+STATIC_CELL_M: Final = 0.15
+"""Cells of the vehicle frame whose mean height is removed."""
+TURNED_DEG: Final = 2.0
+"""Smaller angles converge by themselves; :mod:`furrowmap.core.adjustment.mounting_calibration` finds them."""
+QUARTER_DEG: Final = 5.0
+"""An angle so near to a quarter or half turn is one: scanners are mounted so."""
+
+
+@dataclass(frozen=True)
+class Facing:
+    """Which way the scanner faces.
+
+    Attributes:
+        offset_deg: by how much it is to be turned about the vehicle's z axis (counter-clockwise); 0 where the stated
+            mounting is used.
+        shown: whether relief or upright returns show that; else the stated mounting is assumed.
+    """
+
+    offset_deg: float
+    shown: bool
+
+
+def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatArray) -> Facing:
+    """Which way the scanner faces, by what several scans show in one place.
+
+    Args:
+        returns: of the ground, and upright ones, in the vehicle frame by the stated mounting.
+        knots: times.
+        state: poses at them, as GNSS alone has them.
+        sensor_m: (3,) the sensor in the vehicle frame.
+    """
+    windows, upright = _windows(knots, state), returns.upright
+
+    def ground(turns: FloatArray) -> FloatArray:
+        return _ground(returns, _parts(returns.t_s, windows), knots, state, sensor_m, turns)
+
+    def standing(turns: FloatArray) -> FloatArray:
+        parts = _parts(upright.t_s, windows)
+        rows = (_standing(upright, part, knots, state, sensor_m, turns) for part in parts)
+        return np.array([row for row in rows if row is not None]).reshape(-1, len(turns))
+
+    for measure, least in ((ground, LEAST_RELIEF_M**2), (standing, LEAST_SHARE)):
+        found = _answer(measure, least)
+        if found is not None:
+            return found
+    return Facing(0.0, shown=False)
+
+
+def _answer(measure: Measure, least: float) -> Facing | None:
+    """The one angle that the windows show; None where none stands out, or it is not certain enough."""
+    measured = measure(np.linspace(0.0, 2.0 * np.pi, ANGLES, endpoint=False))
+    if len(measured) < LEAST_CONFIRMING:
+        return None
+    mean = measured.mean(axis=0)
+    best = int(np.argmax(mean))
+    if mean[best] - np.median(mean) < least:
+        return None
+    second, rise = _second_peak(mean, best)
+    if mean[best] - mean.min() < UNIQUE * rise or (rise > 0.0 and not _better(measured, best, second, SHOWN)):
+        return None
+    angle, sigma = _refined(measure, 360.0 / ANGLES * best)
+    near, enough = best in (0, 1, ANGLES - 1), len(measured) >= LEAST_WINDOWS
+    if abs(angle) <= max(TURNED_DEG, SHOWN * sigma) or (near and not enough):
+        return Facing(0.0, shown=True)
+    return Facing(angle, shown=True) if enough and (near or _better(measured, best, 0, CERTAIN)) else None
+
+
+def _second_peak(mean: FloatArray, best: int) -> tuple[int, float]:
+    """The angle that rises most above the dip, the shallower one, that parts it from the best; and by how much."""
+    there = np.roll(mean, -best)
+    rise = there - np.maximum(np.minimum.accumulate(there), np.minimum.accumulate(there[::-1])[::-1])
+    second = int(np.argmax(rise))
+    return (best + second) % ANGLES, float(rise[second])
+
+
+def _better(measured: FloatArray, best: int, other: int, sigmas: float) -> bool:
+    """Whether one angle is better than another by so many standard deviations of the windows' mean."""
+    better = measured[:, best] - measured[:, other]
+    return bool(better.mean() > sigmas * better.std(ddof=1) / np.sqrt(len(better)))
+
+
+def _refined(measure: Measure, angle_deg: float) -> tuple[float, float]:
+    """The angle, −180 to 180, and its sigma, in degrees, at which most repeats, near one that is about right.
+
+    A parabola through angles round it is fitted twice; the sigma is the jackknife's over windows (Efron 1982).
+    """
+    off = np.linspace(-FINE_DEG, FINE_DEG, FINE)
+    for _ in range(2):
+        fitted = np.polyfit(off, measure(np.radians(angle_deg + off)).T, 2)
+        curved, sloped = np.column_stack([whole := fitted.sum(axis=1), whole[:, None] - fitted])[:2]
+        vertex = np.clip(-0.5 * sloped / np.minimum(curved, -1e-30), off[0], off[-1])
+        angle_deg += float(vertex[0])
+    sigma = float(np.sqrt((len(vertex) - 2) * vertex[1:].var()))
+    quarter = 90.0 * round(angle_deg / 90.0)
+    angle_deg = quarter if quarter % 360.0 and abs(angle_deg - quarter) < QUARTER_DEG else angle_deg
+    return 180.0 - (180.0 - angle_deg) % 360.0, sigma
+
+
+def _windows(knots: Knots, state: State) -> FloatArray:
+    """(k, 2) times of the windows, evenly chosen of all."""
+    found = []
+    for chain in knots.chains:
+        part = slice(chain.first, chain.first + chain.count)
+        way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(state.xyz_m[part, :2], axis=0).T))])
+        cuts = knots.t_s[part][np.searchsorted(way, np.arange(0.0, way[-1], WAY_M))]
+        found += [(a, b) for a, b in pairwise(cuts.tolist()) if b - a < LONGEST_S]
+    chosen = np.unique(np.linspace(0, len(found) - 1, WINDOWS).astype(int)) if found else ()
+    return np.array([found[k] for k in chosen]).reshape(-1, 2)
+
+
+def _parts(t_s: FloatArray, windows: FloatArray) -> list[slice]:
+    """Which of the returns are in each window."""
+    return [slice(int(a), int(b)) for a, b in np.searchsorted(t_s, windows)]
+
+
+def _ground(
+    returns: GroundReturns, parts: list[slice], knots: Knots, state: State, sensor_m: FloatArray, turns: FloatArray
+) -> FloatArray:
+    """(n, turns) relief (m²) that both halves of the scans show in each window that has enough returns."""
+    side = round(2.0 * NEAR_M / STATIC_CELL_M)
+    windows, static = [], np.zeros((side * side, 2))
+    for part in parts:
+        part = slice(part.start, part.stop, max(1, (part.stop - part.start) // MOST_RETURNS))
+        vehicle = np.asarray(returns.xyz_m[part], np.float64)
+        near = np.hypot(vehicle[:, 0], vehicle[:, 1]) < NEAR_M
+        if near.sum() < LEAST_RETURNS:
+            continue
+        vehicle, t_s = vehicle[near], np.array(returns.t_s[part])[near]
+        half = np.array(returns.half[part], np.int64)[near]
+        relief = relief_of_scans(vehicle, half)
+        column, row = ((vehicle[:, :2].T + NEAR_M) / STATIC_CELL_M).astype(np.int64)
+        cell = column + side * row
+        static += np.column_stack([np.bincount(cell, values, len(static)) for values in (relief, None)])
+        windows.append((t_s, vehicle, half, relief, cell))
+    mean = static[:, 0] / np.maximum(static[:, 1], 1.0)
+    out = np.empty((len(windows), len(turns)))
+    for k, (t_s, vehicle, half, relief, cell) in enumerate(windows):
+        for number, place in enumerate(_cells(t_s, vehicle, knots, state, sensor_m, turns, CELL_M)):
+            count, height = _by_half(place, half), _by_half(place, half, relief - mean[cell])
+            both = np.flatnonzero(count.all(axis=1))
+            weight = count[both].min(axis=1)
+            out[k, number] = (weight * (height[both] / count[both]).prod(axis=1)).sum() / max(weight.sum(), 1.0)
+    return out
+
+
+def _standing(
+    returns: UprightReturns, part: slice, knots: Knots, state: State, sensor_m: FloatArray, turns: FloatArray
+) -> FloatArray | None:
+    """(turns,) share of upright returns that both halves of the scans have in one place; None for too few returns."""
+    vehicle, half = np.asarray(returns.xyz_m[part], np.float64), np.array(returns.half[part], np.int64)
+    if len(half) < LEAST_STANDING:
+        return None
+    cells = _cells(np.array(returns.t_s[part]), vehicle, knots, state, sensor_m, turns, STANDING_CELL_M)
+    return np.array([2.0 * _by_half(cell, half).min(axis=1).sum() / len(half) for cell in cells])
+
+
+def _cells(
+    t_s: FloatArray,
+    vehicle_m: FloatArray,
+    knots: Knots,
+    state: State,
+    sensor_m: FloatArray,
+    turns: FloatArray,
+    cell_m: float,
+) -> Iterator[NDArray[np.int64]]:
+    """For each turn the number of the cell on the map in which each return (n,) lies."""
+    k, share, _ = knots.at(t_s)
+    plan, forward = state.xyz_m[:, 0] + 1j * state.xyz_m[:, 1], state.rotation[:, 0, 0] + 1j * state.rotation[:, 1, 0]
+    # Straight from knot to knot, as complex numbers: easting + i northing.
+    origin, course = (v[k] + share * (v[k + 1] - v[k]) for v in (plan, forward))
+    course /= np.abs(course)
+    sensor = complex(sensor_m[0], sensor_m[1])
+    arm = (vehicle_m[:, 0] + 1j * vehicle_m[:, 1] - sensor) * course
+    origin = origin + sensor * course
+    for turn in turns:
+        place = origin + np.exp(1j * turn) * arm
+        column, row = (np.floor(v / cell_m).astype(np.int64) for v in (place.real, place.imag))
+        column -= column.min()
+        row -= row.min()
+        yield column + (int(column.max()) + 1) * row
+
+
+def _by_half(cell: NDArray[np.int64], half: NDArray[np.int64], value: FloatArray | None = None) -> FloatArray:
+    """(cells, 2) how many returns of either half each cell has, or the sum of their values."""
+    size = int(cell.max()) + 1
+    out: FloatArray = np.bincount(2 * cell + half, value, 2 * size).reshape(size, 2).astype(np.float64)
+    return out
+
+
+def relief_of_scans(vehicle_m: FloatArray, half: NDArray[np.int64]) -> FloatArray:
+    """Heights (n,) above each scan's own slope and bow, the largest ones cut; 0 in scans of few returns."""
+    out = np.zeros(len(half))
+    # Halves alternate from scan to scan.
+    for part in np.split(np.arange(len(half)), np.flatnonzero(np.diff(half)) + 1):
+        if len(part) < LEAST_IN_SCAN:
+            continue
+        x, y, z = vehicle_m[part].T
+        design = np.column_stack([np.ones(len(part)), x, y, x * x, y * y, x * y])
+        weight = np.ones(len(part))
+        for _ in range(3):
+            weighted = design * weight[:, None]
+            above = z - design @ np.linalg.lstsq(weighted.T @ design, weighted.T @ z, rcond=None)[0]
+            weight = 1.0 / np.maximum(1.0, np.abs(above) / ROUGH_M)
+        out[part] = np.clip(above, -2.0 * ROUGH_M, 2.0 * ROUGH_M)
+    return out

@@ -1,0 +1,170 @@
+"""Errors of a receiver's positions against a reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.checking.constant_offsets import offset_notices
+from furrowmap.core.checking.continuity import Continuity
+from furrowmap.core.checking.matching import Matched, match
+from furrowmap.core.checking.statistics import Table, outliers, table, time_ahead_s, within_sigmas
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.values.gnss import Fix, GnssTrack
+
+FEW: Final = 30
+"""Fewer epochs than this raise a notice."""
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The result of an evaluation.
+
+    Attributes:
+        test: name of the log.
+        service: correction service, where the log states it.
+        reference_service: likewise, of the reference.
+        antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.
+        matched: the compared epochs, n of them.
+        fix: (n,) int8 of the test.
+        lon_deg, lat_deg: (n,) of the test.
+        tables: figures of all epochs ("all") and of each fix type of the test, by its label.
+        outlier: (n,) whether the epoch is an outlier.
+        sigma_m: (n, 3) standard deviations stated by the test: east, north, up.
+        age_s: (n,) of the corrections.
+        within_sigmas: share of errors within one, two and three stated standard deviations; None where none is stated.
+        time_ahead_s: clock offset of the test against the reference, and its standard error; without outliers, from
+            fixed epochs where there are any. None if the speed varies too little.
+        continuity: of the test log.
+        reference_share_by_fix: share of the compared epochs by fix type of the reference.
+        left_out_by_reference_fix: epochs skipped because the reference was not fixed.
+    """
+
+    test: str
+    reference: str
+    service: str
+    reference_service: str
+    antenna_offset_m: tuple[float, float, float]
+    matched: Matched
+    fix: NDArray[np.int8]
+    lon_deg: NDArray[np.float64]
+    lat_deg: NDArray[np.float64]
+    tables: dict[str, Table]
+    outlier: NDArray[np.bool_]
+    sigma_m: NDArray[np.float64]
+    age_s: NDArray[np.float64]
+    within_sigmas: dict[str, float] | None
+    time_ahead_s: tuple[float, float] | None
+    continuity: Continuity
+    reference_share_by_fix: dict[str, float]
+    left_out_by_reference_fix: int
+    notices: tuple[Notice, ...] = field(default=())
+
+
+def evaluate(
+    test: GnssTrack,
+    reference: GnssTrack,
+    *,
+    antenna_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    max_gap_s: float | None = None,
+    fixed_reference_only: bool = False,
+) -> Evaluation:
+    """Evaluate a test against a reference, whose positions are taken as the truth.
+
+    Args:
+        test: the positions to evaluate.
+        reference: see `match`, as for the two below.
+        antenna_offset_m: of the test antenna.
+        max_gap_s: of the reference.
+        fixed_reference_only: skip epochs where the reference is neither FIXED nor entered by hand.
+
+    Raises:
+        InputError: if there is nothing to compare.
+    """
+    for track in (test, reference):
+        if not len(track):
+            raise InputError("nothing-to-compare.empty", source=track.source)
+    found = match(test, reference, antenna_offset_m=antenna_offset_m, max_gap_s=max_gap_s)
+    certain = np.isin(found.reference_fix, (Fix.FIXED, Fix.MANUAL, Fix.SIMULATED))
+    kept = certain if fixed_reference_only else np.ones(len(found), bool)
+    left_out = int(np.sum(~kept))
+    if not kept.any():
+        raise InputError("nothing-to-compare.unmatched", source=test.source, unfixed=left_out > 0)
+    found = _part(found, kept)
+    fix, error = test.fix[found.epoch], found.error_m
+    outlier = outliers(error, fix)
+    # Errors of poor fixes drift and would be taken for a clock offset.
+    steady = ~outlier & ((fix == Fix.FIXED) | ~np.any(fix == Fix.FIXED))
+    sigma = np.column_stack([test.sigma_e_m, test.sigma_n_m, test.sigma_h_m])[found.epoch]
+    return Evaluation(
+        test=test.source,
+        reference=reference.source,
+        service=test.service,
+        reference_service=reference.service,
+        antenna_offset_m=antenna_offset_m,
+        matched=found,
+        fix=fix,
+        lon_deg=test.lon_deg[found.epoch],
+        lat_deg=test.lat_deg[found.epoch],
+        tables=_tables(found, fix),
+        outlier=outlier,
+        sigma_m=sigma,
+        age_s=test.age_s[found.epoch],
+        within_sigmas=within_sigmas(error, sigma),
+        time_ahead_s=time_ahead_s(found.along_m[steady], found.speed_mps[steady]),
+        continuity=Continuity.of(test),
+        reference_share_by_fix=_share_by_fix(found.reference_fix),
+        left_out_by_reference_fix=left_out,
+        notices=tuple(_notices(test, reference, found, certain[kept])),
+    )
+
+
+def _tables(found: Matched, fix: NDArray[np.int8]) -> dict[str, Table]:
+    tables = {"all": table(found.error_m, found.along_m, found.across_m)}
+    for kind in np.unique(fix).tolist():
+        mine = fix == kind
+        tables[Fix(kind).label] = table(found.error_m[mine], found.along_m[mine], found.across_m[mine])
+    return tables
+
+
+def _share_by_fix(fix: NDArray[np.int8]) -> dict[str, float]:
+    return {Fix(kind).label: float(np.mean(fix == kind)) for kind in np.unique(fix)}
+
+
+def _part(found: Matched, kept: NDArray[np.bool_]) -> Matched:
+    """The epochs to keep."""
+    arrays = ("t_s", "error_m", "along_m", "across_m", "speed_mps", "test_m", "reference_m", "epoch")
+    more = ("reference_fix", "interpolated")
+    return replace(found, **{name: getattr(found, name)[kept] for name in (*arrays, *more)})
+
+
+def _notices(test: GnssTrack, reference: GnssTrack, found: Matched, certain: NDArray[np.bool_]) -> list[Notice]:
+    notices = []
+    if not certain.all():
+        notices.append(Notice("reference-not-fixed", source=reference.source, certain=np.mean(~certain)))
+    if found.without_heading:
+        notices.append(Notice("heading-unknown.epochs", without_heading=found.without_heading))
+    if not np.isfinite(found.error_m[:, 2]).any():
+        notices.append(Notice("no-heights"))
+    error_m = found.interpolation_m[1]
+    if found.interpolated.any() and error_m > 0.1 * np.sqrt(np.mean(np.sum(found.error_m[:, :2] ** 2, axis=1))):
+        notices.append(
+            Notice(
+                "interpolation-coarse",
+                interpolated=np.mean(found.interpolated),
+                source=reference.source,
+                error_m=error_m,
+            )
+        )
+    if len(found) < FEW:
+        notices.append(Notice("few-epochs", found=len(found)))
+    notices += offset_notices(found.error_m, test.source, reference.source)
+    covered = len(found) / len(test)
+    if covered < 0.5:
+        notices.append(
+            Notice("half-compared", covered=covered, source=test.source, outside=found.outside, in_gaps=found.in_gaps)
+        )
+    return notices

@@ -1,1 +1,0 @@
-"""Accuracy of a receiver's positions against a reference on the same antenna or vehicle."""

@@ -1,0 +1,550 @@
+"""From an open session to placed points and the ground worked: a run, a run without scans, a preview."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib.util import find_spec
+from itertools import zip_longest
+from time import perf_counter
+from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.adjustment.boresight import Boresight, boresight_notices
+from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, calibrated_flight
+from furrowmap.core.adjustment.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pipeline.position_notices import position_notices, quality_notices
+from furrowmap.core.pipeline.run_notices import (
+    placement_notices,
+    refuse_empty,
+    session_notices,
+)
+from furrowmap.core.pipeline.run_result import RunResult
+from furrowmap.core.pointclouds.placed import PlacedScan, Placement, place_scans
+from furrowmap.core.pointclouds.placing import Placer
+from furrowmap.core.readers.areas.area import nothing_within
+from furrowmap.core.readers.reader import GivesTrack, Reader
+from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime.background import SCANS_AHEAD, ahead, behind, beside
+from furrowmap.core.runtime.errors import CONTRADICTION, Notice
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.session.opened import LidarRecording, OpenSession, watched
+from furrowmap.core.trajectory.located import Companions, Located, locate, located_without_lidar, middle_s
+from furrowmap.core.trajectory.moving_mount import carrier_of
+from furrowmap.core.trajectory.straight_passes import Strip, find_strips
+from furrowmap.core.values.clock_readings import ClockReading
+from furrowmap.core.values.images import CONTRADICTING
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.session import Session
+from furrowmap.core.values.time_span import track_within
+from furrowmap.core.values.tool_states import ToolStates
+from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.work.boundary import field_boundary, ground_to_map
+from furrowmap.core.work.classifying import classifier
+from furrowmap.core.work.external_states import external_states
+from furrowmap.core.work.field_work import FieldWork, ImplementTracker, with_grounds
+from furrowmap.core.work.saved import load_implement
+from furrowmap.core.work.strip_differences import StripDifferences, strip_differences
+
+if TYPE_CHECKING:
+    from furrowmap.core.adjustment.matched import Matched
+    from furrowmap.core.adjustment.session_match import MatchedSession
+    from furrowmap.core.images.aiding import ImageAid
+    from furrowmap.core.images.frames import Frames
+
+_Origin: TypeAlias = tuple[float, float, float]
+
+TURNED_DEG: Final = 20.0
+"""A mounting whose yaw differs by more sees the implement elsewhere."""
+ORIGIN_STEP_M: Final = 100.0
+"""The local origin of the points is a multiple of this."""
+PREVIEW_SCANS: Final = 400
+"""Places of the drive at which a preview reads scans; each shows the ground for some 15 m around."""
+PREVIEW_PERIOD_S: Final = 0.4
+"""Shortest period between them: half a metre of a tractor's way."""
+PREVIEW_LENGTH_S: Final = 0.12
+"""Time for which scans are read at each."""
+
+
+class PointSink(Protocol):
+    """Takes the points of a run as they are placed."""
+
+    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+        """Before the first scan: the map frame, and the local origin of the coordinates to come."""
+        ...
+
+    def add(self, placed: PlacedScan) -> None:
+        """The points of one scan."""
+        ...
+
+
+class FrameSink(Protocol):
+    """Takes the frames of a run's camera, before the points are placed."""
+
+    def take(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
+        """The frames that have a pose, and the local origin of the points' coordinates."""
+        ...
+
+
+class Checkpoint(Protocol):
+    """Keeps what the longest stage found, for a run that continues after this one was killed."""
+
+    def load(self) -> MatchedSession | None:
+        """What an earlier run of the same session and recordings kept; None for nothing."""
+        ...
+
+    def save(self, found: MatchedSession) -> None:
+        """Keep what matching found."""
+        ...
+
+
+def run(
+    opened: OpenSession,
+    sink: PointSink,
+    progress: Progress = silent,
+    checkpoint: Checkpoint | None = None,
+    frame_sink: FrameSink | None = None,
+) -> RunResult:
+    """Place every point of a session's recording, hand them to `sink` scan by scan, and find the ground worked.
+
+    A session without a scanner's recording gives the ground worked alone, and `sink` gets nothing.
+
+    Args:
+        opened: the session.
+        sink: takes the points.
+        progress: is called with each stage and its share.
+        checkpoint: keeps what matching finds; an earlier run's is used instead of matching again.
+        frame_sink: takes the frames of the camera, where the session has one and some frames have a pose.
+
+    Raises:
+        FurrowmapError: if the session's files do not make a cloud, or no trajectory with tool states.
+    """
+    session, frame, watch = opened.session, opened.frame, _StopWatch()
+    if not session.recording.lidar:
+        return _run_without_scans(opened, progress)
+    positions = opened.positions()
+    guess, survey = _first_guess(opened, positions, progress)
+    watch.lap("positions")
+    image_notices: list[Notice] = []
+    guess, aid = _aided_by_images(opened, guess, image_notices, progress)
+    watch.lap("images")
+    boundary, field_notices = _boundary(opened, guess.trajectory)
+    states, state_notices = _external_states(opened, guess.trajectory)
+    carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
+    lidar, located, matched, flown, implement = _calibrated(opened, guess, survey, carrier, progress, checkpoint)
+    if located.trajectory is not guess.trajectory:
+        carrier, mount_notices = _carrier(opened, located, flown.strip_adjustment)
+    watch.lap("matching")
+    machine = implement.learn(located.trajectory)
+    watch.lap("implement")
+    # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
+    scale = ground_scale(frame, located.trajectory) if matched is None else 1.0
+    placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
+    frame_sink = _sound(image_notices, frame_sink)
+    image_notices += _give_frames(opened, located.trajectory, placer.origin_m, aid, frame_sink)
+    sink.begin(frame, placer.origin_m)
+    moving = ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD)
+    scans = watched(moving, lidar, progress, "placing points")
+    with behind(sink.add, SCANS_AHEAD) as add:
+        placement = _placed(opened, scans, placer, add, classifier(machine))
+    watch.lap("placing")
+    refuse_empty(placement, located.trajectory, session)
+    work = implement.work(located.trajectory, frame, boundary, states)
+    watch.lap("work")
+    notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices, *image_notices]
+    notices += session_notices(session, located, matched=matched is not None) + position_notices(placement, located)
+    notices += [*placement_notices(placement), *field_notices, *state_notices, *work.notices]
+    if located.source == "imu" and matched is None:
+        notices += boresight_notices(flown.boresight, session.lidar.mounting)
+    found = _result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
+    return replace(found, image_aid=aid, **vars(flown))
+
+
+def _placed(
+    opened: OpenSession,
+    scans: Iterator[Scan],
+    placer: Placer,
+    sink: Callable[[PlacedScan], None],
+    classify: Callable[[Scan], NDArray[np.uint8]],
+) -> Placement:
+    """Place the scans and hand on the points that lie on the ground to map."""
+    file = opened.inputs.within
+    area = ground_to_map(file, opened.frame) if file is not None else None
+    standing = opened.session.run.standing
+    placement = place_scans(scans, placer, standing=standing, sink=sink, classify=classify, within=area)
+    if area is not None and not placement.points and placement.points_elsewhere:
+        east_m, north_m = np.median(placement.poses.xyz_m[:, :2], axis=0).tolist()
+        raise nothing_within(area, f"{placement.points_elsewhere:,} points", (east_m, north_m))
+    return placement
+
+
+def _aided_by_images(
+    opened: OpenSession, located: Located, notices: list[Notice], progress: Progress
+) -> tuple[Located, ImageAid | None]:
+    """The trajectory aided by the images of the session's camera, where it has one."""
+    if opened.session.camera is None:
+        return located, None
+    from furrowmap.core.pipeline.session_aid import aided_session
+
+    return aided_session(opened, located, ground_scale(opened.frame, located.trajectory), notices, progress)
+
+
+def _sound(notices: list[Notice], sink: FrameSink | None) -> FrameSink | None:
+    """What takes the frames; None where they contradict GNSS and IMU."""
+    return None if any(notice.code == CONTRADICTING for notice in notices) else sink
+
+
+def _give_frames(
+    opened: OpenSession, trajectory: Trajectory, origin_m: _Origin, aid: ImageAid | None, sink: FrameSink | None
+) -> list[Notice]:
+    """Hand the frames that have a pose to `sink`, the camera as they show it, else as stated; notices about them."""
+    notices: list[Notice] = []
+    camera = opened.session.camera
+    if camera is None or sink is None:
+        return notices
+    if find_spec("PIL") is None:
+        return [Notice("images-unused")]
+    images = opened.images(notices)
+    if images:
+        from furrowmap.core.images.frames import frames_along
+
+        scale = ground_scale(opened.frame, trajectory)
+        frames = frames_along(images, aid.camera if aid is not None else opened.camera(), trajectory, scale, notices)
+        if frames is not None:
+            sink.take(frames, origin_m)
+    return notices
+
+
+def _boundary(opened: OpenSession, trajectory: Trajectory) -> tuple[BaseGeometry | None, list[Notice]]:
+    """The boundary of the field, None where the session names none, and notices about it."""
+    file = opened.inputs.boundary
+    if file is None:
+        return None, []
+    return field_boundary(file, opened.frame, opened.session.field.name, trajectory.xyz_m)
+
+
+def _external_states(opened: OpenSession, trajectory: Trajectory) -> tuple[list[ToolStates | None], list[Notice]]:
+    """The states of each implement from files, None where the session names none, and notices about them."""
+    task = opened.session.recording.task
+    states: list[ToolStates | None] = []
+    notices: list[Notice] = []
+    for tool, files in zip(opened.session.implements, opened.inputs.tools, strict=True):
+        told, about = external_states(files.states, tool, task, trajectory)
+        states.append(told)
+        notices += about
+    return states, notices
+
+
+def _as_stated(located: Located, session: Session) -> Located:
+    """The trajectory without standard deviations where the session leaves out a place that the cloud rests on.
+
+    Nobody knows how wrong an assumed place is; the noise of the positions says nothing of it.
+    """
+    return replace(located, trajectory=located.trajectory.without_accuracy()) if session.unstated else located
+
+
+def _mounting(session: Session, matched: Matched | None, found: Boresight | None) -> Mounting:
+    """The mounting of the scanner that is used: as the recording shows it, else as the session states it."""
+    if matched is not None:
+        return matched.mounting
+    return found.mounting if found is not None and found.certain else session.lidar.mounting
+
+
+def companions(opened: OpenSession) -> Companions:
+    """The recordings of a session that go into the trajectory beside the positions."""
+    session = opened.session
+    return Companions(
+        opened.inertial if session.imu is not None else None,
+        opened.attitude if session.attitude is not None else None,
+    )
+
+
+@dataclass(frozen=True)
+class _Survey:
+    """The first reading of a flight's scans."""
+
+    lidar: LidarRecording
+    returns: ThinnedReturns
+    implement: ImplementTracker
+
+
+def _first_guess(opened: OpenSession, positions: Reader, progress: Progress) -> tuple[Located, _Survey | None]:
+    """The trajectory before any matching; beside it, the scans of a flight with an IMU are read."""
+    session = opened.session
+
+    def guess() -> Located:
+        return locate(positions, session, opened.frame, companions(opened))
+
+    if session.imu is None or session.implement is not None or session.trajectory is not None:
+        return guess(), None
+    with beside(partial(_surveyed, opened), progress) as survey:
+        located = guess()
+    return located, survey.result()
+
+
+def _surveyed(opened: OpenSession, progress: Progress) -> _Survey:
+    """Read a flight's scans before its trajectory is known; the positions themselves say when it was."""
+    positions = opened.positions()
+    assert isinstance(positions, GivesTrack)
+    track = track_within(positions.track(), opened.session.recording.span_s)
+    lidar, implement = opened.lidar(middle_s(track)), ImplementTracker(opened.session, flying=True)
+    scans = map(implement.looked_at, watched(lidar.scans(), lidar, progress, "reading scans"))
+    span_s = (float(track.t_s[0]), float(track.t_s[-1])) if len(track) else (0.0, 0.0)
+    return _Survey(lidar, thinned_returns(scans, span_s), implement)
+
+
+def _calibrated(
+    opened: OpenSession,
+    guess: Located,
+    survey: _Survey | None,
+    carrier: Trajectory | None,
+    progress: Progress,
+    checkpoint: Checkpoint | None,
+) -> tuple[LidarRecording, Located, Matched | None, _Flown, ImplementTracker]:
+    """Match the scans to the ground, or those of a flight to each other; the recording gets the clock that is found."""
+    if survey is None:
+        lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
+        located, matched, implement = _match(opened, guess, lidar, progress, checkpoint)
+        return _by_used_clock(lidar, matched), _as_stated(located, opened.session), matched, _Flown(), implement
+    returns = survey.returns.posed(guess.trajectory if carrier is None else carrier)
+    located, flown = _flown(opened, guess, returns, carrier)
+    located = _as_stated(located, opened.session)
+    return survey.lidar.ahead_by(-flown.clock_used_s), located, None, flown, survey.implement
+
+
+def _match(
+    opened: OpenSession,
+    guess: Located,
+    lidar: LidarRecording,
+    progress: Progress,
+    checkpoint: Checkpoint | None,
+) -> tuple[Located, Matched | None, ImplementTracker]:
+    """Read the scans once: match them to the ground, and collect those that show the implement.
+
+    What an earlier run kept of the matching is used instead.
+    """
+    from furrowmap.core.adjustment.session_match import MatchedSession, matched_to_ground
+
+    session = opened.session
+    learned = (tool.learned for tool in opened.inputs.tools)
+    earlier = [load_implement(file) if file is not None else None for file in learned]
+    implement = ImplementTracker(session, earlier)
+    located, matched = guess, None
+    kept = checkpoint.load() if checkpoint is not None and guess.antenna is not None else None
+    if kept is not None:
+        located, matched = replace(guess, trajectory=kept.trajectory, notices=kept.notices), kept.matched
+    elif guess.antenna is not None:
+        located, matched = matched_to_ground(guess, lidar, session, implement.add_scan, progress)
+        if checkpoint is not None:
+            checkpoint.save(MatchedSession(located.trajectory, located.notices, matched))
+    turned = matched is not None and _yaw_differs(matched.mounting, session.lidar.mounting)
+    late = matched is not None and matched.clock_used_s != 0.0
+    if matched is not None and (turned or late):
+        # The implement was looked for on another side of the vehicle, or at other times.
+        implement = ImplementTracker(_with_mounting(session, matched.mounting) if turned else session, earlier)
+    if turned or late or kept is not None or guess.antenna is None:
+        for scan in watched(_by_used_clock(lidar, matched).scans(), lidar, progress, "reading scans"):
+            implement.add_scan(scan)
+    return located, matched, implement
+
+
+@dataclass(frozen=True)
+class _Flown:
+    """What the ground that a flight sees several times shows: fields of :class:`RunResult`."""
+
+    boresight: Boresight | None = None
+    strips: tuple[Strip, ...] = ()
+    strip_differences: StripDifferences | None = None
+    strip_adjustment: StripAdjustment | None = None
+
+    @property
+    def clock_used_s(self) -> float:
+        """Time by which the scanner's clock is behind, where that is corrected."""
+        return self.boresight.clock_used_s if self.boresight is not None and self.boresight.certain else 0.0
+
+
+def _carrier(
+    opened: OpenSession, located: Located, adjusted: StripAdjustment | None
+) -> tuple[Trajectory | None, list[Notice]]:
+    """The trajectory of the frame that carries the scanner, None for the vehicle's, and notices about its file."""
+    turned = adjusted.turned if adjusted is not None else None
+    if turned is None:
+        return carrier_of(located, opened.session, opened.inputs.mount)
+    carrier, notices = carrier_of(replace(located, trajectory=turned.carrier), opened.session, opened.inputs.mount)
+    return turned.carrier if carrier is None else carrier, notices
+
+
+def _flown(
+    opened: OpenSession, guess: Located, returns: StripReturns, carrier: Trajectory | None
+) -> tuple[Located, _Flown]:
+    """Boresight, strips and their differences; the trajectory adjusted by the strips."""
+    stated, located = opened.session.lidar.mounting, guess
+    walk = opened.session.lidar.rpy_walk_deg_rts
+    found, returns, adjusted = calibrated_flight(returns, guess, stated, carrier, walk)
+    if adjusted is not None:
+        located = replace(guess, trajectory=adjusted.trajectory)
+        carrier = _carrier(opened, located, adjusted)[0]
+        returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, 0.0)
+    strips = find_strips(located.trajectory)
+    differences = strip_differences(returns, strips, stated, _mounting(opened.session, None, found))
+    return located, _Flown(found, strips, differences, adjusted)
+
+
+def _by_used_clock(lidar: LidarRecording, matched: Matched | None) -> LidarRecording:
+    """The recording with the offset of the clocks that matching found."""
+    return lidar.ahead_by(matched.clock_used_s) if matched is not None else lidar
+
+
+def _corrected(lidar: LidarRecording, matched: Matched | None) -> Iterator[Scan]:
+    """The scans without the range offsets of their lasers, where matching found these."""
+    if matched is None or matched.ranges is None:
+        return lidar.scans()
+    return map(matched.ranges.corrected, lidar.scans())
+
+
+def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
+    """The ground worked in a session that names no scanner's recording."""
+    session, watch = opened.session, _StopWatch()
+    progress("reading positions", 0.0)
+    positions = opened.positions()
+    located = located_without_lidar(positions, session, opened.frame, companions(opened))
+    aid_notices: list[Notice] = []
+    located, aid = _aided_by_images(opened, located, aid_notices, progress)
+    boundary, field_notices = _boundary(opened, located.trajectory)
+    states, state_notices = _external_states(opened, located.trajectory)
+    watch.lap("positions")
+    progress("work", 0.0)
+    tools = session.implements or (None,)
+    known = [
+        FieldWork(boundary=boundary, external=told, tool=tool.name if tool is not None else "")
+        for tool, told in zip_longest(tools, states)
+    ]
+    work = with_grounds(known, located.trajectory, opened.frame, tools)
+    watch.lap("work")
+    placement = Placement.without_scans(located.trajectory)
+    notices = [*positions.notices, *located.notices, *quality_notices(placement.poses), *aid_notices]
+    notices += [*field_notices, *state_notices, *work.notices]
+    found = _result(opened, located, placement, work, (), notices, watch)
+    return replace(found, image_aid=aid)
+
+
+def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> RunResult:
+    """A run with few scans, in seconds: neither matched to the ground nor searched for the implement.
+
+    An error that would stop a run before its work, such as clocks without a common time, stops a preview.
+
+    Args:
+        opened: the session.
+        sink: takes the points of these scans; not called where the session names no scanner's recording.
+        progress: is called with each stage.
+
+    Raises:
+        FurrowmapError: if the session's files do not make a track with points along it.
+    """
+    session, watch = opened.session, _StopWatch()
+    progress("reading positions", 0.0)
+    positions = opened.positions()
+    clocks: tuple[ClockReading, ...] = ()
+    if session.recording.lidar:
+        located = _as_stated(locate(positions, session, opened.frame, companions(opened)), session)
+        carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
+        begin_s, end_s = located.trajectory.span_s
+        period_s = max(PREVIEW_PERIOD_S, (end_s - begin_s) / PREVIEW_SCANS)
+        lidar = opened.lidar(0.5 * (begin_s + end_s), period_s)
+        placer = placer_of(located, session.lidar.mounting, carrier)
+        sink.begin(opened.frame, placer.origin_m)
+        scans = watched(preview_scans(lidar.scans(), period_s), lidar, progress, "looking at scans")
+        placement = place_scans(scans, placer, standing=True, sink=sink.add, classify=classifier(None))
+        refuse_empty(placement, located.trajectory, session)
+        clocks = lidar.clocks
+        assumed = [*mount_notices, *session_notices(session, located, matched=False)]
+    else:
+        located = located_without_lidar(positions, session, opened.frame, companions(opened))
+        placement, assumed = Placement.without_scans(located.trajectory), []
+    watch.lap("preview")
+    notices = [*positions.notices, *located.notices, *assumed]
+    return _result(opened, located, placement, FieldWork(), clocks, notices, watch)
+
+
+def preview_scans(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
+    """The scans that begin within the first PREVIEW_LENGTH_S of each period; a period begins with a scan."""
+    begin_s = -np.inf
+    for scan in scans:
+        if not len(scan):
+            continue
+        since_s = float(scan.t_s[0]) - begin_s
+        if since_s >= period_s - PREVIEW_LENGTH_S or since_s < 0.0:
+            begin_s = float(scan.t_s[0])
+        elif since_s >= PREVIEW_LENGTH_S:
+            continue
+        yield scan
+
+
+def ground_scale(frame: MapFrame, trajectory: Trajectory) -> float:
+    """Metres of the map for a metre on the ground in the middle of a trajectory."""
+    e, n, h = np.median(trajectory.xyz_m, axis=0)
+    lon, lat = frame.to_lon_lat(np.array([e]), np.array([n]))
+    return frame.ground_scale(float(lon[0]), float(lat[0]), float(h))
+
+
+def placer_of(located: Located, mounting: Mounting, carrier: Trajectory | None = None, scale: float = 1.0) -> Placer:
+    """What places the points of a scanner mounted so, against a round local origin in the middle of the drive."""
+    middle = np.median(located.trajectory.xyz_m, axis=0)
+    e, n, h = (np.round(middle / ORIGIN_STEP_M) * ORIGIN_STEP_M).tolist()
+    return Placer(located.trajectory, mounting, (e, n, h), carrier, scale)
+
+
+def _yaw_differs(used: Mounting, stated: Mounting) -> bool:
+    """Whether the yaw ambiguity of the mounting was resolved otherwise than stated."""
+    forward = np.array([used.rotation[:, 0], stated.rotation[:, 0]])
+    return bool(forward[0] @ forward[1] < np.cos(np.radians(TURNED_DEG)))
+
+
+def _with_mounting(session: Session, mounting: Mounting) -> Session:
+    lidar = msgspec.structs.replace(session.lidar, rpy_deg=mounting.rpy_deg)
+    return msgspec.structs.replace(session, lidar=lidar)
+
+
+def _result(
+    opened: OpenSession,
+    located: Located,
+    placement: Placement,
+    work: FieldWork,
+    clocks: tuple[ClockReading, ...],
+    notices: list[Notice],
+    watch: _StopWatch,
+    matched: Matched | None = None,
+) -> RunResult:
+    return RunResult(
+        session=opened.session,
+        inputs=opened.inputs.all,
+        frame=opened.frame,
+        located=located,
+        placement=placement,
+        work=work,
+        clocks=clocks,
+        notices=tuple(sorted(dict.fromkeys(notices), key=lambda notice: notice.code != CONTRADICTION)),
+        timings_s=watch.laps_s,
+        matched=matched,
+    )
+
+
+class _StopWatch:
+    """Seconds of each stage."""
+
+    def __init__(self) -> None:
+        self.laps_s: dict[str, float] = {}
+        self._last = perf_counter()
+
+    def lap(self, stage: str) -> None:
+        scratch.release()
+        now = perf_counter()
+        self.laps_s[stage] = round(now - self._last, 3)
+        self._last = now

@@ -1,0 +1,82 @@
+"""What a run, a preview or a run without scans results in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+from zoneinfo import ZoneInfo
+
+import numpy as np
+
+from furrowmap.core.adjustment.boresight import Boresight
+from furrowmap.core.adjustment.confirmation import unconfirmed
+from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
+from furrowmap.core.geodesy.local_time import zone_at
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pointclouds.placed import Placement
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.trajectory.located import Located
+from furrowmap.core.trajectory.straight_passes import Strip
+from furrowmap.core.values.clock_readings import ClockReading
+from furrowmap.core.values.session import Session
+from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.strip_differences import StripDifferences
+
+if TYPE_CHECKING:
+    from furrowmap.core.adjustment.matched import Matched
+    from furrowmap.core.images.aiding import ImageAid
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """The result of a run, besides the points that went to its sink.
+
+    Attributes:
+        session: as it was understood.
+        inputs: the files that were read.
+        frame: the map frame.
+        located: the trajectory.
+        placement: counts of scans and points, and the scans' poses.
+        work: states of the implement and the ground worked.
+        clocks: readings of the clocks in the scanner's recording, the clock in use first.
+        notices: warnings, in the order of the work.
+        timings_s: seconds of each stage.
+        matched: the result of scan matching; None where the scans were not matched.
+        boresight: of a scanner on a vehicle with an IMU; None where the scans do not show it.
+        strips: of a flight, in the order of time.
+        strip_differences: between them; None where no ground was seen by two.
+        strip_adjustment: of the poses by the strips; None where these were not adjusted.
+        image_aid: of the poses by images; None where these took no part.
+    """
+
+    session: Session
+    inputs: tuple[Path, ...]
+    frame: MapFrame
+    located: Located
+    placement: Placement
+    work: FieldWork
+    clocks: tuple[ClockReading, ...]
+    notices: tuple[Notice, ...]
+    timings_s: dict[str, float]
+    matched: Matched | None = None
+    boresight: Boresight | None = None
+    strips: tuple[Strip, ...] = ()
+    strip_differences: StripDifferences | None = None
+    strip_adjustment: StripAdjustment | None = None
+    image_aid: ImageAid | None = None
+
+    @cached_property
+    def unconfirmed(self) -> tuple[str, ...]:
+        """Keys of stated places that the recording does not show: standard deviations hold if these are right."""
+        return unconfirmed(self.session, self.located, self.matched, self.boresight)
+
+    @cached_property
+    def zone(self) -> ZoneInfo:
+        """Time zone of the times that people read: the session's, else that of the place."""
+        if self.session.field.time_zone is not None:
+            return ZoneInfo(self.session.field.time_zone)
+        east, north = np.median(self.placement.poses.xyz_m[:, :2], axis=0)
+        lon_deg, lat_deg = self.frame.to_lon_lat(np.array([east]), np.array([north]))
+        return zone_at(float(lon_deg[0]), float(lat_deg[0]))

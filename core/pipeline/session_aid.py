@@ -1,0 +1,93 @@
+"""A session's images as an aid of its trajectory."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from furrowmap.core.images.aiding import ImageAid, aided_by_images, unused
+from furrowmap.core.images.control_points import ControlPoints
+from furrowmap.core.readers.survey_table import SurveyTable, read_table
+from furrowmap.core.readers.surveyed_points import read_points
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.session.opened import OpenSession
+from furrowmap.core.trajectory.located import Located
+
+EXTRA: Final = ("pycolmap", "cv2", "PIL")
+_COLUMNS: Final = ("file", "name", "u", "v")
+
+
+def aided_session(
+    opened: OpenSession, located: Located, scale: float, notices: list[Notice], progress: Progress
+) -> tuple[Located, ImageAid | None]:
+    """The trajectory of a session aided by the images that it names; as it was where they do not serve.
+
+    Args:
+        located: its trajectory without images.
+        scale: metres of the map for a metre on the ground.
+        notices: why images do not serve is added.
+        progress: is called with the stages.
+
+    Raises:
+        InputError: if a table of images or control points cannot be read.
+    """
+    source = opened.session.camera
+    if source is None or not source.aid:
+        return located, None
+    missing = [name for name in EXTRA if find_spec(name) is None]
+    if missing:
+        notices.append(unused('the extra is not installed: pip install "furrowmap[photo]"'))
+        return located, None
+    control = _control(opened)
+    return aided_by_images(located, opened.images(notices), opened.camera(), scale, control, notices, progress)
+
+
+def _control(opened: OpenSession) -> ControlPoints | None:
+    """The control points of a session; None without."""
+    inputs = opened.inputs
+    if inputs.control_points is None:
+        return None
+    points = read_points(inputs.control_points, opened.frame.whole_crs)
+    seen = () if inputs.control_pixels is None else read_pixels(inputs.control_pixels, points.name)
+    return ControlPoints(points.name, points.xyz_m, points.sigma_m, seen)
+
+
+def read_pixels(path: Path, names: tuple[str, ...]) -> tuple[tuple[str, int, float, float], ...]:
+    """Image's file name, number of the point, column and row of control points in images.
+
+    Args:
+        path: of a CSV with columns file, name, u, v.
+        names: of the control points.
+
+    Raises:
+        InputError: if it is not such a table, or names a point that is not known.
+    """
+    try:
+        table = read_table(path)
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, str(error)) from None
+    lacking = [name for name in _COLUMNS if name not in table.columns]
+    if lacking:
+        raise _unreadable(path, f"it has no columns {', '.join(lacking)}")
+    return tuple(_rows(path, table, names))
+
+
+def _rows(path: Path, table: SurveyTable, names: tuple[str, ...]) -> list[tuple[str, int, float, float]]:
+    numbers = {name: k for k, name in enumerate(names)}
+    out = []
+    places = np.column_stack([table.numbers("u"), table.numbers("v")])
+    for file, name, place, line in zip(table.columns["file"], table.columns["name"], places, table.lines, strict=True):
+        if name.strip() not in numbers:
+            raise _unreadable(path, f"line {line} names {name.strip()!r}, which is none of the control points")
+        if not np.isfinite(place).all():
+            raise _unreadable(path, f"line {line} has no numbers in u and v")
+        out.append((Path(file.strip()).name, numbers[name.strip()], float(place[0]), float(place[1])))
+    return out
+
+
+def _unreadable(path: Path, why: str) -> InputError:
+    return InputError("control-pixels-unreadable", path=path, why=why)

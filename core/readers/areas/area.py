@@ -1,0 +1,102 @@
+"""An area of the map: the polygons of a file, and whether points lie in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS
+
+from furrowmap.core.readers.areas.polygon_file import polygons_on_map
+from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
+from furrowmap.core.readers.vector_file import FORMATS
+from furrowmap.core.runtime.errors import InputError
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+MANY: Final = 50
+"""Polygons from which on a grid of them finds the right one faster than an index of all their edges."""
+
+
+@dataclass(frozen=True)
+class Area:
+    """An area.
+
+    Attributes:
+        polygons: one or more, in map coordinates, with their holes; they may overlap.
+    """
+
+    path: Path
+    polygons: tuple[shapely.Polygon, ...]
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """West, south, east, north."""
+        west, south, east, north = shapely.total_bounds(np.array(self.polygons, object)).tolist()
+        return west, south, east, north
+
+    def contains(self, xy_m: FloatArray) -> BoolArray:
+        """Whether points (n, 2) or (n, 3) in map coordinates lie in one of the polygons, and in none of its holes."""
+        west, south, east, north = self.bounds_m
+        x, y = xy_m[:, 0], xy_m[:, 1]
+        inside = (x >= west) & (y >= south) & (x <= east) & (y <= north)
+        if len(self.polygons) < MANY:
+            inside[inside] = shapely.contains_xy(self._prepared, x[inside], y[inside])
+        else:
+            inside[inside] = ring_at(self._rings, x[inside] - west, y[inside] - south) >= 0
+        return inside
+
+    @cached_property
+    def _prepared(self) -> shapely.Geometry:
+        whole = shapely.union_all(np.array(self.polygons, object))
+        shapely.prepare(whole)
+        return whole
+
+    @cached_property
+    def _rings(self) -> Rings:
+        return rings_of(self.polygons, self.bounds_m[:2])
+
+
+def read_area(path: Path, target: CRS) -> Area:
+    """The polygons of a file (:func:`.polygons_on_map`) as an area.
+
+    Args:
+        target: projected CRS of the map.
+
+    Raises:
+        InputError: if the file cannot be read, has no polygon or an invalid one, or one outside the domain of `target`.
+    """
+    found = polygons_on_map(path, target, partial(_unreadable, path))
+    faulty = [k for k, shape in enumerate(found.shapes, start=1) if not (shape.is_valid and shape.area > 0.0)]
+    if faulty:
+        raise InputError("within-invalid", path=path, faulty=faulty[0])
+    parts = shapely.get_parts(np.array(found.shapes, object))
+    return Area(path, tuple(parts))
+
+
+def nothing_within(area: Area, what: str, at_m: tuple[float, float] | None) -> InputError:
+    """The error where nothing lies in an area.
+
+    Args:
+        what: the things, such as "12 points".
+        at_m: easting and northing of some of them; None where there are none.
+    """
+    bounds = ", ".join(f"{end:.1f}" for end in area.bounds_m)
+    return InputError(
+        "within-nothing",
+        area=area.path,
+        what=what,
+        bounds=bounds,
+        at_m=at_m[0] if at_m is not None else None,
+        at_m_other=at_m[1] if at_m is not None else None,
+    )
+
+
+def _unreadable(path: Path, why: str) -> InputError:
+    return InputError("within-unreadable", path=path, why=why, formats=FORMATS)

@@ -1,0 +1,224 @@
+"""Surveyed points from a table or a GeoPackage."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyproj
+from numpy.typing import NDArray
+
+from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.readers.areas.area import nothing_within, read_area
+from furrowmap.core.readers.survey_table import read_table
+from furrowmap.core.readers.vector_file import named_by_content
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+
+FloatArray = NDArray[np.float64]
+
+LARGEST_BYTES: Final = 50_000_000
+_NAMES: Final = {
+    "name": ("name", "id", "point", "point_id", "label", "点名"),
+    "x": ("e_m", "easting", "e", "x", "east", "y座標", "lon_deg", "lon", "longitude"),
+    "y": ("n_m", "northing", "n", "y", "north", "x座標", "lat_deg", "lat", "latitude"),
+    "h": ("h_m", "height", "h", "z", "elevation", "elev", "height_m", "alt", "標高"),
+    "sigma_x": ("sigma_e_m", "sigma_e", "sd_e"),
+    "sigma_y": ("sigma_n_m", "sigma_n", "sd_n"),
+    "sigma_h": ("sigma_h_m", "sigma_h", "sd_h"),
+}
+"""Accepted column names, in any case, without units in brackets. X is the easting, unlike in Japanese surveying."""
+_DEGREES: Final = ("lon_deg", "lon", "longitude")
+
+
+@dataclass(frozen=True)
+class SurveyedPoints:
+    """n points in the CRS of a product.
+
+    Attributes:
+        name: (n,) of each.
+        xyz_m: (n, 3) easting, northing, height.
+        sigma_m: (n, 3) standard deviations that the survey states; nan where it states none.
+    """
+
+    name: tuple[str, ...]
+    xyz_m: FloatArray
+    sigma_m: FloatArray
+    notices: tuple[Notice, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+
+@dataclass(frozen=True)
+class SurveyOptions:
+    """What a user states about a file of surveyed points.
+
+    Attributes:
+        crs: of a file without one, and of a cloud without one.
+        sigma_m: standard deviation along each axis, where the file states none.
+        within: vector file, or CSV of corners, in whose polygons the points lie; None for all.
+    """
+
+    crs: pyproj.CRS | None = None
+    sigma_m: float | None = None
+    within: Path | None = None
+
+
+def survey_of(path: Path, target: pyproj.CRS, options: SurveyOptions) -> SurveyedPoints:
+    """The points of a file in the CRS of a product, without those outside the polygons.
+
+    Raises:
+        InputError: as :func:`read_points`, or if the polygons cannot be read, or hold none of the points.
+        RefusedError: as :func:`read_points`.
+    """
+    survey = read_points(path, target, options.crs)
+    if options.within is None:
+        return survey
+    area = read_area(options.within, target)
+    kept = area.contains(survey.xyz_m)
+    if not kept.any():
+        east, north, _ = survey.xyz_m[0].tolist()
+        raise nothing_within(area, f"{len(survey)} points in {path.name}", (east, north))
+    names = tuple(name for name, inside in zip(survey.name, kept, strict=True) if inside)
+    return replace(survey, name=names, xyz_m=survey.xyz_m[kept], sigma_m=survey.sigma_m[kept])
+
+
+def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -> SurveyedPoints:
+    """Surveyed points of a CSV or GeoPackage, in the horizontal CRS of a product.
+
+    Args:
+        path: of the file. A CSV has columns such as name, e_m, n_m, h_m (or lon_deg, lat_deg, h_m), sigma_h_m.
+        target: of the product, with or without heights.
+        crs: of a file without one; by default `target` for eastings and northings, and its geographic base CRS for
+            longitudes and latitudes.
+
+    Raises:
+        InputError: if the file cannot be read, or has no points with heights.
+        RefusedError: if PROJ has no exact transformation from the CRS of the points, or the height systems differ.
+    """
+    if not path.is_file():
+        raise _unreadable(path, "is a folder" if path.is_dir() else "is not there")
+    if path.stat().st_size > LARGEST_BYTES:
+        raise _unreadable(path, f"has {path.stat().st_size:,} bytes: too many for a survey")
+    if path.read_bytes()[:16].startswith(b"SQLite format 3"):
+        columns, stated = _from_geopackage(path)
+    else:
+        columns, degrees = _from_csv(path)
+        stated = _flat(target).geodetic_crs if degrees and crs is None else None
+    source = stated or crs or target
+    xyz = np.column_stack([columns["x"], columns["y"], columns["h"]])
+    whole = np.isfinite(xyz).all(axis=1)
+    if not whole.any():
+        raise _unreadable(path, "has no point with easting, northing and height")
+    notices = [] if whole.all() else [Notice("points-incomplete", path=path.name, whole=int((~whole).sum()))]
+    xyz = xyz[whole]
+    kept, sigma = np.flatnonzero(whole), np.column_stack([columns[f"sigma_{k}"] for k in "xyh"])[whole]
+    names = tuple(str(columns["name"][k]) for k in kept)
+    _expect_same_heights(path, source, target)
+    flat, wanted = _flat(source), _flat(target)
+    if not flat.equals(wanted, ignore_axis_order=True):
+        low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
+        change = crs_change(flat, wanted, (float(low[0]), float(low[1]), float(high[0]), float(high[1])))
+        xyz = np.column_stack([change.points(xyz[:, :2]), xyz[:, 2]])
+        notices += change.notices
+    return SurveyedPoints(names, xyz, np.where(sigma > 0.0, sigma, np.nan), tuple(notices))
+
+
+def in_degrees(path: Path) -> bool:
+    """Whether a table has longitudes and latitudes; false for a GeoPackage, and for what cannot be read."""
+    try:
+        with path.open("rb") as file:
+            if file.read(16).startswith(b"SQLite format 3"):
+                return False
+        columns = read_table(path).columns
+    except (ValueError, OSError):
+        return False
+    return next((name for name in _NAMES["x"] if name in columns), None) in _DEGREES
+
+
+def _from_csv(path: Path) -> tuple[dict[str, Any], bool]:
+    """The columns, and whether they are longitudes and latitudes."""
+    try:
+        table = read_table(path)
+    except (ValueError, OSError) as error:
+        raise _unreadable(path, f"is no table: {error}") from None
+    found = {key: next((n for n in names if n in table.columns), None) for key, names in _NAMES.items()}
+    missing = [_NAMES[key][0] for key in "xyh" if found[key] is None]
+    if missing:
+        raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {', '.join(table.columns)[:200]})")
+    n = len(table.lines)
+    columns: dict[str, Any] = {
+        key: table.numbers(column) if column is not None else np.full(n, np.nan)
+        for key, column in found.items()
+        if key != "name"
+    }
+    name, degrees = found["name"], found["x"] in _DEGREES
+    columns["name"] = np.array(table.columns[name], object) if name is not None else np.arange(1, n + 1).astype(str)
+    if not all(np.isfinite(columns[key]).any() for key in "xyh"):
+        faults = [(column, table.first_fault(column)) for key in "xyh" if (column := found[key]) is not None]
+        said = [f"line {at[0]} holds {at[1]!r} under {column}" for column, at in faults if at is not None]
+        raise _unreadable(path, "has no point with easting, northing and height" + (f": {said[0]}" if said else ""))
+    if degrees and np.nanmax(np.abs(columns["y"])) > 90.0:
+        raise _unreadable(
+            path, f"has latitudes such as {np.nanmax(columns['y']):g}: longitude and latitude are swapped"
+        )
+    return columns, degrees
+
+
+def _from_geopackage(path: Path) -> tuple[dict[str, Any], pyproj.CRS | None]:
+    import geopandas
+    import shapely
+
+    try:
+        with named_by_content(path) as named:
+            table = geopandas.read_file(named, engine="pyogrio")
+    except Exception as error:  # noqa: BLE001 GDAL's and pandas' errors have no family of their own
+        raise _unreadable(path, f"cannot be read ({str(error)[:100]})") from None
+    if not isinstance(table, geopandas.GeoDataFrame):
+        raise _unreadable(path, "holds a table without geometries as its first layer")
+    shapes = np.asarray(table.geometry.array, object)
+    if not len(shapes) or not all(isinstance(shape, shapely.Point) for shape in shapes):
+        raise _unreadable(path, "holds other geometries than points in its first layer")
+    attributes = table.drop(columns=table.geometry.name)
+    attributes.columns = [str(column).strip().casefold() for column in attributes.columns]
+    found = {key: next((n for n in names if n in attributes.columns), None) for key, names in _NAMES.items()}
+    columns = _columns(attributes, found)
+    columns["x"], columns["y"] = shapely.get_x(shapes), shapely.get_y(shapes)
+    z = shapely.get_z(shapes)
+    columns["h"] = np.where(np.isfinite(z), z, columns["h"])
+    return columns, pyproj.CRS.from_user_input(table.crs) if table.crs is not None else None
+
+
+def _columns(table: Any, found: dict[str, str | None]) -> dict[str, Any]:
+    """Arrays of the columns that are there; nan, or numbers as names, for the others."""
+    import pandas as pd
+
+    n = len(table)
+    out: dict[str, Any] = {
+        key: pd.to_numeric(table[column], errors="coerce").to_numpy(np.float64)
+        if column is not None
+        else np.full(n, np.nan)
+        for key, column in found.items()
+        if key != "name"
+    }
+    name = found["name"]
+    out["name"] = table[name].astype(str).to_numpy(object) if name is not None else np.arange(1, n + 1).astype(str)
+    return out
+
+
+def _expect_same_heights(path: Path, source: pyproj.CRS, target: pyproj.CRS) -> None:
+    """Raises RefusedError where both state height systems that differ."""
+    kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in (source, target)]
+    if None in kinds or kinds[0] == kinds[1]:
+        return
+    raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
+
+
+def _flat(crs: pyproj.CRS) -> pyproj.CRS:
+    return crs.sub_crs_list[0].to_2d() if crs.is_compound else crs.to_2d()
+
+
+def _unreadable(path: Path, why: str) -> InputError:
+    return InputError("points-unreadable", path=path, why=why)

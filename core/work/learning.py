@@ -1,0 +1,240 @@
+"""Detection of the implement in sampled scans: what moves up and down while the rest of the body is static.
+
+Scans are compared with a reference scan by the pixels of their range images. Equal pixels show the body (or the
+implement
+in the same position); points above the ground that differ, but match those of the other scan at another height, were
+lifted or lowered. Their side view is the template, which is refined with the heights of all scans in turn. Several
+reference scans are tried, and the most likely outcome is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.values.tool_states import ToolState
+from furrowmap.core.work.found import USUAL_LIFT_M, Found, Outcome, describe_implement
+from furrowmap.core.work.levels import FEWEST_SCANS, MOVED_M, find_positions
+from furrowmap.core.work.model import Box, Hint, Learned, Levels
+from furrowmap.core.work.near_scans import NearScan
+from furrowmap.core.work.template import CELL_X_M, CELL_Z_M, Template, fit_height
+from furrowmap.core.work.views import FEWEST_POINTS, SEARCH_M, Views, ground_plane, views_of
+
+FloatArray = NDArray[np.float64]
+
+_ANYWHERE: Final[Box] = (-9.0, 4.0, -4.5, 4.5)
+_CALM_M: Final = 0.03
+"""Greatest difference in range of one pixel, or in height, between successive scans of a static object."""
+_ALIKE: Final = 0.3
+"""With a smaller share of differing points, two scans show the tool at the same height."""
+_CHOSEN: Final = 24
+"""Pairs of scans chosen for their dissimilarity, and as many evenly spread."""
+_REFERENCES: Final = 6
+_ROUNDS: Final = 2
+_AT_M: Final = 0.04
+"""Tolerance of the two positions."""
+_OTHER_TRAVEL_M: Final = 0.10
+_BETTER: Final = 1.01
+"""Least difference of another travel, and least ratio of its fit, to replace the first."""
+_BEYOND_M: Final = 0.2
+"""Search range beyond both positions."""
+_NO_GROUND: Final = Notice("implement-no-ground")
+
+
+def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
+    """Find the implement in scans in order of time, all around the vehicle unless `hint` narrows the search."""
+    ground = ground_plane(scans)
+    if ground is None:
+        return Learned(None, (_NO_GROUND,))
+    views = views_of(scans, ground, hint.region_m if hint is not None else _ANYWHERE)
+    found = _find(views)
+    box = _box_of(found) if found is not None else None
+    if box is not None and hint is None:
+        found = _find(views_of(scans, ground, box))
+    if found is None or box is None:
+        return Learned(None, (_nothing(views, hint),))
+    lift_m = hint.lift_m if hint is not None else None
+    return Learned(describe_implement(found, lift_m or USUAL_LIFT_M), _out_of_view(found.levels.hidden, lift_m))
+
+
+def _find(views: Views) -> Found | None:
+    """What moves up and down, if anything."""
+    pairs = views.pairs[views.pairs[:, 0] % 2 == 0] if len(views) else views.pairs
+    if len(pairs) < FEWEST_SCANS:
+        return None
+    unlike = _unlike(views, pairs[:, 0])
+    evenly = np.linspace(0, len(pairs) - 1, min(_CHOSEN, len(pairs))).astype(np.intp)
+    some = np.unique(pairs[np.unique(np.append(unlike, evenly))])
+    starts = pairs[np.append(unlike[: _REFERENCES // 2], evenly[:: 1 + 2 * len(evenly) // _REFERENCES]), 0]
+    few = views.of(some)
+    outcomes = [_from_reference(few, k) for k in np.flatnonzero(np.isin(some, starts)).tolist()]
+    likeliest = sorted(
+        filter(None, outcomes), key=lambda outcome: -float(outcome.heights.gain[outcome.heights.sure].sum())
+    )
+    for outcome in likeliest:
+        heights = views.heights(outcome.template, outcome.still_m)
+        better = _improved(views, outcome.image, heights.height_m, heights.sure)
+        levels = find_positions(views, better.heights) if better is not None else None
+        if better is not None and levels is not None:
+            found = Found(better, levels)
+            return _by_travel(found) or found
+    return None
+
+
+def _by_travel(found: Found) -> Found | None:
+    """The result with another travel between the two positions, if scans of the moving tool fit it better; else None.
+
+    A scanner may see different parts of a lifted and of a lowered tool, so that the two side views match at a wrong
+    height; a moving tool shows both sets of parts.
+    """
+    outcome, levels = found.outcome, found.levels
+    views, height, sure = outcome.views, outcome.heights.height_m, outcome.heights.sure
+    at_low, at_high = (sure & (np.abs(height - level) < _AT_M) for level in (levels.low_m, levels.high_m))
+    between = np.flatnonzero(sure & ~at_low & ~at_high)
+    if levels.hidden != ToolState.UNKNOWN or len(between) < FEWEST_SCANS:
+        return None
+    lower = _mean_side(views, at_low, np.where(at_low, height, 0.0), outcome.still_m)
+    upper = _mean_side(views, at_high, height, outcome.still_m)
+    sides = [views.side(number, outcome.still_m) for number in between.tolist()]
+    now_m = levels.high_m - levels.low_m
+    step = round(now_m / CELL_Z_M)
+    travels = np.arange(round(MOVED_M / CELL_Z_M), round(SEARCH_M / CELL_Z_M))
+    worth = np.array([_worth(views, sides, lower, upper, levels, int(rows) - step) for rows in travels])
+    best = int(np.argmax(worth))
+    if abs(int(travels[best]) - step) * CELL_Z_M < _OTHER_TRAVEL_M:
+        return None
+    if worth[best] < _BETTER * _worth(views, sides, lower, upper, levels, 0):
+        return None
+    moved = height + np.where(at_high, (int(travels[best]) - step) * CELL_Z_M, 0.0)
+    better = _improved(views, outcome.image, moved, at_low | at_high)
+    levels_there = find_positions(views, better.heights) if better is not None else None
+    return Found(better, levels_there) if better is not None and levels_there is not None else None
+
+
+def _worth(
+    views: Views, sides: Sequence[NDArray[np.float32]], lower: FloatArray, upper: FloatArray, levels: Levels, rows: int
+) -> float:
+    """Log-likelihood per point of scans of the moving tool for a travel larger by `rows`."""
+    moved = np.zeros_like(upper)
+    moved[:, max(0, -rows) : upper.shape[1] - max(0, rows)] = upper[:, max(0, rows) : upper.shape[1] - max(0, -rows)]
+    template = Template.of(views.grid, lower + moved)
+    low_m, high_m = levels.low_m - _BEYOND_M, levels.high_m + rows * CELL_Z_M + _BEYOND_M
+    gains = [fit_height(side, template, low_m, high_m)[0].gain / max(float(side.sum()), 1.0) for side in sides]
+    return float(np.mean(gains))
+
+
+def _unlike(views: Views, numbers: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Indices in `numbers` of dissimilar scans, so that rare positions are represented.
+
+    Farthest-point sampling of coarse side views (Gonzalez 1985, Clustering to minimize the maximum intercluster
+    distance).
+    """
+    coarse = np.array([_coarse(views.side(number, None)) for number in numbers.tolist()])
+    distance = np.full(len(numbers), np.inf)
+    chosen = [len(numbers) // 2]
+    while len(chosen) < min(_CHOSEN, len(numbers)):
+        distance = np.minimum(distance, np.square(coarse - coarse[chosen[-1]]).sum(axis=1))
+        chosen.append(int(np.argmax(distance)))
+    return np.array(chosen, np.intp)
+
+
+def _coarse(side: NDArray[np.float32]) -> FloatArray:
+    """A side view in cells of 0.3 m × 0.1 m, as square roots, so that dense cells do not dominate."""
+    columns, rows = side.shape[0] // 3 * 3, side.shape[1] // 5 * 5
+    cells = side[:columns, :rows].reshape(columns // 3, 3, rows // 5, 5).sum(axis=(1, 3))
+    roots: FloatArray = np.sqrt(cells.ravel(), dtype=np.float64)
+    return roots
+
+
+def _from_reference(views: Views, reference: int) -> Outcome | None:
+    """What moves relative to one scan; None if nothing does, or if the tool moves in that scan."""
+    image, view = views.images[reference], views.views[reference]
+    beside = views.images[reference + 1 if reference % 2 == 0 else reference - 1]
+    if not len(view) or view.differs(beside, _CALM_M).mean() > 0.5:
+        return None
+    template = Template.of(views.grid, views.side(reference, None).astype(np.float64))
+    heights = views.heights(template, image)
+    known = heights.sure & (np.abs(heights.height_m) > MOVED_M)
+    if not known.any():
+        return None
+    height = np.where(known, heights.height_m, 0.0)
+    for number, other in enumerate(views.views):
+        known[number] |= len(other) >= FEWEST_POINTS and other.differs(image).mean() < _ALIKE
+    outcome = None
+    for _ in range(_ROUNDS):
+        known[reference] = True
+        outcome = _improved(views, image, height, known)
+        if outcome is None:
+            return None
+        known, height = outcome.heights.sure, outcome.heights.height_m
+    return outcome
+
+
+def _improved(views: Views, image: NDArray[np.float32], height: FloatArray, known: NDArray[np.bool_]) -> Outcome | None:
+    """Static pixels, template and heights, refined from known heights; None if all are of one position."""
+    middle = float(np.quantile(height[known], (0.02, 0.98)).mean())
+    sides = [known & (height > middle), known & ~(height > middle)]
+    if not all(side.any() for side in sides):
+        return None
+    still = views.still(image, sides)
+    steady = _steady(views, height)
+    upper, lower = (_mean_side(views, side & steady, height, still) for side in sides)
+    template = Template.of(views.grid, upper + lower)
+    return Outcome(views, image, template, still, views.heights(template, still))
+
+
+def _steady(views: Views, height: FloatArray) -> NDArray[np.bool_]:
+    """(scans,) whether an adjacent scan has the tool at the same height."""
+    steady = np.zeros(len(height), bool)
+    first, second = views.pairs.T
+    alike = np.abs(height[second] - height[first]) < _CALM_M
+    steady[first[alike]] = steady[second[alike]] = True
+    return steady
+
+
+def _mean_side(views: Views, chosen: NDArray[np.bool_], height: FloatArray, still: NDArray[np.float32]) -> FloatArray:
+    """Mean side view of chosen scans, lowered by their heights, with equal weights."""
+    total = np.zeros((views.grid.columns, views.grid.rows))
+    for number in np.flatnonzero(chosen).tolist():
+        side = views.side(number, still, float(height[number]))
+        total += side / max(float(side.sum()), 2.0 * FEWEST_POINTS)
+    return total / max(int(np.count_nonzero(chosen)), 1)
+
+
+def _box_of(found: Found) -> Box | None:
+    """A box around the implement, from likely points in most of the best scans; None if these are scattered."""
+    outcome, views = found.outcome, found.outcome.views
+    sure = np.flatnonzero(outcome.heights.sure)
+    best = sure[np.argsort(-outcome.heights.explained[sure])][: max(FEWEST_SCANS, len(sure) // 3)]
+    bounds = ((views.box_m[0], views.box_m[1]), (views.box_m[2], views.box_m[3]))
+    cells = [round((high - low) / CELL_X_M) for low, high in bounds]
+    often = np.zeros(cells)
+    for number in best.tolist():
+        xyz = views.views[number].xyz_m[outcome.likely(number)]
+        often += np.histogram2d(xyz[:, 0], xyz[:, 1], cells, bounds)[0] > 0
+    x, y = np.nonzero(often >= 0.5 * len(best))
+    if not len(x):
+        return None
+    (x0, x1), (y0, y1) = (
+        (low + CELL_X_M * int(at.min()), low + CELL_X_M * (int(at.max()) + 1))
+        for at, (low, _) in zip((x, y), bounds, strict=True)
+    )
+    return (x0 - 0.5, x1 + 0.5, y0 - 0.3, y1 + 0.3)
+
+
+def _nothing(views: Views, hint: Hint | None) -> Notice:
+    """The reason for the missing states of the tool."""
+    points = float(np.median([len(view) for view in views.views])) if len(views) else 0.0
+    if hint is not None and points < FEWEST_POINTS:
+        return Notice("implement-not-seen", points=points)
+    return Notice("implement-never-moves")
+
+
+def _out_of_view(hidden: ToolState, lift_m: float | None) -> tuple[Notice, ...]:
+    if hidden == ToolState.DOWN:
+        return (Notice("implement-out-of-view.down", lift_m=lift_m or USUAL_LIFT_M, stated=lift_m is not None),)
+    return (Notice("implement-out-of-view.up"),) if hidden == ToolState.UP else ()

@@ -1,0 +1,127 @@
+"""Points near the vehicle in scans spread over a recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.scan import Scan
+from furrowmap.core.work.range_image import COLUMNS, column_of
+
+MOST_SCANS: Final = 320
+"""Most scans kept."""
+MOST_POINTS: Final = 16_384
+"""Most points kept of a scan."""
+_NEAR_M: Final = np.array([[-9.0, 4.0], [-4.5, 4.5], [-4.0, 4.0]])
+"""Where an implement may be: range along x, y and z of the vehicle frame."""
+FRONT_M: Final = 4.0
+"""What is kept forward of the rear axle, unless an implement reaches farther."""
+
+
+@dataclass(frozen=True)
+class NearScan:
+    """The points of one scan near the vehicle.
+
+    Attributes:
+        index: of the complete scan in the recording.
+        begin_s: UTC of its first return.
+        end_s: of its last one.
+        clockwise: whether azimuth increases within the scan.
+        xyz_m: (n, 3) float32 in the vehicle frame.
+        range_m: (n,) float32 from the sensor.
+        laser: (n,) uint8.
+        column: (n,) int32 of the range image.
+    """
+
+    index: int
+    begin_s: float
+    end_s: float
+    clockwise: bool
+    xyz_m: NDArray[np.float32]
+    range_m: NDArray[np.float32]
+    laser: NDArray[np.uint8]
+    column: NDArray[np.int32]
+
+    def image(self, lasers: int) -> NDArray[np.float32]:
+        """(lasers, COLUMNS) range image; nan without near points."""
+        image: NDArray[np.float32] = np.full((lasers, COLUMNS), np.nan, np.float32)
+        image[self.laser, self.column] = self.range_m
+        return image
+
+
+class NearScans:
+    """Keeps at most :data:`MOST_SCANS` scans, evenly spread over a recording of unknown length.
+
+    They are kept in pairs of successive complete scans, to separate noise from motion. When full, every other pair is
+    dropped and the stride doubles.
+
+    Args:
+        mounting: of the sensor.
+        front_m: how far forward points are kept.
+    """
+
+    def __init__(self, mounting: Mounting, front_m: float = FRONT_M) -> None:
+        self._near_m = _NEAR_M.copy()
+        self._near_m[0, 1] = front_m
+        self._rotation = np.ascontiguousarray(mounting.rotation)
+        self._lever_m = np.asarray(mounting.xyz_m, np.float64)
+        self._stride = 2
+        self._count = 0
+        self.scans: list[NearScan] = []
+
+    def add(self, scan: Scan) -> None:
+        """Add a scan; in a long recording most are skipped at no cost."""
+        if not scan.whole or not len(scan):
+            return
+        if len(self.scans) == MOST_SCANS:
+            self._stride *= 2
+            self.scans = [kept for kept in self.scans if kept.index % self._stride < 2]
+        if self._count % self._stride < 2:
+            self.scans.append(self._near(scan))
+        self._count += 1
+
+    def _near(self, scan: Scan) -> NearScan:
+        xyz, distance, laser, column, rising = _near_points(
+            np.ascontiguousarray(scan.xyz_m, np.float32),
+            np.ascontiguousarray(scan.laser, np.uint8),
+            self._rotation,
+            self._lever_m,
+            self._near_m,
+        )
+        if len(xyz) > MOST_POINTS:
+            kept = np.linspace(0, len(xyz) - 1, MOST_POINTS).astype(np.intp)
+            xyz, distance, laser, column = xyz[kept], distance[kept], laser[kept], column[kept]
+        return NearScan(self._count, float(scan.t_s[0]), float(scan.t_s[-1]), rising >= 0, xyz, distance, laser, column)
+
+
+@numba.njit(cache=True, nogil=True)
+def _near_points(xyz_m, laser, rotation, lever_m, near_m):  # type: ignore[no-untyped-def]
+    """Points within `near_m`: vehicle coordinates, range, laser, column; and the total change of column."""
+    n = len(xyz_m)
+    xyz = np.empty((n, 3), np.float32)
+    distance = np.empty(n, np.float32)
+    lasers = np.empty(n, np.uint8)
+    columns = np.empty(n, np.int32)
+    count, rising, last = 0, 0, -1
+    for i in range(n):
+        x, y, z = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        column = column_of(x, y)
+        if last >= 0 and abs(column - last) < COLUMNS // 2:
+            rising += column - last
+        last = column
+        inside = True
+        for k in range(3):
+            v = rotation[k, 0] * x + rotation[k, 1] * y + rotation[k, 2] * z + lever_m[k]
+            xyz[count, k] = v
+            inside &= near_m[k, 0] < v < near_m[k, 1]
+        if inside:
+            distance[count] = np.sqrt(x * x + y * y + z * z)
+            lasers[count] = laser[i]
+            columns[count] = column
+            count += 1
+    return xyz[:count].copy(), distance[:count].copy(), lasers[:count].copy(), columns[:count].copy(), rising

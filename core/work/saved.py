@@ -1,0 +1,92 @@
+"""Saving a detected implement for other sessions of the same machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.npz import read_npz
+from furrowmap.core.values.tool_states import ToolState
+from furrowmap.core.work.model import DepthImages, Implement, Levels, Region
+from furrowmap.core.work.range_image import COLUMNS
+from furrowmap.core.work.template import SideViewGrid, Template
+
+FORM: Final = 1
+"""Version of the file format."""
+
+
+def save_implement(path: Path, implement: Implement) -> None:
+    """Write an implement as a NumPy archive.
+
+    Raises:
+        OSError: if it cannot be written there.
+    """
+    region, template, levels, images = implement.region, implement.template, implement.levels, implement.images
+    grid = template.grid
+    arrays: dict[str, Any] = {
+        "form": np.int64(FORM),
+        "ground": np.array(region.ground),
+        "box_m": np.array(region.box_m),
+        "columns": region.columns,
+        "still_m": region.still_m,
+        "turn": np.array([region.split, region.clockwise, region.turn_s], np.float64),
+        "grid": np.array([grid.x_m, grid.z_m, grid.columns, grid.rows], np.float64),
+        "odds": template.odds,
+        "levels": np.array([levels.low_m, levels.high_m, levels.hidden, levels.sigma_m, levels.jitter_m], np.float64),
+        "usual": np.array([implement.working_m, implement.points, implement.gain]),
+        "up_m": images.up_m,
+        "down_m": images.down_m,
+        "own": images.implement,
+        "azimuth_deg": images.azimuth_deg,
+    }
+    with path.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def load_implement(path: Path) -> Implement:
+    """Read an implement of an earlier session.
+
+    Raises:
+        InputError: if the file cannot be read, or is none of :func:`save_implement`.
+    """
+    try:
+        implement = _implement(read_npz(path))
+    except (OSError, ValueError, KeyError) as error:
+        raise InputError("implement-unreadable", path=path, error=error) from error
+    return implement
+
+
+def _implement(arrays: dict[str, Any]) -> Implement:
+    """The implement in the arrays of a file."""
+    if int(arrays["form"]) != FORM:
+        raise ValueError(f"format version {int(arrays['form'])}, supported is {FORM}")
+    split, clockwise, turn_s = arrays["turn"].tolist()
+    x_m, z_m, columns, rows = arrays["grid"].tolist()
+    low_m, high_m, hidden, sigma_m, jitter_m = arrays["levels"].tolist()
+    working_m, points, gain = arrays["usual"].tolist()
+    grid = SideViewGrid(x_m, z_m, int(columns), int(rows))
+    shapes = (arrays["odds"].shape, arrays["columns"].shape, arrays["still_m"].shape[1:])
+    if shapes != ((grid.columns, grid.rows), (COLUMNS,), (COLUMNS,)):
+        raise ValueError("its arrays do not fit each other")
+    a, b, c = arrays["ground"].tolist()
+    x0, x1, y0, y1 = arrays["box_m"].tolist()
+    return Implement(
+        region=Region(
+            ground=(a, b, c),
+            box_m=(x0, x1, y0, y1),
+            columns=arrays["columns"].astype(bool),
+            still_m=arrays["still_m"].astype(np.float32),
+            split=int(split),
+            clockwise=bool(clockwise),
+            turn_s=turn_s,
+        ),
+        template=Template(grid, arrays["odds"].astype(np.float32)),
+        levels=Levels(low_m, high_m, ToolState(int(hidden)), sigma_m, jitter_m),
+        working_m=working_m,
+        points=points,
+        gain=gain,
+        images=DepthImages(arrays["up_m"], arrays["down_m"], arrays["own"], arrays["azimuth_deg"]),
+    )
