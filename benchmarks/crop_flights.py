@@ -25,9 +25,9 @@ from flights import simulated
 from numpy.typing import NDArray
 
 import furrowmap
-from furrowmap.core.crops.measure import measured
-from furrowmap.core.crops.net_parcel import net_of
-from furrowmap.core.crops.parcel_points import AROUND_M, ParcelPoints
+from furrowmap.core.crops.measure import measure_parcels
+from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
+from furrowmap.core.crops.parcels import inset_parcel
 from furrowmap.core.crops.site_soil import site_soil
 from furrowmap.core.values.parcel import Parcel
 
@@ -143,7 +143,7 @@ def trial_parcels(recording: Path, trial: Mapping[str, Any]) -> list[Parcel]:
     for number, (east, north, turn, length, width) in enumerate(plots(trial), 1):
         box = shapely.box(-0.5 * length, -0.5 * width, 0.5 * length, 0.5 * width)
         gross = shapely.affinity.translate(shapely.affinity.rotate(box, turn, (0, 0)), e0 + east, n0 + north)
-        net = net_of(gross, *trial["net_inset_m"])
+        net = inset_parcel(gross, *trial["net_inset_m"])
         assert net is not None
         out.append(Parcel(str(number), gross, net))
     return out
@@ -185,14 +185,14 @@ def judge(recording: Path, trial: Mapping[str, Any], points_m2: float, *, publis
     true, soil_true = truth_of(recording, parcels)
     whole = table_of(recording, trial).points_m2.mean()
     rng = np.random.default_rng(1)
-    with ParcelPoints(parcels, None, AROUND_M if published else None) as points:
+    with ParcelPoints(parcels, None, PUBLISHED_STRIP_M if published else None) as points:
         with laspy.open(recording / "out" / "cloud.copc.laz") as cloud:
             for chunk in cloud.chunk_iterator(2_000_000):
                 kept = ~np.isin(np.asarray(chunk.classification), (7, 18, 64))
                 kept &= rng.random(len(kept)) < points_m2 / whole
                 points.add(np.column_stack([chunk.x, chunk.y, chunk.z])[kept])
         soil = site_soil(points)
-        rows = [row for row, _ in measured(points, soil.soil, soil.noise_m, compare=published)]
+        rows = [row for row, _ in measure_parcels(points, soil.soil.under, soil.noise_m, compare=published)]
         patches = [soil.soil.under(parcel) for parcel in parcels]
     found = []
     for parcel, patch in zip(parcels, patches, strict=True):

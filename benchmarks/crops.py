@@ -17,7 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import shapely
 
-from furrowmap.core.crops.measure import measured
+from furrowmap.core.crops.measure import measure_parcels
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.crops.site_soil import site_soil
 from furrowmap.core.values.parcel import Parcel
@@ -44,7 +44,7 @@ def main(count: int) -> None:
     rng = np.random.default_rng(1)
     with ParcelPoints(parcels[:1], None) as points:  # compiles
         points.add(_batch(rng, -1.0, -1.0, LENGTH_M + 1.0, WIDTH_M + 1.0, 20_000))
-        list(measured(points, site_soil(points).soil, 0.012))
+        list(measure_parcels(points, site_soil(points).soil.under, 0.012))
     east, north = max(x for x, _ in corners) + LENGTH_M, max(y for _, y in corners) + WIDTH_M
     total = int(DENSITY_M2 * (east + 2.0) * (north + 2.0))
     before, sorting, done = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, 0.0, 0
@@ -60,7 +60,7 @@ def main(count: int) -> None:
         begin = process_time()
         soil = site_soil(points)
         found = process_time()
-        heights = [row.figures.mean_height_m for row, _ in measured(points, soil.soil, soil.noise_m)]
+        heights = [row.figures.mean_height_m for row, _ in measure_parcels(points, soil.soil.under, soil.noise_m)]
         end = process_time()
     whole = sorting + end - begin
     grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0

@@ -23,10 +23,10 @@ from matplotlib import pyplot as plt  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 from pyproj import CRS  # noqa: E402
 
-from furrowmap.core.crops.measure import MeasuredParcel, measured  # noqa: E402
-from furrowmap.core.crops.parcel_points import AROUND_M, ParcelPoints  # noqa: E402
+from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels  # noqa: E402
+from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints  # noqa: E402
 from furrowmap.core.crops.parcels import read_parcels  # noqa: E402
-from furrowmap.core.crops.response import response_to  # noqa: E402
+from furrowmap.core.crops.response import fit_response  # noqa: E402
 from furrowmap.core.crops.site_soil import site_soil  # noqa: E402
 from furrowmap.core.values.parcel import Parcel  # noqa: E402
 from furrowmap.core.values.point_classes import PointClass  # noqa: E402
@@ -60,10 +60,10 @@ def points_of(result: Path, strips: tuple[int, ...], parcels: tuple[Parcel, ...]
 
 def measure(xyz: FloatArray, parcels: tuple[Parcel, ...]) -> list[MeasuredParcel]:
     """The parcels by both methods."""
-    with ParcelPoints(parcels, None, AROUND_M) as points:
+    with ParcelPoints(parcels, None, PUBLISHED_STRIP_M) as points:
         points.add(xyz)
         soil = site_soil(points)
-        return [row for row, _ in measured(points, soil.soil, soil.noise_m, compare=True)]
+        return [row for row, _ in measure_parcels(points, soil.soil.under, soil.noise_m, compare=True)]
 
 
 def draw_clouds(clouds: dict[str, FloatArray], file: Path) -> None:
@@ -89,7 +89,7 @@ def draw_clouds(clouds: dict[str, FloatArray], file: Path) -> None:
 def draw_response(rows: list[MeasuredParcel], doses: FloatArray, blocks: list[str], file: Path) -> str:
     """Figure 10: mean height over nitrogen, with the logistic curve and its band; what it says."""
     height = np.array([row.figures.mean_height_m for row in rows])
-    found = response_to(doses, height, blocks, "kg/ha")
+    found = fit_response(doses, height, blocks, "kg/ha")
     points = Points(height, blocks, "mean height (m)", "block")
     file.write_text(standalone(response_chart(doses, points, found, "nitrogen (kg/ha)")), encoding="utf-8")
     return found.words

@@ -45,7 +45,7 @@ FACTORS: Final = {
     "core/simulator/motion.py Motion.scale": 1.0,
     "core/pointclouds/placing.py Placer.scale": 1.0,
     "core/pipeline/pipeline.py placer_of(scale)": 1.0,
-    "core/crops/measure.py measured(scale)": 1.0,
+    "core/crops/measure.py measure_parcels(scale)": 1.0,
     "core/crops/plot_grid.py plot_grid(scale)": 1.0,
     "core/simulator/path.py _straight(gear)": 1,  # forward
     "core/simulator/path.py _arc(gear)": 1,

@@ -10,24 +10,24 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.crops.penetration import MOST_RETURNS, Penetration, l_moments_of, penetration_of
-from furrowmap.core.crops.pixels import PixelReturns, pixel_halves
-from furrowmap.core.crops.published import filled
+from furrowmap.core.crops.penetration import Penetration, estimate_penetration, l_moments_of
+from furrowmap.core.crops.pixels import MAX_RANK, PixelReturns, pixel_halves
+from furrowmap.core.crops.published import fill_pixels
 from furrowmap.core.surfaces.grid import Grid
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-PIXEL_M: Final = 0.04
+CROP_PIXEL_M: Final = 0.04
 BARE_SIGMAS: Final = 4.0
 """Pixels whose highest return lies no more than this many standard deviations of the noise above the soil are bare."""
 CHANCE_SHARE: Final = 0.5
 """Of the variance within pixels: the rest is that of the plants in a pixel, which its highest return shows rightly."""
-LEAST_SOIL: Final = 0.01
-"""Share of the returns that meet soil below crop from which on that counts."""
+MIN_SOIL_SHARE: Final = 0.01
+"""Share of the returns that meet soil below crop above which the penetration accounts for them."""
 SOIL_ROUNDS: Final = 6
 """In which the penetration and how deep those returns would be are estimated in turn."""
-FEWEST_PIXELS: Final = 200
+MIN_CROP_PIXELS: Final = 200
 """With three returns or more, that the penetration is estimated from."""
 
 
@@ -75,18 +75,18 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
     column, row = xy_m[:, 0] / grid.cell_m - grid.west, grid.north - xy_m[:, 1] / grid.cell_m
     first = np.random.default_rng(len(xy_m)).random(len(xy_m)) < 0.5
     returns, *parts = pixel_halves(column, row, height_m, first, grid)
-    whole = _once(returns, grid, net, noise_m)
+    whole = _estimate_top(returns, grid, net, noise_m)
     soil = _on_soil(whole, column, row, height_m, BARE_SIGMAS * noise_m)
-    for _ in range(SOIL_ROUNDS if soil.sum() > LEAST_SOIL * len(soil) else 0):
+    for _ in range(SOIL_ROUNDS if soil.sum() > MIN_SOIL_SHARE * len(soil) else 0):
         if whole.penetration is None:
             break
         chance = np.random.default_rng(len(soil)).standard_exponential(int(soil.sum()))
-        height_m = _gone_on(whole, height_m, soil, BARE_SIGMAS * noise_m, chance)
+        height_m = _extend_below(whole, height_m, soil, BARE_SIGMAS * noise_m, chance)
         returns, *parts = pixel_halves(column, row, height_m, first, grid)
-        whole = _once(returns, grid, net, noise_m)
+        whole = _estimate_top(returns, grid, net, noise_m)
     if whole.penetration is None:
         return whole
-    halves = [_once(part, grid, net, noise_m) for part in parts]
+    halves = [_estimate_top(part, grid, net, noise_m) for part in parts]
     if any(half.penetration is None for half in halves):
         return whole
     mean = float(whole.top_m[net].mean())
@@ -107,8 +107,10 @@ def _on_soil(canopy: Canopy, column: FloatArray, row: FloatArray, height_m: Floa
     return out
 
 
-def _gone_on(canopy: Canopy, height_m: FloatArray, soil: BoolArray, bare_m: float, chance: FloatArray) -> FloatArray:
-    """Heights (n,) in which pulses that met soil below crop have gone on as through a crop without end.
+def _extend_below(
+    canopy: Canopy, height_m: FloatArray, soil: BoolArray, bare_m: float, chance: FloatArray
+) -> FloatArray:
+    """Heights (n,) in which pulses that met soil below crop go on as through a crop without end.
 
     The law of the penetration knows no soil: of a low crop it would be too steep, with the top too high. What met soil
     returns from deeper by an optical depth that the law draws (`chance`, (k,), of the k returns marked by `soil`).
@@ -123,30 +125,32 @@ def _gone_on(canopy: Canopy, height_m: FloatArray, soil: BoolArray, bare_m: floa
     return out
 
 
-def _once(returns: PixelReturns, grid: Grid, net: BoolArray, noise_m: float) -> Canopy:
+def _estimate_top(returns: PixelReturns, grid: Grid, net: BoolArray, noise_m: float) -> Canopy:
     """The top from some returns, without extrapolation."""
     seen = net & (returns.count > 0)
     bare_m = BARE_SIGMAS * noise_m
     means = returns.means_m(seen & (returns.highest_m > bare_m))
     found = None
-    if len(means) >= FEWEST_PIXELS:
+    if len(means) >= MIN_CROP_PIXELS:
         _, second, third = l_moments_of(*means.mean(axis=0))
-        found = penetration_of(float(second), float(third), noise_m)
-    raise_m = found.top_above_highest_m() if found is not None else np.zeros(MOST_RETURNS + 1)
-    variance = found.spread_of_highest_m() ** 2 if found is not None else np.zeros(MOST_RETURNS + 1)
+        found = estimate_penetration(float(second), float(third), noise_m)
+    raise_m = found.top_above_highest_m() if found is not None else np.zeros(MAX_RANK + 1)
+    variance = found.spread_of_highest_m() ** 2 if found is not None else np.zeros(MAX_RANK + 1)
     top = np.empty(grid.shape)
-    number = _raised(returns.count, returns.highest_m, net, bare_m, raise_m, top)
+    number = _raise_tops(returns.count, returns.highest_m, net, bare_m, raise_m, top)
+    top = fill_pixels(top)
+    _fill_with_mean(top, net)
     error = chance = 0.0
     if found is not None:
         share = number[1:] / number.sum()
         error = math.sqrt(float(share @ variance[1:]))
-        excess = float(share @ np.maximum(variance[1:] - variance[MOST_RETURNS], 0.0))
+        excess = float(share @ np.maximum(variance[1:] - variance[MAX_RANK], 0.0))
         chance = math.sqrt(CHANCE_SHARE * excess)
-    return Canopy(grid, net, _without_gaps(top, net), seen, returns, found, error, chance)
+    return Canopy(grid, net, top, seen, returns, found, error, chance)
 
 
 @njit(cache=True, nogil=True)
-def _raised(count, highest, net, bare, by, top):  # type: ignore[no-untyped-def]
+def _raise_tops(count, highest, net, bare, by, top):  # type: ignore[no-untyped-def]
     """Tops of net pixels with returns, those of crop raised; number of these by returns, the last has more."""
     most = len(by) - 1
     number = np.zeros(most + 1)
@@ -162,15 +166,8 @@ def _raised(count, highest, net, bare, by, top):  # type: ignore[no-untyped-def]
     return number
 
 
-def _without_gaps(top: FloatArray, net: BoolArray) -> FloatArray:
-    """Net pixels without returns: the mean of their neighbours where six of eight are known, else of all."""
-    whole = filled(top)
-    _close(whole, net)
-    return whole
-
-
 @njit(cache=True, nogil=True)
-def _close(top, net):  # type: ignore[no-untyped-def]
+def _fill_with_mean(top, net):  # type: ignore[no-untyped-def]
     """Set unknown net pixels to the mean of the known ones, and all others to nan."""
     total, known = 0.0, 0
     for i in range(top.shape[0]):

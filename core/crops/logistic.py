@@ -23,18 +23,14 @@ IntArray = NDArray[np.intp]
 
 NODES: Final = 90
 """Nodes of each axis of the grid while it is narrowed."""
-FINE: Final = 240
+FINE_NODES: Final = 240
 """The same of the last grid: the interval misses less than its 200th part."""
-ROUNDS: Final = 12
-"""The grid is narrowed at most so often."""
-STEEPEST: Final = 20.0
+MAX_GRADIENT: Final = 20.0
 """Gradient times the least distance of two doses: steeper curves are steps between these."""
-FLATTEST: Final = 0.3
+MIN_GRADIENT: Final = 0.3
 """Gradient times the range of doses: flatter curves are straight lines within it."""
 BEYOND: Final = 1.5
-"""The midpoint is sought this many ranges beyond the least and the highest dose."""
-BAND: Final = 61
-"""Abscissae of the confidence band."""
+"""The midpoint is searched up to this many ranges beyond the least and the highest dose."""
 PLATEAU: Final = 0.95
 """Share of the rise beyond which nothing is said to be gained."""
 
@@ -107,7 +103,7 @@ class Observations:
     squares: float
 
     @classmethod
-    def of(cls, dose: FloatArray, height: FloatArray, block: IntArray) -> Observations:
+    def sum_up(cls, dose: FloatArray, height: FloatArray, block: IntArray) -> Observations:
         """The sums of observations (n,), with blocks numbered from 0 without gaps."""
         doses, index = np.unique(dose, return_inverse=True)
         shape = (int(block.max(initial=0)) + 1, len(doses))
@@ -125,23 +121,14 @@ class Observations:
 
 @dataclass(frozen=True)
 class _Nodes:
-    """Least squares at nodes (k,) of gradient and midpoint.
-
-    Attributes:
-        gradient, midpoint: of each node.
-        sum_squares: of the residuals.
-        rise: by least squares.
-        precision: sum of squares of the curve of unit rise about the means of its blocks.
-        mean: of that curve over the blocks.
-        lower: by least squares.
-    """
+    """Least squares at nodes (k,) of gradient and midpoint."""
 
     gradient: FloatArray
     midpoint: FloatArray
-    sum_squares: FloatArray
+    sum_squares: FloatArray  # of the residuals
     rise: FloatArray
-    precision: FloatArray
-    mean: FloatArray
+    precision: FloatArray  # sum of squares of the curve of unit rise about the means of its blocks
+    mean: FloatArray  # of that curve over the blocks
     lower: FloatArray
 
 
@@ -156,23 +143,29 @@ def fit_logistic(dose: FloatArray, height: FloatArray, block: IntArray) -> Logis
     Raises:
         ValueError: if there are fewer than four distinct doses, or fewer observations than parameters plus one.
     """
-    seen = Observations.of(dose, height, block)
+    seen = Observations.sum_up(dose, height, block)
     if len(seen.doses) < 4 or seen.freedom < 1:
         raise ValueError("a logistic curve needs four doses, and more observations than parameters")
     t = float(special.stdtrit(seen.freedom, 0.975))
     outer = _outer(seen.doses)
     box, limit = _narrowed(seen, outer, 1.0 + t * t / seen.freedom)
-    kept, spread = _inside(_on_grid(seen, box, FINE), limit)
-    at, edge = int(np.argmin(kept.sum_squares)), _on_edge(kept, outer)
+    kept, spread = _inside(_fit_nodes(seen, box, FINE_NODES), limit)
+    at = int(np.argmin(kept.sum_squares))
+    # whether nodes lie on the border of what the doses can show
+    place, near = np.array([np.log(kept.gradient), kept.midpoint]), 1e-6 * np.diff(outer, axis=1)
+    edge = np.any((place < outer[:, :1] + near) | (place > outer[:, 1:] - near), axis=0)
     weights = 1.0 / seen.count.sum(axis=1)
     one = float(weights.sum()) / len(weights) ** 2
     none = np.zeros(len(spread))
     reach = kept.midpoint + np.log(PLATEAU / (1.0 - PLATEAU)) / kept.gradient
     block_means = (seen.total * weights[:, None]).sum(axis=1)
     unit_means = seen.count @ special.expit(kept.gradient[at] * (seen.doses - kept.midpoint[at])) * weights
-    x = np.linspace(seen.doses[0], seen.doses[-1], BAND)
+    x = np.linspace(seen.doses[0], seen.doses[-1], 61)
     best = kept.lower[at] + kept.rise[at] * special.expit(kept.gradient[at] * (x - kept.midpoint[at]))
-    low, high = _band(_on_grid(seen, box, NODES), limit, x, one)
+    nodes, room = _inside(_fit_nodes(seen, box, NODES), limit)
+    curve = special.expit(nodes.gradient[:, None] * (x - nodes.midpoint[:, None]))
+    width = room[:, None] * np.sqrt(one + (nodes.mean[:, None] - curve) ** 2 / nodes.precision[:, None])
+    curve = nodes.lower[:, None] + nodes.rise[:, None] * curve
     least = float(kept.sum_squares[at])
     return Logistic(
         lower=_estimate(kept.lower, spread * np.sqrt(one + kept.mean**2 / kept.precision), at, edge),
@@ -186,8 +179,8 @@ def fit_logistic(dose: FloatArray, height: FloatArray, block: IntArray) -> Logis
         offsets=block_means - kept.rise[at] * unit_means - kept.lower[at],
         dose=x,
         fitted=best,
-        band_low=np.minimum(low, best),
-        band_high=np.maximum(high, best),
+        band_low=np.minimum((curve - width).min(axis=0), best),
+        band_high=np.maximum((curve + width).max(axis=0), best),
     )
 
 
@@ -197,15 +190,6 @@ def _inside(nodes: _Nodes, limit: float) -> tuple[_Nodes, FloatArray]:
     inside[np.argmin(nodes.sum_squares)] = True
     kept = _Nodes(*(getattr(nodes, name)[inside] for name in _Nodes.__dataclass_fields__))
     return kept, np.sqrt(np.maximum(limit - kept.sum_squares, 0.0))
-
-
-def _band(nodes: _Nodes, limit: float, x: FloatArray, one: float) -> tuple[FloatArray, FloatArray]:
-    """The extremes (m,) of the curve at doses x (m,); `one` is the variance factor of the mean of the blocks."""
-    kept, spread = _inside(nodes, limit)
-    unit = special.expit(kept.gradient[:, None] * (x - kept.midpoint[:, None]))
-    curve = kept.lower[:, None] + kept.rise[:, None] * unit
-    width = spread[:, None] * np.sqrt(one + (kept.mean[:, None] - unit) ** 2 / kept.precision[:, None])
-    return (curve - width).min(axis=0), (curve + width).max(axis=0)
 
 
 def p_of_no_response(dose: FloatArray, height: FloatArray, block: IntArray, trials: int) -> float:
@@ -221,7 +205,7 @@ def p_of_no_response(dose: FloatArray, height: FloatArray, block: IntArray, tria
         trials: number of permutations.
     """
     rng = np.random.default_rng(20170523)
-    gradient, midpoint = (axis.ravel() for axis in np.meshgrid(*_axes(_outer(np.unique(dose)), 24), indexing="ij"))
+    gradient, midpoint = _nodes(_outer(np.unique(dose)), 24)
     unit = special.expit(gradient[:, None] * (dose - midpoint[:, None]))
     members = [np.flatnonzero(block == k) for k in np.unique(block)]
     centred = height.astype(np.float64)
@@ -241,17 +225,8 @@ def p_of_no_response(dose: FloatArray, height: FloatArray, block: IntArray, tria
 def _outer(doses: FloatArray) -> FloatArray:
     """(2, 2) least and greatest logarithm of the gradient, and midpoint, that doses (d,) can show."""
     span, step = float(doses[-1] - doses[0]), float(np.diff(doses).min())
-    return np.array(
-        [
-            [np.log(FLATTEST / span), np.log(STEEPEST / step)],
-            [doses[0] - BEYOND * span, doses[-1] + BEYOND * span],
-        ]
-    )
-
-
-def _axes(box: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
-    flattest, steepest, first, last = (float(end) for end in box.ravel())
-    return np.exp(np.linspace(flattest, steepest, number)), np.linspace(first, last, number)
+    gradients = [np.log(MIN_GRADIENT / span), np.log(MAX_GRADIENT / step)]
+    return np.array([gradients, [doses[0] - BEYOND * span, doses[-1] + BEYOND * span]])
 
 
 def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[FloatArray, float]:
@@ -260,24 +235,18 @@ def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[Flo
     A region smaller than a cell is first seen as one node: where it reaches the border of the box, the box grows.
     """
     box, least = outer, np.inf
-    for _ in range(ROUNDS):
-        nodes = _on_grid(seen, box, NODES)
+    for _ in range(12):
+        nodes = _fit_nodes(seen, box, NODES)
         least = min(least, float(nodes.sum_squares.min()))
         inside = (nodes.sum_squares <= least * factor).reshape(NODES, NODES)
         inside.flat[np.argmin(nodes.sum_squares)] = True
         ends = [np.flatnonzero(inside.any(axis=1 - axis))[[0, -1]] for axis in (0, 1)]
         width = np.diff(box, axis=1)[:, 0]
         step = width / (NODES - 1)
-        around = np.array(
-            [
-                [
-                    box[k, 0] - 0.5 * width[k] if first == 0 else box[k, 0] + (first - 2) * step[k],
-                    box[k, 1] + 0.5 * width[k] if last == NODES - 1 else box[k, 0] + (last + 2) * step[k],
-                ]
-                for k, (first, last) in enumerate(ends)
-            ]
-        )
-        around = np.clip(around, outer[:, :1], outer[:, 1:])
+        first, last = np.array(ends).T
+        low = np.where(first == 0, box[:, 0] - 0.5 * width, box[:, 0] + (first - 2) * step)
+        high = np.where(last == NODES - 1, box[:, 1] + 0.5 * width, box[:, 0] + (last + 2) * step)
+        around = np.clip(np.column_stack([low, high]), outer[:, :1], outer[:, 1:])
         ratio = np.diff(around, axis=1)[:, 0] / width
         if ((ratio > 0.8) & (ratio <= 1.0)).all():
             break
@@ -285,18 +254,23 @@ def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[Flo
     return box, least * factor
 
 
-def _on_grid(seen: Observations, box: FloatArray, number: int) -> _Nodes:
-    return _least_squares(seen, *(axis.ravel() for axis in np.meshgrid(*_axes(box, number), indexing="ij")))
+def _nodes(box: FloatArray, number: int) -> tuple[FloatArray, FloatArray]:
+    """Gradient and midpoint of the nodes of a grid in a box."""
+    flattest, steepest, first, last = (float(end) for end in box.ravel())
+    axes = np.exp(np.linspace(flattest, steepest, number)), np.linspace(first, last, number)
+    gradient, midpoint = np.meshgrid(*axes, indexing="ij")
+    return gradient.ravel(), midpoint.ravel()
 
 
-def _least_squares(seen: Observations, gradient: FloatArray, midpoint: FloatArray) -> _Nodes:
+def _fit_nodes(seen: Observations, box: FloatArray, number: int) -> _Nodes:
+    gradient, midpoint = _nodes(box, number)
     unit = special.expit(gradient[:, None] * (seen.doses - midpoint[:, None]))
-    number = seen.count.sum(axis=1)
-    means = unit @ (seen.count.T / number)
-    block_means = seen.total.sum(axis=1) / number
-    precision = (unit**2) @ seen.count.sum(axis=0) - (means**2) @ number
-    precision = np.maximum(precision, 1e-12 * number.sum())
-    product = unit @ seen.total.sum(axis=0) - means @ (number * block_means)
+    per_block = seen.count.sum(axis=1)
+    means = unit @ (seen.count.T / per_block)
+    block_means = seen.total.sum(axis=1) / per_block
+    precision = (unit**2) @ seen.count.sum(axis=0) - (means**2) @ per_block
+    precision = np.maximum(precision, 1e-12 * per_block.sum())
+    product = unit @ seen.total.sum(axis=0) - means @ (per_block * block_means)
     rise = product / precision
     mean = means.mean(axis=1)
     return _Nodes(
@@ -308,15 +282,6 @@ def _least_squares(seen: Observations, gradient: FloatArray, midpoint: FloatArra
         mean=mean,
         lower=block_means.mean() - rise * mean,
     )
-
-
-def _on_edge(nodes: _Nodes, outer: FloatArray) -> NDArray[np.bool_]:
-    """Whether nodes lie on the border of what the doses can show."""
-    place = np.array([np.log(nodes.gradient), nodes.midpoint])
-    near = 1e-6 * np.diff(outer, axis=1)
-    outside = (place < outer[:, :1] + near) | (place > outer[:, 1:] - near)
-    on: NDArray[np.bool_] = np.any(outside, axis=0)
-    return on
 
 
 def _estimate(value: FloatArray, half: FloatArray, at: int, edge: NDArray[Any], least: float = -np.inf) -> Estimate:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+from scipy.special import ndtri
 
-from furrowmap.core.crops.canopy import PIXEL_M, Canopy, canopy_top
-from furrowmap.core.crops.figures import ParcelFigures, parcel_figures
+from furrowmap.core.crops.canopy import CROP_PIXEL_M, Canopy, canopy_top
 from furrowmap.core.crops.parcel_points import ParcelPoints
+from furrowmap.core.crops.penetration import MODEL_SHARE
 from furrowmap.core.crops.published import christiansen2017
-from furrowmap.core.crops.soil import Soil, SoilPatch
+from furrowmap.core.crops.soil import SoilPatch
 from furrowmap.core.readers.areas.rings import pixels_in
 from furrowmap.core.runtime.threads import in_threads
 from furrowmap.core.surfaces.grid import Grid
@@ -24,9 +26,66 @@ from furrowmap.core.values.parcel import Parcel
 FloatArray = NDArray[np.float64]
 
 Method = Literal["canopy-top", "christiansen2017"]
-TOGETHER: Final = 16
-"""So many parcels are measured before any of them is passed on."""
 METHODS: Final[tuple[Method, ...]] = ("canopy-top", "christiansen2017")
+TOGETHER: Final = 16
+"""Parcels that are measured at once."""
+STANDS_M: Final = 0.10
+"""Least height of a pixel that counts as covered."""
+ROUGHNESS_M: Final = 0.20
+"""Side of the squares about whose mean roughness is measured."""
+LODGED: Final = 0.6
+"""Share of the height of the upper tenth of a parcel below which a square is low."""
+LODGED_SHARE: Final = 0.1
+"""Share of low squares from which a parcel is marked."""
+NOISE_SHARE: Final = 0.15
+"""Standard deviation of the noise, as a share: the crop may scatter otherwise than the soil."""
+EXTRAPOLATED_SHARE: Final = 0.5
+"""Standard deviation of the extrapolation to many returns, as a share."""
+CORRELATED_PIXELS: Final = 9.0
+"""Neighbouring pixels that vary together."""
+
+
+@dataclass(frozen=True)
+class ParcelFigures:
+    """Figures of one parcel; heights above the soil; nan where the points do not show them.
+
+    Attributes:
+        points: in the net parcel.
+        points_m2: per square metre.
+        area_m2: of the net parcel, on the ground.
+        filled: share of net pixels without returns.
+        mean_height_m: mean height of the canopy's top over all net pixels, gaps included.
+        p50_m, p90_m, p95_m, p99_m: quantiles of it.
+        volume_m3: mean height times area.
+        cover: share of net pixels of at least 0.10 m.
+        height_cv: standard deviation of the heights over their mean.
+        roughness_m: standard deviation about the mean of the 0.2 m around.
+        lodging: whether a tenth of the parcel or more lies below 0.6 of the height of its upper tenth.
+        penetration_m: mean depth of a return below the top.
+        soil_sigma_m: standard deviation of the mean height of the soil.
+        height_sigma_m: standard deviation of the mean height.
+        volume_sigma_m3: standard deviation of the volume.
+    """
+
+    id: str
+    points: int
+    points_m2: float
+    area_m2: float
+    filled: float
+    mean_height_m: float
+    p50_m: float
+    p90_m: float
+    p95_m: float
+    p99_m: float
+    volume_m3: float
+    cover: float
+    height_cv: float
+    roughness_m: float
+    lodging: bool
+    penetration_m: float
+    soil_sigma_m: float
+    height_sigma_m: float
+    volume_sigma_m3: float
 
 
 @dataclass(frozen=True)
@@ -45,9 +104,9 @@ class MeasuredParcel:
     published_volume_m3: float = math.nan
 
 
-def measured(
+def measure_parcels(
     points: ParcelPoints,
-    soil: Soil,
+    soil_under: Callable[[Parcel], SoilPatch | None],
     noise_m: float,
     method: Method = "canopy-top",
     *,
@@ -58,41 +117,106 @@ def measured(
 
     Args:
         points: of the parcels; collected with a strip around them for the published method.
-        soil: below them.
+        soil_under: gives the soil under a net parcel; None where it is not known.
         noise_m: standard deviation of heights of returns from one place.
         method: by which mean height and volume are computed.
         compare: whether the published method is computed, too.
         scale: of the map: metres of it per metre on the ground, in which areas and volumes are.
     """
 
-    def one(number: int) -> tuple[MeasuredParcel, Canopy]:
+    def measure(number: int) -> tuple[MeasuredParcel, Canopy]:
         parcel, xyz = points.parcels[number], points.of(number)
         height = volume = math.nan
         if (compare or method == "christiansen2017") and len(xyz):
-            done = christiansen2017(xyz, parcel.net, parcel.gross, points.kept_shape(number))
+            done = christiansen2017(xyz, parcel.net, parcel.gross, points.kept[number])
             height, volume = done.mean_height_m, done.volume_m3 / scale**2
-        canopy, patch = _canopy(parcel, xyz, soil.under(parcel), noise_m)
-        figures = parcel_figures(
-            parcel.id, canopy, float(parcel.net.area) / scale**2, patch.sigma_m if patch is not None else math.nan
-        )
+        patch = soil_under(parcel)
+        grid = Grid.of_bounds(CROP_PIXEL_M, parcel.net.bounds)
+        xyz = xyz if patch is not None else xyz[:0]  # without soil no pixel has a height
+        above = xyz[:, 2] - patch.at(xyz[:, :2]) if patch is not None else np.zeros(0)
+        canopy = canopy_top(xyz[:, :2], above, grid, pixels_in(parcel.net, grid), noise_m)
+        soil_sigma_m = patch.sigma_m if patch is not None else math.nan
+        figures = parcel_figures(parcel.id, canopy, float(parcel.net.area) / scale**2, soil_sigma_m)
         if method == "christiansen2017":
-            figures = replace(
-                figures, mean_height_m=height, volume_m3=volume, height_sigma_m=math.nan, volume_sigma_m3=math.nan
-            )
+            figures = replace(figures, mean_height_m=height, volume_m3=volume)
+            figures = replace(figures, height_sigma_m=math.nan, volume_sigma_m3=math.nan)
         return MeasuredParcel(parcel, figures, height, volume), canopy
 
     for begin in range(0, len(points.parcels), TOGETHER):
         numbers = range(begin, min(begin + TOGETHER, len(points.parcels)))
-        yield from chain.from_iterable(in_threads(lambda some: [one(number) for number in some], numbers))
+        yield from chain.from_iterable(in_threads(lambda some: [measure(number) for number in some], numbers))
 
 
-def _canopy(
-    parcel: Parcel, xyz_m: FloatArray, patch: SoilPatch | None, noise_m: float
-) -> tuple[Canopy, SoilPatch | None]:
-    """The canopy of a parcel; nowhere seen without points or soil."""
-    grid = Grid.of_bounds(PIXEL_M, parcel.net.bounds)
-    net = pixels_in(parcel.net, grid)
-    if patch is None:
-        xyz_m = xyz_m[:0]
-    height = xyz_m[:, 2] - patch.at(xyz_m[:, :2]) if patch is not None else np.zeros(0)
-    return canopy_top(xyz_m[:, :2], height, grid, net, noise_m), patch
+def parcel_figures(name: str, canopy: Canopy, area_m2: float, soil_sigma_m: float) -> ParcelFigures:
+    """The figures of a canopy on a net parcel of some area."""
+    top = canopy.top_m[canopy.net]
+    points = int(canopy.returns.count[canopy.net].sum())
+    known = bool(np.isfinite(top).all()) and len(top) > 0
+    mean = float(top.mean()) if known else math.nan
+    true = _without_chance(top, canopy.chance_m) if known else np.full(max(len(top), 1), np.nan)
+    spread = float(true.std())
+    quantiles = _quantiles(true, (0.50, 0.90, 0.95, 0.99))
+    sigma = math.hypot(_height_sigma_m(canopy, spread), soil_sigma_m) if known else math.nan
+    roughness, lodging = math.nan, False
+    if known:
+        # mean height of the net pixels in the square around each
+        size = 2 * round(0.5 * ROUGHNESS_M / canopy.grid.cell_m) + 1
+        weight = uniform_filter(canopy.net.astype(np.float64), size, mode="constant")
+        total = uniform_filter(np.where(canopy.net, canopy.top_m, 0.0), size, mode="constant")
+        smooth = total / np.maximum(weight, 1e-9)
+        roughness = math.sqrt(max(float((canopy.top_m - smooth)[canopy.net].var()) - canopy.chance_m**2, 0.0))
+        low = smooth[canopy.net] < LODGED * _quantiles(smooth[canopy.net], (0.9,))[0]
+        lodging = float(low.mean()) >= LODGED_SHARE
+    return ParcelFigures(
+        id=name,
+        points=points,
+        points_m2=points / area_m2,
+        area_m2=area_m2,
+        filled=1.0 - float(canopy.seen.sum()) / max(int(canopy.net.sum()), 1),
+        mean_height_m=mean,
+        **dict(zip(("p50_m", "p90_m", "p95_m", "p99_m"), quantiles, strict=True)),
+        volume_m3=mean * area_m2,
+        cover=float((true >= STANDS_M).mean()) if known else math.nan,
+        height_cv=spread / mean if known and mean > 0.0 else math.nan,
+        roughness_m=roughness,
+        lodging=lodging,
+        penetration_m=canopy.penetration.mean_depth_m if canopy.penetration is not None else math.nan,
+        soil_sigma_m=soil_sigma_m,
+        height_sigma_m=sigma,
+        volume_sigma_m3=sigma * area_m2,
+    )
+
+
+def _quantiles(values: FloatArray, shares: Sequence[float]) -> list[float]:
+    """Quantiles of values (n,), as NumPy's; sorting once is faster than its partitions for several."""
+    place = np.array(shares) * (len(values) - 1)
+    low = place.astype(np.int64)
+    ordered = np.sort(values)
+    below, above = ordered[low], ordered[np.minimum(low + 1, len(values) - 1)]
+    out: list[float] = (below + (place - low) * (above - below)).tolist()
+    return out
+
+
+def _without_chance(top: FloatArray, chance_m: float) -> FloatArray:
+    """Heights (n,) of the net pixels, drawn towards their median by as much as chance spreads them."""
+    (middle,) = _quantiles(top, (0.5,))
+    stands = top >= STANDS_M
+    variance = float(top[stands].var()) if stands.any() else 0.0
+    left = math.sqrt(max(variance - chance_m**2, 0.25 * variance) / variance) if variance > 0.0 else 1.0
+    return np.where(stands, np.maximum(middle + left * (top - middle), 0.0), top)
+
+
+def _height_sigma_m(canopy: Canopy, spread_m: float) -> float:
+    """Standard deviation of the mean height but for the soil: by chance, model, noise, filling, extrapolation."""
+    found = canopy.penetration
+    if found is None:
+        return float("nan")
+    seen = max(int(canopy.seen.sum()), 1)
+    chance = math.hypot(spread_m * math.sqrt(CORRELATED_PIXELS), canopy.error_m) / math.sqrt(seen)
+    model = MODEL_SHARE * found.mean_depth_m
+    noise = NOISE_SHARE * found.noise_m
+    # pixels without returns are between like the others and the lowest of all: as much below the mean as the tail
+    # of a normal distribution, a third of whose square is the variance of what is spread evenly between both
+    missing = 1.0 - int(canopy.seen.sum()) / max(int(canopy.net.sum()), 1)
+    empty = spread_m * math.exp(-0.5 * ndtri(missing) ** 2) / math.sqrt(2.0 * math.pi * 3.0)
+    return math.sqrt(chance**2 + model**2 + noise**2 + empty**2 + (EXTRAPOLATED_SHARE * canopy.extrapolated_m) ** 2)

@@ -15,7 +15,7 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.crops.soil_cells import SoilCells, noise_in_pixels, soil_cells
+from furrowmap.core.crops.soil import SoilCells, noise_in_pixels, soil_cells
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys
 from furrowmap.core.runtime.threads import in_threads
@@ -25,29 +25,26 @@ Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-CLEAR_M: Final = 0.12
+CROP_MARGIN_M: Final = 0.12
 """Soil nearer than this to a gross parcel is left out: beams meet the side of the crop there."""
-REACH_M: Final = 3.0
+SOIL_REACH_M: Final = 3.0
 """Soil farther than this from every gross parcel is not needed."""
-AROUND_M: Final = 0.25
+PUBLISHED_STRIP_M: Final = 0.25
 """Width of the strip around a gross parcel whose points belong to the parcel too, for the published method."""
 EDGE_M: Final = 0.06
 """Width of the strip around a net parcel whose points are kept: pixels on its outline are whole."""
-TILE_M: Final = 8.0
+SOIL_TILE_M: Final = 8.0
 """Side of the squares by which the soil is stored."""
 USUAL_NOISE_M: Final = 0.012
 """Standard deviation of a return's height where bare soil does not show it: range noise in data sheets."""
-_NOISE_TILES: Final = 40
-_FEWEST_PIXELS: Final = 200
-_UNEVEN: Final = 3.0
-"""Times the median noise: pixels with more hold an edge, not soil."""
+MIN_NOISE_PIXELS: Final = 200
 _WAITING: Final = 1 << 18
-"""So many points are written together."""
+"""Points that are written together."""
 _POINT: Final = np.dtype(("<f4", 3))
 
 
 class ParcelPoints:
-    """Collects points by parcel: a context manager.
+    """Collects points by parcel: a context manager. `kept` are the polygons whose points are kept, by parcel.
 
     Args:
         parcels: the parcels; their net parts do not overlap.
@@ -60,14 +57,14 @@ class ParcelPoints:
         self.parcels = tuple(parcels)
         bounds = np.array([parcel.gross.bounds for parcel in parcels])
         self.origin_m = (float(np.floor(bounds[:, 0].min())), float(np.floor(bounds[:, 1].min())))
-        self._shapes = [_wider(p.net, EDGE_M) if around_m is None else _wider(p.gross, around_m) for p in parcels]
-        self._kept = rings_of(self._shapes, self.origin_m)
-        self._crop = rings_of([_wider(parcel.gross, CLEAR_M) for parcel in parcels], self.origin_m)
-        self._reach = rings_of([_wider(parcel.gross, REACH_M) for parcel in parcels], self.origin_m)
-        self._wide = around_m is not None and around_m > CLEAR_M
+        self.kept = [_wider(p.net, EDGE_M) if around_m is None else _wider(p.gross, around_m) for p in parcels]
+        self._own_rings = rings_of(self.kept, self.origin_m)
+        self._crop = rings_of([_wider(parcel.gross, CROP_MARGIN_M) for parcel in parcels], self.origin_m)
+        self._reach = rings_of([_wider(parcel.gross, SOIL_REACH_M) for parcel in parcels], self.origin_m)
+        self._wide = around_m is not None and around_m > CROP_MARGIN_M
         # Tiles are numbered by columns, from the one in the south-west.
-        low = np.floor(self._reach.boxes[:, :2].min(axis=0) / TILE_M).astype(int) - 1
-        high = np.floor(self._reach.boxes[:, 2:].max(axis=0) / TILE_M).astype(int) + 1
+        low = np.floor(self._reach.boxes[:, :2].min(axis=0) / SOIL_TILE_M).astype(int) - 1
+        high = np.floor(self._reach.boxes[:, 2:].max(axis=0) / SOIL_TILE_M).astype(int) + 1
         self._tiles = int(low[0]), int(low[1]), int(high[1] - low[1]) + 1
         self._base_m: float | None = None
         self._storing = threading.Lock()
@@ -100,11 +97,11 @@ class ParcelPoints:
             self._base_m = float(np.floor(np.median(xyz_m[:, 2])))
         x, y = xyz_m[:, 0] - self.origin_m[0], xyz_m[:, 1] - self.origin_m[1]
         sown = ring_at(self._crop, x, y) >= 0
-        own = ring_at(self._kept, x, y, None if self._wide else sown)
+        own = ring_at(self._own_rings, x, y, None if self._wide else sown)
         tile = ring_at(self._reach, x, y, ~sown)
         _number_tiles(x, y, tile, *self._tiles)
-        at = (*self.origin_m, self._base_m)
-        found = *_those_with_key(xyz_m, at, own), *_those_with_key(xyz_m, at, tile)
+        corner = (*self.origin_m, self._base_m)
+        found = *_select_keyed(xyz_m, corner, own), *_select_keyed(xyz_m, corner, tile)
         self.count += len(found[0])
         self._waiting.append(found)
         self._waiting_points += len(found[0]) + len(found[2])
@@ -128,10 +125,6 @@ class ParcelPoints:
         self._store()
         return self._on_map(self._own.read([number]))
 
-    def kept_shape(self, number: int) -> shapely.Polygon:
-        """The polygon whose points are kept for a parcel."""
-        return self._shapes[number]
-
     def soil(self) -> SoilCells:
         """The cells of bare soil near the parcels, in map coordinates."""
         self._store()
@@ -147,15 +140,15 @@ class ParcelPoints:
         """Standard deviation of the heights of returns from one pixel of bare soil; `USUAL_NOISE_M` with too few."""
         self._store()
         keys = list(self._soil.counts)
-        some = keys[:: max(1, len(keys) // _NOISE_TILES)]
+        some = keys[:: max(1, len(keys) // 40)]
 
         def noises(keys: Sequence[int]) -> list[FloatArray]:
             return [noise_in_pixels(self._on_map(self._soil.read([key])), pixel_m) for key in keys]
 
         noise = np.concatenate([np.zeros(0), *chain.from_iterable(in_threads(noises, some))])
-        if len(noise) < _FEWEST_PIXELS:
+        if len(noise) < MIN_NOISE_PIXELS:
             return USUAL_NOISE_M
-        return float(noise[noise < _UNEVEN * np.median(noise)].mean())
+        return float(noise[noise < 3.0 * np.median(noise)].mean())  # pixels with more hold an edge, not soil
 
     def _on_map(self, near: NDArray[Any]) -> FloatArray:
         corner = np.array([*self.origin_m, self._base_m or 0.0])
@@ -172,14 +165,14 @@ class CellsNear(Mapping[str, SoilCells]):
 
     def __init__(self, parcels: Sequence[Parcel], soil: SoilCells) -> None:
         self._parcels = {parcel.id: parcel for parcel in parcels}
-        tile = np.floor(soil.xy_m / TILE_M).astype(np.int64)
+        tile = np.floor(soil.xy_m / SOIL_TILE_M).astype(np.int64)
         keys = square_keys(tile[:, 0], tile[:, 1])
         order = np.argsort(keys, kind="stable")
         self._keys, self._soil = keys[order], soil.at(order)
 
     def __getitem__(self, name: str) -> SoilCells:
-        shape = _wider(self._parcels[name].gross, REACH_M)
-        west, south, east, north = (math.floor(end / TILE_M) for end in shape.bounds)
+        shape = _wider(self._parcels[name].gross, SOIL_REACH_M)
+        west, south, east, north = (math.floor(end / SOIL_TILE_M) for end in shape.bounds)
         columns = np.arange(west, east + 1)
         first = np.searchsorted(self._keys, square_keys(columns, south))
         end = np.searchsorted(self._keys, square_keys(columns, north), side="right")
@@ -201,11 +194,11 @@ def _number_tiles(x, y, tile, west, south, rows):  # type: ignore[no-untyped-def
     """Replace the values from 0 on by the number of the tile that the point lies in."""
     for k in range(len(tile)):
         if tile[k] >= 0:
-            tile[k] = (math.floor(x[k] / TILE_M) - west) * rows + math.floor(y[k] / TILE_M) - south
+            tile[k] = (math.floor(x[k] / SOIL_TILE_M) - west) * rows + math.floor(y[k] / SOIL_TILE_M) - south
 
 
 @njit(cache=True, nogil=True)
-def _those_with_key(points, corner, key):  # type: ignore[no-untyped-def]
+def _select_keyed(points, corner, key):  # type: ignore[no-untyped-def]
     """The points (n, 3) with a key from 0 on, as float32 from a corner, and their keys."""
     count = 0
     for k in range(len(key)):

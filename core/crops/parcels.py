@@ -5,30 +5,30 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from pyproj import CRS
-from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.crops.net_parcel import net_of
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.readers.areas.corner_table import IDS
-from furrowmap.core.readers.areas.polygon_file import MapPolygons, polygons_on_map
+from furrowmap.core.readers.areas.polygon_file import polygons_on_map
 from furrowmap.core.readers.vector_file import FORMATS
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Attribute, Parcel
 
-BLOCKS: Final = ("block", "replicate", "replication", "rep", "blk")
+FloatArray = NDArray[np.float64]
+
+BLOCK_COLUMNS: Final = ("block", "replicate", "replication", "rep", "blk")
 """Accepted names of the column of blocks, in any case."""
-_SMALLEST_M2: Final = 1e-4
+MIN_PARCEL_M2: Final = 1e-4
 
 
 @dataclass(frozen=True)
-class _Found:
+class _GrossParcel:
     """A polygon of a file on the map."""
 
     id: str
@@ -55,25 +55,30 @@ def read_parcels(
         InputError: if a file cannot be read or has no polygon, a polygon is invalid, identifiers repeat or differ
             between the files, the parcels lie outside the domain of `target`, or are smaller than the inset.
     """
-    gross = _on_map(path, target)
-    nets = {found.id: found.shape for found in _on_map(net, target)} if net is not None else None
-    if nets is not None and net is not None:
-        _expect_same(path, [found.id for found in gross], net, nets)
+    gross = _read_polygons(path, target)
+    nets = {found.id: found.shape for found in _read_polygons(net, target)} if net is not None else {}
+    if net is not None and (differing := {found.id for found in gross} ^ nets.keys()):
+        missing = [found.id for found in gross if found.id in differing] + [name for name in nets if name in differing]
+        raise InputError(
+            "parcels-identifiers.expect-same", path=path, net_path=net, missing=list_names(missing, "identifier")
+        )
+    place = gross[0].shape.centroid
+    scale = scale_at(target, place.x, place.y)  # metres of the map per metre on the ground
     parcels, small = [], []
-    ends_m, sides_m = (width * _scale(gross, target) for width in net_inset_m)
     for found in gross:
-        inner = nets[found.id] if nets is not None else net_of(found.shape, ends_m, sides_m)
-        if inner is None or inner.area < _SMALLEST_M2:
+        ends_m, sides_m = (width * scale for width in net_inset_m)
+        inner = nets[found.id] if net is not None else inset_parcel(found.shape, ends_m, sides_m)
+        if inner is None or inner.area < MIN_PARCEL_M2:
             small.append(found.id)
             continue
         rest = dict(found.attributes)
-        block = next((rest.pop(name) for name in list(rest) if name.casefold() in BLOCKS), None)
-        parcels.append(Parcel(found.id, found.shape, inner, None if block is None else label(block), rest))
+        block = next((rest.pop(name) for name in list(rest) if name.casefold() in BLOCK_COLUMNS), None)
+        parcels.append(Parcel(found.id, found.shape, inner, None if block is None else _label(block), rest))
     if small:
         raise InputError(
             "parcels-inset",
             path=path,
-            small=listed(small, "parcel"),
+            small=list_names(small, "parcel"),
             net_inset_m=net_inset_m[0],
             net_inset_m_other=net_inset_m[1],
         )
@@ -92,34 +97,89 @@ def elsewhere_error(path: Path, points: int, box_m: tuple[float, float, float, f
     return InputError("parcels-elsewhere", path=path, points=points, within=within)
 
 
-def _scale(gross: Sequence[_Found], target: CRS) -> float:
-    """Metres of the map per metre on the ground where the first parcel lies."""
-    place = gross[0].shape.centroid
-    return scale_at(target, place.x, place.y)
+def inset_parcel(gross: shapely.Polygon, ends_m: float, sides_m: float) -> shapely.Polygon | None:
+    """The net parcel; None if nothing, or no single polygon, is left.
+
+    The ends of a parcel with four corners are the two opposite edges that are shorter together, its sides the others.
+    Those of any other shape are the edges of its smallest rectangle.
+
+    Args:
+        gross: the parcel, in metres.
+        ends_m: width of the strip off each end.
+        sides_m: width of the strip off each side.
+    """
+    if ends_m == 0.0 and sides_m == 0.0:
+        return gross
+    corners = _corners(gross)
+    if corners is None:
+        corners = _corners(shapely.minimum_rotated_rectangle(gross))
+    if corners is None:
+        return None
+    along = np.roll(corners, -1, axis=0) - corners
+    length = np.hypot(*along.T)
+    first_are_ends = length[0] + length[2] < length[1] + length[3]
+    widths = np.where((np.arange(4) % 2 == 0) == first_are_ends, ends_m, sides_m)
+    inner = gross
+    for start, step, reach, width in zip(corners, along, length, widths, strict=True):
+        # the half-plane to the left of the edge, moved inwards, as far as the parcel reaches
+        direction = step / reach
+        inwards = np.array([-direction[1], direction[0]])
+        west, south, east, north = gross.bounds
+        far = 4.0 * (east - west + north - south) + 4.0 * float(width)
+        at = start + float(width) * inwards
+        beyond = [at + far * (direction + inwards), at + far * (inwards - direction)]
+        left = inner.intersection(shapely.Polygon([at - far * direction, at + far * direction, *beyond]))
+        if not isinstance(left, shapely.Polygon) or left.is_empty:
+            return None
+        inner = left
+    return inner
 
 
-def label(value: object) -> str:
+def _corners(shape: shapely.Geometry) -> FloatArray | None:
+    """The four corners (4, 2) of a convex quadrilateral, counterclockwise; None for any other shape."""
+    if not isinstance(shape, shapely.Polygon) or shape.interiors:
+        return None
+    corners = shapely.get_coordinates(shapely.orient_polygons(shape).simplify(1e-3))[:-1]
+    if len(corners) != 4:
+        return None
+    along = np.roll(corners, -1, axis=0) - corners
+    after = np.roll(along, -1, axis=0)
+    turns = along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0]
+    return corners if (turns > 0.0).all() else None
+
+
+def _label(value: object) -> str:
     """An identifier as it is written: a whole number without decimals."""
     if isinstance(value, float | np.floating) and float(value).is_integer():
         return f"{int(value)}"
     return str(value).strip()
 
 
-def _on_map(path: Path, target: CRS) -> list[_Found]:
-    polygons = polygons_on_map(path, target, partial(_unreadable, path))
-    names = _identifiers(path, polygons.attributes)
-    shapes = _valid(path, names, polygons.shapes)
+def _read_polygons(path: Path, target: CRS) -> list[_GrossParcel]:
+    def unreadable(why: str) -> InputError:
+        return InputError("parcels-unreadable", path=path, why=why, formats=FORMATS)
+
+    polygons = polygons_on_map(path, target, unreadable)
+    columns = {name.casefold(): name for row in reversed(polygons.attributes) for name in row}
+    column = next((columns[name] for name in IDS if name in columns), None)
+    names = _identifiers(path, polygons.attributes, column)
+    named = list(zip(names, polygons.shapes, strict=True))
+    several = [name for name, shape in named if not isinstance(shape, shapely.Polygon)]
+    crossed = [name for name, shape in named if not (shape.is_valid and shape.area > MIN_PARCEL_M2)]
+    for faulty, fault in ((several, "several parts"), (crossed, "a ring that crosses itself, or no area")):
+        if faulty:
+            raise InputError("parcels-invalid", path=path, faulty=list_names(faulty, "parcel"), fault=fault)
     return [
-        _Found(name, shape, attributes)
-        for name, shape, attributes in zip(names, shapes, _others(polygons), strict=True)
+        _GrossParcel(name, shape, _attributes(row, column))
+        for (name, shape), row in zip(named, polygons.attributes, strict=True)
+        if isinstance(shape, shapely.Polygon)
     ]
 
 
-def _identifiers(path: Path, attributes: Sequence[Mapping[str, Any]]) -> list[str]:
-    column = _id_column(attributes)
+def _identifiers(path: Path, attributes: Sequence[Mapping[str, Any]], column: str | None) -> list[str]:
     if column is None:
         return [str(k) for k in range(1, len(attributes) + 1)]
-    names = ["" if row.get(column) is None else label(row[column]) for row in attributes]
+    names = ["" if row.get(column) is None else _label(row[column]) for row in attributes]
     nameless = [str(k) for k, name in enumerate(names, start=1) if not name]
     repeated = [name for name, count in Counter(names).items() if count > 1 and name]
     if nameless or repeated:
@@ -127,57 +187,22 @@ def _identifiers(path: Path, attributes: Sequence[Mapping[str, Any]]) -> list[st
             "parcels-identifiers",
             path=path,
             column=column,
-            nameless_list=listed(nameless, "polygon") if nameless else None,
-            repeated=listed(repeated, "identifier") if not (nameless) else None,
+            nameless_list=list_names(nameless, "polygon") if nameless else None,
+            repeated=list_names(repeated, "identifier") if not nameless else None,
         )
     return names
 
 
-def _id_column(attributes: Sequence[Mapping[str, Any]]) -> str | None:
-    names = {name.casefold(): name for row in reversed(attributes) for name in row}
-    return next((names[name] for name in IDS if name in names), None)
-
-
-def _others(polygons: MapPolygons) -> list[dict[str, Attribute]]:
+def _attributes(row: Mapping[str, Any], column: str | None) -> dict[str, Attribute]:
     """The attributes besides the identifier: numbers as such, all else as text; empty cells are left out."""
-    column = _id_column(polygons.attributes)
-    return [
-        {
-            name: float(value)
-            if isinstance(value, int | float | np.number) and not isinstance(value, bool)
-            else str(value)
-            for name, value in row.items()
-            if name != column and value is not None
-        }
-        for row in polygons.attributes
-    ]
+    return {
+        name: float(value) if isinstance(value, int | float | np.number) and not isinstance(value, bool) else str(value)
+        for name, value in row.items()
+        if name != column and value is not None
+    }
 
 
-def _valid(path: Path, names: Sequence[str], shapes: Sequence[BaseGeometry]) -> list[shapely.Polygon]:
-    """The shapes, each a valid polygon of one part."""
-    several = [name for name, shape in zip(names, shapes, strict=True) if not isinstance(shape, shapely.Polygon)]
-    crossed = [
-        name for name, shape in zip(names, shapes, strict=True) if not (shape.is_valid and shape.area > _SMALLEST_M2)
-    ]
-    for faulty, fault in ((several, "several parts"), (crossed, "a ring that crosses itself, or no area")):
-        if faulty:
-            raise InputError("parcels-invalid", path=path, faulty=listed(faulty, "parcel"), fault=fault)
-    return [shape for shape in shapes if isinstance(shape, shapely.Polygon)]
-
-
-def _expect_same(path: Path, gross: Sequence[str], net_path: Path, nets: Mapping[str, BaseGeometry]) -> None:
-    missing = [name for name in gross if name not in nets] + [name for name in nets if name not in gross]
-    if missing:
-        raise InputError(
-            "parcels-identifiers.expect-same", path=path, net_path=net_path, missing=listed(missing, "identifier")
-        )
-
-
-def listed(names: Sequence[str], what: str) -> str:
+def list_names(names: Sequence[str], what: str) -> str:
     """Such as "2 parcels (3, 17)"."""
     shown = ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
     return f"{len(names)} {what}{'s' if len(names) > 1 else ''} ({shown})"
-
-
-def _unreadable(path: Path, why: str) -> InputError:
-    return InputError("parcels-unreadable", path=path, why=why, formats=FORMATS)

@@ -21,14 +21,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from furrowmap.core.crops.pixels import MAX_RANK
+
 FloatArray = NDArray[np.float64]
 
 SHAPES: Final = (0.8, 4.0)
 """Range of the shape: from leaves denser at the tips than below to nearly a closed surface."""
-LARGEST_NOISE: Final = 1.0
-"""As a share of the scale."""
-MOST_RETURNS: Final = 8
-"""Of a pixel whose highest is used; of more returns, the mean highest of any eight of them."""
 MODEL_SHARE: Final = 0.05
 """Standard deviation of the mean depth by the form of the law, as a share: what a gamma law and elements of equal
 density with scattered tops give from the same L-moments differs by that."""
@@ -56,64 +54,55 @@ class Penetration:
         return self.scale_m * math.gamma(1.0 + 1.0 / self.shape)
 
     def top_above_highest_m(self) -> FloatArray:
-        """(MOST_RETURNS + 1,) mean height of the top above the highest of n returns, for each n; nan for none."""
-        out = np.full(MOST_RETURNS + 1, np.nan)
-        out[1:] = -self.scale_m * _at(_table().highest, _table(), self.shape, self.noise_m / self.scale_m)
-        return out
+        """(MAX_RANK + 1,) mean height of the top above the highest of n returns, for each n; nan for none."""
+        highest = _table().at(_table().highest, self.shape, self.noise_m / self.scale_m)
+        return np.append(np.nan, -self.scale_m * highest)
 
     def spread_of_highest_m(self) -> FloatArray:
-        """(MOST_RETURNS + 1,) standard deviation of the highest of n returns, for each n; nan for none."""
-        out = np.full(MOST_RETURNS + 1, np.nan)
-        variance = _at(_table().variance, _table(), self.shape, self.noise_m / self.scale_m)
-        out[1:] = self.scale_m * np.sqrt(np.maximum(variance, 0.0))
-        return out
+        """(MAX_RANK + 1,) standard deviation of the highest of n returns, for each n; nan for none."""
+        variance = _table().at(_table().variance, self.shape, self.noise_m / self.scale_m)
+        return np.append(np.nan, self.scale_m * np.sqrt(np.maximum(variance, 0.0)))
 
 
-def penetration_of(second_m: float, third_m: float, noise_m: float) -> Penetration:
+def estimate_penetration(second_m: float, third_m: float, noise_m: float) -> Penetration:
     """The penetration of a canopy from L-moments of heights within pixels.
 
-    Where the heights scatter no more than the noise, the canopy is closed: the scale is as small as can be told.
+    Where the heights scatter no more than the noise, the canopy is closed: the scale is the smallest in the table.
 
     Args:
         second_m: second L-moment, half the mean distance of two returns.
         third_m: third L-moment; negative where the deep returns lie farther from the others.
         noise_m: standard deviation of heights of returns from one place.
     """
-    table = _table()
-    shape, ratio = table.solved(second_m / max(noise_m, 1e-4), third_m / second_m)
-    scale = max(noise_m, 1e-4) / ratio
-    return Penetration(shape, scale, noise_m)
+    table, noise = _table(), max(noise_m, 1e-4)
+    wanted, skewness = math.log(max(second_m / noise, 1e-6)), third_m / second_m
+    shape, ratio = _shape_and_noise(table.shapes, table.noises, table.second, table.skewness, wanted, skewness)
+    return Penetration(float(shape), noise / float(ratio), noise_m)
 
 
 @dataclass(frozen=True)
 class _Table:
-    """Moments of the law with scale 1, by shape and noise.
+    """Moments of the law with scale 1, by shape and noise."""
 
-    Attributes:
-        shapes: (k,) of the rows.
-        noises: (m,) of the columns.
-        highest: (k, m, MOST_RETURNS) mean of the highest of n returns; the top is at 0.
-        variance: (k, m, MOST_RETURNS) of the same.
-        second: (k, m) second L-moment over the noise, as its logarithm.
-        skewness: (k, m) third L-moment over the second.
-    """
+    shapes: FloatArray  # (k,)
+    noises: FloatArray  # (m,)
+    highest: FloatArray  # (k, m, MAX_RANK) mean of the highest of n returns; the top is at 0
+    variance: FloatArray  # (k, m, MAX_RANK) of the same
+    second: FloatArray  # (k, m) logarithm of the second L-moment over the noise
+    skewness: FloatArray  # (k, m) third L-moment over the second
 
-    shapes: FloatArray
-    noises: FloatArray
-    highest: FloatArray
-    variance: FloatArray
-    second: FloatArray
-    skewness: FloatArray
-
-    def solved(self, second: float, skewness: float) -> tuple[float, float]:
-        """Shape and noise with these L-moments; the nearest in the table where there is none."""
-        wanted = math.log(max(second, 1e-6))
-        shape, ratio = _solved(self.shapes, self.noises, self.second, self.skewness, wanted, skewness)
-        return float(shape), float(ratio)
+    def at(self, values: FloatArray, shape: float, noise: float) -> FloatArray:
+        """Values (k, m, n) of the table at a shape and a noise, bilinear."""
+        (i, u), (j, v) = _place(self.shapes, shape), _place(self.noises, noise)
+        low = (1.0 - v) * values[i, j] + v * values[i, j + 1]
+        high = (1.0 - v) * values[i + 1, j] + v * values[i + 1, j + 1]
+        out: FloatArray = (1.0 - u) * low + u * high
+        return out
 
 
 @njit(cache=True, nogil=True)
-def _solved(shapes, noises, second, skewnesses, wanted, skewness):  # type: ignore[no-untyped-def]
+def _shape_and_noise(shapes, noises, second, skewnesses, wanted, skewness):  # type: ignore[no-untyped-def]
+    """Shape and noise with these L-moments; the nearest in the table where there is none."""
     ratios, found = np.empty(len(shapes)), np.empty(len(shapes))
     for k in range(len(shapes)):
         ratios[k] = np.interp(-wanted, -second[k], noises)  # the second L-moment over the noise falls with the noise
@@ -122,17 +111,8 @@ def _solved(shapes, noises, second, skewnesses, wanted, skewness):  # type: igno
     return shape, np.interp(shape, shapes, ratios)
 
 
-def _at(values: FloatArray, table: _Table, shape: float, noise: float) -> FloatArray:
-    """Values (k, m, n) of the table at a shape and a noise, bilinear."""
-    i, u = _place(table.shapes, shape)
-    j, v = _place(table.noises, noise)
-    low = (1.0 - v) * values[i, j] + v * values[i, j + 1]
-    high = (1.0 - v) * values[i + 1, j] + v * values[i + 1, j + 1]
-    out: FloatArray = (1.0 - u) * low + u * high
-    return out
-
-
 def _place(grid: FloatArray, value: float) -> tuple[int, float]:
+    """Index of the interval of a grid that holds a value, and the share of it below the value."""
     i = int(np.clip(np.searchsorted(grid, value, side="right") - 1, 0, len(grid) - 2))
     return i, float(np.clip((value - grid[i]) / (grid[i + 1] - grid[i]), 0.0, 1.0))
 
@@ -141,10 +121,10 @@ def _place(grid: FloatArray, value: float) -> tuple[int, float]:
 def _table() -> _Table:
     from scipy.special import gammainc, ndtr
 
-    shapes, noises = np.geomspace(*SHAPES, _STEPS[0]), np.geomspace(0.02, LARGEST_NOISE, _STEPS[1])
+    shapes, noises = np.geomspace(*SHAPES, _STEPS[0]), np.geomspace(0.02, 1.0, _STEPS[1])
     thickness = -np.log1p(-np.arange(_QUANTILES) / _QUANTILES)  # optical, where equal shares of the pulses return
-    number = np.arange(1, MOST_RETURNS + 1)[:, None]
-    highest, variance = np.empty((2, *_STEPS, MOST_RETURNS))
+    number = np.arange(1, MAX_RANK + 1)[:, None]
+    highest, variance = np.empty((2, *_STEPS, MAX_RANK))
     for i, shape in enumerate(shapes):
         order = 1.0 + 1.0 / shape
         depth = _QUANTILES * math.gamma(order) * np.diff(gammainc(order, thickness), append=1.0)  # mean of each share

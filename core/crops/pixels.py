@@ -9,12 +9,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.crops.penetration import MOST_RETURNS
 from furrowmap.core.surfaces.grid import Grid
 
 FloatArray = NDArray[np.float64]
 
-_FEW: Final = 48
+MAX_RANK: Final = 8
+"""Of more returns in a pixel, the mean highest of any eight of them is used."""
+_INSERTED: Final = 48
 """Heights of a pixel that are sorted by insertion, which is faster for few."""
 
 
@@ -24,8 +25,8 @@ class PixelReturns:
 
     Attributes:
         count: (rows, columns) int32 number of returns.
-        highest_m: (rows, columns) float64 height of the highest; with more than MOST_RETURNS, the mean highest of any
-            MOST_RETURNS of them. nan without returns.
+        highest_m: (rows, columns) float64 height of the highest; with more than MAX_RANK, the mean highest of any
+            MAX_RANK of them. nan without returns.
         heights_m: (n,) float64 heights by pixel, row by row, those of each in order.
         part: (n,) int8 which part of the returns they belong to.
         starts: (rows * columns + 1,) int64 first height of each pixel, and n.
@@ -77,7 +78,7 @@ def _of_part(
     heights: FloatArray, part: NDArray[np.int8], starts: NDArray[np.int64], which: int, grid: Grid
 ) -> PixelReturns:
     count, highest = np.empty(grid.shape, np.int32), np.empty(grid.shape)
-    _by_pixel(heights, part, starts, which, count.ravel(), highest.ravel(), MOST_RETURNS)
+    _by_pixel(heights, part, starts, which, count.ravel(), highest.ravel(), MAX_RANK)
     return PixelReturns(count, highest, heights, part, starts, which)
 
 
@@ -119,7 +120,7 @@ def _sorted_by_pixel(column, row, height, first, rows, columns):  # type: ignore
             place[pixel[k]] += 1
     for p in range(rows * columns):
         begin, end = starts[p], starts[p + 1]
-        if end - begin > _FEW:
+        if end - begin > _INSERTED:
             order = np.argsort(ordered[begin:end])
             ordered[begin:end], part[begin:end] = ordered[begin:end][order], part[begin:end][order]
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 import shapely
@@ -14,9 +14,8 @@ from furrowmap.core.values.parcel import Parcel
 
 FloatArray = NDArray[np.float64]
 
-LARGEST: int = 100_000
-"""Plots of a grid."""
-CLOSE_M = 0.10
+MAX_PLOTS: Final = 100_000
+MAX_MISFIT_M: Final = 0.10
 """Corners that fit the sizes this well raise no notice."""
 
 
@@ -73,7 +72,14 @@ def plot_grid(
     Raises:
         InputError: if direction or length are stated neither way or both ways, or the grid is too large.
     """
-    _check(grid, end_m, azimuth_deg)
+    if (end_m is None) == (azimuth_deg is None):
+        raise InputError("plots-grid.direction", twice=end_m is not None)
+    if end_m is None and grid.length_m is None:
+        raise InputError("plots-grid.length")
+    if grid.by_block and grid.block is None:
+        raise InputError("plots-grid.blocks")
+    if grid.rows * grid.columns > MAX_PLOTS:
+        raise InputError("plots-grid.many", plots=grid.rows * grid.columns, largest=MAX_PLOTS)
     gaps_m = (grid.columns - 1) * grid.alley_m
     notices: list[Notice] = []
     if end_m is not None:
@@ -84,7 +90,7 @@ def plot_grid(
         if length_m <= 0.0:
             raise InputError("plots-grid.alleys", measured=measured, gaps_m=gaps_m)
         needed = grid.columns * length_m + gaps_m
-        if abs(needed - measured) > CLOSE_M:
+        if abs(needed - measured) > MAX_MISFIT_M:
             notices.append(Notice("plots-baseline", measured=measured, needed=needed))
     else:
         assert azimuth_deg is not None
@@ -92,15 +98,22 @@ def plot_grid(
         turn = np.radians(azimuth_deg)
         along, length_m = np.array([np.sin(turn), np.cos(turn)]), grid.length_m
     across = np.array([-along[1], along[0]]) * (1.0 if grid.side == "left" else -1.0)
+    length, width = scale * length_m * along, scale * grid.width_m * across
+    steps = (0.0 * along, length, length + width, width)
+    counts: dict[int, int] = {}
     plots = []
-    for row, column in _order(grid):
+    numbers_a_block = max(100, 10 ** len(str(grid.rows * grid.columns)))
+    for k, (row, column) in enumerate(_order(grid)):
         start = corner_m + scale * (
             column * (length_m + grid.alley_m) * along + row * (grid.width_m + grid.path_m) * across
         )
-        length, width = scale * length_m * along, scale * grid.width_m * across
-        steps = (0.0 * along, length, length + width, width)
-        plots.append((row, column, shapely.Polygon([start + step for step in steps])))
-    return tuple(_numbered(grid, plots)), notices
+        shape = shapely.Polygon([start + step for step in steps])
+        block = _block(grid, row, column)
+        counts[block] = counts.get(block, 0) + 1
+        number = block * numbers_a_block + counts[block] - 1 + grid.first if grid.by_block else k + grid.first
+        place = {"row": float(row + 1), "column": float(column + 1)}
+        plots.append(Parcel(str(number), shape, shape, str(block) if block else None, place))
+    return tuple(plots), notices
 
 
 def _order(grid: PlotGrid) -> list[tuple[int, int]]:
@@ -120,27 +133,3 @@ def _block(grid: PlotGrid, row: int, column: int) -> int:
     if grid.block is None:
         return 0
     return (row if grid.block == "rows" else column) // grid.block_size + 1
-
-
-def _numbered(grid: PlotGrid, plots: list[tuple[int, int, shapely.Polygon]]) -> list[Parcel]:
-    counts: dict[int, int] = {}
-    found = []
-    most = max(100, 10 ** len(str(len(plots))))
-    for k, (row, column, shape) in enumerate(plots):
-        block = _block(grid, row, column)
-        counts[block] = counts.get(block, 0) + 1
-        number = block * most + counts[block] - 1 + grid.first if grid.by_block else k + grid.first
-        place = {"row": float(row + 1), "column": float(column + 1)}
-        found.append(Parcel(str(number), shape, shape, str(block) if block else None, place))
-    return found
-
-
-def _check(grid: PlotGrid, end_m: FloatArray | None, azimuth_deg: float | None) -> None:
-    if (end_m is None) == (azimuth_deg is None):
-        raise InputError("plots-grid.direction", twice=end_m is not None)
-    if end_m is None and grid.length_m is None:
-        raise InputError("plots-grid.length")
-    if grid.by_block and grid.block is None:
-        raise InputError("plots-grid.blocks")
-    if grid.rows * grid.columns > LARGEST:
-        raise InputError("plots-grid.many", plots=grid.rows * grid.columns, largest=LARGEST)

@@ -24,14 +24,13 @@ from furrowmap.core.surfaces.grid import Grid
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-NEIGHBOURS: Final = 50
-SIGMAS: Final = 1.0
-VOXEL_M: Final = (0.04, 0.04, 0.001)
-FEWEST_NEIGHBOURS: Final = 6
+PCL_NEIGHBOURS: Final = 50
+PCL_SIGMAS: Final = 1.0
+PAPER_VOXEL_M: Final = (0.04, 0.04, 0.001)
+MIN_NEIGHBOURS: Final = 6
 """Of the eight around a pixel, for it to be filled."""
 GRADIENT_M: Final = 0.1
 """Between a pixel and the mean of the region that it joins."""
-FEWEST_SOIL_PIXELS: Final = 3
 
 
 @dataclass(frozen=True)
@@ -67,13 +66,13 @@ def christiansen2017(xyz_m: FloatArray, net: BaseGeometry, crop: BaseGeometry, a
     """
     inside = points_in_polygon(xyz_m, around)
     kept = inside[~statistical_outliers(inside)]
-    grid = Grid.of_bounds(VOXEL_M[0], shapely.bounds(around).tolist())
+    grid = Grid.of_bounds(PAPER_VOXEL_M[0], shapely.bounds(around).tolist())
     seen = highest_voxels(voxels(kept), grid)
     easting, northing = np.meshgrid(*grid.centres_m())
     sown = shapely.contains_xy(crop.buffer(math.sqrt(0.5) * grid.cell_m), easting, northing)  # also in part
     soil = np.asarray(shapely.contains_xy(around, easting, northing) & ~sown)
     plane = soil_plane(seen, grid, soil)  # "using measurements": pixels that were filled are none
-    heights = filled(seen) - plane_heights(plane, grid)
+    heights = fill_pixels(seen) - plane_heights(plane, grid)
     region = grown_region(np.where(shapely.contains_xy(net, easting, northing), heights, np.nan))
     of_region = heights[region]
     return PublishedCrop(
@@ -96,7 +95,7 @@ def points_in_polygon(xyz_m: FloatArray, polygon: BaseGeometry) -> FloatArray:
     return out
 
 
-def statistical_outliers(xyz_m: FloatArray, neighbours: int = NEIGHBOURS, sigmas: float = SIGMAS) -> BoolArray:
+def statistical_outliers(xyz_m: FloatArray, neighbours: int = PCL_NEIGHBOURS, sigmas: float = PCL_SIGMAS) -> BoolArray:
     """Which points (n,) are statistical outliers (section 3.4.2).
 
     A point is one if the mean distance to its nearest `neighbours` other points exceeds the mean of these means by more
@@ -117,7 +116,7 @@ def statistical_outliers(xyz_m: FloatArray, neighbours: int = NEIGHBOURS, sigmas
     return out
 
 
-def voxels(xyz_m: FloatArray, size_m: tuple[float, float, float] = VOXEL_M) -> NDArray[np.int64]:
+def voxels(xyz_m: FloatArray, size_m: tuple[float, float, float] = PAPER_VOXEL_M) -> NDArray[np.int64]:
     """The voxels (m, 3) that hold points (n, 3), each once (section 3.4.3).
 
     Voxels are counted from the origin of the coordinates; a point on a face belongs to the voxel east, north, above.
@@ -127,7 +126,7 @@ def voxels(xyz_m: FloatArray, size_m: tuple[float, float, float] = VOXEL_M) -> N
     return out
 
 
-def highest_voxels(occupied: NDArray[np.int64], grid: Grid, height_m: float = VOXEL_M[2]) -> FloatArray:
+def highest_voxels(occupied: NDArray[np.int64], grid: Grid, height_m: float = PAPER_VOXEL_M[2]) -> FloatArray:
     """Height of the middle of the highest voxel of each pixel (rows, columns); nan without one (section 3.5.1).
 
     Args:
@@ -141,7 +140,7 @@ def highest_voxels(occupied: NDArray[np.int64], grid: Grid, height_m: float = VO
     return np.where(np.isinf(pixels), np.nan, pixels)
 
 
-def filled(pixels: FloatArray, fewest: int = FEWEST_NEIGHBOURS) -> FloatArray:
+def fill_pixels(pixels: FloatArray, fewest: int = MIN_NEIGHBOURS) -> FloatArray:
     """Pixels (rows, columns) with the missing ones (nan) filled from their neighbours (section 3.5.2).
 
     A missing pixel becomes the mean of those of its eight neighbours that have a value, if at least `fewest` have one.
@@ -213,7 +212,7 @@ def soil_plane(pixels: FloatArray, grid: Grid, soil: BoolArray) -> tuple[float, 
     known = soil & np.isfinite(pixels)
     row, column = np.nonzero(known)
     design = np.column_stack([np.ones(len(row)), (column + 0.5) * grid.cell_m, (grid.rows - row - 0.5) * grid.cell_m])
-    if len(row) < FEWEST_SOIL_PIXELS or np.linalg.matrix_rank(design) < design.shape[1]:
+    if len(row) < 3 or np.linalg.matrix_rank(design) < design.shape[1]:
         return math.nan, math.nan, math.nan
     constant, east, north = np.linalg.lstsq(design, pixels[known])[0].tolist()
     return constant, east, north

@@ -1,4 +1,4 @@
-"""The response of a trial to a dose: the curve where the data hold one, the rate beyond which nothing is gained."""
+"""Doses among the attributes of parcels, and the response of a trial to them: a curve where the data hold one."""
 
 from __future__ import annotations
 
@@ -10,14 +10,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.crops.logistic import PLATEAU, Logistic, fit_logistic, p_of_no_response
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.values.parcel import Parcel
 
 FloatArray = NDArray[np.float64]
 
-LEVEL: Final = 0.05
-"""A curve is reported where chance gives as good a one with a smaller probability."""
-FEWEST_DOSES: Final = 4
+MAX_P: Final = 0.05
+"""Significance level of a curve."""
+MIN_DOSES: Final = 4
+DOSE_WORDS: Final = ("n_kg_ha", "dose", "rate", "kg_ha")
+"""What the names of columns with doses contain, the first that is found."""
 TRIALS: Final = 1999
 """Permutations: the least probability is 1 in 2000."""
+
+
+def dose_name(parcels: Sequence[Parcel], stated: str | None = None) -> str | None:
+    """The attribute that is the dose: the stated one, or the first number whose name says so; None if there is none.
+
+    Raises:
+        InputError: if no parcel has a number under the stated name.
+    """
+    numbers = dict.fromkeys(
+        name for each in parcels for name, value in each.attributes.items() if isinstance(value, float)
+    )
+    if stated is not None:
+        found = next((name for name in numbers if name.casefold() == stated.casefold()), None)
+        if found is None:
+            raise InputError("dose-unknown", stated=stated, numbers=", ".join(numbers) or "none")
+        return found
+    return next((name for word in DOSE_WORDS for name in numbers if word in name.casefold()), None)
+
+
+def parcel_doses(parcels: Sequence[Parcel], name: str) -> NDArray[np.float64]:
+    """The dose of each parcel (n,); nan where it is not known."""
+    values = [each.attributes.get(name) for each in parcels]
+    return np.array([value if isinstance(value, float) else np.nan for value in values])
+
+
+def dose_unit(name: str | None) -> str:
+    """The unit that a name ends with; "" where it says none."""
+    return "kg/ha" if name is not None and name.casefold().endswith("kg_ha") else ""
 
 
 @dataclass(frozen=True)
@@ -43,7 +75,7 @@ class Response:
     words: str
 
 
-def response_to(
+def fit_response(
     dose: FloatArray, value: FloatArray, block: Sequence[str | None] | None = None, unit: str = ""
 ) -> Response:
     """The response of parcels, of which those without dose or value are left out.
@@ -61,14 +93,14 @@ def response_to(
     dose, value = dose[known], value[known]
     doses = len(np.unique(dose))
     gap = f" {unit}" if unit else ""
-    if doses < FEWEST_DOSES or len(dose) - len(labels) - 3 < 1:
+    if doses < MIN_DOSES or len(dose) - len(labels) - 3 < 1:
         words = (
-            f"{len(dose)} parcels with {doses} different doses: a logistic curve needs {FEWEST_DOSES} doses, and more "
+            f"{len(dose)} parcels with {doses} different doses: a logistic curve needs {MIN_DOSES} doses, and more "
             "parcels than parameters."
         )
         return Response(len(dose), doses, labels, None, None, plateau_shown=False, words=words)
     p = p_of_no_response(dose, value, index, TRIALS)
-    if p > LEVEL:
+    if p > MAX_P:
         words = (
             "The data hold no curve: heights without any effect of the dose would give as good a one in "
             f"{100 * p:.0f} % of trials."

@@ -1,17 +1,238 @@
-"""The soil of a site from the points around its parcels, or from a raster, and the noise of its heights."""
+"""Soil of a site: from the bare soil around its parcels, or from a raster of another survey."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
 
-from furrowmap.core.crops.canopy import PIXEL_M
-from furrowmap.core.crops.given_soil import GivenSoil, given_soil
+import numpy as np
+from numpy.typing import NDArray
+from pyproj import CRS
+from scipy.ndimage import map_coordinates, uniform_filter
+
+from furrowmap.core.crops.canopy import CROP_PIXEL_M
 from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
-from furrowmap.core.crops.soil import Soil, SoilAround, soil_around
-from furrowmap.core.crops.soil_raster import SoilRaster
-from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.values.parcel import SoilMethod
+from furrowmap.core.crops.soil import (
+    MIN_SOIL_CELLS,
+    NODE_M,
+    SOIL_CELL_M,
+    HeightCovariance,
+    SoilCells,
+    SoilPatch,
+    Trend,
+    estimate_covariance,
+    interpolate_soil,
+    patch_nodes,
+    without_crop,
+)
+from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
+from furrowmap.core.readers.geotiff import expect_heights, open_geotiff
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.surfaces.gaps import filled
+from furrowmap.core.values.parcel import Parcel, SoilMethod
+
+FloatArray = NDArray[np.float64]
+
+SAMPLED_PARCELS: Final = 12
+"""Parcels around which the covariance of the soil is estimated."""
+SAMPLED_CELLS: Final = 100
+"""Cells of each of them."""
+KNOWN_SHARE: Final = 0.8
+"""Of the nodes under a parcel; the survey does not cover one with fewer."""
+
+
+@dataclass(frozen=True)
+class SoilAround:
+    """Soil from the bare cells around each parcel.
+
+    Attributes:
+        near: cells around each parcel by its id, with crop that stands on them.
+        covariance: of the site.
+        method: "surface" is by kriging; "plane" fits a plane by least squares.
+        trend: that the soil departs from.
+    """
+
+    near: Mapping[str, SoilCells]
+    covariance: HeightCovariance
+    method: SoilMethod
+    trend: Trend = "plane"
+
+    def under(self, parcel: Parcel) -> SoilPatch | None:
+        """The soil under the net parcel; None where it is not known."""
+        if parcel.id not in self.near:
+            return None
+        cells = without_crop(self.near[parcel.id]).nearest(parcel)
+        patch = interpolate_soil(parcel, cells, self.covariance, self.trend)
+        if patch is None or self.method == "surface":
+            return patch
+        alone_m = math.hypot(self.covariance.cell_m, self.covariance.relief_m)
+        plane = interpolate_soil(parcel, cells, HeightCovariance(0.0, self.covariance.range_m, alone_m))
+        # least squares do not tell how far the soil departs from the plane: the covariance does
+        return None if plane is None else replace(plane, sigma_m=math.hypot(plane.sigma_m, patch.sigma_m))
+
+    def plain(self) -> dict[str, Any]:
+        """As reports have it."""
+        relief_m, range_m, cell_m = self.covariance.relief_m, self.covariance.range_m, self.covariance.cell_m
+        return {"relief_m": round(relief_m, 4), "range_m": round(range_m, 2), "cell_sigma_m": round(cell_m, 4)}
+
+
+def soil_around(near: Mapping[str, SoilCells], method: SoilMethod = "surface", trend: Trend = "plane") -> SoilAround:
+    """The soil from the cells around each parcel, with the covariance of those around parcels all over the site."""
+    names = list(near)
+    found = [without_crop(near[name]) for name in names[:: max(1, len(names) // (2 * SAMPLED_PARCELS))]]
+    return SoilAround(near, estimate_covariance(sample_surroundings(found, MIN_SOIL_CELLS + 1), trend), method, trend)
+
+
+def sample_surroundings(surroundings: Sequence[SoilCells], least: int) -> list[SoilCells]:
+    """Some of the surroundings with enough cells, evenly chosen, and some cells of each."""
+    full = [cells for cells in surroundings if len(cells) >= least]
+    some = full[:: max(1, len(full) // SAMPLED_PARCELS)][:SAMPLED_PARCELS]
+    return [cells.thinned(SAMPLED_CELLS) for cells in some]
+
+
+@dataclass(frozen=True)
+class SoilRaster:
+    """An open raster of heights.
+
+    Attributes:
+        dataset: of rasterio; its first band is heights.
+        change: from the map to the CRS of the raster; None where they agree.
+        unit_m: unit of the heights.
+    """
+
+    path: Path
+    dataset: Any
+    change: CrsChange | None
+    unit_m: float
+
+    def heights_m(self, xy_m: FloatArray, side_m: float) -> FloatArray:
+        """Mean heights (n,) of the squares of a side around positions (n, 2) on the map.
+
+        They are nan where less than a quarter of the cells have heights.
+        """
+        if not len(xy_m):
+            return np.zeros(0)
+        x, y = xy_m.T if self.change is None else self.change.points(xy_m).T
+        a, b, c, d, e, f = (~self.dataset.transform)[:6]
+        column, row = a * x + b * y + c - 0.5, d * x + e * y + f - 0.5
+        size = max(1, 2 * int(0.5 * side_m / float(np.mean(self.dataset.res))) + 1)
+        left, top = int(np.floor(column.min())) - size, int(np.floor(row.min())) - size
+        right, bottom = int(np.ceil(column.max())) + size + 1, int(np.ceil(row.max())) + size + 1
+        window = ((max(top, 0), min(bottom, self.dataset.height)), (max(left, 0), min(right, self.dataset.width)))
+        out = np.full(len(x), np.nan)
+        if window[0][0] >= window[0][1] or window[1][0] >= window[1][1]:
+            return out
+        cells = np.ma.filled(self.dataset.read(1, window=window, masked=True).astype(np.float64), np.nan)
+        known = np.isfinite(cells)
+        if not known.any():
+            return out
+        base = float(np.median(cells[known]))
+        at = np.array([row - window[0][0], column - window[1][0]])
+        share, total = (
+            map_coordinates(uniform_filter(values, size, mode="constant"), at, order=1, mode="constant")
+            for values in (known.astype(np.float64), np.where(known, cells - base, 0.0))
+        )
+        enough = share >= 0.25
+        out[enough] = (base + total[enough] / share[enough]) * self.unit_m
+        return out
+
+
+@contextmanager
+def open_soil_raster(path: Path, target: CRS, box_m: tuple[float, float, float, float]) -> Iterator[SoilRaster]:
+    """The heights of a GeoTIFF for positions on a map.
+
+    Args:
+        path: GeoTIFF whose first band is heights.
+        target: projected CRS of the map.
+        box_m: west, south, east, north of the site on the map.
+
+    Raises:
+        InputError: if it is no such raster.
+        RefusedError: if PROJ has no exact transformation to its CRS.
+    """
+
+    def unusable(path: Path, why: str) -> InputError:
+        return InputError("soil-unusable", path=path, why=why)
+
+    with open_geotiff(path, unusable) as raster:
+        expect_heights(raster, path, unusable)
+        whole = CRS.from_wkt(raster.crs.to_wkt())
+        flat, height = whole.sub_crs_list[:2] if whole.is_compound else (whole, None)
+        own = target.sub_crs_list[0].to_2d() if target.is_compound else target.to_2d()
+        change = None if own.equals(flat.to_2d(), ignore_axis_order=True) else crs_change(own, flat, box_m)
+        unit_m = float(height.axis_info[0].unit_conversion_factor) if height is not None else 1.0
+        yield SoilRaster(path, raster, change, unit_m)
+
+
+@dataclass(frozen=True)
+class SurveyedSoil:
+    """Soil of another survey, aligned in height by the bare soil that both it and the points show.
+
+    Attributes:
+        patches: the soil under each parcel that the survey covers, by its id.
+        around: bare soil of the points less that of the survey, near each parcel.
+        offset_m: that for parcels without bare soil nearby: the median of the others.
+        offset_sigma_m: standard deviation of it; nan where there is bare soil at no parcel.
+    """
+
+    name: str
+    patches: dict[str, SoilPatch]
+    around: SoilAround
+    offset_m: float
+    offset_sigma_m: float
+
+    def under(self, parcel: Parcel) -> SoilPatch | None:
+        """The soil under the net parcel; None where the survey does not cover it."""
+        return self.patches.get(parcel.id)
+
+    def plain(self) -> dict[str, Any]:
+        """As reports have it."""
+        sigma_m = round(self.offset_sigma_m, 5) if math.isfinite(self.offset_sigma_m) else None
+        offset = {"from": self.name, "offset_m": round(self.offset_m, 5), "offset_sigma_m": sigma_m}
+        return offset | self.around.plain()
+
+
+def align_survey(raster: SoilRaster, parcels: Sequence[Parcel], near: Mapping[str, SoilCells]) -> SurveyedSoil:
+    """The soil of another survey.
+
+    The differences of the bare soil near a parcel are interpolated below it by kriging with a constant as the trend, so
+    that what the surveys have not in common (an offset, a tilt, soil that settled) is taken off and is in the standard
+    deviation.
+
+    Args:
+        raster: the heights of the survey.
+        near: cells of bare soil of the points near each parcel, by its id.
+    """
+    differences = {}
+    for parcel in parcels:
+        cells = near[parcel.id]
+        other = raster.heights_m(cells.xy_m, SOIL_CELL_M)
+        less = SoilCells(cells.xy_m, cells.height_m - other, cells.sigma_m).at(np.isfinite(other))
+        differences[parcel.id] = without_crop(less).nearest(parcel)
+    around = soil_around(differences, trend="constant")
+    medians = np.array([np.median(cells.height_m) for cells in differences.values() if len(cells) >= MIN_SOIL_CELLS])
+    offset_m, sigma_m = 0.0, math.nan
+    if len(medians):
+        offset_m = float(np.median(medians))
+        spread = 1.4826 * float(np.median(np.abs(medians - offset_m)))
+        sigma_m = math.hypot(spread, around.covariance.relief_m)
+    patches = {}
+    for parcel in parcels:
+        nodes = patch_nodes(parcel)
+        height = raster.heights_m(nodes.xy_m, NODE_M)
+        known = np.isfinite(height)[nodes.inside]
+        if known.mean() < KNOWN_SHARE:
+            continue
+        offset = around.under(parcel) or nodes.patch(np.full(len(height), offset_m), sigma_m)
+        # what is not correlated, such as the noise of the survey's cells, remains under the parcel
+        chance = around.covariance.cell_m / math.sqrt(float(known.sum()))
+        level = filled(height.reshape(nodes.shape)) + offset.height_m
+        patches[parcel.id] = nodes.patch(level, math.hypot(offset.sigma_m, chance))
+    return SurveyedSoil(raster.path.name, patches, around, offset_m, sigma_m)
 
 
 @dataclass(frozen=True)
@@ -24,29 +245,20 @@ class SiteSoil:
         cells: number of cells of bare soil.
     """
 
-    soil: Soil
+    soil: SoilAround | SurveyedSoil
     noise_m: float
     cells: int
 
     @property
     def notices(self) -> list[Notice]:
-        """Warnings."""
-        return self.soil.notices() if isinstance(self.soil, GivenSoil) else []
+        """A warning where nothing shows the offset of another survey."""
+        if isinstance(self.soil, SoilAround) or math.isfinite(self.soil.offset_sigma_m):
+            return []
+        return [Notice("soil-not-aligned", name=self.soil.name)]
 
     def plain(self) -> dict[str, Any]:
         """As reports have it."""
-        out: dict[str, Any] = {"cells": self.cells, "noise_m": round(self.noise_m, 5)}
-        around = self.soil.around if isinstance(self.soil, GivenSoil) else self.soil
-        if isinstance(self.soil, GivenSoil):
-            out |= self.soil.plain()
-        if isinstance(around, SoilAround):
-            relief = around.relief
-            out |= {
-                "relief_m": round(relief.relief_m, 4),
-                "range_m": round(relief.range_m, 2),
-                "cell_sigma_m": round(relief.cell_m, 4),
-            }
-        return out
+        return {"cells": self.cells, "noise_m": round(self.noise_m, 5), **self.soil.plain()}
 
 
 def site_soil(points: ParcelPoints, source: SoilMethod | SoilRaster = "surface") -> SiteSoil:
@@ -58,5 +270,5 @@ def site_soil(points: ParcelPoints, source: SoilMethod | SoilRaster = "surface")
     """
     cells = points.soil()
     near = CellsNear(points.parcels, cells)
-    soil = given_soil(source, points.parcels, near) if isinstance(source, SoilRaster) else soil_around(near, source)
-    return SiteSoil(soil, points.noise_m(PIXEL_M), len(cells))
+    soil = align_survey(source, points.parcels, near) if isinstance(source, SoilRaster) else soil_around(near, source)
+    return SiteSoil(soil, points.noise_m(CROP_PIXEL_M), len(cells))

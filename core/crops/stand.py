@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 PERCENTILES: Final = (5, 10, 25, 50, 75, 90, 95, 99)
-MOST_LAYERS: Final = 10_000
+MAX_LAYERS: Final = 10_000
 
 
 @dataclass(frozen=True)
@@ -92,5 +92,5 @@ def _profile(height_m: FloatArray, layer_m: float) -> tuple[float, ...]:
     """Share of the returns by layer."""
     if not len(height_m):
         return ()
-    layer = np.clip(np.floor(height_m / layer_m), 0, MOST_LAYERS - 1).astype(np.intp)
+    layer = np.clip(np.floor(height_m / layer_m), 0, MAX_LAYERS - 1).astype(np.intp)
     return tuple((np.bincount(layer) / len(height_m)).tolist())

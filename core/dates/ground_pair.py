@@ -14,12 +14,11 @@ from scipy.ndimage import uniform_filter
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
-PATCH_M: Final = 1.0
+TIE_PATCH_M: Final = 1.0
 """Side of the patches."""
-FEWEST_CELLS: Final = 60
-"""Cells with which a patch counts."""
-SUMS: Final = 14
-STEEPEST: Final = 1.0
+MIN_PATCH_CELLS: Final = 60
+PATCH_SUMS: Final = 14
+MAX_SLOPE: Final = 1.0
 """Steeper cells are rims of things that stand."""
 
 
@@ -43,7 +42,7 @@ class GroundPair:
 
 
 @dataclass(frozen=True)
-class Patches:
+class DifferencePatches:
     """Sums over the common cells of patches.
 
     Attributes:
@@ -67,7 +66,7 @@ class Patches:
         return len(self.count)
 
 
-def smoothed(pair: GroundPair, cells: int) -> GroundPair:
+def smooth_pair(pair: GroundPair, cells: int) -> GroundPair:
     """A piece whose heights are means over squares of so many cells a side, of those that are known."""
     if cells == 1:
         return pair
@@ -84,9 +83,9 @@ def _mean(height: Float32Array, cells: int) -> Float32Array:
     return out
 
 
-def patches(
+def sum_differences(
     pairs: Sequence[GroundPair], middle_m: FloatArray, shift: FloatArray, trend: FloatArray, limit_m: float
-) -> Patches:
+) -> DifferencePatches:
     """Sum up differences, the second date's surface moved by a shift.
 
     Args:
@@ -96,16 +95,23 @@ def patches(
         trend: (3,) differences that are expected: at the middle (m), and their change per metre east and north.
         limit_m: cells whose difference is farther from that do not count.
     """
-    parts = [_of_piece(pair, middle_m, shift, trend, limit_m) for pair in pairs]
-    sums = np.concatenate([np.zeros((0, SUMS)), *parts])
-    sums = sums[sums[:, 0] >= FEWEST_CELLS]
+    parts = [np.zeros((0, PATCH_SUMS))]
+    for pair in pairs:
+        rows, columns = pair.one.shape
+        side = max(round(TIE_PATCH_M / pair.cell_m), 1)
+        across = -(-columns // side)
+        parts.append(np.zeros((-(-rows // side) * across, PATCH_SUMS)))
+        west, north = pair.west_m - middle_m[0], pair.north_m - middle_m[1]
+        _sum(pair.one, pair.other, west, north, pair.cell_m, shift, trend, limit_m, side, across, parts[-1])
+    sums = np.concatenate(parts)
+    sums = sums[sums[:, 0] >= MIN_PATCH_CELLS]
     n = sums[:, 0]
     x, y, r, square, ax, ay, bx, by = (sums[:, 1:9] / n[:, None]).T
     xx, xy, yy, rx, ry = (sums[:, 9:] / n[:, None]).T
     cross = xy - 0.5 * (ax * by + ay * bx)
     relief = np.stack([np.stack([xx - ax * bx, cross], -1), np.stack([cross, yy - ay * by], -1)], -2)
     seen = np.stack([rx - 0.5 * (ax + bx) * r, ry - 0.5 * (ay + by) * r], -1)
-    return Patches(
+    return DifferencePatches(
         n,
         np.stack([x, y], -1) + middle_m,
         r,
@@ -113,18 +119,6 @@ def patches(
         relief * n[:, None, None],
         seen * n[:, None],
     )
-
-
-def _of_piece(
-    pair: GroundPair, middle_m: FloatArray, shift: FloatArray, trend: FloatArray, limit_m: float
-) -> FloatArray:
-    rows, columns = pair.one.shape
-    side = max(round(PATCH_M / pair.cell_m), 1)
-    across = -(-columns // side)
-    sums = np.zeros((-(-rows // side) * across, SUMS))
-    west, north = pair.west_m - middle_m[0], pair.north_m - middle_m[1]
-    _sum(pair.one, pair.other, west, north, pair.cell_m, shift, trend, limit_m, side, across, sums)
-    return sums
 
 
 @njit(cache=True, nogil=True)
@@ -158,7 +152,7 @@ def _sum(one, other, west, north, cell, shift, trend, limit, side, across, sums)
             ay = (one[i - 1, j] - one[i + 1, j]) / (2.0 * cell)
             gx, gy = 0.5 * (ax + bx), 0.5 * (ay + by)
             r = b - a
-            if not (np.isfinite(r) and np.isfinite(gx) and np.isfinite(gy)) or gx * gx + gy * gy > STEEPEST**2:
+            if not (np.isfinite(r) and np.isfinite(gx) and np.isfinite(gy)) or gx * gx + gy * gy > MAX_SLOPE**2:
                 continue
             if abs(r - trend[0] - trend[1] * x - trend[2] * y) > limit:
                 continue

@@ -22,7 +22,9 @@ def reach_cells(move: FloatArray, grid: Grid, middle_m: FloatArray) -> int:
     return math.ceil(shift_m / grid.cell_m) + 1
 
 
-def moved(height_m: Float32Array, around: Grid, part: Grid, move: FloatArray, middle_m: FloatArray) -> Float32Array:
+def move_surface(
+    height_m: Float32Array, around: Grid, part: Grid, move: FloatArray, middle_m: FloatArray
+) -> Float32Array:
     """Heights of the cells of `part` in a surface that was moved.
 
     Bilinear between the cells' middles; a cell whose neighbours are unknown takes the nearest.
@@ -31,7 +33,7 @@ def moved(height_m: Float32Array, around: Grid, part: Grid, move: FloatArray, mi
         height_m: (rows, columns) of `around`; nan where unknown.
         around: cells of the surface as measured, at least the margin of :func:`reach_cells` larger than `part`.
         part: the cells wanted.
-        move: (6,) in the order of :data:`furrowmap.core.dates.pair_tie.NAMES`.
+        move: (6,) in the order of :data:`furrowmap.core.dates.pair_tie.MOVE_NAMES`.
         middle_m: (2,) easting and northing that it turns and tilts about.
     """
     out = np.full(part.shape, np.nan, np.float32)
@@ -41,8 +43,8 @@ def moved(height_m: Float32Array, around: Grid, part: Grid, move: FloatArray, mi
     return out
 
 
-def moved_places(xy_m: FloatArray, move: FloatArray, middle_m: FloatArray) -> FloatArray:
-    """Eastings and northings (n, 2) moved in place; arguments as :func:`moved`."""
+def move_places(xy_m: FloatArray, move: FloatArray, middle_m: FloatArray) -> FloatArray:
+    """Eastings and northings (n, 2) moved in place; arguments as :func:`move_surface`."""
     east, north = (xy_m - middle_m).T
     return np.column_stack([xy_m[:, 0] + move[0] - move[5] * north, xy_m[:, 1] + move[1] + move[5] * east])
 

@@ -9,7 +9,7 @@ from typing import Final, Self
 import numpy as np
 from pyproj import CRS
 
-from furrowmap.core.crops.canopy import PIXEL_M, Canopy
+from furrowmap.core.crops.canopy import CROP_PIXEL_M, Canopy
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
@@ -61,12 +61,12 @@ class CropHeights:
             return False
         west, north = min(t[1] for t in tiles), min(t[2] for t in tiles)
         columns, rows = max(t[1] for t in tiles) + 1 - west, max(t[2] for t in tiles) + 1 - north
-        whole = Grid(PIXEL_M, west * _SIDE, -north * _SIDE, (rows * _SIDE, columns * _SIDE))
+        whole = Grid(CROP_PIXEL_M, west * _SIDE, -north * _SIDE, (rows * _SIDE, columns * _SIDE))
         with cog_output(path, whole, crs, BANDS, origin) as put:
             for key, column, row in tiles:
                 heights = np.full(_SIDE * _SIDE, np.nan, np.float32)
                 pixels = self._spool.read([key])
                 heights[pixels["place"]] = pixels["height_m"]
-                tile = Grid(PIXEL_M, column * _SIDE, -row * _SIDE, (_SIDE, _SIDE))
+                tile = Grid(CROP_PIXEL_M, column * _SIDE, -row * _SIDE, (_SIDE, _SIDE))
                 put(tile, (heights.reshape(_SIDE, _SIDE),))
         return True

@@ -14,7 +14,7 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.dates.ground_pair import GroundPair
-from furrowmap.core.dates.moved_surface import moved, reach_cells
+from furrowmap.core.dates.moved_surface import move_surface, reach_cells
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import HEIGHT, STANDARD_ERROR, Band, cog_output
@@ -81,7 +81,7 @@ class Mover:
         around = Grid(
             part.cell_m, part.west - margin, part.north + margin, (part.rows + 2 * margin, part.columns + 2 * margin)
         )
-        return moved(self.surface.read(around), around, part, self.move, self.middle_m)
+        return move_surface(self.surface.read(around), around, part, self.move, self.middle_m)
 
 
 def write_moved(path: Path, mover: Mover, grid: Grid, crs: CRS, origin: Origin) -> None:

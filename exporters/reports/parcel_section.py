@@ -9,9 +9,8 @@ from typing import Final
 import numpy as np
 import shapely
 
-from furrowmap.core.crops.doses import dose_name, dose_unit, doses_of
 from furrowmap.core.crops.measure import MeasuredParcel
-from furrowmap.core.crops.response import response_to
+from furrowmap.core.crops.response import dose_name, dose_unit, fit_response, parcel_doses
 from furrowmap.exporters.reports.page_parts import figure, key, remark, section, table
 from furrowmap.exporters.reports.svg import Sheet
 from furrowmap.exporters.reports.trial_charts import Points, response_chart
@@ -38,9 +37,9 @@ def _response(found: Sequence[MeasuredParcel]) -> Iterator[str]:
     name = dose_name(parcels)
     if name is None:
         return
-    dose, blocks = doses_of(parcels, name), [parcel.block or "" for parcel in parcels]
+    dose, blocks = parcel_doses(parcels, name), [parcel.block or "" for parcel in parcels]
     heights = Points(np.array([row.figures.mean_height_m for row in found]), blocks, "mean height, m", "block")
-    response = response_to(dose, heights.value, blocks, dose_unit(name))
+    response = fit_response(dose, heights.value, blocks, dose_unit(name))
     yield section("Response to treatments", figure(response_chart(dose, heights, response, name), response.words))
 
 

@@ -8,8 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.crops.growth import Growth
-from furrowmap.core.crops.measured_growth import GrownParcel
+from furrowmap.core.crops.growth import GrownParcel, Growth
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
 from furrowmap.exporters.vectors.parcel_table import attribute_columns, text_column
 

@@ -11,8 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.crops.figures import ParcelFigures
-from furrowmap.core.crops.measure import MeasuredParcel
+from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.csv_cells import cell

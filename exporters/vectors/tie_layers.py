@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 import shapely
 
-from furrowmap.core.dates.ground_pair import PATCH_M
+from furrowmap.core.dates.ground_pair import TIE_PATCH_M
 from furrowmap.core.dates.pair_tie import PairTie
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
 
@@ -50,7 +50,7 @@ def tie_layers(
 
 def patch_area_m2(tie: PairTie) -> float:
     """Area of the patches of a tie."""
-    return tie.patches * PATCH_M**2
+    return tie.patches * TIE_PATCH_M**2
 
 
 def _columns(rows: Sequence[Mapping[str, Any]]) -> Columns:

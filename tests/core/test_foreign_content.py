@@ -17,9 +17,8 @@ from PIL import Image
 from pyproj import CRS
 from shapely.geometry import Point, box
 
-from furrowmap.core.crops.measured_table import read_measured
 from furrowmap.core.crops.parcels import read_parcels
-from furrowmap.core.crops.treatments import read_treatments
+from furrowmap.core.crops.trial_tables import read_measured, read_treatments
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.pipeline.session_aid import read_pixels
 from furrowmap.core.readers.areas.area import read_area

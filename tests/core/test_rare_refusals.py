@@ -20,7 +20,7 @@ import furrowmap
 from furrowmap.cli.point_options import classes_of, widths_of
 from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.crops.logistic import fit_logistic
-from furrowmap.core.crops.treatments import read_treatments
+from furrowmap.core.crops.trial_tables import read_treatments
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.images.board import expect_opencv

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from importlib.metadata import version
@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 from pyproj import CRS
 
-from furrowmap.core.crops.measured_growth import MeasuredGrowth, measured_growth, soil_changes
+from furrowmap.core.crops.growth import GrownParcel, SoilChange, align_flights, measure_growth
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.crops.parcels import read_parcels
-from furrowmap.core.crops.soil_change import FEWEST_COMMON, SoilChange
-from furrowmap.core.crops.treatments import day_of
+from furrowmap.core.crops.trial_tables import day_of
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
@@ -101,7 +100,9 @@ def growth(
         OSError: if the folder cannot be written to.
     """
     folder, file = Path(out), Path(parcels)
-    _refuse_occupied(folder, overwrite=overwrite)
+    if folder.is_dir():
+        recover(folder)
+        refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
     by_day, notices = _by_day(opened, areas, settings.days), list(opened.notices)
@@ -109,9 +110,11 @@ def growth(
         flights = [stack.enter_context(ParcelPoints(areas, staging.parent)) for _ in by_day]
         for points, part in zip(flights, by_day.values(), strict=True):
             notices += collect(part, file, points, settings.classes, progress)[0]
-        changes, grown = _measured(list(by_day), flights, progress)
+        days = list(by_day)
+        cells, changes = align_flights(days, flights)
+        grown = measure_growth(days, flights, cells, changes, progress)
         records = [*input_records(opened, progress), *file_records([file], file.parent)]
-        layer = _write(staging, grown, list(by_day), opened.crs, records)
+        layer = _write(staging, grown, days, opened.crs, records)
         for notice in (notices := [*notices, *_unmeasured(grown)]):
             warn(notice)
         account = {
@@ -129,27 +132,12 @@ def growth(
     return dict(plain(account))
 
 
-def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
-    if folder.is_dir():
-        recover(folder)
-        refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
-
-
-def _measured(
-    days: Sequence[dt.date], flights: Sequence[ParcelPoints], progress: Progress
-) -> tuple[list[SoilChange], MeasuredGrowth]:
-    """The change of the soil from the first flight to each other, and the growth."""
-    cells, found = soil_changes(flights)
-    changes = list(_aligned(days, found))
-    return changes, measured_growth(days, flights, cells, changes, progress)
-
-
 def _write(
-    folder: Path, grown: MeasuredGrowth, days: Sequence[dt.date], crs: CRS, records: Sequence[FileRecord]
+    folder: Path, grown: Sequence[GrownParcel], days: Sequence[dt.date], crs: CRS, records: Sequence[FileRecord]
 ) -> Layer:
     """Write layer, table and spreadsheet; the layer."""
     origin = Origin("Crop growth", inputs=[(record.name, record.sha256) for record in records])
-    layer = growth_layer(grown.parcels, days)
+    layer = growth_layer(grown, days)
     write_layer(folder / GROWTH, layer, crs, indexed=False, origin=origin)
     write_styles(folder / GROWTH, [LAYER])
     write_parcel_table(folder / GROWTH_TABLE, layer)
@@ -196,14 +184,6 @@ def _day_of_points(part: Clouds, parcels: Sequence[Parcel]) -> dt.date:
     raise InputError("cloud-day", files=part.files[0].path)
 
 
-def _aligned(days: Sequence[dt.date], found: Sequence[SoilChange | None]) -> Iterator[SoilChange]:
-    """The changes of the soil."""
-    for day, change in zip(days[1:], found, strict=True):
-        if change is None:
-            raise InputError("growth-soil", fewest_common=FEWEST_COMMON, days=days[0], day=day)
-        yield change
-
-
 def _rows(layer: Layer) -> list[dict[str, Any]]:
     """A row for each parcel."""
     return [
@@ -215,10 +195,10 @@ def _rows(layer: Layer) -> list[dict[str, Any]]:
     ]
 
 
-def _unmeasured(grown: MeasuredGrowth) -> list[Notice]:
+def _unmeasured(grown: Sequence[GrownParcel]) -> list[Notice]:
     """A warning about parcels without growth."""
-    names = [row.parcel.id for row in grown.parcels if row.growth is None]
+    names = [row.parcel.id for row in grown if row.growth is None]
     if not names:
         return []
     shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
-    return [Notice("growth-unmeasured", names=len(names), parcels=len(grown.parcels), shown=shown)]
+    return [Notice("growth-unmeasured", names=len(names), parcels=len(grown), shown=shown)]

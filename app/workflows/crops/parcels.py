@@ -13,11 +13,11 @@ from typing import Any
 
 from pyproj import CRS
 
-from furrowmap.core.crops.measure import METHODS, MeasuredParcel, Method, measured
-from furrowmap.core.crops.parcel_points import AROUND_M, ParcelPoints
+from furrowmap.core.crops.measure import METHODS, MeasuredParcel, Method, measure_parcels
+from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
 from furrowmap.core.crops.site_soil import site_soil
-from furrowmap.core.crops.treatments import day_of, read_treatments, with_treatments
+from furrowmap.core.crops.trial_tables import day_of, read_treatments, with_treatments
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.geodesy.projection import scale_at
@@ -97,7 +97,7 @@ class ParcelSettings:
     @property
     def around_m(self) -> float | None:
         """Width of the strip around the gross parcels whose points are needed; None for the net parcels only."""
-        return AROUND_M if self.published else None
+        return PUBLISHED_STRIP_M if self.published else None
 
 
 def parcels(
@@ -259,7 +259,8 @@ def write_parcels(
         soil = site_soil(points, source)
     with CropHeights(folder.parent) as heights:
         scale = scale_at(crs, place.x, place.y)
-        rows = measured(points, soil.soil, soil.noise_m, settings.method, compare=settings.published, scale=scale)
+        published = settings.published
+        rows = measure_parcels(points, soil.soil.under, soil.noise_m, settings.method, compare=published, scale=scale)
         for row, canopy in rows:
             heights.add(canopy)
             found.append(row)

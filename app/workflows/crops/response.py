@@ -14,12 +14,18 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.crops.doses import dose_name, dose_unit, doses_of
 from furrowmap.core.crops.growth import Growth, growth_of
 from furrowmap.core.crops.logistic import Logistic
-from furrowmap.core.crops.measured_table import MEASURE, MeasuredTable, read_measured
-from furrowmap.core.crops.response import Response, response_to
-from furrowmap.core.crops.treatments import TREATMENT, day_of, read_treatments, with_treatments
+from furrowmap.core.crops.response import Response, dose_name, dose_unit, fit_response, parcel_doses
+from furrowmap.core.crops.trial_tables import (
+    MEASURE,
+    TREATMENT,
+    MeasuredTable,
+    day_of,
+    read_measured,
+    read_treatments,
+    with_treatments,
+)
 from furrowmap.core.crops.variance import Variance, analysis_of_variance
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
@@ -145,8 +151,8 @@ def _flight(
         parcels, more = with_treatments(parcels, read_treatments(treatments, day))
         notices += more
     name = dose_name(parcels, settings.dose)
-    dose = doses_of(parcels, name) if name is not None else None
-    found = None if dose is None else response_to(dose, table.value, [each.block for each in parcels], dose_unit(name))
+    dose = parcel_doses(parcels, name) if name is not None else None
+    found = None if dose is None else fit_response(dose, table.value, [each.block for each in parcels], dose_unit(name))
     return _Flight(day, parcels, table, dose, found, _variance(parcels, table, dose, notices))
 
 

@@ -11,8 +11,8 @@ from typing import Final
 
 from pyproj import CRS
 
-from furrowmap.core.crops.soil_cells import CELL_M
-from furrowmap.core.crops.soil_raster import SoilRaster, open_soil_raster
+from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster
+from furrowmap.core.crops.soil import SOIL_CELL_M
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.pointclouds.spooled_clouds import spool_clouds
 from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
@@ -108,12 +108,12 @@ def _clouds(path: Path, target: CRS) -> Clouds:
 
 def _gridded(clouds: Clouds, folder: Path, box_m: Box, progress: Progress) -> Path:
     """The surface of a cloud in a box."""
-    with PointSpool(CELL_M, folder=folder) as points, PointSpool(CELL_M, folder=folder) as ground:
+    with PointSpool(SOIL_CELL_M, folder=folder) as points, PointSpool(SOIL_CELL_M, folder=folder) as ground:
         spooled = spool_clouds(clouds, points, ground, box_m, progress=progress)
         if points.grid is None:
             raise no_points_error(clouds, box_m)
         method: GroundMethod = "class" if spooled.classified else "none"
-        settings = SurfaceSettings(cell_m=CELL_M)
+        settings = SurfaceSettings(cell_m=SOIL_CELL_M)
         records = input_records(clouds, progress)
         CloudRasters(folder, clouds, points.grid, settings, box_m, method, records, spooled.span_s).surfaces(
             spooled, progress

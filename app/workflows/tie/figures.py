@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.dates.network import SIZE, Network
+from furrowmap.core.dates.network import MOVE_SIZE, Network
 from furrowmap.core.dates.pair_tie import PairTie
 from furrowmap.exporters.rasters.dated_surface import DatedSurface
 from furrowmap.exporters.rasters.tied_surfaces import ChangeFigures
@@ -24,7 +24,7 @@ def date_rows(dates: Sequence[DatedSurface], net: Network, first: int, tied: Seq
     """Each date with what moves it."""
     rows = []
     for k, date in enumerate(dates):
-        own = slice(SIZE * (first + k), SIZE * (first + k + 1))
+        own = slice(MOVE_SIZE * (first + k), MOVE_SIZE * (first + k + 1))
         sigma = np.sqrt(np.diag(net.covariance[own, own]))
         rows.append(
             {

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.checking.surface_at_points import surface_at_points
-from furrowmap.core.dates.pair_tie import PLACE, PairTie, pair_tie, points_tie
+from furrowmap.core.dates.pair_tie import PLACE, PairTie, tie_pair, tie_points
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.surfaces.grid import Grid
@@ -89,7 +89,7 @@ def reference_tie(
     """
     if reference.surface is not None:
         pieces = list(ground_pairs(reference.surface, before, touched))
-        return pair_tie(pieces, middle_m, date.sigma[PLACE])
+        return tie_pair(pieces, middle_m, date.sigma[PLACE])
     options = SurveyOptions(sigma_m=reference.sigma_m)
     found = surface_at_points(date.before.path, reference.path, options)
     xyz = np.array([point.surveyed_m for point in found.points])
@@ -97,4 +97,4 @@ def reference_tie(
     stated = found.survey.sigma_m[:, 2]
     sigma = np.hypot(np.where(np.isfinite(stated), stated, reference.sigma_m or 0.0), CELL_SIGMA_M)
     used = np.isfinite(above) & ~shapely.contains_xy(touched, xyz[:, 0], xyz[:, 1])
-    return points_tie(xyz[used, :2], above[used], sigma[used], middle_m)
+    return tie_points(xyz[used, :2], above[used], sigma[used], middle_m)

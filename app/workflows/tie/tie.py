@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.dates.between import left_under
-from furrowmap.core.dates.moved_surface import moved_places
-from furrowmap.core.dates.network import Network, network
-from furrowmap.core.dates.pair_tie import PLACE, PairTie, pair_tie
-from furrowmap.core.dates.upright import Upright
-from furrowmap.core.dates.upright_tie import upright_tie
+from furrowmap.core.dates.moved_surface import move_places
+from furrowmap.core.dates.network import Network, adjust_network, interpolate_left_error
+from furrowmap.core.dates.pair_tie import PLACE, PairTie, tie_pair
+from furrowmap.core.dates.upright import Upright, tie_uprights
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.languages.choice import language_of_user
@@ -138,7 +136,7 @@ def tie(
         if not work.ties:
             raise _nothing_common(dates)
         prior = np.array([*([work.reference.sigma] if work.reference else []), *[date.sigma for date in dates]])
-        net = network(work.ties, prior)
+        net = adjust_network(work.ties, prior)
         notices = list(_notices(work, net, prior))
         for notice in notices:
             warn(notice)
@@ -183,10 +181,10 @@ def _find_ties(work: _Work, progress: Progress) -> None:
         touched = union([date.touched for date in dates[i:j]])
         pieces = list(ground_pairs(work.surfaces[i][1], work.surfaces[j][1], touched))
         sigma = np.hypot(dates[i].sigma, dates[j].sigma)[PLACE]
-        standing = upright_tie(
+        standing = tie_uprights(
             outside(touched, work.upright[i]), outside(touched, work.upright[j]), work.middle_m, sigma
         )
-        found = pair_tie(pieces, work.middle_m, sigma, standing)
+        found = tie_pair(pieces, work.middle_m, sigma, standing)
         if found is not None:
             work.ties[first + i, first + j] = found
     if work.reference is not None:
@@ -311,14 +309,14 @@ def _changes(staging: Path, work: _Work, net: Network, movers: Sequence[Mover], 
         move, covariance = net.between(a, b)
         left = (0.0, float("nan"))
         if len(found.places_m):
-            left = left_under(found.places_m, work.middle_m, move, covariance, work.ties.get((a, b)))
+            left = interpolate_left_error(found.places_m, work.middle_m, move, covariance, work.ties.get((a, b)))
         rows.append({"date_a": k + 1, "date_b": j + 1, "raster": name, **moved_figures(found, left)})
     return rows
 
 
 def _moved(shape: BaseGeometry, mover: Mover) -> BaseGeometry:
     """Ground that a tool worked, moved in place with the surface: two centimetres are a percent of a lane."""
-    moved: BaseGeometry = shapely.transform(shape, lambda xy: moved_places(xy, mover.move, mover.middle_m))
+    moved: BaseGeometry = shapely.transform(shape, lambda xy: move_places(xy, mover.move, mover.middle_m))
     return moved
 
 

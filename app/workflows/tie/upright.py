@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.dates.upright import Upright, together, upright
+from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
 from furrowmap.core.values.point_classes import PointClass
 
@@ -33,11 +33,11 @@ def what_stands(cloud: Path, bounds_m: tuple[float, float, float, float]) -> Upr
         InputError: if the cloud is damaged.
     """
     if not cloud.is_file():
-        return together([])
+        return join_uprights([])
     file = open_cloud(cloud)
     west, south, east, north = bounds_m
     tiles = list(product(np.arange(west, east, TILE_M).tolist(), np.arange(south, north, TILE_M).tolist()))
-    return together([_of_tile(file, *corner) for corner in islice(tiles, 0, None, -(-len(tiles) // MOST_TILES))])
+    return join_uprights([_of_tile(file, *corner) for corner in islice(tiles, 0, None, -(-len(tiles) // MOST_TILES))])
 
 
 def _of_tile(file: CloudFile, west: float, south: float) -> Upright:
@@ -47,7 +47,7 @@ def _of_tile(file: CloudFile, west: float, south: float) -> Upright:
         kept = ~np.isin(batch.classification, _NOT_STANDING) & ~batch.withheld
         xyz.append(batch.xyz_m[kept])
         ground.append(batch.classification[kept] == PointClass.GROUND)
-    found = upright(np.concatenate(xyz), np.concatenate(ground))
+    found = find_uprights(np.concatenate(xyz), np.concatenate(ground))
     within = (found.xy_m >= (west, south)) & (found.xy_m < (west + TILE_M, south + TILE_M))
     return found.at(np.flatnonzero(within.all(axis=1)))
 

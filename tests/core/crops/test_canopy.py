@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from furrowmap.core.crops.canopy import Canopy, canopy_top
-from furrowmap.core.crops.figures import parcel_figures
+from furrowmap.core.crops.measure import parcel_figures
 from furrowmap.core.surfaces.grid import Grid
 
 NOISE_M = 0.012

@@ -10,14 +10,19 @@ import rasterio
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.crops.doses import dose_name, dose_unit, doses_of
-from furrowmap.core.crops.net_parcel import net_of
 from furrowmap.core.crops.parcel_points import USUAL_NOISE_M, ParcelPoints
+from furrowmap.core.crops.parcels import inset_parcel
 from furrowmap.core.crops.published import grown_region
-from furrowmap.core.crops.response import response_to
-from furrowmap.core.crops.soil import FEWEST_CELLS, Relief, interpolated, soil_around
-from furrowmap.core.crops.soil_cells import SoilCells, noise_in_pixels, without_crop
-from furrowmap.core.crops.soil_raster import SoilRaster
+from furrowmap.core.crops.response import dose_name, dose_unit, fit_response, parcel_doses
+from furrowmap.core.crops.site_soil import SoilRaster, soil_around
+from furrowmap.core.crops.soil import (
+    MIN_SOIL_CELLS,
+    HeightCovariance,
+    SoilCells,
+    interpolate_soil,
+    noise_in_pixels,
+    without_crop,
+)
 from furrowmap.core.features.neighbours import MOST_COLUMNS, columns
 from furrowmap.core.features.segment_votes import colour_segments
 from furrowmap.core.runtime.errors import InputError
@@ -38,7 +43,7 @@ def test_doses__by_a_stated_name_in_any_case_or_by_what_names_say() -> None:
     assert dose_name([of(height=1.0)]) is None
     assert dose_unit("n_kg_ha") == "kg/ha"
     assert dose_unit("Nitrogen") == dose_unit(None) == ""
-    np.testing.assert_array_equal(doses_of(parcels, "Nitrogen"), [120.0, np.nan])
+    np.testing.assert_array_equal(parcel_doses(parcels, "Nitrogen"), [120.0, np.nan])
     with pytest.raises(InputError, match="No parcel has a number under 'Variety'") as refused:
         dose_name(parcels, "Variety")
     assert refused.value.code == "dose-unknown"
@@ -46,14 +51,14 @@ def test_doses__by_a_stated_name_in_any_case_or_by_what_names_say() -> None:
 
 
 def test_net_parcels__of_any_shape_lie_within_their_strips() -> None:
-    assert net_of(BOX, 0.0, 0.0) is BOX
-    assert net_of(BOX, 1.0, 0.5).equals(shapely.box(1.0, 0.5, 9.0, 3.5))
+    assert inset_parcel(BOX, 0.0, 0.0) is BOX
+    assert inset_parcel(BOX, 1.0, 0.5).equals(shapely.box(1.0, 0.5, 9.0, 3.5))
     holed = BOX.difference(shapely.box(4.0, 1.0, 5.0, 2.0))
-    assert net_of(holed, 1.0, 0.5).equals(holed.intersection(shapely.box(1.0, 0.5, 9.0, 3.5)))
+    assert inset_parcel(holed, 1.0, 0.5).equals(holed.intersection(shapely.box(1.0, 0.5, 9.0, 3.5)))
     hexagon = shapely.Polygon([(0, 2), (1, 0), (9, 0), (10, 2), (9, 4), (1, 4)])
-    assert net_of(hexagon, 1.0, 0.5).equals(hexagon.intersection(shapely.box(1.0, 0.5, 9.0, 3.5)))
-    assert net_of(BOX, 5.0, 0.5) is None
-    assert net_of(shapely.Polygon([(0, 0), (5, 0), (10, 0)]), 1.0, 0.5) is None
+    assert inset_parcel(hexagon, 1.0, 0.5).equals(hexagon.intersection(shapely.box(1.0, 0.5, 9.0, 3.5)))
+    assert inset_parcel(BOX, 5.0, 0.5) is None
+    assert inset_parcel(shapely.Polygon([(0, 0), (5, 0), (10, 0)]), 1.0, 0.5) is None
 
 
 def test_points__none_are_none_and_few_have_the_usual_noise() -> None:
@@ -74,7 +79,7 @@ def test_grown_regions__of_nothing_are_empty() -> None:
 def test_responses__that_do_not_level_off_say_so() -> None:
     dose = np.tile(np.array([0.0, 50.0, 100.0, 150.0, 200.0]), 6)
     rising = 0.3 + 0.4 / (1.0 + np.exp(-0.02 * (dose - 210.0)))
-    found = response_to(dose, rising + np.random.default_rng(2).normal(0.0, 0.002, len(dose)), unit="kg/ha")
+    found = fit_response(dose, rising + np.random.default_rng(2).normal(0.0, 0.002, len(dose)), unit="kg/ha")
     assert not found.plateau_shown
     assert found.words == "The response does not level off up to the highest dose, 200 kg/ha."
     assert found.curve is not None
@@ -85,13 +90,13 @@ def test_soil__of_no_or_too_few_cells_or_of_a_row_of_them_is_not_known() -> None
     def cells(xy_m: np.ndarray) -> SoilCells:
         return SoilCells(xy_m, np.zeros(len(xy_m)), np.full(len(xy_m), 0.01))
 
-    relief = Relief(0.01, 2.0, 0.004)
-    row = np.column_stack([np.linspace(-2.0, 12.0, 4 * FEWEST_CELLS), np.full(4 * FEWEST_CELLS, -1.0)])
-    assert interpolated(of(), cells(row[: FEWEST_CELLS - 1]), relief) is None
-    assert interpolated(of(), cells(row), relief) is None
+    relief = HeightCovariance(0.01, 2.0, 0.004)
+    row = np.column_stack([np.linspace(-2.0, 12.0, 4 * MIN_SOIL_CELLS), np.full(4 * MIN_SOIL_CELLS, -1.0)])
+    assert interpolate_soil(of(), cells(row[: MIN_SOIL_CELLS - 1]), relief) is None
+    assert interpolate_soil(of(), cells(row), relief) is None
     assert soil_around({"1": cells(row)}).under(of()) is None
     around = np.concatenate([row, row + np.array([0.0, 6.0])])
-    patch = interpolated(of(), cells(around), relief)
+    patch = interpolate_soil(of(), cells(around), relief)
     assert patch is not None
     assert np.abs(patch.height_m).max() < 1e-9
     assert len(without_crop(cells(np.zeros((0, 2))))) == 0

@@ -12,10 +12,8 @@ import shapely
 from pyproj import CRS, Transformer
 from rasterio.transform import from_origin
 
-from furrowmap.core.crops.given_soil import GivenSoil, given_soil
-from furrowmap.core.crops.soil import soil_around
-from furrowmap.core.crops.soil_cells import SoilCells, soil_cells
-from furrowmap.core.crops.soil_raster import open_soil_raster
+from furrowmap.core.crops.site_soil import SiteSoil, SurveyedSoil, align_survey, open_soil_raster, soil_around
+from furrowmap.core.crops.soil import SoilCells, soil_cells
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel
 
@@ -55,9 +53,9 @@ def write_soil(path: Path, heights_m: object, cell_m: float = 0.1, epsg: int = 2
     return path
 
 
-def soil_from(path: Path, cells: SoilCells) -> GivenSoil:
+def soil_from(path: Path, cells: SoilCells) -> SurveyedSoil:
     with open_soil_raster(path, MAP, BOX) as raster:
-        return given_soil(raster, [PARCEL], {"1": cells})
+        return align_survey(raster, [PARCEL], {"1": cells})
 
 
 def cells_of(height_m: np.ndarray, sigma_m: float) -> SoilCells:
@@ -82,7 +80,7 @@ def test_given_soil__is_that_of_the_survey_at_the_height_of_the_points(
     assert around is not None
     middle = np.array([[EAST + 5.0, NORTH + 1.25]])
     assert abs(around.at(middle) - mound(middle)) > 0.05
-    assert soil.notices() == []
+    assert SiteSoil(soil, 0.01, 0).notices == []
 
 
 def test_given_soil__errors_are_as_large_as_stated(tmp_path: Path) -> None:
@@ -107,7 +105,7 @@ def test_given_soil__without_bare_soil_in_common_is_used_as_it_is(tmp_path: Path
     assert patch is not None
     assert patch.at(INSIDE) == pytest.approx(mound(INSIDE), abs=0.012)
     assert math.isnan(patch.sigma_m)
-    assert [notice.code for notice in soil.notices()] == ["soil-not-aligned"]
+    assert [notice.code for notice in SiteSoil(soil, 0.01, 0).notices] == ["soil-not-aligned"]
     assert soil.plain()["offset_sigma_m"] is None
 
 
@@ -115,7 +113,7 @@ def test_given_soil__of_a_parcel_without_bare_soil_has_the_offset_of_the_others(
     path = write_soil(tmp_path / "dtm.tif", mound)
     lonely = Parcel("2", on_map(3.0, 5.0, 6.0, 7.0), on_map(3.0, 5.0, 6.0, 7.0))
     with open_soil_raster(path, MAP, BOX) as raster:
-        soil = given_soil(raster, [PARCEL, lonely], {"1": cells_of(mound(AROUND) + 0.05, 0.002), "2": cells_of(
+        soil = align_survey(raster, [PARCEL, lonely], {"1": cells_of(mound(AROUND) + 0.05, 0.002), "2": cells_of(
             mound(AROUND), 0.002).at(np.arange(2))})  # fmt: skip
     patch = soil.under(lonely)
     assert patch is not None
@@ -129,7 +127,7 @@ def test_given_soil__is_unknown_where_the_survey_does_not_cover_the_parcel(tmp_p
     assert soil_from(path, cells_of(mound(AROUND), 0.002)).under(PARCEL) is None
     far = Parcel("1", *(shapely.transform(shape, lambda xy: xy + 500.0) for shape in (PARCEL.gross, PARCEL.net)))
     with open_soil_raster(path, MAP, BOX) as raster:
-        assert given_soil(raster, [far], {"1": soil_cells(np.zeros((0, 3)))}).under(far) is None
+        assert align_survey(raster, [far], {"1": soil_cells(np.zeros((0, 3)))}).under(far) is None
 
 
 def test_soil_raster__without_heights_is_refused(tmp_path: Path) -> None:

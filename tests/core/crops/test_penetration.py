@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.crops.penetration import MOST_RETURNS, Penetration, l_moments_of, penetration_of
-from furrowmap.core.crops.pixels import pixel_halves, pixel_returns
+from furrowmap.core.crops.penetration import Penetration, estimate_penetration, l_moments_of
+from furrowmap.core.crops.pixels import MAX_RANK, pixel_halves, pixel_returns
 from furrowmap.core.surfaces.grid import Grid
 
 
@@ -24,9 +24,9 @@ def drawn(rng: np.random.Generator, shape: float, scale: float, noise: float, si
 def test_penetration__without_noise_has_the_closed_form_of_the_weibull_law(shape: float) -> None:
     scale = 0.09
     mean = scale * math.gamma(1.0 + 1.0 / shape)
-    least = [mean * n ** (-1.0 / shape) for n in range(1, MOST_RETURNS + 1)]  # of n depths
+    least = [mean * n ** (-1.0 / shape) for n in range(1, MAX_RANK + 1)]  # of n depths
     _, second, third = l_moments_of(*(-value for value in least[:3]))
-    found = penetration_of(float(second), float(third), noise_m=0.002)
+    found = estimate_penetration(float(second), float(third), noise_m=0.002)
     assert found.shape == pytest.approx(shape, abs=0.04)
     assert found.mean_depth_m == pytest.approx(mean, rel=0.02)
     assert found.top_above_highest_m()[1:] == pytest.approx(least, rel=0.05, abs=0.001)
@@ -40,7 +40,7 @@ def test_penetration__of_pulses_with_noise_gives_their_mean_depth(
     heights = drawn(np.random.default_rng(seed), shape, scale, noise, (60_000, 3))
     means = [heights[:, :k].max(axis=1).mean() for k in (1, 2, 3)]
     _, second, third = l_moments_of(*means)
-    found = penetration_of(float(second), float(third), noise)
+    found = estimate_penetration(float(second), float(third), noise)
     true = scale * math.gamma(1.0 + 1.0 / shape)
     assert found.mean_depth_m == pytest.approx(true, rel=0.08)
     # the top from one return, from the higher of two, from the highest of three: the same
@@ -69,7 +69,7 @@ def test_one_return__has_the_mean_and_the_variance_of_the_law_and_its_noise_anyw
 def test_penetration__of_a_hard_surface_is_near_nothing() -> None:
     heights = 0.012 * np.random.default_rng(6).standard_normal((60_000, 3))
     _, second, third = l_moments_of(*(heights[:, :k].max(axis=1).mean() for k in (1, 2, 3)))
-    assert penetration_of(float(second), float(third), 0.012).mean_depth_m < 0.015
+    assert estimate_penetration(float(second), float(third), 0.012).mean_depth_m < 0.015
 
 
 def test_pixel_returns__are_means_over_all_choices() -> None:
@@ -80,7 +80,7 @@ def test_pixel_returns__are_means_over_all_choices() -> None:
     for k in (1, 2, 3):
         expected = np.mean([max(chosen) for chosen in combinations(heights.tolist(), k)])
         assert found.means_m(found.count > 0)[0, k - 1] == pytest.approx(expected)
-    expected = np.mean([max(chosen) for chosen in combinations(heights.tolist(), MOST_RETURNS)])
+    expected = np.mean([max(chosen) for chosen in combinations(heights.tolist(), MAX_RANK)])
     assert found.highest_m[0, 1] == pytest.approx(expected)
     assert found.count.tolist() == [[0, 11]]
     assert np.isnan(found.highest_m[0, 0])

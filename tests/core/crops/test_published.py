@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.crops.published import (
     christiansen2017,
-    filled,
+    fill_pixels,
     grown_region,
     highest_voxels,
     plane_heights,
@@ -70,19 +70,19 @@ def test_highest_voxels__is_the_middle_of_the_topmost() -> None:
 
 def test_filled__with_six_of_eight_but_not_with_five() -> None:
     pixels = np.array([[1.0, 2.0, 3.0], [4.0, NAN, 5.0], [NAN, NAN, 6.0]])
-    assert filled(pixels)[1, 1] == pytest.approx(21.0 / 6.0)
+    assert fill_pixels(pixels)[1, 1] == pytest.approx(21.0 / 6.0)
     pixels[0, 0] = NAN
-    assert np.isnan(filled(pixels)[1, 1])
+    assert np.isnan(fill_pixels(pixels)[1, 1])
 
 
 def test_filled__goes_on_until_nothing_changes() -> None:
     pixels = np.ones((6, 7))
     pixels[2, 2:5] = pixels[3, 3] = NAN
     # the ends of the bar of the T have six neighbours, its middle and foot five until the ends are filled
-    assert not np.isnan(filled(pixels)).any()
+    assert not np.isnan(fill_pixels(pixels)).any()
     pixels[3, 2:5] = pixels[4, 2:5] = NAN
     # nothing begins in a square of three by three, whose corners have five
-    assert np.isnan(filled(pixels)).sum() == 9
+    assert np.isnan(fill_pixels(pixels)).sum() == 9
 
 
 @settings(max_examples=50, deadline=None)
@@ -91,14 +91,14 @@ def test_filled__keeps_what_is_known_and_stays_within_it(seed: int) -> None:
     rng = np.random.default_rng(seed)
     pixels = rng.uniform(size=(9, 11))
     pixels[rng.uniform(size=pixels.shape) < 0.3] = NAN
-    out = filled(pixels)
+    out = fill_pixels(pixels)
     known = np.isfinite(pixels)
     assert (out[known] == pixels[known]).all()
     if known.any():
         assert np.nanmin(out) >= np.nanmin(pixels)
         assert np.nanmax(out) <= np.nanmax(pixels)
     # mirrored pixels are filled as the mirror of the filled
-    assert filled(pixels[::-1]) == pytest.approx(out[::-1], nan_ok=True)
+    assert fill_pixels(pixels[::-1]) == pytest.approx(out[::-1], nan_ok=True)
 
 
 def test_soil_plane__of_a_tilted_field_without_its_crop() -> None:
@@ -163,4 +163,4 @@ def test_filled__is_the_definition_pass_by_pass() -> None:
         if not ready.any():
             break
         expected[ready] = np.nansum(around, axis=0)[ready] / known[ready]
-    assert filled(pixels) == pytest.approx(expected, nan_ok=True)
+    assert fill_pixels(pixels) == pytest.approx(expected, nan_ok=True)

@@ -11,7 +11,7 @@ from scipy.optimize import curve_fit
 
 from furrowmap.core.crops.growth import growth_of
 from furrowmap.core.crops.logistic import Observations, fit_logistic, p_of_no_response
-from furrowmap.core.crops.response import response_to
+from furrowmap.core.crops.response import fit_response
 from furrowmap.core.crops.variance import analysis_of_variance
 from furrowmap.core.runtime.errors import InputError
 
@@ -66,7 +66,7 @@ def test_offsets_of_blocks__are_found_and_do_not_move_the_curve() -> None:
 
 def test_sums__are_those_of_the_observations() -> None:
     height = heights(11)
-    seen = Observations.of(DOSE, height, BLOCK)
+    seen = Observations.sum_up(DOSE, height, BLOCK)
     means = np.array([height[k == BLOCK].mean() for k in range(4)])
     assert seen.squares == pytest.approx(((height - means[BLOCK]) ** 2).sum())
     assert seen.freedom == 28 - 4 - 3
@@ -82,7 +82,7 @@ def test_without_noise__the_truth_is_found_and_the_intervals_close() -> None:
 
 def test_a_straight_line__leaves_the_plateau_open() -> None:
     height = 0.3 + 0.001 * DOSE + np.random.default_rng(2).normal(0.0, 0.01, len(DOSE))
-    found = response_to(DOSE, height, unit="kg/ha")
+    found = fit_response(DOSE, height, unit="kg/ha")
     assert found.curve is not None
     assert not found.plateau_shown
     assert np.isinf(found.curve.rise.high)
@@ -90,12 +90,12 @@ def test_a_straight_line__leaves_the_plateau_open() -> None:
 
 
 def test_what_holds_no_curve__says_so() -> None:
-    flat = response_to(DOSE, 0.45 + np.random.default_rng(8).normal(0.0, 0.015, len(DOSE)))
+    flat = fit_response(DOSE, 0.45 + np.random.default_rng(8).normal(0.0, 0.015, len(DOSE)))
     assert flat.curve is None
     assert flat.p is not None
     assert flat.p > 0.05
     assert "no curve" in flat.words
-    few = response_to(np.tile([0.0, 100.0, 200.0], 4), heights(1)[:12])
+    few = fit_response(np.tile([0.0, 100.0, 200.0], 4), heights(1)[:12])
     assert few.curve is None
     assert few.p is None
     assert "needs 4 doses" in few.words
@@ -104,7 +104,7 @@ def test_what_holds_no_curve__says_so() -> None:
 def test_response__of_the_truth_is_certain_and_levels_off_where_it_does() -> None:
     value = heights(4)
     value[3] = np.nan
-    found = response_to(DOSE, value, [str(k) for k in BLOCK], "kg/ha")
+    found = fit_response(DOSE, value, [str(k) for k in BLOCK], "kg/ha")
     assert found.parcels == 27
     assert found.blocks == ("0", "1", "2", "3")
     assert found.p == 1 / 2000

@@ -9,8 +9,17 @@ import pytest
 import shapely
 
 from furrowmap.core.crops.parcel_points import CellsNear, ParcelPoints
-from furrowmap.core.crops.soil import MOST_CELLS, Relief, interpolated, nearest, relief_of, soil_around
-from furrowmap.core.crops.soil_cells import SoilCells, noise_in_pixels, soil_cells, without_crop
+from furrowmap.core.crops.site_soil import soil_around
+from furrowmap.core.crops.soil import (
+    MAX_SOIL_CELLS,
+    HeightCovariance,
+    SoilCells,
+    estimate_covariance,
+    interpolate_soil,
+    noise_in_pixels,
+    soil_cells,
+    without_crop,
+)
 from furrowmap.core.values.parcel import Parcel
 
 GROSS = shapely.box(0.0, 0.0, 10.0, 2.5)
@@ -60,8 +69,8 @@ def test_interpolated__a_plane_is_found_exactly() -> None:
 
     cells = cells_around(plane, np.random.default_rng(4), 0.0)
     cells = cells.at(np.arange(0, len(cells), 7))
-    for relief in (Relief(0.0, 3.0, 0.005), Relief(0.02, 3.0, 0.005)):
-        patch = interpolated(PARCEL, cells, relief)
+    for relief in (HeightCovariance(0.0, 3.0, 0.005), HeightCovariance(0.02, 3.0, 0.005)):
+        patch = interpolate_soil(PARCEL, cells, relief)
         assert patch is not None
         inside = np.array([[1.0, 0.2], [5.3, 1.1], [8.9, 2.3]])
         assert patch.at(inside) == pytest.approx(plane(inside), abs=1e-6)
@@ -69,39 +78,37 @@ def test_interpolated__a_plane_is_found_exactly() -> None:
 
 def test_interpolated__errors_are_as_large_as_stated() -> None:
     """Random relief with the covariance that is assumed: the mean under the parcel against its standard deviation."""
-    rng, relief = np.random.default_rng(5), Relief(0.02, 2.0, 0.006)
+    rng, relief = np.random.default_rng(5), HeightCovariance(0.02, 2.0, 0.006)
     cells = cells_around(lambda xy: np.zeros(len(xy)), rng, 0.0)
     cells = cells.at(np.arange(0, len(cells), 11))
     x, y = np.meshgrid(np.arange(1.25, 9.0, 0.5), np.arange(0.3, 2.4, 0.5))
     under = np.column_stack([x.ravel(), y.ravel()])
     places = np.concatenate([cells.xy_m, under])
-    apart = np.linalg.norm(places[:, None] - places[None, :], axis=2)
-    root = np.linalg.cholesky(relief.covariance(apart) + 1e-9 * np.eye(len(places)))
+    root = np.linalg.cholesky(relief.between(places, places) + 1e-9 * np.eye(len(places)))
     ratios = []
     for _ in range(40):
         height = root @ rng.standard_normal(len(places))
         seen = height[: len(cells)] + relief.cell_m * rng.standard_normal(len(cells))
-        patch = interpolated(PARCEL, SoilCells(cells.xy_m, seen, cells.sigma_m), relief)
+        patch = interpolate_soil(PARCEL, SoilCells(cells.xy_m, seen, cells.sigma_m), relief)
         assert patch is not None
         ratios.append((patch.at(under).mean() - height[len(cells) :].mean()) / patch.sigma_m)
     assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.25)
 
 
 def test_relief_of__finds_the_covariance_that_made_the_heights() -> None:
-    rng, true = np.random.default_rng(6), Relief(0.02, 3.0, 0.006)
+    rng, true = np.random.default_rng(6), HeightCovariance(0.02, 3.0, 0.006)
     cells = cells_around(lambda xy: np.zeros(len(xy)), rng, 0.0)
     few = cells.at(np.arange(0, len(cells), 9))
-    apart = np.linalg.norm(few.xy_m[:, None] - few.xy_m[None, :], axis=2)
-    root = np.linalg.cholesky(true.covariance(apart) + 1e-9 * np.eye(len(few)))
+    root = np.linalg.cholesky(true.between(few.xy_m, few.xy_m) + 1e-9 * np.eye(len(few)))
     surroundings = [
         SoilCells(few.xy_m, root @ rng.standard_normal(len(few)) + 0.006 * rng.standard_normal(len(few)), few.sigma_m)
         for _ in range(8)
     ]
-    found = relief_of(surroundings)
+    found = estimate_covariance(surroundings)
     assert found.cell_m == pytest.approx(true.cell_m, rel=0.2)
-    apart = np.array([[0.5, 1.0, 2.0]])
-    found_steps = found.relief_m**2 - found.covariance(apart)
-    assert found_steps == pytest.approx(true.relief_m**2 - true.covariance(apart), rel=0.5)
+    here, away = np.zeros((1, 2)), np.array([[0.5, 0.0], [1.0, 0.0], [2.0, 0.0]])
+    found_steps = found.relief_m**2 - found.between(here, away)
+    assert found_steps == pytest.approx(true.relief_m**2 - true.between(here, away), rel=0.5)
 
 
 def test_soil_around__a_plane_states_how_far_the_soil_departs_from_it() -> None:
@@ -145,6 +152,6 @@ def test_parcel_points__go_to_the_parcel_and_to_the_soil() -> None:
 def test_nearest__are_no_farther_than_any_other() -> None:
     cells = cells_around(lambda xy: np.zeros(len(xy)), np.random.default_rng(9), 0.0)
     away = shapely.distance(PARCEL.net, shapely.points(cells.xy_m))
-    kept = nearest(cells, PARCEL)
-    assert len(cells) > len(kept) == MOST_CELLS
-    assert shapely.distance(PARCEL.net, shapely.points(kept.xy_m)).max() == np.sort(away)[MOST_CELLS - 1]
+    kept = cells.nearest(PARCEL)
+    assert len(cells) > len(kept) == MAX_SOIL_CELLS
+    assert shapely.distance(PARCEL.net, shapely.points(kept.xy_m)).max() == np.sort(away)[MAX_SOIL_CELLS - 1]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.crops.soil_cells import CELL_M, SoilCells
-from furrowmap.core.crops.soil_change import FEWEST_COMMON, joined_cells, soil_change
+from furrowmap.core.crops.growth import MIN_COMMON_CELLS, joined_cells, soil_change
+from furrowmap.core.crops.soil import SOIL_CELL_M, SoilCells
 from furrowmap.core.values.parcel import Parcel
 
 EAST, NORTH = 651_500.0, 6_133_880.0
@@ -24,9 +24,9 @@ MIDDLE = np.array([EAST + 14.0, NORTH + 5.0])
 
 def bare(rng: np.random.Generator) -> np.ndarray:
     """Centres (n, 2) of cells that no parcel covers."""
-    first = np.floor(np.array([EAST - 3.0, NORTH - 3.0]) / CELL_M)
+    first = np.floor(np.array([EAST - 3.0, NORTH - 3.0]) / SOIL_CELL_M)
     x, y = np.meshgrid(first[0] + np.arange(136), first[1] + np.arange(66))
-    xy = (np.column_stack([x.ravel(), y.ravel()]) + 0.5) * CELL_M
+    xy = (np.column_stack([x.ravel(), y.ravel()]) + 0.5) * SOIL_CELL_M
     sown = np.any([shapely.contains_xy(p.gross.buffer(0.12), *xy.T) for p in PARCELS], axis=0)
     return xy[~sown] + rng.uniform(-0.1, 0.1, (int((~sown).sum()), 2))
 
@@ -94,7 +94,7 @@ def test_soil_change__follows_what_departs_from_a_plane() -> None:
 def test_soil_change__of_flights_that_share_no_ground_is_unknown() -> None:
     rng = np.random.default_rng(1)
     whole = flight(rng, 0.0, (0.0, 0.0))
-    few = whole.at(np.arange(FEWEST_COMMON - 1))
+    few = whole.at(np.arange(MIN_COMMON_CELLS - 1))
     assert soil_change(whole, few, PARCELS) is None
     assert soil_change(few.at(np.zeros(0, np.intp)), whole, PARCELS) is None
 

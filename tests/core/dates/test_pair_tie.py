@@ -7,13 +7,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from furrowmap.core.crops.soil import Relief
-from furrowmap.core.crops.soil_cells import SoilCells
-from furrowmap.core.dates.between import left_under
+from furrowmap.core.crops.soil import HeightCovariance, SoilCells
 from furrowmap.core.dates.ground_pair import GroundPair
-from furrowmap.core.dates.moved_surface import moved
-from furrowmap.core.dates.network import network
-from furrowmap.core.dates.pair_tie import LEVEL, PLACE, PairTie, pair_tie, points_tie
+from furrowmap.core.dates.moved_surface import move_surface
+from furrowmap.core.dates.network import adjust_network, interpolate_left_error
+from furrowmap.core.dates.pair_tie import LEVEL, PLACE, PairTie, tie_pair, tie_points
 from furrowmap.core.surfaces.grid import Grid
 
 CELL_M, SIDE = 0.05, 240
@@ -55,13 +53,13 @@ def test_pair_tie__finds_what_moved_a_surface_whatever_was_worked() -> None:
     one, other = measured(relief, np.zeros(6), rng), measured(relief, move, rng)
     other[100:140] += 0.05  # worked, and not told
     other[:, 20:50] = np.nan  # worked, and told
-    tie = pair_tie(of(one, other), MIDDLE_M, PLACE_SIGMA)
+    tie = tie_pair(of(one, other), MIDDLE_M, PLACE_SIGMA)
     assert tie is not None
     assert tie.move[:2] == pytest.approx(move[:2], abs=2e-3)
     assert tie.move[5] == pytest.approx(move[5], abs=2e-4)
     assert tie.move[2] == pytest.approx(move[2], abs=1e-3)
     assert tie.move[3:5] == pytest.approx(move[3:5], abs=np.radians(0.01))
-    again = moved(other, GRID, GRID, tie.move, MIDDLE_M)
+    again = move_surface(other, GRID, GRID, tie.move, MIDDLE_M)
     assert abs(np.nanmedian(again[150:, 60:] - one[150:, 60:])) < 1e-3
 
 
@@ -71,7 +69,7 @@ def test_pair_tie__standard_deviations_hold_where_surfaces_bend() -> None:
         rng = np.random.default_rng(100 + seed)
         relief = ground(rng)
         one, other = measured(relief, np.zeros(6), rng, 0.002), measured(relief, np.zeros(6), rng, 0.002)
-        tie = pair_tie(of(one[::1], other), MIDDLE_M, PLACE_SIGMA)
+        tie = tie_pair(of(one[::1], other), MIDDLE_M, PLACE_SIGMA)
         assert tie is not None
         covariance = np.linalg.inv(tie.information[np.ix_(LEVEL, LEVEL)])
         ratios.append(tie.move[LEVEL] / np.sqrt(np.diag(covariance)))
@@ -82,14 +80,14 @@ def test_pair_tie__is_none_without_common_ground() -> None:
     one = np.full(GRID.shape, np.nan, np.float32)
     other = one.copy()
     one[:, : SIDE // 2], other[:, SIDE // 2 :] = 0.0, 0.0
-    assert pair_tie(of(one, other), MIDDLE_M, PLACE_SIGMA) is None
-    assert pair_tie([], MIDDLE_M, PLACE_SIGMA) is None
+    assert tie_pair(of(one, other), MIDDLE_M, PLACE_SIGMA) is None
+    assert tie_pair([], MIDDLE_M, PLACE_SIGMA) is None
 
 
 def test_pair_tie__of_smooth_ground_leaves_the_place_to_the_positions() -> None:
     rng = np.random.default_rng(2)
     one, other = (0.003 * rng.standard_normal((2, *GRID.shape))).astype(np.float32)
-    tie = pair_tie(of(one, other + np.float32(0.02)), MIDDLE_M, PLACE_SIGMA)
+    tie = tie_pair(of(one, other + np.float32(0.02)), MIDDLE_M, PLACE_SIGMA)
     assert tie is not None
     assert tie.move[2] == pytest.approx(-0.02, abs=1e-3)
     assert np.linalg.matrix_rank(tie.information[np.ix_(PLACE, PLACE)]) < 3
@@ -107,7 +105,7 @@ def test_pair_tie__a_dozen_patches_of_one_relief_show_a_shift(side_m: tuple[int,
         return (0.01 * (np.sin(2 * np.pi * east_m) + np.sin(2 * np.pi * north_m))).astype(np.float32)
 
     pair = GroundPair(0.0, side_m[0], cell_m, waves(east, north), waves(east + 0.02, north - 0.03))
-    tie = pair_tie([pair], np.array([0.5 * side_m[1], 0.5 * side_m[0]]), np.array([0.5, 0.5, 0.05]))
+    tie = tie_pair([pair], np.array([0.5 * side_m[1], 0.5 * side_m[0]]), np.array([0.5, 0.5, 0.05]))
     assert tie is not None
     assert tie.patches == side_m[0] * side_m[1]
     assert tie.move[PLACE] == pytest.approx([0.02, -0.03, 0.0], abs=1e-3)
@@ -118,14 +116,14 @@ def test_pair_tie__a_dozen_patches_of_one_relief_show_a_shift(side_m: tuple[int,
 
 def known(move: FloatArray, sigma: float) -> PairTie:
     none = SoilCells(np.zeros((0, 2)), np.zeros(0), np.zeros(0))
-    return PairTie(move, np.eye(6) / sigma**2, 100, 10, none, Relief(0.0, 1.0, 0.0), 0.01)
+    return PairTie(move, np.eye(6) / sigma**2, 100, 10, none, HeightCovariance(0.0, 1.0, 0.0), 0.01)
 
 
 def test_network__of_all_pairs_of_dates_is_their_common_adjustment() -> None:
     rng = np.random.default_rng(3)
     own = 0.002 * rng.standard_normal((4, 6))  # errors of each date
     ties = {(i, j): known(own[j] - own[i], 0.002 * 2**0.5) for i in range(4) for j in range(i + 1, 4)}
-    net = network(ties, np.full((4, 6), 0.5))
+    net = adjust_network(ties, np.full((4, 6), 0.5))
     move, covariance = net.between(0, 3)
     assert move == pytest.approx(own[3] - own[0], abs=1e-6)
     # four dates of one ground do not make the difference of two of them better than the errors of these
@@ -136,7 +134,7 @@ def test_network__of_all_pairs_of_dates_is_their_common_adjustment() -> None:
 
 def test_network__tells_groups_apart_and_keeps_a_contradiction_small() -> None:
     ties = {(0, 1): known(np.full(6, 0.01), 0.001), (3, 4): known(np.zeros(6), 0.001)}
-    net = network(ties, np.full((5, 6), 0.5))
+    net = adjust_network(ties, np.full((5, 6), 0.5))
     assert len(set(net.group.tolist())) == 3
     assert net.group[0] == net.group[1] != net.group[2] != net.group[3] == net.group[4]
     loop = {
@@ -144,34 +142,34 @@ def test_network__tells_groups_apart_and_keeps_a_contradiction_small() -> None:
         (1, 2): known(np.zeros(6), 0.001),
         (0, 2): known(np.full(6, 0.05), 0.001),
     }
-    assert max(network(loop, np.full((3, 6), 0.5)).tension.values()) > 3.0
+    assert max(adjust_network(loop, np.full((3, 6), 0.5)).tension.values()) > 3.0
 
 
 def test_points_tie__gives_height_by_one_point_and_tilt_by_three() -> None:
     xy = np.array([[0.0, 0.0], [12.0, 0.0], [0.0, 12.0], [12.0, 12.0]])
     above = 0.03 + 1e-3 * (xy[:, 0] - MIDDLE_M[0])
-    tie = points_tie(xy, above, np.full(4, 0.01), MIDDLE_M)
+    tie = tie_points(xy, above, np.full(4, 0.01), MIDDLE_M)
     assert tie is not None
     assert tie.move[LEVEL] == pytest.approx([-0.03, -1e-3, 0.0], abs=1e-9)
-    one = points_tie(xy[:1], above[:1], np.full(1, 0.01), MIDDLE_M)
+    one = tie_points(xy[:1], above[:1], np.full(1, 0.01), MIDDLE_M)
     assert one is not None
-    net = network({(0, 1): one}, np.array([np.full(6, 1e-4), [0.01, 0.01, 0.04, 1e-4, 1e-4, 1e-3]]))
+    net = adjust_network({(0, 1): one}, np.array([np.full(6, 1e-4), [0.01, 0.01, 0.04, 1e-4, 1e-4, 1e-3]]))
     assert net.moves[1, 2] == pytest.approx(-above[0], abs=0.003)
-    assert points_tie(xy[:0], above[:0], np.zeros(0), MIDDLE_M) is None
+    assert tie_points(xy[:0], above[:0], np.zeros(0), MIDDLE_M) is None
 
 
 def test_left_under__is_what_the_ground_around_departs() -> None:
     rng = np.random.default_rng(4)
     places = rng.uniform(0.0, 12.0, (200, 2))
     beside = places[np.abs(places[:, 1] - 6.0) > 1.5]
-    relief = Relief(0.003, 3.0, 0.0005)
+    relief = HeightCovariance(0.003, 3.0, 0.0005)
     off = 0.003 * np.sin(beside[:, 0] / 4.0)
     cells = SoilCells(beside, off, np.full(len(beside), 2e-4))
     tie = PairTie(np.zeros(6), np.eye(6), 1000, 10, cells, relief, 0.01)
     inside = np.column_stack([np.linspace(1.0, 5.0, 40), np.full(40, 6.0)])
-    left, sigma = left_under(inside, MIDDLE_M, np.zeros(6), np.zeros((6, 6)), tie)
+    left, sigma = interpolate_left_error(inside, MIDDLE_M, np.zeros(6), np.zeros((6, 6)), tie)
     assert left == pytest.approx(0.003 * np.sin(inside[:, 0] / 4.0).mean(), abs=3 * sigma)
     assert 0.0 < sigma < 0.002
-    only = left_under(inside, MIDDLE_M, np.zeros(6), np.diag(np.full(6, 1e-6)), None)
+    only = interpolate_left_error(inside, MIDDLE_M, np.zeros(6), np.diag(np.full(6, 1e-6)), None)
     assert only[0] == 0.0
     assert only[1] >= 1e-3

@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.core.dates.ground_pair import GroundPair
-from furrowmap.core.dates.pair_tie import PLACE, pair_tie
-from furrowmap.core.dates.upright import Upright, together, upright
-from furrowmap.core.dates.upright_tie import upright_tie
+from furrowmap.core.dates.pair_tie import PLACE, tie_pair
+from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights
 
 FloatArray = NDArray[np.float64]
 MIDDLE_M = np.array([20.0, 20.0])
@@ -45,7 +44,7 @@ def seen(things: list[FloatArray], move: FloatArray, rng: np.random.Generator) -
     east, north = (xyz[:, :2] - MIDDLE_M - move[:2]).T
     turn = move[2]
     xyz[:, :2] = MIDDLE_M + np.column_stack([east + turn * north, north - turn * east])
-    return upright(xyz, np.arange(len(xyz)) < 20_000)
+    return find_uprights(xyz, np.arange(len(xyz)) < 20_000)
 
 
 @settings(max_examples=5, deadline=None)
@@ -63,7 +62,7 @@ def test_upright_tie__finds_the_move_whatever_was_parked_elsewhere(
     parked = [wall(rng, (36.0, 10.0), (37.0, 14.0)), wall(rng, (36.06, 9.93), (37.06, 13.93))]
     one = seen([*fixed, hedge(rng), parked[0]], np.zeros(3), rng)
     other = seen([*fixed, hedge(rng), parked[1]], move, rng)
-    tie = upright_tie(one, other, MIDDLE_M, SIGMA)
+    tie = tie_uprights(one, other, MIDDLE_M, SIGMA)
     assert tie is not None
     sigma = np.sqrt(np.diag(np.linalg.inv(tie.information)))
     assert np.abs(tie.place - move).max() < 0.012
@@ -79,24 +78,24 @@ def test_upright__of_hedges_and_bare_ground_is_nothing() -> None:
     rng = np.random.default_rng(1)
     assert np.count_nonzero(seen([hedge(rng)], np.zeros(3), rng).sigma_m) <= 2
     assert not len(seen([], np.zeros(3), rng))
-    assert not len(upright(np.zeros((0, 3)), np.zeros(0, bool)))
-    assert upright_tie(together([]), together([]), MIDDLE_M, SIGMA) is None
+    assert not len(find_uprights(np.zeros((0, 3)), np.zeros(0, bool)))
+    assert tie_uprights(join_uprights([]), join_uprights([]), MIDDLE_M, SIGMA) is None
     far = [seen([post(rng, east, 3.0)], np.zeros(3), rng) for east in (5.0, 30.0)]
-    assert upright_tie(far[0], far[1], MIDDLE_M, SIGMA) is None
+    assert tie_uprights(far[0], far[1], MIDDLE_M, SIGMA) is None
 
 
 def test_pair_tie__of_smooth_ground_has_its_place_from_walls_unless_the_relief_contradicts() -> None:
     rng, move = np.random.default_rng(2), np.array([0.03, -0.02, 1e-3])
     fixed = [wall(rng, (2.0, 6.0), (3.0, 30.0)), wall(rng, (5.0, 38.0), (25.0, 37.0))]
-    things = upright_tie(seen(fixed, np.zeros(3), rng), seen(fixed, move, rng), MIDDLE_M, SIGMA)
+    things = tie_uprights(seen(fixed, np.zeros(3), rng), seen(fixed, move, rng), MIDDLE_M, SIGMA)
     assert things is not None
     smooth = (0.003 * rng.standard_normal((2, 240, 240))).astype(np.float32)
-    tie = pair_tie([GroundPair(14.0, 26.0, 0.05, smooth[0], smooth[1])], MIDDLE_M, SIGMA, things)
+    tie = tie_pair([GroundPair(14.0, 26.0, 0.05, smooth[0], smooth[1])], MIDDLE_M, SIGMA, things)
     assert tie is not None
     assert tie.move[PLACE] == pytest.approx(move, abs=6e-3)
     assert np.sqrt(np.diag(np.linalg.inv(tie.information))[PLACE]).max() < 0.008
     clods = 0.01 * np.repeat(np.repeat(rng.standard_normal((60, 60)), 4, 0), 4, 1).astype(np.float32)
-    relief = pair_tie([GroundPair(14.0, 26.0, 0.05, clods + smooth[0], clods + smooth[1])], MIDDLE_M, SIGMA, things)
+    relief = tie_pair([GroundPair(14.0, 26.0, 0.05, clods + smooth[0], clods + smooth[1])], MIDDLE_M, SIGMA, things)
     assert relief is not None
     assert relief.upright is not None
     assert relief.move[:2] == pytest.approx([0.0, 0.0], abs=2e-3)

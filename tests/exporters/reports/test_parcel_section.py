@@ -8,8 +8,7 @@ from dataclasses import replace
 import pytest
 import shapely
 
-from furrowmap.core.crops.figures import ParcelFigures
-from furrowmap.core.crops.measure import MeasuredParcel
+from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.reports.parcel_section import MOST_NAMES, MOST_ROWS, UNKNOWN, parcel_sections
 

@@ -1,0 +1,235 @@
+"""Tables of a trial: what each parcel was given, with doses summed up to a day, and figures measured on parcels."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from furrowmap.core.crops.parcels import BLOCK_COLUMNS, list_names
+from furrowmap.core.readers.areas.corner_table import IDS
+from furrowmap.core.readers.sheet import read_sheet
+from furrowmap.core.readers.survey_table import SurveyTable
+from furrowmap.core.runtime.errors import InputError, Notice, UsageError
+from furrowmap.core.values.parcel import Attribute, Parcel
+
+FloatArray = NDArray[np.float64]
+
+TREATMENT: Final = "treatment"
+DATE: Final = "date"
+DOSE: Final = "dose"
+"""Name of the sum of columns that are named by a day alone."""
+MEASURE: Final = "mean_height_m"
+SIGMA_COLUMNS: Final = {
+    MEASURE: "height_sigma_m",
+    "volume_m3": "volume_sigma_m3",
+    "rate_m_day": "rate_sigma_m_day",
+    "growth_m": "growth_sigma_m",
+}
+"""Column with the standard deviation of a quantity."""
+_DAY: Final = re.compile(r"^(?P<what>.*?)[\s_]*(?P<day>\d{4}-\d{2}-\d{2})(?: 00:00:00)?$")
+
+
+@dataclass(frozen=True)
+class Treatments:
+    """Attributes of parcels, or of treatments that parcels name.
+
+    Attributes:
+        by: "id", or "treatment" where the table describes treatments.
+        rows: the attributes of each, by identifier.
+    """
+
+    path: Path
+    by: str
+    rows: Mapping[str, Mapping[str, Attribute]]
+
+
+def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
+    """A table of treatments from a CSV or spreadsheet.
+
+    It has a row for each parcel (column id, parcel or plot) or each treatment (column treatment). Doses at several days
+    are columns named by a day (2017-03-16, or n_kg_ha 2017-03-16), or rows with a column date; both are summed up to
+    and including `day`.
+
+    Args:
+        day: of the flight.
+
+    Raises:
+        InputError: if the file cannot be read, has neither column, states an identifier twice (without dates) or a
+            day that is none, or has doses by date and `day` is not known.
+    """
+
+    def unreadable(why: str) -> InputError:
+        return InputError("treatments-unreadable", path=path, why=why)
+
+    table = _read(path, unreadable)
+    column = next((name for name in (*IDS, TREATMENT) if name in table.columns), None)
+    if column is None or not table.lines:
+        raise unreadable(f"no rows under a column id or treatment (its columns: {_columns(table)})")
+    dated = {name: found for name in table.columns if (found := _DAY.match(name)) is not None}
+    doses = [(found["what"].strip() or DOSE, _day(found["day"], 1, unreadable), name) for name, found in dated.items()]
+    by_row = DATE in table.columns
+    row_days = [_day(*row, unreadable) for row in zip(table.columns[DATE], table.lines, strict=True)] if by_row else []
+    faults = {name: fault for name in table.columns if (fault := table.first_fault(name)) is not None}
+    for name in dated:
+        if name in faults:
+            line, text = faults[name]
+            raise unreadable(f"line {line} holds {text!r} under {name}")
+    if (by_row or doses) and day is None:
+        raise InputError("treatments-day", path=path)
+    plain = [name for name in table.columns if name not in dated and name not in (column, DATE)]
+    numbers = {name: table.numbers(name) for name in (*plain, *dated) if name not in faults}
+    rows: dict[str, dict[str, Attribute]] = {}
+    for k, cell in enumerate(table.columns[column]):
+        key = _label(cell)
+        if not key:
+            raise unreadable(f"line {table.lines[k]} has no {column}")
+        if key in rows and not by_row:
+            raise InputError("treatments-twice", path=path, lines=table.lines[k], column=column, key=key)
+        row = rows.setdefault(key, {})
+        texts = {name: text for name, cells in table.columns.items() if (text := cells[k].strip())}
+        for name in plain:
+            if name not in texts:
+                continue
+            if name not in numbers or name in BLOCK_COLUMNS:
+                row.setdefault(name, texts[name])
+            elif by_row:
+                counts = day is not None and row_days[k] <= day
+                row[name] = float(row.get(name, 0.0)) + (float(numbers[name][k]) if counts else 0.0)
+            else:
+                row[name] = float(numbers[name][k])
+        for what, when, name in doses:
+            counts = name in texts and day is not None and when <= day
+            row[what] = float(row.get(what, 0.0)) + (float(numbers[name][k]) if counts else 0.0)
+    return Treatments(path, TREATMENT if column == TREATMENT else "id", rows)
+
+
+def with_treatments(parcels: Sequence[Parcel], treatments: Treatments) -> tuple[tuple[Parcel, ...], list[Notice]]:
+    """The parcels with the attributes of their treatments, and which have none.
+
+    Raises:
+        InputError: if the table names a parcel, or a treatment, that none of the parcels has.
+    """
+    named = [
+        next((value for name, value in parcel.attributes.items() if name.casefold() == TREATMENT), "")
+        for parcel in parcels
+    ]
+    keys = [parcel.id for parcel in parcels] if treatments.by == "id" else [_label(str(name or "")) for name in named]
+    unknown = [name for name in treatments.rows if name not in set(keys)]
+    if unknown:
+        what = "parcel" if treatments.by == "id" else TREATMENT
+        raise InputError(
+            "treatments-unknown",
+            path=treatments.path,
+            unknown=list_names(unknown, what),
+            keys=", ".join(list(dict.fromkeys(keys))[:5]),
+        )
+    treated, bare = [], []
+    for parcel, key in zip(parcels, keys, strict=True):
+        if key not in treatments.rows:
+            treated.append(parcel)
+            bare.append(parcel.id)
+            continue
+        rest = dict(treatments.rows[key])
+        block = next((rest.pop(name) for name in list(rest) if name in BLOCK_COLUMNS), None)
+        stated = parcel.block if parcel.block is not None or block is None else _label(str(block))
+        treated.append(replace(parcel, block=stated, attributes={**parcel.attributes, **rest}))
+    notice = Notice("treatments-missing", treatments=treatments.path.name, bare=list_names(bare, "parcel"))
+    return tuple(treated), [notice] if bare else []
+
+
+def day_of(text: str | None) -> dt.date | None:
+    """The day of a flight as stated; None for none.
+
+    Raises:
+        UsageError: if it is no date.
+    """
+    try:
+        return dt.date.fromisoformat(text) if text is not None else None
+    except ValueError:
+        raise UsageError("usage.day-of", text=text) from None
+
+
+@dataclass(frozen=True)
+class MeasuredTable:
+    """A quantity of n parcels on a day.
+
+    Attributes:
+        parcels: (n,) their identifiers, blocks and attributes; their outlines are not known.
+        value: (n,) of the quantity; nan where it is not known.
+        sigma: (n,) its standard deviation; nan where it is not known.
+    """
+
+    parcels: tuple[Parcel, ...]
+    value: FloatArray
+    sigma: FloatArray
+
+
+def read_measured(path: Path, measure: str) -> MeasuredTable:
+    """A table with a row for each parcel, such as the parcels.csv of a run: an identifier, the quantity, and more.
+
+    Args:
+        path: CSV or spreadsheet.
+        measure: name of the column with the quantity.
+
+    Raises:
+        InputError: if the file cannot be read, has no such column, or an identifier twice.
+    """
+
+    def unreadable(why: str) -> InputError:
+        return InputError("parcel-table-unreadable", path=path, why=why)
+
+    table = _read(path, unreadable)
+    column = next((name for name in IDS if name in table.columns), None)
+    wanted = measure.casefold()
+    if column is None or wanted not in table.columns or not table.lines:
+        raise unreadable(f"no rows with the columns id and {measure} (its columns: {_columns(table)})")
+    names = [cell.strip() for cell in table.columns[column]]
+    twice = next((name for k, name in enumerate(names) if name in names[:k] or not name), None)
+    if twice is not None:
+        raise unreadable(f"parcel {twice!r} is there twice, or a parcel has no identifier")
+    block = next((name for name in BLOCK_COLUMNS if name in table.columns), None)
+    others = [name for name in table.columns if name not in (column, block, wanted)]
+    numbers = {name: table.numbers(name) for name in others if table.first_fault(name) is None}
+    parcels = []
+    for k, name in enumerate(names):
+        attributes = {
+            other: float(numbers[other][k]) if other in numbers else table.columns[other][k].strip()
+            for other in others
+            if table.columns[other][k].strip()
+        }
+        label = table.columns[block][k].strip() if block is not None else ""
+        parcels.append(Parcel(name, shapely.Polygon(), shapely.Polygon(), label or None, attributes))
+    sigma = numbers.get(SIGMA_COLUMNS.get(wanted, ""), np.full(len(names), np.nan))
+    return MeasuredTable(tuple(parcels), table.numbers(wanted), sigma)
+
+
+def _read(path: Path, unreadable: Callable[[str], InputError]) -> SurveyTable:
+    try:
+        return read_sheet(path)
+    except (ValueError, OSError) as error:
+        raise unreadable(str(error.strerror if isinstance(error, OSError) else error)) from None
+
+
+def _day(text: str, line: int, unreadable: Callable[[str], InputError]) -> dt.date:
+    try:
+        return dt.date.fromisoformat(text.strip()[:10])
+    except ValueError:
+        raise unreadable(f"line {line}: {text.strip()[:40]!r} is no date such as 2017-03-16") from None
+
+
+def _label(text: str) -> str:
+    """An identifier as those of parcels are written."""
+    text = text.strip()
+    return text[:-2] if text.endswith(".0") and text[:-2].isdigit() else text
+
+
+def _columns(table: SurveyTable) -> str:
+    return ", ".join(table.columns)[:200]
