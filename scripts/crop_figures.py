@@ -30,7 +30,7 @@ from furrowmap.core.crops.response import fit_response  # noqa: E402
 from furrowmap.core.crops.site_soil import site_soil  # noqa: E402
 from furrowmap.core.values.parcel import Parcel  # noqa: E402
 from furrowmap.core.values.point_classes import PointClass  # noqa: E402
-from furrowmap.exporters.reports.trial_charts import Points, response_chart, standalone  # noqa: E402
+from furrowmap.exporters.reports.trial_charts import ParcelValues, response_chart, standalone  # noqa: E402
 
 FloatArray = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ def draw_response(rows: list[MeasuredParcel], doses: FloatArray, blocks: list[st
     """Figure 10: mean height over nitrogen, with the logistic curve and its band; what it says."""
     height = np.array([row.figures.mean_height_m for row in rows])
     found = fit_response(doses, height, blocks, "kg/ha")
-    points = Points(height, blocks, "mean height (m)", "block")
+    points = ParcelValues(height, blocks, "mean height (m)", "block")
     file.write_text(standalone(response_chart(doses, points, found, "nitrogen (kg/ha)")), encoding="utf-8")
     return found.words
 

@@ -26,19 +26,19 @@ DARKEST: Final = 150.0
 
 
 @dataclass(frozen=True)
-class Relief:
+class ShadedRelief:
     """Shaded relief of the ground.
 
     Attributes:
-        picture: (rows, columns, 2) uint8 grey and alpha, north on top.
+        pixels: (rows, columns, 2) uint8 grey and alpha, north on top.
         box_m: its bounds.
     """
 
-    picture: NDArray[np.uint8]
+    pixels: NDArray[np.uint8]
     box_m: Box
 
 
-def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> Relief | None:
+def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> ShadedRelief | None:
     """The relief within a box, from the coarse levels of a COPC file; None for no points.
 
     Args:
@@ -59,7 +59,7 @@ def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> 
     column = np.clip(((x - west) * (columns / width_m)).astype(np.intp), 0, columns - 1)
     row = np.clip(((north - y) * (rows / height_m)).astype(np.intp), 0, rows - 1)
     lowest = _lowest(row * columns + column, z, rows * columns).reshape(rows, columns)
-    return Relief(_shaded(lowest, cell_m), box_m)
+    return ShadedRelief(_shaded(lowest, cell_m), box_m)
 
 
 def _lowest(cell: NDArray[np.intp], z: FloatArray, cells: int) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Drawings of a run as SVG: maps and graphs over time."""
+"""Drawings of a run as SVG: maps, and graphs over time."""
 
 from __future__ import annotations
 
@@ -7,20 +7,36 @@ from typing import Final
 
 import numpy as np
 import shapely
+from markupsafe import Markup
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathDifferences
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import Motion
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.exporters.rasters.relief import Box, Relief
-from furrowmap.exporters.reports.svg import WIDTH, Axis, Sheet, TimeAxis, curve, drawing
+from furrowmap.exporters.rasters.relief import Box, ShadedRelief
+from furrowmap.exporters.reports.svg import (
+    WIDTH,
+    Axis,
+    Sheet,
+    TimeAxis,
+    curve,
+    drawing,
+    element,
+    label,
+    mixed_colour,
+    rectangle,
+    segment,
+)
 
 FloatArray = NDArray[np.float64]
 
-MARGIN_M: Final = 2.0
+MAP_MARGIN_M: Final = 2.0
+MAX_NUMBERED_PASSES: Final = 60
+"""More passes have no numbers on the map."""
 PASS_COLOURS: Final = np.array([[253, 212, 158], [120, 198, 121], [34, 94, 168]])
 FIX_COLOURS: Final = {
     Fix.FIXED: "#1a9850",
@@ -31,12 +47,15 @@ FIX_COLOURS: Final = {
     Fix.NONE: "#222222",
 }
 OTHER_COLOUR: Final = "#888888"
+_HALF_WIDTHS_M: Final = (0.01, 0.02, 0.05, BINS * BIN_M)
+"""Possible half widths of a histogram of swaths."""
+_SHARE_WITHIN: Final = 0.98
+"""Share of the ground within the half width; the rest is in the outermost bars."""
 
 
 def pass_colour(number: int, passes: int) -> str:
     """From the first pass (orange) over green to the last (blue)."""
-    at = (number - 1) / (passes - 1) * 2.0 if passes > 1 else 1.0
-    return "#" + "".join(f"{round(np.interp(at, (0, 1, 2), channel)):02x}" for channel in PASS_COLOURS.T)
+    return mixed_colour((number - 1) / (passes - 1) if passes > 1 else 0.5, PASS_COLOURS)
 
 
 def fix_colour(fix: int) -> str:
@@ -50,26 +69,31 @@ def map_box(poses: ScanPoses, work: FieldWork) -> Box:
     shapes += [one.ground.coverage for one in work.each if one.ground is not None]
     if work.boundary is not None:
         shapes.append(work.boundary)
-    west, south, east, north = shapely.total_bounds(shapes)
-    return west - MARGIN_M, south - MARGIN_M, east + MARGIN_M, north + MARGIN_M
+    return padded_bounds(shapes, MAP_MARGIN_M)
 
 
-def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: Relief | None) -> str:
+def padded_bounds(shapes: list[BaseGeometry], margin_m: float) -> Box:
+    """The bounds of shapes with a margin."""
+    west, south, east, north = shapely.total_bounds(shapes).tolist()
+    return west - margin_m, south - margin_m, east + margin_m, north + margin_m
+
+
+def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: ShadedRelief | None) -> Markup:
     """The worked ground over the relief; the vehicle's path where the tool's is unknown."""
-    sheet = Sheet.of(box_m)
+    sheet = Sheet(box_m)
     parts = [sheet.image(relief)] if relief is not None else []
     if work.boundary is not None:
         parts.append(sheet.area(work.boundary, "boundary"))
     if work.ground is not None:
         ground = work.ground
-        for one in ground.passes:
-            colour = pass_colour(one.number, len(ground.passes))
-            parts.append(sheet.area(one.ground, "pass", f'fill="{colour}"'))
+        parts += [
+            sheet.area(one.ground, "pass", fill=pass_colour(one.number, len(ground.passes))) for one in ground.passes
+        ]
         parts += [sheet.area(overlap.ground, "overlap") for overlap in ground.overlaps]
         parts += [sheet.area(miss.ground, "miss") for miss in ground.misses]
         for path in work.paths:
             parts.append(sheet.line(shapely.get_coordinates(path.line), f"tool {path.state.label}"))
-        if len(ground.passes) <= 60:
+        if len(ground.passes) <= MAX_NUMBERED_PASSES:
             parts += [
                 sheet.text(one.ground.representative_point(), str(one.number))
                 for one in ground.passes
@@ -80,14 +104,14 @@ def work_map(box_m: Box, poses: ScanPoses, work: FieldWork, relief: Relief | Non
     return sheet.svg(parts, "Map of the ground worked")
 
 
-def quality_map(poses: ScanPoses) -> str:
+def quality_map(poses: ScanPoses) -> Markup:
     """The vehicle's path, coloured by the quality of the positions."""
-    sheet = Sheet.of(map_box(poses, FieldWork()))
-    parts = [sheet.line(part, "fix", f'stroke="{fix_colour(fix)}"') for fix, part in _runs(poses, poses.fix)]
+    sheet = Sheet(map_box(poses, FieldWork()))
+    parts = [sheet.line(part, "fix", stroke=fix_colour(fix)) for fix, part in _runs(poses, poses.fix)]
     return sheet.svg(parts, "The vehicle's path, coloured by the quality of the positions")
 
 
-def tool_graph(work: FieldWork) -> str:
+def tool_graph(work: FieldWork) -> Markup:
     """The tool's height over time with its states and passes."""
     history = work.history
     assert history is not None
@@ -97,18 +121,19 @@ def tool_graph(work: FieldWork) -> str:
     high = max(history.lifted_m, float(known.max(initial=0.0))) + 0.05
     heights = Axis(low, high, 190.0, 22.0)
     states = history.states
-    parts = []
-    for k in range(len(states)):
-        left, right = time.at(states.begin_s[k]), time.at(states.end_s[k])
-        label = ToolState(int(states.state[k])).label
-        parts.append(f'<rect class="{label}" x="{left:.1f}" y="22" width="{right - left:.1f}" height="168"/>')
-    for number, when in enumerate(work.passes, start=1):
-        if len(work.passes) <= 40:
+    parts = [
+        rectangle(left, 22, right, 190, class_=ToolState(state).label)
+        for state, left, right in zip(
+            states.state.tolist(), time.at(states.begin_s), time.at(states.end_s), strict=True
+        )
+    ]
+    if len(work.passes) <= 40:
+        for number, when in enumerate(work.passes, start=1):
             middle = time.at(0.5 * (when.begin_s + when.end_s))
-            parts.append(f'<text class="number" x="{middle:.1f}" y="16">{number}</text>')
+            parts.append(element("text", str(number), class_="number", x=middle, y=16))
     parts += heights.grid(time.left, lambda v: f"{100 * v:.0f} cm", "height of the tool")
     y = heights.at(history.threshold_m)
-    parts.append(f'<line class="threshold" x1="{time.left}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>')
+    parts.append(segment(time.left, y, WIDTH, y, class_="threshold"))
     parts += curve(time.at(history.t_s), heights.at(history.tool_height_m))
     parts += time.labels(190.0)
     return drawing(WIDTH, 228.0, parts, "Height of the tool above its working position over time")
@@ -132,14 +157,13 @@ def activities(poses: ScanPoses, work: FieldWork) -> NDArray[np.int8]:
     return found
 
 
-def activity_graph(poses: ScanPoses, work: FieldWork) -> str:
+def activity_graph(poses: ScanPoses, work: FieldWork) -> Markup:
     """What the vehicle does over time, a row for each activity."""
     time = TimeAxis(float(poses.t_s[0]), float(poses.t_s[-1]))
     seen = activities(poses, work)
-    names = list(ACTIVITIES)
-    rows = [kind for kind in range(len(names)) if (seen == kind).any()]
-    step_s = np.diff(poses.t_s)
-    pause = np.append(step_s > max(1.0, 3.0 * float(np.median(step_s))), True) if len(step_s) else np.ones(1, bool)
+    rows = np.unique(seen).tolist()
+    colours = list(ACTIVITIES.values())
+    pause = np.append(_pauses(poses), True)
     edges = np.flatnonzero(np.diff(seen, prepend=np.int8(-9), append=np.int8(-9)) != 0)
     cuts = np.unique(np.concatenate([edges, 1 + np.flatnonzero(pause)]))
     parts = []
@@ -147,22 +171,21 @@ def activity_graph(poses: ScanPoses, work: FieldWork) -> str:
         last = behind - 1 if pause[behind - 1] else behind
         left, right = float(time.at(poses.t_s[first])), float(time.at(poses.t_s[last]))
         y = 4.0 + 18.0 * rows.index(int(seen[first]))
-        colour = ACTIVITIES[names[int(seen[first])]]
-        parts.append(f'<rect x="{left:.1f}" y="{y}" width="{max(right - left, 0.3):.1f}" height="14" fill="{colour}"/>')
+        parts.append(rectangle(left, y, max(right, left + 0.3), y + 14.0, fill=colours[int(seen[first])]))
     bottom = 6.0 + 18.0 * len(rows)
     return drawing(WIDTH, bottom + 38.0, [*parts, *time.labels(bottom)], "Activity over time")
 
 
-def quality_graph(poses: ScanPoses) -> str:
+def quality_graph(poses: ScanPoses) -> Markup:
     """The quality of the positions and the stated accuracy over time."""
     time = TimeAxis(float(poses.t_s[0]), float(poses.t_s[-1]), left=86.0)
     sigma_m = np.hypot(poses.sigma[:, 0], poses.sigma[:, 1])
     edges = np.flatnonzero(np.diff(poses.fix, prepend=np.int8(-99), append=np.int8(-99)))
-    parts = []
-    for first, behind in pairwise(edges.tolist()):
-        left, right = time.at(poses.t_s[first]), time.at(poses.t_s[min(behind, len(poses) - 1)])
-        colour = fix_colour(int(poses.fix[first]))
-        parts.append(f'<rect x="{left:.1f}" y="0" width="{right - left:.1f}" height="12" fill="{colour}"/>')
+    at = time.at(poses.t_s[np.minimum(edges, len(poses) - 1)])
+    parts = [
+        rectangle(left, 0, right, 12, fill=fix_colour(fix))
+        for (left, right), fix in zip(pairwise(at), poses.fix[edges[:-1]].tolist(), strict=True)
+    ]
     if not np.isfinite(sigma_m).any():
         return drawing(WIDTH, 52.0, [*parts, *time.labels(14.0)], "Quality of the positions over time")
     axis = Axis(0.0, max(0.01, float(np.nanquantile(sigma_m, 0.99)) * 1.3), 130.0, 20.0)
@@ -172,12 +195,58 @@ def quality_graph(poses: ScanPoses) -> str:
     return drawing(WIDTH, 168.0, parts, "Quality and accuracy of the positions over time")
 
 
+def half_width_m(swaths: SwathDifferences) -> float:
+    """A round half width of a histogram that shows nearly all differences."""
+    return next((reach for reach in _HALF_WIDTHS_M if swaths.within_m(_SHARE_WITHIN) <= reach), _HALF_WIDTHS_M[-1])
+
+
+def swath_histogram(swaths: SwathDifferences, reach_m: float | None = None) -> Markup:
+    """Share of the ground by height difference; the outermost bars include all larger differences.
+
+    Args:
+        swaths: the differences.
+        reach_m: half width; None for that of :func:`half_width_m`.
+    """
+    top, bottom, left = 18.0, 150.0, 74.0
+    reach_m = half_width_m(swaths) if reach_m is None else reach_m
+    bins = round(reach_m / BIN_M)
+    low, high = BINS - bins, BINS + bins
+    count = swaths.histogram[low:high].astype(np.float64)
+    count[0] += swaths.histogram[:low].sum()
+    count[-1] += swaths.histogram[high:].sum()
+    share = count / max(swaths.blocks, 1)
+    shares = Axis(0.0, max(float(share.max()), 1e-3), bottom, top)
+    edges = np.linspace(left, WIDTH, len(share) + 1)
+    parts = shares.grid(left, lambda value: f"{100.0 * value:g} %")
+    parts += [
+        rectangle(begin + 0.5, y, end - 0.5, bottom, class_="bars")
+        for (begin, end), y, part in zip(pairwise(edges), shares.at(share), share, strict=True)
+        if part
+    ]
+    middle = 0.5 * (left + WIDTH)
+    last = 2 * BINS - 1  # like the first, of all larger differences
+    beyond = bool(swaths.histogram[: max(low, 1)].any() or swaths.histogram[min(high, last) :].any())
+    edge = f"{1000 * reach_m:g} mm" + (" and more" if beyond else "")
+    parts += [
+        segment(middle, top, middle, bottom, class_="threshold"),
+        label(left, bottom + 18, f"−{edge}"),
+        label(middle, bottom + 18, "0", "middle"),
+        label(WIDTH, bottom + 18, f"+{edge}", "right"),
+    ]
+    return drawing(WIDTH, bottom + 24.0, parts, "Differences in height of swaths over the same ground")
+
+
+def _pauses(poses: ScanPoses) -> NDArray[np.bool_]:
+    """Whether the vehicle's path is interrupted after each pose but the last."""
+    step_s = np.diff(poses.t_s)
+    return step_s > max(1.0, 3.0 * float(np.median(step_s))) if len(step_s) else np.zeros(0, np.bool_)
+
+
 def _runs(poses: ScanPoses, values: NDArray[np.int8]) -> list[tuple[int, FloatArray]]:
     """(value, positions (k, 2)) of each run of poses with one value and no pause; it includes the next run's first."""
     if len(poses) < 2:
         return []
-    step_s = np.diff(poses.t_s)
-    pause = step_s > max(1.0, 3.0 * float(np.median(step_s)))
+    pause = _pauses(poses)
     cuts = 1 + np.flatnonzero(pause | (np.diff(values) != 0))
     firsts, ends = np.append(0, cuts), np.append(cuts, len(poses))
     reach = [end + int(end < len(poses) and not pause[end - 1]) for end in ends.tolist()]

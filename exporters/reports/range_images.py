@@ -2,47 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from furrowmap.core.work.model import Implement
-from furrowmap.exporters.rasters.png import data_uri
-from furrowmap.exporters.reports.page_parts import escape, figure
-from furrowmap.exporters.reports.svg import WIDTH, drawing
+from furrowmap.exporters.reports.svg import WIDTH, drawing, element, image, label, turned_label
 
 LEFT: Final = 58.0
 TOP: Final = 4.0
 BOTTOM: Final = 84.0
-MOST_TICKS: Final = 9
-BAR: Final = (WIDTH - 250.0, WIDTH - 110.0)
-"""Left and right end of the bar of colours."""
+MAX_TICKS: Final = 9
 _NEAR_TO_FAR: Final = np.array([[253.0, 231.0, 37.0], [33.0, 145.0, 140.0], [68.0, 1.0, 84.0]])
 _NOTHING: Final = np.array([238.0, 238.0, 235.0])
 _STEPS_DEG: Final = (1, 2, 5, 10, 15, 20, 30, 45, 60, 90)
 
 
-def range_images(seen: Implement) -> str:
-    """The implement up and down, and what does not move in the scanner's frame, as figures of a page."""
+def range_images(seen: Implement) -> Iterator[tuple[str, Markup]]:
+    """The implement up and down, and what does not move in the scanner's frame: captions and images."""
     images, still_m = seen.images, seen.region.still_m
     around_deg = (np.arange(still_m.shape[1]) + 0.5) * (360.0 / still_m.shape[1])
-    mask = images.implement
-    return '<div class="ranges">{}</div>'.format(
-        "".join(
-            figure(range_image(range_m, azimuth_deg, shown, text), text)
-            for text, range_m, azimuth_deg, shown in (
-                ("The implement lifted", images.up_m, images.azimuth_deg, mask),
-                ("The implement in the ground", images.down_m, images.azimuth_deg, mask),
-                ("Static returns: the vehicle itself, all around", still_m, around_deg, None),
-            )
-        )
-    )
+    for text, range_m, azimuth_deg, shown in (
+        ("The implement lifted", images.up_m, images.azimuth_deg, images.implement),
+        ("The implement in the ground", images.down_m, images.azimuth_deg, images.implement),
+        ("Static returns: the vehicle itself, all around", still_m, around_deg, None),
+    ):
+        yield text, range_image(range_m, azimuth_deg, shown, text)
 
 
 def range_image(
     range_m: NDArray[np.float32], azimuth_deg: NDArray[np.float64], shown: NDArray[np.bool_] | None, title: str
-) -> str:
+) -> Markup:
     """A range image as SVG.
 
     Args:
@@ -52,30 +45,33 @@ def range_image(
         title: for screen readers.
     """
     lasers, columns = range_m.shape
-    uri = data_uri(range_picture(range_m, shown))
-    parts = [
-        f'<image class="depth" x="{LEFT}" y="{TOP}" width="{WIDTH - LEFT}" height="{BOTTOM - TOP}" '
-        f'preserveAspectRatio="none" href="{uri}"/>'
-    ]
+    parts = [image(LEFT, TOP, WIDTH, BOTTOM, range_picture(range_m, shown), class_="depth")]
     row = (BOTTOM - TOP) / lasers
-    for number in sorted({1, (lasers + 1) // 2, lasers}):
-        y = BOTTOM - (number - 0.5) * row
-        parts.append(f'<text class="label right" x="{LEFT - 7}" y="{y + 4:.1f}">{number}</text>')
-    middle = 0.5 * (TOP + BOTTOM)
-    turned = f'transform="rotate(-90 12 {middle})"'
-    parts.append(f'<text class="label middle" x="12" y="{middle}" {turned}>laser</text>')
+    parts += [
+        label(LEFT - 7, BOTTOM - (number - 0.5) * row + 4, str(number), "right")
+        for number in sorted({1, (lasers + 1) // 2, lasers})
+    ]
+    parts.append(turned_label("laser", 0.5 * (TOP + BOTTOM)))
     half_deg = 0.5 * float(azimuth_deg[-1] - azimuth_deg[0]) / max(columns - 1, 1)
     first, last = float(azimuth_deg[0]) - half_deg, float(azimuth_deg[-1]) + half_deg
-    step = next((s for s in _STEPS_DEG if (last - first) / s <= MOST_TICKS), _STEPS_DEG[-1])
+    step = next((s for s in _STEPS_DEG if (last - first) / s <= MAX_TICKS), _STEPS_DEG[-1])
     marks = np.arange(np.ceil(first / step - 1e-6) * step, last + 1e-6, step)
-    places = LEFT + (marks - first) / max(last - first, 1e-9) * (WIDTH - LEFT)
-    ticks = "".join(f"M{x:.1f} {BOTTOM}v5" for x in places.tolist())
-    parts.append(f'<path class="ticks" d="M{LEFT} {TOP}V{BOTTOM}H{WIDTH}{ticks}"/>')
-    for x, mark in zip(places.tolist(), marks.tolist(), strict=True):
-        side = "right" if x > WIDTH - 14.0 else "middle"
-        parts.append(f'<text class="label {side}" x="{x:.1f}" y="{BOTTOM + 18}">{mark % 360:.0f}°</text>')
-    parts.append(f'<text class="label" x="{LEFT}" y="{BOTTOM + 36}">azimuth</text>')
-    return drawing(WIDTH, BOTTOM + 42.0, [*parts, *_bar(range_m, shown)], title)
+    places = (LEFT + (marks - first) / max(last - first, 1e-9) * (WIDTH - LEFT)).tolist()
+    ticks = "".join(f"M{x:.1f} {BOTTOM}v5" for x in places)
+    parts.append(element("path", class_="ticks", d=f"M{LEFT} {TOP}V{BOTTOM}H{WIDTH}{ticks}"))
+    parts += [
+        label(x, BOTTOM + 18, f"{mark % 360:.0f}°", "right" if x > WIDTH - 14.0 else "middle")
+        for x, mark in zip(places, marks.tolist(), strict=True)
+    ]
+    parts.append(label(LEFT, BOTTOM + 36, "azimuth"))
+    low, high = range_limits_m(range_m, shown)
+    if np.isfinite(low):
+        left, right, y = WIDTH - 250.0, WIDTH - 110.0, BOTTOM + 26.0
+        colours = _colours(np.linspace(0.0, 1.0, 64))[None].astype(np.uint8)
+        parts.append(label(left - 6, y + 10, f"range {low:.1f} m", "right"))
+        parts.append(image(left, y, right, y + 11, colours))
+        parts.append(label(right + 6, y + 10, f"{high:.1f} m"))
+    return drawing(WIDTH, BOTTOM + 42.0, parts, title)
 
 
 def range_limits_m(range_m: NDArray[np.float32], shown: NDArray[np.bool_] | None) -> tuple[float, float]:
@@ -104,18 +100,3 @@ def range_picture(range_m: NDArray[np.float32], shown: NDArray[np.bool_] | None)
 
 def _colours(share: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([np.interp(share, (0.0, 0.5, 1.0), channel) for channel in _NEAR_TO_FAR.T], axis=-1)
-
-
-def _bar(range_m: NDArray[np.float32], shown: NDArray[np.bool_] | None) -> list[str]:
-    """The colours with the ranges at their ends."""
-    low, high = range_limits_m(range_m, shown)
-    if not np.isfinite(low):
-        return []
-    left, right = BAR
-    uri = data_uri(_colours(np.linspace(0.0, 1.0, 64))[None].astype(np.uint8))
-    y = BOTTOM + 26.0
-    return [
-        f'<text class="label right" x="{left - 6}" y="{y + 10}">{escape("range")} {low:.1f} m</text>',
-        f'<image x="{left}" y="{y}" width="{right - left}" height="11" preserveAspectRatio="none" href="{uri}"/>',
-        f'<text class="label" x="{right + 6}" y="{y + 10}">{high:.1f} m</text>',
-    ]

@@ -1,4 +1,4 @@
-"""Drawings as SVG: maps to scale, and curves over time."""
+"""Drawings as SVG: their elements, maps to scale, and the axes and curves of charts."""
 
 from __future__ import annotations
 
@@ -9,35 +9,72 @@ from typing import Final
 
 import numpy as np
 import shapely
+from markupsafe import Markup
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.exporters.rasters.png import data_uri
-from furrowmap.exporters.rasters.relief import Box, Relief
+from furrowmap.exporters.rasters.images import data_uri
+from furrowmap.exporters.rasters.relief import Box, ShadedRelief
 
 FloatArray = NDArray[np.float64]
+Number = float | FloatArray
+"""A coordinate; an array has a single value."""
 
 WIDTH: Final = 640.0
 """Width of every drawing; a unit is a CSS pixel."""
-TALLEST: Final = 640.0
-FINE: Final = 0.3
+MAX_HEIGHT: Final = 640.0
+LINE_TOLERANCE: Final = 0.3
 """Tolerance of simplified lines in units."""
-_STEPS: Final = (1.0, 2.0, 5.0, 10.0)
+_ROUND_STEPS: Final = (1.0, 2.0, 5.0, 10.0)
 _TIME_STEPS_S: Final = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 14400, 21600, 43200)
+
+
+def element(name: str, text: str = "", /, **attributes: object) -> str:
+    """An element of SVG with a text; `class_` is its class, `stroke_width` its stroke-width; floats have a decimal."""
+    said = ""
+    for key, value in attributes.items():
+        shown = f"{value:.1f}" if isinstance(value, float | np.ndarray) else escape(str(value))
+        said += f' {key.rstrip("_").replace("_", "-")}="{shown}"'
+    return f"<{name}{said}>{escape(text)}</{name}>" if text else f"<{name}{said}/>"
+
+
+def rectangle(left: Number, top: Number, right: Number, bottom: Number, **look: object) -> str:
+    """A rectangle."""
+    return element("rect", x=left, y=top, width=right - left, height=bottom - top, **look)
+
+
+def segment(x1: Number, y1: Number, x2: Number, y2: Number, **look: object) -> str:
+    """A straight line between two points."""
+    return element("line", x1=x1, y1=y1, x2=x2, y2=y2, **look)
+
+
+def label(x: Number, y: Number, text: str, place: str = "") -> str:
+    """A text of an axis that begins at a place; "middle" or "right" if it is centred or ends there."""
+    return element("text", text, class_=f"label {place}".rstrip(), x=x, y=y)
+
+
+def corners(x: Iterable[float], y: Iterable[float]) -> str:
+    """The points of a polyline or polygon."""
+    return " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
+
+
+def drawing(width: float, height: float, parts: Iterable[str], title: str) -> Markup:
+    """A complete SVG with a title for screen readers."""
+    head = f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(title)}">'
+    return Markup(f"{head}{''.join(parts)}</svg>")  # noqa: S704 (its texts are escaped)
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """The area of a map and its scale in units per metre."""
+    """The area of a map, in the largest scale that fits a drawing."""
 
     box_m: Box
-    scale: float
 
-    @classmethod
-    def of(cls, box_m: Box) -> Sheet:
-        """The largest sheet for a box."""
-        west, south, east, north = box_m
-        return cls(box_m, min(WIDTH / (east - west), TALLEST / (north - south)))
+    @property
+    def scale(self) -> float:
+        """Units per metre."""
+        west, south, east, north = self.box_m
+        return min(WIDTH / (east - west), MAX_HEIGHT / (north - south))
 
     @property
     def size(self) -> tuple[float, float]:
@@ -45,34 +82,44 @@ class Sheet:
         west, south, east, north = self.box_m
         return (east - west) * self.scale, (north - south) * self.scale
 
-    def image(self, relief: Relief) -> str:
+    def image(self, relief: ShadedRelief) -> str:
         """An image."""
         (x, y), (right, bottom) = self._at(np.array([relief.box_m[::3], relief.box_m[2:0:-1]])).tolist()
-        place = f'x="{x:.1f}" y="{y:.1f}" width="{right - x:.1f}" height="{bottom - y:.1f}"'
-        return f'<image {place} preserveAspectRatio="none" href="{data_uri(relief.picture)}"/>'
+        return image(x, y, right, bottom, relief.pixels)
 
-    def area(self, shape: BaseGeometry, kind: str, more: str = "") -> str:
+    def area(self, shape: BaseGeometry, kind: str, **look: str) -> str:
         """A polygon."""
-        simple = shapely.simplify(shape, FINE / self.scale)
+        simple = shapely.simplify(shape, LINE_TOLERANCE / self.scale)
         rings = shapely.get_rings(shapely.get_parts(simple if not simple.is_empty else shape))
         path = "".join(self._path(shapely.get_coordinates(ring)) + "Z" for ring in rings)
-        return f'<path class="{kind}" {more} fill-rule="evenodd" d="{path}"/>'
+        return element("path", class_=kind, **look, fill_rule="evenodd", d=path)
 
-    def line(self, en_m: FloatArray, kind: str, more: str = "") -> str:
+    def line(self, en_m: FloatArray, kind: str, **look: str) -> str:
         """A line through places (n, 2)."""
         if len(en_m) > 1:
-            en_m = shapely.get_coordinates(shapely.simplify(shapely.LineString(en_m[:, :2]), FINE / self.scale))
-        return f'<path class="{kind}" {more} d="{self._path(en_m)}"/>'
+            line = shapely.LineString(en_m[:, :2])
+            en_m = shapely.get_coordinates(shapely.simplify(line, LINE_TOLERANCE / self.scale))
+        return element("path", class_=kind, **look, d=self._path(en_m))
 
     def text(self, place: shapely.Point, text: str) -> str:
         """A text at a point."""
         x, y = self._at(shapely.get_coordinates(place))[0]
-        return f'<text class="number" x="{x:.1f}" y="{y + 4:.1f}">{escape(text)}</text>'
+        return element("text", text, class_="number", x=x, y=y + 4)
 
-    def svg(self, parts: Sequence[str], title: str) -> str:
+    def svg(self, parts: Sequence[str], title: str) -> Markup:
         """The map with a scale bar and a north arrow."""
         width, height = self.size
-        return drawing(width, height, [*parts, *self._scale_bar(), *self._north()], title)
+        length_m = _round_step(0.25 * width / self.scale)
+        bar = f"M12 {height - 12:.1f}H{12.0 + length_m * self.scale:.1f}"
+        x = width - 18.0
+        frame = (
+            element("path", class_="halo", d=bar),
+            element("path", class_="bar", d=bar),
+            label(12, height - 18, f"{length_m:g} m"),
+            element("path", class_="arrow", d=f"M{x:.1f} 8l7 20l-7 -5l-7 5Z"),
+            element("text", "N", class_="number", x=x, y=44),
+        )
+        return drawing(width, height, [*parts, *frame], title)
 
     def _at(self, en_m: FloatArray) -> FloatArray:
         west, _, _, north = self.box_m
@@ -82,50 +129,45 @@ class Sheet:
     def _path(self, en_m: FloatArray) -> str:
         return "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in self._at(en_m))
 
-    def _scale_bar(self) -> Iterable[str]:
-        width, height = self.size
-        length_m = _nice(0.25 * width / self.scale)
-        right = 12.0 + length_m * self.scale
-        yield f'<path class="halo" d="M12 {height - 12:.1f}H{right:.1f}"/>'
-        yield f'<path class="bar" d="M12 {height - 12:.1f}H{right:.1f}"/>'
-        yield f'<text class="label" x="12" y="{height - 18:.1f}">{length_m:g} m</text>'
 
-    def _north(self) -> Iterable[str]:
-        x = self.size[0] - 18.0
-        yield f'<path class="arrow" d="M{x:.1f} 8l7 20l-7 -5l-7 5Z"/><text class="number" x="{x:.1f}" y="44">N</text>'
+def image(left: float, top: float, right: float, bottom: float, pixels: NDArray[np.uint8], **look: str) -> str:
+    """An embedded image (rows, columns, channels), stretched between its edges."""
+    place = {"x": left, "y": top, "width": right - left, "height": bottom - top}
+    return element("image", **look, **place, preserveAspectRatio="none", href=data_uri(pixels))
 
 
 @dataclass(frozen=True)
 class Axis:
-    """A vertical axis from `low` to `high` between two heights of a drawing."""
+    """A linear axis from `low` to `high` between two places of a drawing: below and above, or left and right."""
 
     low: float
     high: float
-    bottom: float
-    top: float
+    begin: float
+    end: float
 
     def at(self, value: FloatArray | float) -> FloatArray:
-        """Vertical positions of values."""
+        """Places of values."""
         share = (np.asarray(value, np.float64) - self.low) / (self.high - self.low)
-        place: FloatArray = self.bottom + share * (self.top - self.bottom)
+        place: FloatArray = self.begin + share * (self.end - self.begin)
         return place
 
-    def grid(self, left: float, label: Callable[[float], str], name: str = "") -> list[str]:
-        """Grid lines at round values, starting at `left`, with labels before them; the axis itself, and its name."""
-        step = _nice((self.high - self.low) / 3.0)
-        values = np.arange(np.ceil(self.low / step), np.floor(self.high / step) + 1) * step
+    def grid(self, left: float, words: Callable[[float], str], name: str = "") -> list[str]:
+        """Of a vertical axis: grid lines at round values, starting at `left`, with labels; the axis, and its name."""
+        step = _round_step((self.high - self.low) / 3.0)
+        values = np.arange(np.ceil(self.low / step), np.floor(self.high / step) + 1) * step + 0.0
+        places = self.at(values).tolist()
         lines = [
-            f'<line class="grid" x1="{left}" x2="{WIDTH}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text class="label right" x="{left - 7}" y="{y + 4:.1f}">{label(value)}</text>'
-            for value, y in zip((values + 0.0).tolist(), self.at(values).tolist(), strict=True)
+            segment(left, y, WIDTH, y, class_="grid") + label(left - 7, y + 4, words(value), "right")
+            for value, y in zip(values.tolist(), places, strict=True)
         ]
-        ticks = "".join(f"M{left} {y:.1f}h-5" for y in self.at(values).tolist())
-        lines.append(f'<path class="ticks" d="M{left} {self.top}V{self.bottom}{ticks}"/>')
-        middle = 0.5 * (self.top + self.bottom)
-        turned = f'transform="rotate(-90 12 {middle:.1f})"'
-        if name:
-            lines.append(f'<text class="label middle" x="12" y="{middle:.1f}" {turned}>{escape(name)}</text>')
-        return lines
+        ticks = "".join(f"M{left} {y:.1f}h-5" for y in places)
+        lines.append(element("path", class_="ticks", d=f"M{left} {self.end}V{self.begin}{ticks}"))
+        return [*lines, turned_label(name, 0.5 * (self.end + self.begin))] if name else lines
+
+
+def turned_label(text: str, y: float) -> str:
+    """The name of a vertical axis at the left edge."""
+    return element("text", text, class_="label middle", x=12, y=y, transform=f"rotate(-90 12 {y:.1f})")
 
 
 @dataclass(frozen=True)
@@ -149,15 +191,14 @@ class TimeAxis:
         times = range(0, int(length_s - 0.2 * step) + 1, step)
         places = [float(self.at(self.begin_s + t)) for t in times]
         ticks = "".join(f"M{x:.1f} {y:.1f}v5" for x in places)
-        name = "time since the beginning, " + ("h:min:s" if length_s >= 3600 else "min:s")
-        return [
-            f'<path class="ticks" d="M{self.left} {y:.1f}H{WIDTH}{ticks}"/>',
-            *(
-                f'<text class="label{" middle" if t else ""}" x="{x:.1f}" y="{y + 18:.1f}">{_duration(t)}</text>'
-                for t, x in zip(times, places, strict=True)
-            ),
-            f'<text class="label right" x="{WIDTH}" y="{y + 34:.1f}">{name}</text>',
-        ]
+        long = length_s >= 3600
+        texts = [
+            label(x, y + 18, f"{t // 3600}:{t // 60 % 60:02d}:{t % 60:02d}" if t >= 3600 else f"{t // 60}:{t % 60:02d}",
+                  "middle" if t else "")
+            for t, x in zip(times, places, strict=True)
+        ]  # fmt: skip
+        name = label(WIDTH, y + 34, f"time since the beginning, {'h:min:s' if long else 'min:s'}", "right")
+        return [element("path", class_="ticks", d=f"M{self.left} {y:.1f}H{WIDTH}{ticks}"), *texts, name]
 
 
 def curve(x: FloatArray, y: FloatArray) -> list[str]:
@@ -171,22 +212,16 @@ def curve(x: FloatArray, y: FloatArray) -> list[str]:
         order = np.lexsort((y[part], unit))
         edges = np.flatnonzero(np.diff(unit[order], prepend=-1, append=-1))
         kept = np.unique(np.concatenate([order[edges[:-1]], order[edges[1:] - 1], [0, len(part) - 1]]))
-        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x[part][kept], y[part][kept], strict=True))
-        parts.append(f'<polyline class="curve" points="{points}"/>')
+        parts.append(element("polyline", class_="curve", points=corners(x[part][kept], y[part][kept])))
     return parts
 
 
-def _nice(length: float) -> float:
+def _round_step(length: float) -> float:
     """The greatest of 1, 2, 5 times a power of ten not above `length`."""
     power = 10.0 ** np.floor(np.log10(length))
-    return float(max(step * power for step in _STEPS if step * power <= length * (1 + 1e-9)))
+    return float(max(step * power for step in _ROUND_STEPS if step * power <= length * (1 + 1e-9)))
 
 
-def _duration(t_s: int) -> str:
-    return f"{t_s // 3600}:{t_s // 60 % 60:02d}:{t_s % 60:02d}" if t_s >= 3600 else f"{t_s // 60}:{t_s % 60:02d}"
-
-
-def drawing(width: float, height: float, parts: Sequence[str], title: str) -> str:
-    """A complete SVG with a title for screen readers."""
-    head = f'<svg viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(title)}">'
-    return head + "".join(parts) + "</svg>"
+def mixed_colour(share: float, colours: NDArray[np.int64]) -> str:
+    """A colour between three (3, 3) by a share from 0 to 1, as CSS."""
+    return "#" + "".join(f"{round(np.interp(2.0 * share, (0, 1, 2), channel)):02x}" for channel in colours.T)

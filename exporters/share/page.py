@@ -8,7 +8,6 @@ from collections.abc import Iterable, Iterator
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
-from string import Template
 from typing import Any, Final, TypeGuard
 from zoneinfo import ZoneInfo
 
@@ -21,10 +20,11 @@ from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.languages.translation import translated
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder
+from furrowmap.exporters.rasters.images import encoded
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
-from furrowmap.exporters.reports.page_parts import duration_words, escape, policy
+from furrowmap.exporters.reports.pages import duration_words, render
 from furrowmap.exporters.share.features import moment_s, shared_layer
-from furrowmap.exporters.share.pictures import picture, write_webp
+from furrowmap.exporters.share.pictures import WEBP_QUALITY, picture
 from furrowmap.exporters.share.points import BYTES_A_POINT, MOST_POINTS, shared_points
 from furrowmap.exporters.share.rasters import BLENDED, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.share.words import JAPANESE
@@ -39,7 +39,6 @@ PAGE_PRODUCTS: Final = (INDEX, DATA, POINTS, *SCRIPTS, REPORT)
 MOST_BYTES: Final = 30_000_000
 """Of a folder; the cloud takes what the other files leave."""
 MARGIN_M: Final = 2.0
-_SOURCES: Final = "script-src 'self'", "img-src 'self' data:"
 
 
 def write_page(staging: Path, result: ResultFolder, language: str, progress: Progress) -> list[str]:
@@ -85,11 +84,8 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
         "japanese": JAPANESE,
     }
     _write_script(staging / DATA, "furrowmapData", data | {"cloud": None})  # its size counts
-    page = files("furrowmap.exporters.share").joinpath("share.html").read_text("utf-8")
-    filled = Template(page).substitute(
-        policy=policy(page, *_SOURCES), title=escape(result.name), when=escape(data["when"])
-    )
-    (staging / INDEX).write_text(filled, encoding="utf-8", errors="xmlcharrefreplace")
+    page = render("share.html", "script-src 'self'", "img-src 'self' data:", title=result.name, when=data["when"])
+    (staging / INDEX).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
     progress("writing the page", 0.8)
     data["cloud"] = _write_points(staging, result, extent)
     _write_script(staging / DATA, "furrowmapData", data)
@@ -138,7 +134,7 @@ def _scale(crs: CRS, box: Box) -> float:
 def _picture(staging: Path, result: ResultFolder, name: str) -> dict[str, Any]:
     shown = picture(result.folder / name, raster_style(name))
     target = Path(name).with_suffix(".webp").name
-    write_webp(staging / target, shown.rgba)
+    (staging / target).write_bytes(encoded(shown.rgba, "WEBP", QUALITY=WEBP_QUALITY))
     return {
         "name": Path(name).stem,
         "title": title_of(name, result),

@@ -6,15 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
-from warnings import catch_warnings, simplefilter
 from xml.etree import ElementTree as ET
 
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
 from rasterio.enums import Resampling
-from rasterio.errors import NotGeoreferencedWarning
-from rasterio.io import MemoryFile
 from scipy import ndimage
 
 from furrowmap.core.readers.geotiff import open_geotiff
@@ -22,8 +18,7 @@ from furrowmap.exporters.files.result_folder import packaged_style, unreadable
 
 LONGEST_SIDE: Final = 2400
 """Pixels of the longer side of a picture."""
-QUALITY: Final = 85
-"""Of WebP."""
+WEBP_QUALITY: Final = "85"
 
 
 @dataclass(frozen=True)
@@ -68,21 +63,6 @@ def picture(path: Path, style: str) -> Picture:
     items = list(renderer.iter("item"))
     legend = tuple((str(item.get("color")), str(item.get("label"))) for item in items)
     return Picture(_coloured(values, items), (west, south, east, north), legend)
-
-
-def write_webp(path: Path, rgba: NDArray[np.uint8]) -> None:
-    """Write a picture (rows, columns, 4) as WebP.
-
-    Raises:
-        OSError: if the file cannot be written.
-    """
-    rows, columns, _ = rgba.shape
-    profile: dict[str, Any] = {"driver": "WEBP", "width": columns, "height": rows, "count": 4, "dtype": "uint8"}
-    with rasterio.Env(GDAL_PAM_ENABLED=False), MemoryFile() as memory, catch_warnings():
-        simplefilter("ignore", NotGeoreferencedWarning)
-        with memory.open(**profile, QUALITY=str(QUALITY)) as image:
-            image.write(np.moveaxis(rgba, -1, 0))
-        path.write_bytes(memory.read())
 
 
 def _values(raster: Any, shape: Sequence[int]) -> NDArray[np.float32]:

@@ -12,7 +12,7 @@ import pytest
 
 from furrowmap.core.work.depth import SOIL_SIGMA_M
 from furrowmap.exporters.files.result_folder import packaged_style
-from furrowmap.exporters.reports.report_page import _passes
+from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.share.features import shared_layer
 from furrowmap.workflows.share.export import export
 from tests.exporters.farm.result_folders import field, write_result
@@ -31,7 +31,7 @@ def test_depth__in_report_page_and_kml(written: Path, tmp_path: Path) -> None:
     export([written], "kml", tmp_path / "field.kml")
     marks = ET.parse(tmp_path / "field.kml").findall(".//{*}Data[@name='depth_sigma_m']")
     page = shared_layer("passes", passes, TOKYO, alone=False)
-    report = "".join(_passes(field()[1], TOKYO, alone=True))
+    report = render("passes.html", work=field()[1], zone=TOKYO, several=False, max_rows=60)
     assert page is not None
     assert "depth (approximate)" in report
     for one, mark, shown in zip(passes.itertuples(), marks, page["features"], strict=True):

@@ -34,7 +34,7 @@ from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.files.workbook import write_workbook
-from furrowmap.exporters.reports.trial_charts import Points, category_chart, response_chart, standalone
+from furrowmap.exporters.reports.trial_charts import ParcelValues, category_chart, response_chart, standalone
 
 FloatArray = NDArray[np.float64]
 
@@ -255,7 +255,7 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 def _charts(last: _Flight, measure: str, dose: str | None, growth: Sequence[Growth]) -> dict[str, str]:
     blocks = [each.block or "" for each in last.parcels]
-    points = Points(last.table.value, blocks, measure, "block")
+    points = ParcelValues(last.table.value, blocks, measure, "block")
     charts = {}
     if last.response is not None and last.dose is not None and dose is not None:
         charts["response.svg"] = response_chart(last.dose, points, last.response, dose)
@@ -264,14 +264,14 @@ def _charts(last: _Flight, measure: str, dose: str | None, growth: Sequence[Grow
         means = [(each.treatment, each.mean, each.low, each.high) for each in last.variance.means]
         charts["treatments.svg"] = category_chart(labels, points, _ordered(means))
     if len(set(blocks)) > 1:
-        by_treatment = Points(last.table.value, labels, measure)
+        by_treatment = ParcelValues(last.table.value, labels, measure)
         charts["blocks.svg"] = category_chart(blocks, by_treatment, _means(blocks, last.table.value))
     if growth:
         rates = {each.id: each.rate_m_day for each in growth}
         rate = np.array([rates.get(each.id, np.nan) for each in last.parcels])
         named = labels if any(labels) else blocks
         charts["growth.svg"] = category_chart(
-            named, Points(rate, blocks, "growth, m/day", "block"), _means(named, rate)
+            named, ParcelValues(rate, blocks, "growth, m/day", "block"), _means(named, rate)
         )
     return charts
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Final
 
 import numpy as np
@@ -20,7 +21,7 @@ from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import Images
-from furrowmap.exporters.reports.image_section import image_sections
+from furrowmap.exporters.reports.pages import render
 from tests.core.images.test_block_adjustment import DELAY_S, NODES_S, SCALE, STATED, TRUE_TURN, Flight, true_camera
 
 pytest.importorskip("pycolmap")
@@ -149,12 +150,12 @@ def test_figures__are_those_of_the_scene(aided: tuple[Located, ImageAid]) -> Non
         assert point["images"] >= 2
         assert point["residual_px"] < 0.3
         assert np.abs(point["off_m"]).max() < 0.01
-    page = "".join(image_sections(aided[1]))
+    page = render("images.html", found=SimpleNamespace(image_aid=aided[1]))
     assert f"in {told['observations_used']:,} of {told['observations']:,} views" in page
     assert page.count("control point ") == len(points)
     assert f"{1000 * told['shift_m'][1]:.1f} ± {1000 * told['shift_sigma_m'][1]:.1f} mm" in page
     assert f"{1000 * told['sigma_before_m'][2]:.1f} mm before" in page
-    assert list(image_sections(None)) == []
+    assert not render("images.html", found=SimpleNamespace(image_aid=None)).strip()
 
 
 def test_a_camera_that_looks_up__is_a_contradiction(images: Images) -> None:

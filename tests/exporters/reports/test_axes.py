@@ -8,7 +8,7 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.exporters.reports.svg import TimeAxis, _nice
+from furrowmap.exporters.reports.svg import TimeAxis, _round_step
 
 
 def seconds(text: str) -> int:
@@ -34,7 +34,7 @@ def test_time_axis__has_labels_at_round_times(length_s: float) -> None:
 
 @given(length=st.floats(1e-3, 1e6))
 def test_nice_steps__are_1_2_or_5_and_at_most_the_length(length: float) -> None:
-    step = _nice(length)
+    step = _round_step(length)
     assert f"{step:.6e}"[0] in "125"
     assert float(f"{step:.6e}"[:8]) in (1.0, 2.0, 5.0)
     assert 0.4 * length * (1 - 1e-6) <= step <= length * (1 + 1e-6)

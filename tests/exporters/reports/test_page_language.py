@@ -11,24 +11,29 @@ import pytest
 from furrowmap.core.runtime.languages.translation import translated
 from furrowmap.exporters.reports.area_units import ACRE_M2, UNITS, area, area_words, filled_in, rate_words, work_rate
 from furrowmap.exporters.reports.page_language import in_language, language_of, texts
-from furrowmap.exporters.reports.page_parts import escape, figure, filled, key, key_figure, section, table
 
 PAGE = filled_in(
-    filled(
-        title="Two passes beside the barn",
-        when="2026-06-11, 10:59:34 to 11:00:37 (Asia/Tokyo, UTC+09:00)",
-        summary=f"<b>{escape(f'{area(5421.3)} worked in 3 passes, 3.1% of it twice, no strip missed')}.</b>",
-        figures=[
-            key_figure(area(5421.3), "worked"),
-            key_figure(work_rate(0.53), "recorded"),
-        ],
-        sections=[
-            section("Passes", table(("pass", "from", "to"), [("1", "10:59:34", "11:00:01")])),
-            section("Map", figure('<svg aria-label="Map of the ground worked"></svg>', "Areas in the map's plane.")),
-            key([("#fff", "RTK fixed 93%")]),
-        ],
-        provenance="furrowmap 0.1.0",
-    ),
+    f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<title>Two passes beside the barn</title>
+<style>body {{ color: black; }}</style>
+</head>
+<body>
+<h1>Two passes beside the barn</h1>
+<p class="soft">2026-06-11, 10:59:34 to 11:00:37 (Asia/Tokyo, UTC+09:00)</p>
+<p><b>{area(5421.3)} worked in 3 passes, 3.1% of it twice, no strip missed.</b></p>
+<div><b>{area(5421.3)}</b><span>worked</span></div>
+<div><b>{work_rate(0.53)}</b><span>recorded</span></div>
+<h2>Passes</h2>
+<table><tr><th>pass</th><th>from</th><th>to</th></tr><tr><td>1</td><td>10:59:34</td><td>11:00:01</td></tr></table>
+<h2>Map</h2>
+<figure><svg aria-label="Map of the ground worked"></svg><figcaption>Areas in the map&#39;s plane.</figcaption></figure>
+<ul class="key"><li>RTK fixed 93%</li></ul>
+<footer>furrowmap 0.1.0</footer>
+</body>
+</html>
+""",
     "ha",
 )
 
@@ -87,5 +92,5 @@ def test_units__are_the_same_area() -> None:
 
 
 def test_page__that_a_name_imitates_keeps_its_figures() -> None:
-    page = filled_in(PAGE.replace("beside the barn", escape('⟦area x⟧ <data value="1">')), "acre")
+    page = filled_in(PAGE.replace("beside the barn", html.escape('⟦area x⟧ <data value="1">')), "acre")
     assert "⟦area x⟧ &lt;data value=&quot;1&quot;&gt;" in in_language(page, "ja")

@@ -7,9 +7,9 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from furrowmap.exporters.reports.page_parts import duration_words
+from furrowmap.exporters.reports.pages import duration_words, number
 from furrowmap.exporters.reports.range_images import range_image, range_picture
-from furrowmap.exporters.reports.report_page import _median, _number
+from furrowmap.exporters.reports.report_page import _median
 
 
 @pytest.mark.parametrize(
@@ -24,8 +24,8 @@ def test_durations(length_s: float, words: str) -> None:
 
 
 def test_numbers__that_are_not_known_are_called_so() -> None:
-    assert _number(1.25, 1, " m") == "1.2 m"
-    assert _number(float("nan"), 1, " m") == "unknown"
+    assert number(1.25, "{:.1f} m") == "1.2 m"
+    assert number(float("nan"), "{:.1f} m") == number(None, "{:.1f} m") == "unknown"
     assert _median(np.array([np.nan, 3.0, 1.0, 2.0])) == 2.0
     assert np.isnan(_median(np.full(3, np.nan)))
 

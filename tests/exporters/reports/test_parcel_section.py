@@ -10,7 +10,7 @@ import shapely
 
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.exporters.reports.parcel_section import MOST_NAMES, MOST_ROWS, UNKNOWN, parcel_sections
+from furrowmap.exporters.reports.parcel_section import MAX_NAMED_PARCELS, MAX_PARCELS, UNKNOWN_COLOUR, parcel_sections
 
 FIGURES = ParcelFigures(
     id="", points=9000, points_m2=500.0, area_m2=18.0, filled=0.01, mean_height_m=0.5, p50_m=0.5, p90_m=0.55,
@@ -30,14 +30,14 @@ def parcels(heights_m: list[float], **more: float) -> list[MeasuredParcel]:
 
 
 def test_no_parcels__no_section() -> None:
-    assert list(parcel_sections([])) == []
+    assert not parcel_sections([])
 
 
 def test_colours__run_from_the_shortest_to_the_tallest_and_the_unknown_is_grey() -> None:
-    (text,) = parcel_sections(parcels([0.3, math.nan, 0.7]))
+    text = parcel_sections(parcels([0.3, math.nan, 0.7]))
     assert text.count('fill="#f7fcb9"') >= 1
     assert text.count('fill="#004529"') >= 1
-    assert f'fill="{UNKNOWN}"' in text
+    assert f'fill="{UNKNOWN_COLOUR}"' in text
     assert "30.0 cm" in text
     assert "70.0 cm" in text
     assert "may be lodged" in text
@@ -46,14 +46,14 @@ def test_colours__run_from_the_shortest_to_the_tallest_and_the_unknown_is_grey()
 
 @pytest.mark.parametrize("heights_m", [[math.nan, math.nan], [0.4, 0.4]])
 def test_heights__unknown_or_all_alike_are_drawn(heights_m: list[float]) -> None:
-    (text,) = parcel_sections(parcels(heights_m))
+    text = parcel_sections(parcels(heights_m))
     assert "nan" not in text
     assert text.count('class="pass"') == 2
 
 
 def test_published_method__has_its_columns_where_it_was_computed() -> None:
-    (without,) = parcel_sections(parcels([0.4, 0.5]))
-    (beside,) = parcel_sections(parcels([0.4, 0.5], published_height_m=0.45, published_volume_m3=8.1))
+    without = parcel_sections(parcels([0.4, 0.5]))
+    beside = parcel_sections(parcels([0.4, 0.5], published_height_m=0.45, published_volume_m3=8.1))
     assert "published method" not in without
     assert "published method" in beside
     assert "45.0 cm" in beside
@@ -61,10 +61,10 @@ def test_published_method__has_its_columns_where_it_was_computed() -> None:
 
 
 def test_many_parcels__are_cut_in_the_table_and_have_no_names_on_the_map() -> None:
-    (text,) = parcel_sections(parcels([0.4] * (MOST_ROWS + 7)))
+    text = parcel_sections(parcels([0.4] * (MAX_PARCELS + 7)))
     assert "7 more parcels are in parcels.csv" in text
-    assert text.count("<tr>") == MOST_ROWS + 1
+    assert text.count("<tr>") == MAX_PARCELS + 1
     assert 'class="number"' in text, "the arrow's N"
     assert ">P3</text>" not in text
-    (few,) = parcel_sections(parcels([0.4] * MOST_NAMES))
+    few = parcel_sections(parcels([0.4] * MAX_NAMED_PARCELS))
     assert ">P3</text>" in few

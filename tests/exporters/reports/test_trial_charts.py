@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from furrowmap.core.crops.logistic import Estimate, Logistic
 from furrowmap.core.crops.response import Response
 from furrowmap.exporters.reports.trial_charts import (
-    COLOURS,
-    Points,
+    GROUP_COLOURS,
+    ParcelValues,
     _round_values,
     category_chart,
     response_chart,
@@ -26,7 +26,7 @@ DOSE = np.array([0.0, 40.0, 90.0, 160.0, 0.0, 40.0, 90.0, 160.0, np.nan, 40.0])
 HEIGHT_M = np.array([0.41, 0.55, 0.62, 0.66, 0.44, 0.57, 0.61, 0.69, 0.90, np.nan])
 BLOCK = ["A"] * 4 + ["B"] * 4 + ["A", "B"]
 KNOWN = np.isfinite(DOSE) & np.isfinite(HEIGHT_M)
-POINTS = Points(HEIGHT_M, BLOCK, "mean height, m", "block")
+POINTS = ParcelValues(HEIGHT_M, BLOCK, "mean height, m", "block")
 
 
 def response(plateau: Estimate | None = None, *, shown: bool = True) -> Response:
@@ -101,25 +101,25 @@ def test_response_chart__has_no_rate_that_the_doses_do_not_show() -> None:
 @pytest.mark.parametrize("count", [1, 2, 8, 9, 11])
 def test_dots__have_the_colour_that_the_legend_gives_their_block(count: int) -> None:
     blocks = [f"{k % count}" for k in range(22)]
-    points = Points(np.linspace(0.2, 0.8, 22), blocks, "height, m", "block")
+    points = ParcelValues(np.linspace(0.2, 0.8, 22), blocks, "height, m", "block")
     root = ET.fromstring(response_chart(np.linspace(0.0, 100.0, 22), points, response(), "dose"))
     circles = [*root.iter("circle")]
     dots, legend = circles[:22], circles[22:]
     names = [text for text in root.iter("text") if (text.text or "").startswith("block ")]
-    assert len(names) == len(legend) == (min(count, len(COLOURS)) if count > 1 else 0)
+    assert len(names) == len(legend) == (min(count, len(GROUP_COLOURS)) if count > 1 else 0)
     for name, mark in zip(names, legend, strict=True):
         assert float(name.attrib["x"]) - float(mark.attrib["cx"]) == pytest.approx(8.0, abs=0.11)
         block = (name.text or "").removeprefix("block ")
         assert {dot.attrib["fill"] for dot, other in zip(dots, blocks, strict=True) if other == block} == {
             mark.attrib["fill"]
         }
-    assert len({dot.attrib["fill"] for dot in dots}) == min(count, len(COLOURS))
+    assert len({dot.attrib["fill"] for dot in dots}) == min(count, len(GROUP_COLOURS))
     places = [float(mark.attrib["cx"]) for mark in legend]
     assert all(0.0 < after < before - 30.0 for before, after in pairwise(places))
 
 
 def test_legend__needs_a_name_of_the_groups() -> None:
-    points = Points(HEIGHT_M, BLOCK, "height, m")
+    points = ParcelValues(HEIGHT_M, BLOCK, "height, m")
     root = ET.fromstring(response_chart(DOSE, points, response(), "dose"))
     assert len([*root.iter("circle")]) == KNOWN.sum()
 
@@ -153,7 +153,7 @@ def test_category_chart__shows_parcels_means_and_intervals() -> None:
 @pytest.mark.parametrize("count", [1, 12, 13, 40])
 def test_category_chart__has_room_for_its_names_and_groups(count: int) -> None:
     names = [f"treatment {k}" for k in range(count)]
-    points = Points(np.tile([0.3, 0.4, 0.6], count), ["A", "B", "C"] * count, "height, m", "block")
+    points = ParcelValues(np.tile([0.3, 0.4, 0.6], count), ["A", "B", "C"] * count, "height, m", "block")
     root = ET.fromstring(category_chart(np.repeat(names, 3).tolist(), points, [(n, 0.4, 0.3, 0.5) for n in names]))
     labels = [text for text in root.iter("text") if (text.text or "").startswith("treatment")]
     step = 552.0 / count
@@ -177,7 +177,7 @@ def test_category_chart__has_room_for_its_names_and_groups(count: int) -> None:
 )
 def test_charts__of_any_heights_keep_all_within_their_frame(middle: float, reach: float, values: list[float]) -> None:
     heights = middle + reach * np.array(values)
-    points = Points(heights, ["A"] * len(values), "height")
+    points = ParcelValues(heights, ["A"] * len(values), "height")
     root = ET.fromstring(response_chart(np.arange(float(len(values))), points, response(), "dose"))
     dots = np.array([(c.attrib["cx"], c.attrib["cy"]) for c in root.iter("circle")], float)
     lines = np.array([span(line, "x") for line in root.iter("line")])
@@ -217,13 +217,15 @@ def test_ticks__have_the_least_round_step_of_a_fifth_or_more(end: float, step: f
 def test_response_chart__has_the_doses_from_zero_on_across_its_width(
     doses: list[float], low: float, high: float
 ) -> None:
-    root = ET.fromstring(response_chart(np.array(doses), Points(np.array([0.4, 0.6]), "AB", "m"), response(), "dose"))
+    root = ET.fromstring(
+        response_chart(np.array(doses), ParcelValues(np.array([0.4, 0.6]), "AB", "m"), response(), "dose")
+    )
     places = np.array([float(c.attrib["cx"]) for c in root.iter("circle") if c.attrib["r"] == "3.5"])
     assert places == pytest.approx(74.0 + 552.0 * (0.03 + (np.array(doses) - low) / (high - low)) / 1.06, abs=0.06)
 
 
 def test_charts__of_nothing_known_have_an_axis() -> None:
-    nothing = Points(np.full(2, np.nan), "AB", "height, m")
+    nothing = ParcelValues(np.full(2, np.nan), "AB", "height, m")
     for chart in (response_chart(np.arange(2.0), nothing, response(), "dose"), category_chart("AB", nothing, [])):
         root = ET.fromstring(chart)
         beside = [text.text for text in root.iter("text") if text.attrib.get("text-anchor") == "end"]

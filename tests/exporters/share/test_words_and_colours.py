@@ -18,8 +18,9 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import RUN_RASTERS, packaged_style, packaged_styles
 from furrowmap.exporters.rasters.cog import Band, write_cog
+from furrowmap.exporters.rasters.images import encoded
 from furrowmap.exporters.share.features import labels
-from furrowmap.exporters.share.pictures import picture, write_webp
+from furrowmap.exporters.share.pictures import WEBP_QUALITY, picture
 from furrowmap.exporters.share.points import CLASSES
 from furrowmap.exporters.share.symbols import layer_style
 from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
@@ -126,7 +127,7 @@ def test_picture__has_the_colours_of_the_style(tmp_path: Path) -> None:
     assert shown.rgba[0, 0, 3] == 0
     assert shown.box_m == (0.0, 0.0, 3.0, 4.0)
     assert ("#8c510a", "0.10 m") in shown.legend
-    write_webp(tmp_path / "change.webp", shown.rgba)
+    (tmp_path / "change.webp").write_bytes(encoded(shown.rgba, "WEBP", QUALITY=WEBP_QUALITY))
     with rasterio.open(tmp_path / "change.webp") as image:
         assert image.driver == "WEBP"
         assert np.abs(image.read()[:3, 4, 1].astype(int) - [0x80, 0xCD, 0xC1]).max() < 20  # chroma is subsampled

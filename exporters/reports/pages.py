@@ -1,0 +1,95 @@
+"""HTML pages from the templates of this package: single files without external resources."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import math
+import re
+from functools import cache
+from importlib.metadata import version
+from importlib.resources import files
+from typing import Final
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+from furrowmap.core.geodesy.local_time import clock_words, in_local_time
+from furrowmap.core.runtime.errors import printable
+from furrowmap.exporters.reports.area_units import area, work_rate
+
+_FOLDERS: Final = ("reports/templates", "share")
+_POLICY: Final = 'content="POLICY"'
+"""Where a template has its Content-Security-Policy."""
+
+
+def render(template: str, *sources: str, **values: object) -> str:
+    """A page, or a part of one, as HTML; texts among the values are escaped.
+
+    Args:
+        template: name of its file.
+        sources: parts of the Content-Security-Policy, besides those of :func:`_policy`.
+        values: by their names in the template.
+    """
+    page = _environment().get_template(template).render(values)
+    return page.replace(_POLICY, f'content="{_policy(page, sources)}"', 1)
+
+
+def _policy(page: str, sources: tuple[str, ...]) -> str:
+    """The Content-Security-Policy of a page: its own style sheet, embedded images, `sources`, and nothing else."""
+    sheet = page.partition("<style>")[2].partition("</style>")[0]
+    named = {part.split()[0] for part in sources}
+    digest = base64.b64encode(hashlib.sha256(sheet.encode()).digest()).decode("ascii")
+    own = ("img-src data:", f"style-src 'sha256-{digest}'", "base-uri 'none'", "form-action 'none'")
+    return "; ".join(("default-src 'none'", *sources, *(part for part in own if part.split()[0] not in named)))
+
+
+@cache
+def _environment() -> Environment:
+    """Escapes all texts, and shows their control characters; a name that a template does not know is an error."""
+    environment = Environment(
+        loader=FunctionLoader(_source),
+        autoescape=True,
+        undefined=StrictUndefined,
+        extensions=["jinja2.ext.do"],
+        trim_blocks=True,
+        finalize=lambda value: printable(value) if type(value) is str else value,
+    )
+    environment.globals |= {"software": f"furrowmap {version('furrowmap')}", "zip": zip}
+    environment.tests["finite"] = math.isfinite
+    environment.filters |= {
+        "area": area,
+        "clock": clock_words,
+        "days": days_words,
+        "duration": duration_words,
+        "local": in_local_time,
+        "number": number,
+        "rate": work_rate,
+    }
+    return environment
+
+
+def _source(template: str) -> str | None:
+    """A template; a line that begins with spaces goes on with the one before it, so that a text has no line break."""
+    for folder in _FOLDERS:
+        file = files("furrowmap.exporters").joinpath(folder, template)
+        if file.is_file():
+            return re.sub(r"\n +", " ", file.read_text("utf-8"))
+    return None
+
+
+def number(value: float | None, form: str) -> str:
+    """A value in a format such as "{:.1f} cm"; "unknown" for None and what is not finite."""
+    return form.format(value) if value is not None and math.isfinite(value) else "unknown"
+
+
+def days_words(first: str, last: str) -> str:
+    """The days from a first to a last one, in any language: "2026-06-11 – 2026-06-18"."""
+    return first if first == last else f"{first} – {last}"
+
+
+def duration_words(length_s: float) -> str:
+    """Seconds, minutes or hours."""
+    whole = round(length_s)
+    if whole >= 3600:
+        return f"{whole // 3600} h {whole // 60 % 60:02d} min"
+    return f"{whole // 60} min {whole % 60:02d} s" if whole >= 60 else f"{whole} s"
