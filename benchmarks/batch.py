@@ -27,7 +27,7 @@ import psutil
 import shapely
 
 import furrowmap
-from furrowmap.exporters.files.batch_state import STATE, Outcome, batch_state
+from furrowmap.exporters.files.batch_state import STATE, SessionOutcome, batch_state
 from furrowmap.workflows.batch.engine import Manner
 from furrowmap.workflows.batch.jobs import Job, identity, key_of, open_job
 from furrowmap.workflows.batch.sources import find_sources
@@ -73,7 +73,7 @@ def counting(results: Path, step_s: float = 60.0) -> Iterator[None]:
         thread.join()
 
 
-def timed(sessions: Path, results: Path, workers: int) -> tuple[float, list[Outcome]]:
+def timed(sessions: Path, results: Path, workers: int) -> tuple[float, list[SessionOutcome]]:
     """Wall time of a batch, and what became of its sessions."""
     begin = time.perf_counter()
     with counting(results):
@@ -83,7 +83,7 @@ def timed(sessions: Path, results: Path, workers: int) -> tuple[float, list[Outc
         return took, list(state.outcomes().values())
 
 
-def figures(outcomes: list[Outcome], wall_s: float, workers: int) -> str:
+def figures(outcomes: list[SessionOutcome], wall_s: float, workers: int) -> str:
     """What a batch took; outcomes are in the order in which they ended."""
     runs, processor = sum(o.seconds for o in outcomes), sum(o.processor_s for o in outcomes)
     quarter = max(1, len(outcomes) // 4)
@@ -125,8 +125,8 @@ def repetition(folder: Path, count: int) -> None:
             text = source.file.read_text(encoding="utf-8")
             job = Job(source.parts[0], str(source.file), text, str(results), Manner(None, (), "en"))
             state.keep_names({identity(job.file, None): job.name})
-            outcome: Any = Outcome(key_of(job), input_stamps(open_job(job)), seconds=1.0, processor_s=1.0)
-            outcome = Outcome(**{**vars(outcome), "footprint": FOOTPRINT, "track": TRACK})
+            outcome: Any = SessionOutcome(key_of(job), input_stamps(open_job(job)), seconds=1.0, processor_s=1.0)
+            outcome = SessionOutcome(**{**vars(outcome), "footprint": FOOTPRINT, "track": TRACK})
             state.keep(job.name, outcome)
             job.folder.mkdir()
             (job.folder / "report.json").touch()

@@ -28,7 +28,7 @@ from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import Statistic
-from furrowmap.exporters.rasters.cog import SURFACE_BANDS, Origin, surface_arrays, write_cog
+from furrowmap.exporters.rasters.cog import SURFACE_BANDS, Origin, cog_output, surface_arrays
 
 FloatArray = NDArray[np.float64]
 
@@ -140,9 +140,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         ours, theirs = Path(folder, "ours.tif"), Path(folder, "gdal.tif")
         origin = Origin("Surface")
-        own_s = fastest(
-            lambda: write_cog(ours, grid, CRS("EPSG:6677"), SURFACE_BANDS, list(arrays), origin), args.rounds
-        )
+
+        def write_ours() -> None:
+            with cog_output(ours, grid, CRS("EPSG:6677"), SURFACE_BANDS, origin) as write:
+                write(grid, list(arrays))
+
+        own_s = fastest(write_ours, args.rounds)
         gdal_s = fastest(lambda: gdal(theirs, arrays, grid), args.rounds)
         megabytes = arrays.nbytes / 1e6
         for name, seconds, path in (("furrowmap", own_s, ours), ("GDAL's COG driver", gdal_s, theirs)):

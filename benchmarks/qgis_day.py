@@ -25,7 +25,7 @@ from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import style_of
-from furrowmap.exporters.rasters.cog import HEIGHT, Band, cog_output
+from furrowmap.exporters.rasters.cog import HEIGHT_BAND, Band, cog_output
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DAY = Path.home() / ".cache" / "furrowmap" / "benchmarks" / "qgis_day"
@@ -97,7 +97,7 @@ def make_day(folder: Path) -> None:
     furrowmap.run(DAY / "session.toml", folder, overwrite=True)
     write_cloud(folder / "cloud.copc.laz", t_s, en_m)
     styles = CHECKOUT / "exporters" / "styles"
-    for name, band in (("dsm", HEIGHT), ("dsm_before", HEIGHT), ("change", Band("change"))):
+    for name, band in (("dsm", HEIGHT_BAND), ("dsm_before", HEIGHT_BAND), ("change", Band("change"))):
         write_raster(folder / f"{name}.tif", band)
         style = "change" if name == "change" else "dsm"
         shutil.copyfile(styles / f"{style}.qml", folder / style_of(f"{name}.tif"))
@@ -144,7 +144,7 @@ def write_raster(path: Path, band: Band) -> None:
         for row in range(0, cells, 500):
             e_m = CELL_M * np.arange(cells)[None, :]
             n_m = SIDE_M - CELL_M * np.arange(row, row + 500)[:, None]
-            height_m = relief_m(e_m, n_m) + (CORNER_M[2] if band is HEIGHT else 0.0)
+            height_m = relief_m(e_m, n_m) + (CORNER_M[2] if band is HEIGHT_BAND else 0.0)
             write(Grid(CELL_M, west, north - row, (500, cells)), [height_m.astype(np.float32)])
 
 

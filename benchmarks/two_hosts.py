@@ -24,7 +24,7 @@ from pathlib import Path
 import psutil
 from batch import command, counting, figures, season, spawned, verdict
 
-from furrowmap.exporters.files.batch_state import STATE, Outcome, batch_state
+from furrowmap.exporters.files.batch_state import STATE, SessionOutcome, batch_state
 
 ADDRESSES = {"north": "10.97.0.1", "south": "10.97.0.2"}
 PREFIX = "furrowmap-"
@@ -100,7 +100,7 @@ def call(sessions: Path, results: Path) -> list[str]:
     return on_host("north", command(sessions, results, "--scheduler", SCHEDULER))
 
 
-def outcomes(results: Path) -> list[Outcome]:
+def outcomes(results: Path) -> list[SessionOutcome]:
     with batch_state(results / STATE) as state:
         return list(state.outcomes().values())
 

@@ -26,9 +26,9 @@ from furrowmap.exporters.files.result_folder import (
     FURTHER_TOOLS,
     LEARNED,
     ORTHOPHOTO,
-    PAGE,
     REPORT,
-    SESSION,
+    REPORT_PAGE,
+    SESSION_FILE,
     STATES,
     ResultFolder,
     of_tool,
@@ -47,12 +47,12 @@ _KINDS: Final = {  # media type, title, roles
     CLOUD: ("application/vnd.laszip+copc", "Point cloud", ["data"]),
     FIELD: ("application/geopackage+sqlite3", "Trajectory and ground worked", ["data"]),
     REPORT: ("application/json", "Figures, warnings, provenance", ["metadata"]),
-    PAGE: ("text/html", "Report to read", ["overview"]),
+    REPORT_PAGE: ("text/html", "Report to read", ["overview"]),
     LEARNED: ("application/octet-stream", "What was learned of the implement, for the next session", ["data"]),
     STATES: ("text/csv", "When the tool went down and up", ["data"]),
     **{of_tool(LEARNED, n): ("application/octet-stream", f"Learned of implement {n}", ["data"]) for n in FURTHER_TOOLS},
     **{of_tool(STATES, n): ("text/csv", f"When implement {n} went down and up", ["data"]) for n in FURTHER_TOOLS},
-    SESSION: ("application/toml", "Session as it was understood", ["metadata"]),
+    SESSION_FILE: ("application/toml", "Session as it was understood", ["metadata"]),
 }
 COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"
 _EDGE_POINTS: Final = 6

@@ -28,7 +28,7 @@ from furrowmap.exporters.files.qgis_project import (
     put_vector_layer,
     put_view,
 )
-from furrowmap.exporters.share.points import CLASSES
+from furrowmap.exporters.share.points import CLASS_COLOURS
 from furrowmap.exporters.vectors.layer_words import NAMES
 
 PROJECT: Final = "furrowmap"
@@ -119,7 +119,7 @@ def project_archive(
     _put_tree(root, layers, language_of_user())
     _put_relations(root, layers)
     within = ET.SubElement(root, "projectlayers")
-    classes = [(code, colour, translated(name, language_of_user())) for code, colour, name in CLASSES]
+    classes = [(code, colour, translated(name, language_of_user())) for code, colour, name in CLASS_COLOURS]
     for layer in layers:
         if layer.kind == POINT_CLOUD:
             put_point_cloud_layer(within, layer, crs, classes)

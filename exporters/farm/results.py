@@ -27,7 +27,7 @@ from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.result_folder import (
     FIELD,
     REPORT,
-    SESSION,
+    SESSION_FILE,
     TRAJECTORY,
     ResultFolder,
     open_result,
@@ -192,7 +192,7 @@ def _digest(folder: Path) -> str:
 
 
 def _provenance(result: ResultFolder, identity: Mapping[str, str]) -> Layer:
-    session = result.folder / SESSION
+    session = result.folder / SESSION_FILE
     row = {
         **identity,
         "furrowmap": str(result.report["furrowmap"]),

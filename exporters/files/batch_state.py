@@ -19,7 +19,7 @@ import msgspec
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
 
 STATE: Final = ".batch.sqlite"
-_SCHEMA: Final = 1
+_STATE_VERSION: Final = 1
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class SessionOutcome:
     """What became of a session.
 
     Attributes:
@@ -103,16 +103,16 @@ class BatchState:
     def __init__(self, database: sqlite3.Connection) -> None:
         self._database = database
 
-    def outcomes(self) -> dict[str, Outcome]:
+    def outcomes(self) -> dict[str, SessionOutcome]:
         """What became of each session, by its name."""
         rows = self._database.execute("SELECT name, outcome FROM sessions")
-        return {name: msgspec.json.decode(text, type=Outcome) for name, text in rows}
+        return {name: msgspec.json.decode(text, type=SessionOutcome) for name, text in rows}
 
     def sources(self) -> dict[str, str]:
         """The name of each session, by what it was made from."""
         return dict(self._database.execute("SELECT source, name FROM names").fetchall())
 
-    def keep(self, name: str, outcome: Outcome) -> None:
+    def keep(self, name: str, outcome: SessionOutcome) -> None:
         """Keep what became of a session."""
         with self._database:
             row = (name, msgspec.json.encode(outcome))
@@ -158,14 +158,14 @@ def batch_state(path: Path | None) -> Iterator[BatchState]:
 
 def _prepare(database: sqlite3.Connection) -> None:
     (version,) = database.execute("PRAGMA user_version").fetchone()
-    if version == _SCHEMA:
+    if version == _STATE_VERSION:
         return
     if version:
-        raise sqlite3.DatabaseError(f"it has version {version}, not {_SCHEMA}")
+        raise sqlite3.DatabaseError(f"it has version {version}, not {_STATE_VERSION}")
     with database:
         database.execute("CREATE TABLE IF NOT EXISTS sessions (name TEXT PRIMARY KEY, outcome BLOB NOT NULL)")
         database.execute("CREATE TABLE IF NOT EXISTS names (source TEXT PRIMARY KEY, name TEXT NOT NULL)")
         database.execute(
             "CREATE TABLE IF NOT EXISTS prepared (source TEXT PRIMARY KEY, key TEXT NOT NULL, found BLOB NOT NULL)"
         )
-        database.execute(f"PRAGMA user_version = {_SCHEMA}")
+        database.execute(f"PRAGMA user_version = {_STATE_VERSION}")

@@ -10,7 +10,7 @@ from typing import Final
 
 from furrowmap.core.runtime.progress import Progress, silent
 
-_BLOCK_BYTES: Final = 4 << 20
+_HASHED_BYTES: Final = 4 << 20
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def rooted_records(rooted: Sequence[tuple[Path, Path]], progress: Progress = sil
     for path, root in files:
         digest, begun = hashlib.sha256(), done
         with path.open("rb") as stream:
-            while block := stream.read(_BLOCK_BYTES):
+            while block := stream.read(_HASHED_BYTES):
                 digest.update(block)
                 done += len(block)
                 progress("hashing inputs", min(1.0, done / max(total, 1)))

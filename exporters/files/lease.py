@@ -24,20 +24,20 @@ from furrowmap.core.runtime.errors import RefusedError, printable
 from furrowmap.exporters.files.owner import PATTERN, Owner
 
 PREFIX: Final = ".furrowmap-run-"
-PRODUCTS: Final = "products"
+STAGED_PRODUCTS: Final = "products"
 """Folder in a lease whose files become products together."""
 BEAT_S: Final = 1.0
 """Time between two changes of the heartbeat."""
-PATIENCE_S: Final = 10.0
+MAX_SILENCE_S: Final = 10.0
 """A heartbeat that does not change for so long has stopped."""
-_STEP_S: Final = 0.1
+_POLL_S: Final = 0.1
 _NAME: Final = re.compile(rf"{re.escape(PREFIX)}({PATTERN})-[0-9a-f]{{8}}")
 _HEARTBEAT: Final = "heartbeat"
 _HOLDS: Final = "holds"
 """Marks the lease that may write; one without it has just been asked for."""
 _ENDED: Final = "ended"
 """Marks a lease whose run has been found to have ended."""
-_MOST_BYTES: Final = 16 << 20
+_MAX_SMALL_BYTES: Final = 16 << 20
 
 
 @contextmanager
@@ -73,7 +73,8 @@ def leases(folder: Path) -> list[Path]:
 def is_staged(file: Path) -> bool:
     """Whether a file is among those that become products together, and are flushed to the disk before they do."""
     return any(
-        place.name == PRODUCTS and _NAME.fullmatch(place.parent.name) is not None for place in list(file.parents)[:2]
+        place.name == STAGED_PRODUCTS and _NAME.fullmatch(place.parent.name) is not None
+        for place in list(file.parents)[:2]
     )
 
 
@@ -108,8 +109,8 @@ def read_small(path: Path) -> bytes:
         return b""
     with os.fdopen(descriptor, "rb") as file:
         status = os.fstat(descriptor)
-        regular = stat.S_ISREG(status.st_mode) and status.st_size <= _MOST_BYTES
-        return file.read(_MOST_BYTES) if regular else b""
+        regular = stat.S_ISREG(status.st_mode) and status.st_size <= _MAX_SMALL_BYTES
+        return file.read(_MAX_SMALL_BYTES) if regular else b""
 
 
 def _await_turn(folder: Path, own: Path) -> None:
@@ -126,7 +127,7 @@ def _await_turn(folder: Path, own: Path) -> None:
         if not alive:
             (own / _HOLDS).touch(exist_ok=False)
             return
-        time.sleep(_STEP_S)
+        time.sleep(_POLL_S)
 
 
 def _is_alive(lease: Path) -> bool:
@@ -145,10 +146,10 @@ def _is_alive(lease: Path) -> bool:
 
 
 def _beats(lease: Path) -> bool:
-    """Whether the heartbeat of a lease changes within PATIENCE_S."""
-    first, until = read_small(lease / _HEARTBEAT), time.monotonic() + PATIENCE_S
+    """Whether the heartbeat of a lease changes within MAX_SILENCE_S."""
+    first, until = read_small(lease / _HEARTBEAT), time.monotonic() + MAX_SILENCE_S
     while lease.is_dir() and time.monotonic() < until:
-        time.sleep(_STEP_S)
+        time.sleep(_POLL_S)
         if read_small(lease / _HEARTBEAT) != first:
             return True
     return False

@@ -13,8 +13,8 @@ from functools import cache
 from pathlib import Path
 from typing import Final, Self
 
-_WORDS: Final = re.compile(r"(?P<machine>[0-9a-f]{8})-(?P<process>\d{1,10})-(?P<started>\d{1,20})")
-PATTERN: Final = re.sub(r"\?P<\w+>", "", _WORDS.pattern)
+_OWNER: Final = re.compile(r"(?P<machine>[0-9a-f]{8})-(?P<process>\d{1,10})-(?P<started>\d{1,20})")
+PATTERN: Final = re.sub(r"\?P<\w+>", "", _OWNER.pattern)
 """Of :meth:`Owner.words`."""
 
 
@@ -39,7 +39,7 @@ class Owner:
     @classmethod
     def of(cls, words: str) -> Self | None:
         """The owner that :meth:`words` describes; None for other text."""
-        match = _WORDS.fullmatch(words)
+        match = _OWNER.fullmatch(words)
         return None if match is None else cls(match["machine"], int(match["process"]), int(match["started"]))
 
     def words(self) -> str:

@@ -12,7 +12,7 @@ from furrowmap.core.runtime.errors import printable
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.values.clock import decimal_year, iso_utc
 
-BESIDE: Final = "provenance.json"
+PROVENANCE_FILE: Final = "provenance.json"
 
 
 @dataclass(frozen=True)
@@ -61,5 +61,5 @@ class Origin:
 
     def write_beside(self, folder: Path) -> None:
         """Write `provenance.json` into a folder, with the names of the files there."""
-        names = sorted({BESIDE, *(path.name for path in folder.iterdir())})
-        (folder / BESIDE).write_text(json_text({**self.metadata, "products": names}), encoding="utf-8")
+        names = sorted({PROVENANCE_FILE, *(path.name for path in folder.iterdir())})
+        (folder / PROVENANCE_FILE).write_text(json_text({**self.metadata, "products": names}), encoding="utf-8")

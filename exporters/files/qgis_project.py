@@ -12,8 +12,8 @@ from pyproj import CRS
 DOCTYPE: Final = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
 _QGIS: Final = "3.34.0"
 """The first version that supports everything written here."""
-_MARGIN: Final = 0.05
-_PARTS: Final = (
+_VIEW_MARGIN: Final = 0.05
+_STYLE_ELEMENTS: Final = (
     "renderer-v2", "labeling", "temporal", "mapTip", "layerOpacity", "blendMode", "fieldConfiguration", "aliases",
 )  # fmt: skip
 
@@ -77,7 +77,7 @@ def put_view(root: ET.Element, crs: CRS, bounds: tuple[float, float, float, floa
     """
     view = ET.SubElement(root, "ProjectViewSettings", {"UseProjectScales": "0", "rotation": "0"})
     west, south, east, north = bounds
-    margin = _MARGIN * max(east - west, north - south, 1.0)
+    margin = _VIEW_MARGIN * max(east - west, north - south, 1.0)
     box = {"xmin": west - margin, "ymin": south - margin, "xmax": east + margin, "ymax": north + margin}
     texts = {name: repr(float(value)) for name, value in box.items()}
     put_crs(ET.SubElement(view, "DefaultViewExtent", texts), crs)
@@ -97,7 +97,7 @@ def put_vector_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
     attributes = {"type": "vector", "geometry": geometry, "styleCategories": "AllStyleCategories"}
     element = _put_layer(within, layer, crs, attributes | {"readOnly": str(int(layer.read_only))})
     style = ET.fromstring(layer.style) if layer.style else ET.Element("qgis")  # noqa: S314 (of this package)
-    element.extend([part for part in style if part.tag in _PARTS])
+    element.extend([part for part in style if part.tag in _STYLE_ELEMENTS])
     element.set("labelsEnabled", "0" if style.find("labeling") is None else "1")
 
 

@@ -33,8 +33,8 @@ STRIP_OVERLAP: Final = "strip_overlap.tif"
 ORTHOPHOTO: Final = "orthophoto.tif"
 FIELD: Final = "field.gpkg"
 REPORT: Final = "report.json"
-PAGE: Final = "report.html"
-SESSION: Final = "session.toml"
+REPORT_PAGE: Final = "report.html"
+SESSION_FILE: Final = "session.toml"
 STATES: Final = "states.csv"
 LEARNED: Final = "implement.npz"
 ITEM: Final = "item.json"
@@ -133,10 +133,10 @@ RUN_PRODUCTS: Final = {
     **{of_tool(LEARNED, number): f"the same of implement {number} of several" for number in FURTHER_TOOLS},
     **{of_tool(STATES, number): f"the times of implement {number} of several" for number in FURTHER_TOOLS},
     REPORT: "figures, clocks, warnings, inputs with their SHA-256, timings",
-    PAGE: "the same as a page: map, figures, the implement over time, GNSS quality, accuracy and warnings; it needs no "
-    "other files and no network",
-    SESSION: "the session with all defaults; its first lines give the path of the original, to which its paths are "
-    "relative",
+    REPORT_PAGE: "the same as a page: map, figures, the implement over time, GNSS quality, accuracy and warnings; it "
+    "needs no other files and no network",
+    SESSION_FILE: "the session with all defaults; its first lines give the path of the original, to which its paths "
+    "are relative",
     ITEM: "the run as a STAC 1.1 item (projection and pointcloud extensions); `furrowmap export … --to stac` makes a "
     "collection of many",
 }

@@ -14,7 +14,14 @@ from typing import Any, Final
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.file_names import is_relative_name
 from furrowmap.exporters.files.atomic import flush, flush_folder, flush_together
-from furrowmap.exporters.files.lease import PRODUCTS, is_real_folder, is_revoked, leased, read_small, refuse_leased
+from furrowmap.exporters.files.lease import (
+    STAGED_PRODUCTS,
+    is_real_folder,
+    is_revoked,
+    leased,
+    read_small,
+    refuse_leased,
+)
 
 _COMPLETE: Final = "complete.json"
 _KEPT: Final = "kept.bin"
@@ -57,7 +64,7 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
                 folder.mkdir(parents=True, exist_ok=True)
                 lease = stack.enter_context(leased(folder))
                 _finish_ended(folder, lease, resume=resume)
-                products = lease / PRODUCTS
+                products = lease / STAGED_PRODUCTS
                 products.mkdir()
             except OSError as error:
                 raise InputError("output-unwritable", folder=folder, strerror=error.strerror or error) from None
@@ -106,7 +113,7 @@ def _commit(lease: Path, folder: Path) -> None:
 
     From the moment that the file `complete.json` exists the new products are valid, even if the process is killed.
     """
-    staging = lease / PRODUCTS
+    staging = lease / STAGED_PRODUCTS
     products = _products(staging)
     names = {path.as_posix() for path in products}
     _refuse_taken(folder, products)
@@ -130,7 +137,7 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
     All changes are renamings out of the lease's folder or into it, so a run that has lost its lease changes nothing.
     """
     complete = _read(lease / _COMPLETE)
-    if not complete or not is_real_folder(lease / PRODUCTS):
+    if not complete or not is_real_folder(lease / STAGED_PRODUCTS):
         return False
     leaving = lease / secrets.token_hex(4)
     leaving.mkdir()
@@ -140,7 +147,7 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
             with suppress(FileNotFoundError):
                 (folder / name).replace(leaving / secrets.token_hex(8))
             _remove_empty(folder, Path(name))
-    staging = lease / PRODUCTS
+    staging = lease / STAGED_PRODUCTS
     for path in _products(staging):
         if all(_made(folder / part) for part in reversed(_folders(path))):
             with suppress(FileNotFoundError):  # another process completes the same

@@ -28,24 +28,24 @@ from furrowmap.exporters.rasters.windows import common
 Bands = Sequence[NDArray[Any]]
 """An array for each band, of the grid's shape; written as float32, nan where unknown."""
 
-BLOCK: Final = 512
+COG_BLOCK: Final = 512
 STEPS_PER_M: Final = 8192
 """Heights are rounded to 2^-13 m (0.12 mm): the digits below are noise that takes a third of the file."""
-_OPTIONS: Final = {
+_COG_OPTIONS: Final = {
     "driver": "COG",
-    "BLOCKSIZE": str(BLOCK),
+    "BLOCKSIZE": str(COG_BLOCK),
     "COMPRESS": "DEFLATE",
     "PREDICTOR": "FLOATING_POINT",
     "LEVEL": "1",
     "OVERVIEW_RESAMPLING": "AVERAGE",
     "BIGTIFF": "IF_SAFER",
 }
-_SCRATCH: Final = {
+_SCRATCH_PROFILE: Final = {
     "driver": "GTiff", "dtype": "float32", "nodata": float("nan"), "tiled": True, "blockxsize": 256, "blockysize": 256,
     "interleave": "band", "SPARSE_OK": "TRUE", "BIGTIFF": "IF_SAFER",
 }  # fmt: skip
-_COUNTS: Final = {"dtype": "uint16", "nodata": None}
-_CACHE_BYTES: Final = 64 << 20
+_COUNT_PROFILE: Final = {"dtype": "uint16", "nodata": None}
+GDAL_CACHE_BYTES: Final = 64 << 20
 
 
 @dataclass(frozen=True)
@@ -63,13 +63,13 @@ class Band:
     steps_per_unit: int = STEPS_PER_M
 
 
-HEIGHT: Final = Band("height")
-COUNT: Final = Band("returns", "1", 0)
-SPREAD: Final = Band("spread")
-STANDARD_ERROR: Final = Band("standard error")
-FILLED: Final = Band("filled", "1", 0)
+HEIGHT_BAND: Final = Band("height")
+COUNT_BAND: Final = Band("returns", "1", 0)
+SPREAD_BAND: Final = Band("spread")
+STANDARD_ERROR_BAND: Final = Band("standard error")
+FILLED_BAND: Final = Band("filled", "1", 0)
 """1 where the height is interpolated, else 0."""
-SURFACE_BANDS: Final = (HEIGHT, COUNT, SPREAD, STANDARD_ERROR)
+SURFACE_BANDS: Final = (HEIGHT_BAND, COUNT_BAND, SPREAD_BAND, STANDARD_ERROR_BAND)
 """The bands of :func:`surface_arrays`."""
 
 
@@ -102,8 +102,8 @@ def cog_output(
         OSError: if the file cannot be written.
     """
     profile = (
-        _SCRATCH
-        | (_COUNTS if counts else {})
+        _SCRATCH_PROFILE
+        | (_COUNT_PROFILE if counts else {})
         | {
             "height": grid.rows,
             "width": grid.columns,
@@ -112,7 +112,7 @@ def cog_output(
             "transform": rasterio.Affine(*grid.transform),
         }
     )
-    with atomic_output(path) as unfinished, rasterio.Env(GDAL_CACHEMAX=_CACHE_BYTES):
+    with atomic_output(path) as unfinished, rasterio.Env(GDAL_CACHEMAX=GDAL_CACHE_BYTES):
         scratch = unfinished.with_name(f"{unfinished.name}.bands")
         with rasterio.open(scratch, "w", **profile) as raster:
             raster.colorinterp = [ColorInterp.gray] + [ColorInterp.undefined] * (len(bands) - 1)
@@ -133,19 +133,9 @@ def cog_output(
             yield write
             for number, band_sums in enumerate(sums, start=1):
                 raster.update_tags(number, **band_sums.tags(grid.rows * grid.columns))
-        options = _OPTIONS | ({"PREDICTOR": "STANDARD"} if counts else {})
+        options = _COG_OPTIONS | ({"PREDICTOR": "STANDARD"} if counts else {})
         version = "AUTO" if reported_crs(crs) == crs else "1.0"
         copy(scratch, unfinished, GEOTIFF_VERSION=version, NUM_THREADS=str(threads()), **options)
-
-
-def write_cog(path: Path, grid: Grid, crs: CRS, bands: Sequence[Band], arrays: Bands, origin: Origin) -> None:
-    """Write a raster from arrays.
-
-    Raises:
-        OSError: if the file cannot be written.
-    """
-    with cog_output(path, grid, crs, bands, origin) as write:
-        write(grid, arrays)
 
 
 def with_heights(crs: CRS, heights: str = "ellipsoidal") -> CRS:

@@ -15,7 +15,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
 
-BANDS: Final = (Band("crop height"),)
+CROP_BANDS: Final = (Band("crop height"),)
 _SIDE: Final = 1024
 """Pixels along a tile."""
 _PIXEL: Final = np.dtype([("place", "<u4"), ("height_m", "<f4")])
@@ -62,7 +62,7 @@ class CropHeights:
         west, north = min(t[1] for t in tiles), min(t[2] for t in tiles)
         columns, rows = max(t[1] for t in tiles) + 1 - west, max(t[2] for t in tiles) + 1 - north
         whole = Grid(CROP_PIXEL_M, west * _SIDE, -north * _SIDE, (rows * _SIDE, columns * _SIDE))
-        with cog_output(path, whole, crs, BANDS, origin) as put:
+        with cog_output(path, whole, crs, CROP_BANDS, origin) as put:
             for key, column, row in tiles:
                 heights = np.full(_SIDE * _SIDE, np.nan, np.float32)
                 pixels = self._spool.read([key])

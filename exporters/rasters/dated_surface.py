@@ -30,12 +30,19 @@ from furrowmap.exporters.rasters.windows import common, window
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
-BESIDE_M: Final = 0.5
+THROWN_SOIL_M: Final = 0.5
 """Width beside the line of the tool in which soil may be thrown."""
-LEAST_SIGMA: Final = np.array([0.01, 0.01, 0.02, 1e-3, 1e-3, 2e-3])
+MIN_MOVE_SIGMA: Final = np.array([0.01, 0.01, 0.02, 1e-3, 1e-3, 2e-3])
 """Standard deviations of a session's move before any tie at least: east, north, height (m), tilts, turn (rad)."""
-_SIGMAS: Final = ("sigma_e_m", "sigma_n_m", "sigma_h_m", "sigma_pitch_deg", "sigma_roll_deg", "sigma_heading_deg")
-_UNKNOWN: Final = np.array([0.05, 0.05, 0.1, 5e-3, 5e-3, 1e-2])
+_SIGMA_COLUMNS: Final = (
+    "sigma_e_m",
+    "sigma_n_m",
+    "sigma_h_m",
+    "sigma_pitch_deg",
+    "sigma_roll_deg",
+    "sigma_heading_deg",
+)
+_UNKNOWN_SIGMA: Final = np.array([0.05, 0.05, 0.1, 5e-3, 5e-3, 1e-2])
 _SPREAD: Final = 3
 _STANDARD_ERROR: Final = 4
 
@@ -69,7 +76,7 @@ class DatedSurface:
     @property
     def touched(self) -> BaseGeometry:
         """Ground where the tool worked or threw soil."""
-        return self.worked.buffer(BESIDE_M)
+        return self.worked.buffer(THROWN_SOIL_M)
 
 
 def dated_surface(result: ResultFolder) -> DatedSurface:
@@ -92,12 +99,14 @@ def dated_surface(result: ResultFolder) -> DatedSurface:
 
 
 def _sigma(result: ResultFolder) -> FloatArray:
-    """Medians over the session, no smaller than :data:`LEAST_SIGMA`."""
+    """Medians over the session, no smaller than :data:`MIN_MOVE_SIGMA`."""
     poses = result.layer("trajectory")
-    found = np.array([float(np.nanmedian(poses[name])) if poses[name].notna().any() else np.nan for name in _SIGMAS])
+    found = np.array(
+        [float(np.nanmedian(poses[name])) if poses[name].notna().any() else np.nan for name in _SIGMA_COLUMNS]
+    )
     found[3:] = np.radians(found[3:])
     found[3:5] = np.hypot(*found[3:5])  # roll and pitch are of the vehicle, whatever its heading
-    out: FloatArray = np.maximum(np.where(np.isfinite(found), found, _UNKNOWN), LEAST_SIGMA)
+    out: FloatArray = np.maximum(np.where(np.isfinite(found), found, _UNKNOWN_SIGMA), MIN_MOVE_SIGMA)
     return out
 
 

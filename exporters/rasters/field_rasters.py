@@ -33,7 +33,7 @@ from furrowmap.exporters.files.result_folder import (
     style_of,
 )
 from furrowmap.exporters.rasters.cog import (
-    STANDARD_ERROR,
+    STANDARD_ERROR_BAND,
     SURFACE_BANDS,
     Band,
     Bands,
@@ -52,11 +52,11 @@ STYLES: Final = {
     DENSITY: "density.qml",
     STRIP_OVERLAP: "strip_overlap.qml",
 }
-CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR)
+CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR_BAND)
 SWATH_BANDS: Final = (Band("difference of swaths"),)
 DENSITY_BANDS: Final = (Band("points a square metre", "1/m2", 0),)
 OVERLAP_BANDS: Final = (Band("strips", "1", 0),)
-_TITLES: Final = {
+_RASTER_TITLES: Final = {
     DSM: "Surface as left at the end",
     DSM_BEFORE: "Surface before the implement passed",
     CHANGE: "Change of the surface: after less before",
@@ -67,7 +67,7 @@ _TITLES: Final = {
     STRIP_OVERLAP: "Number of strips that cover the ground",
 }
 _GROUND: Final = {DTM: SURFACE_BANDS, HEIGHT_ABOVE_GROUND: (Band("height above ground"),)}
-_STATISTICS: Final = {SWATHS: "mean", DENSITY: "count", STRIP_OVERLAP: "count"}
+_RASTER_STATISTICS: Final = {SWATHS: "mean", DENSITY: "count", STRIP_OVERLAP: "count"}
 
 
 @dataclass(frozen=True)
@@ -186,8 +186,8 @@ def _with_progress(land: FieldPoints, tiles: Iterator[FieldTile], progress: Prog
 
 
 def _of(origin: Origin, name: str) -> Origin:
-    statistic = _STATISTICS.get(name, MEDIAN.name)
-    return replace(origin, title=_TITLES[name], parameters={**origin.parameters, "statistic": statistic})
+    statistic = _RASTER_STATISTICS.get(name, MEDIAN.name)
+    return replace(origin, title=_RASTER_TITLES[name], parameters={**origin.parameters, "statistic": statistic})
 
 
 def _moved(moved: Moved) -> dict[str, float | None]:

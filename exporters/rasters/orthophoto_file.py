@@ -23,19 +23,19 @@ from furrowmap.core.runtime.threads import threads
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import BLOCK, tags_of
+from furrowmap.exporters.rasters.cog import COG_BLOCK, tags_of
 
-PART: Final = 200
+PART_CELLS: Final = 200
 """Cells of the surface across a part that is coloured at once."""
 OPAQUE: Final = 255
-TITLE: Final = "Orthophoto: the surface in the colours of the images"
-_SCRATCH: Final = {
+ORTHOPHOTO_TITLE: Final = "Orthophoto: the surface in the colours of the images"
+_SCRATCH_RGBA: Final = {
     "driver": "GTiff", "dtype": "uint8", "count": 4, "tiled": True, "blockxsize": 256, "blockysize": 256,
     "interleave": "pixel", "photometric": "RGB", "alpha": "YES", "SPARSE_OK": "TRUE", "BIGTIFF": "IF_SAFER",
 }  # fmt: skip
-_OPTIONS: Final = {
+_JPEG_OPTIONS: Final = {
     "driver": "COG",
-    "BLOCKSIZE": str(BLOCK),
+    "BLOCKSIZE": str(COG_BLOCK),
     "COMPRESS": "JPEG",
     "QUALITY": "90",
     "OVERVIEW_RESAMPLING": "AVERAGE",
@@ -82,7 +82,7 @@ def write_orthophoto(
         factor = pixels_a_cell(colours, cell_m)
         whole = finer_grid(grid, factor)
         scratch = unfinished.with_name(f"{unfinished.name}.bands")
-        profile = _SCRATCH | {
+        profile = _SCRATCH_RGBA | {
             "height": whole.rows,
             "width": whole.columns,
             "crs": heights.crs,
@@ -90,7 +90,7 @@ def write_orthophoto(
         }
         with rasterio.open(scratch, "w", **profile) as raster:
             raster.colorinterp = [ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha]
-            raster.update_tags(**tags_of(replace(origin, title=TITLE)))
+            raster.update_tags(**tags_of(replace(origin, title=ORTHOPHOTO_TITLE)))
             done = 0
             for picture in _pictures(heights, grid, colours, factor, origin_m):
                 place = Window.from_slices(*picture.grid.window_in(whole))
@@ -99,7 +99,7 @@ def write_orthophoto(
                 covered += int(np.count_nonzero(picture.seen))
                 done += picture.grid.rows * picture.grid.columns
                 progress("making orthophoto", done / (whole.rows * whole.columns))
-        copy(scratch, unfinished, NUM_THREADS=str(threads()), **_OPTIONS)
+        copy(scratch, unfinished, NUM_THREADS=str(threads()), **_JPEG_OPTIONS)
     return covered * whole.cell_area_m2
 
 
@@ -123,9 +123,9 @@ def _pictures(
 
 def _parts(grid: Grid) -> Iterator[tuple[Grid, Grid]]:
     """Parts of a grid, each without and with a margin of a cell."""
-    for top in range(0, grid.rows, PART):
-        for left in range(0, grid.columns, PART):
-            bottom, right = min(top + PART, grid.rows), min(left + PART, grid.columns)
+    for top in range(0, grid.rows, PART_CELLS):
+        for left in range(0, grid.columns, PART_CELLS):
+            bottom, right = min(top + PART_CELLS, grid.rows), min(left + PART_CELLS, grid.columns)
             first_row, first_column = max(top - 1, 0), max(left - 1, 0)
             last_row, last_column = min(bottom + 1, grid.rows), min(right + 1, grid.columns)
             part = Grid(grid.cell_m, grid.west + left, grid.north - top, (bottom - top, right - left))

@@ -16,13 +16,13 @@ FloatArray = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 """West, south, east, north."""
 
-MOST_POINTS: Final = 250_000
-POINTS_A_CELL: Final = 6
-LONGEST_SIDE: Final = 500
-REACH_CELLS: Final = 3
+MAX_RELIEF_POINTS: Final = 250_000
+POINTS_PER_RELIEF_CELL: Final = 6
+MAX_RELIEF_SIDE: Final = 500
+MAX_FILLED_CELLS: Final = 3
 """Cells without a point are drawn up to this distance from one."""
-EXAGGERATION: Final = 3.0
-DARKEST: Final = 150.0
+VERTICAL_EXAGGERATION: Final = 3.0
+DARKEST_GREY: Final = 150.0
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> 
         cloud: a COPC file.
         box_m: in the cloud's coordinates.
     """
-    enough = int(np.searchsorted(np.cumsum(points_by_level), MOST_POINTS, side="right"))
+    enough = int(np.searchsorted(np.cumsum(points_by_level), MAX_RELIEF_POINTS, side="right"))
     west, south, east, north = box_m
     with laspy.CopcReader.open(cloud) as reader:
         bounds = Bounds(np.array([west, south]), np.array([east, north]))
@@ -54,7 +54,9 @@ def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> 
     if not len(x):
         return None
     width_m, height_m = east - west, north - south
-    cell_m = max(np.sqrt(POINTS_A_CELL * width_m * height_m / len(x)), max(width_m, height_m) / LONGEST_SIDE)
+    cell_m = max(
+        np.sqrt(POINTS_PER_RELIEF_CELL * width_m * height_m / len(x)), max(width_m, height_m) / MAX_RELIEF_SIDE
+    )
     columns, rows = max(2, round(width_m / cell_m)), max(2, round(height_m / cell_m))
     column = np.clip(((x - west) * (columns / width_m)).astype(np.intp), 0, columns - 1)
     row = np.clip(((north - y) * (rows / height_m)).astype(np.intp), 0, rows - 1)
@@ -75,8 +77,8 @@ def _shaded(height_m: FloatArray, cell_m: float) -> NDArray[np.uint8]:
     """Lit from the north-west at 45 degrees; transparent far from any point."""
     away, (row, column) = ndimage.distance_transform_edt(np.isnan(height_m), return_indices=True)
     ground = ndimage.median_filter(height_m[row, column], 3)
-    down, right = np.gradient(ground * EXAGGERATION, cell_m)
+    down, right = np.gradient(ground * VERTICAL_EXAGGERATION, cell_m)
     light = (1.0 + (down + right) * np.sqrt(0.5)) / np.sqrt(2.0) / np.sqrt(1.0 + down**2 + right**2)
-    grey = np.clip(255.0 - (np.sqrt(0.5) - light) * 160.0 - 20.0, DARKEST, 255.0)
-    alpha = np.where(away <= REACH_CELLS, 255, 0)
+    grey = np.clip(255.0 - (np.sqrt(0.5) - light) * 160.0 - 20.0, DARKEST_GREY, 255.0)
+    alpha = np.where(away <= MAX_FILLED_CELLS, 255, 0)
     return np.stack([grey, alpha], axis=-1).astype(np.uint8)

@@ -17,7 +17,7 @@ from furrowmap.core.dates.ground_pair import GroundPair
 from furrowmap.core.dates.moved_surface import move_surface, reach_cells
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import HEIGHT, STANDARD_ERROR, Band, cog_output
+from furrowmap.exporters.rasters.cog import HEIGHT_BAND, STANDARD_ERROR_BAND, Band, cog_output
 from furrowmap.exporters.rasters.dated_surface import OpenSurface, inside
 from furrowmap.exporters.rasters.windows import common, windows
 
@@ -26,11 +26,11 @@ Float32Array = NDArray[np.float32]
 
 PIECE_CELLS: Final = 500
 """Side of the pieces of ground that ties are made of: 25 m, a whole number of patches."""
-MOST_PIECES: Final = 64
+MAX_PIECES: Final = 64
 """Four hectares show a tie as well as forty do."""
 HIDDEN_SHARE: Final = 0.06
 """Tops of clods are seen more than what lies between: heights are off by this share of the relief within cells."""
-CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR)
+CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR_BAND)
 
 
 def ground_pairs(one: OpenSurface, other: OpenSurface, touched: BaseGeometry) -> Iterator[GroundPair]:
@@ -49,7 +49,7 @@ def ground_pairs(one: OpenSurface, other: OpenSurface, touched: BaseGeometry) ->
         first, second = one.read(piece), other.read(piece)
         off = inside(touched, piece, touched=True)
         first[off] = second[off] = np.nan
-        if (np.isfinite(first) & np.isfinite(second)).any() and count < MOST_PIECES:
+        if (np.isfinite(first) & np.isfinite(second)).any() and count < MAX_PIECES:
             west, _, _, north = piece.bounds_m
             count += 1
             yield GroundPair(west, north, piece.cell_m, first, second)
@@ -57,8 +57,8 @@ def ground_pairs(one: OpenSurface, other: OpenSurface, touched: BaseGeometry) ->
 
 def _tried(pieces: int) -> list[int]:
     """Numbers of the pieces in the order in which they are read: all, or evenly chosen ones and those between them."""
-    tried = np.linspace(0, pieces - 1, min(pieces, 2 * MOST_PIECES)).round().astype(np.intp).tolist()
-    return tried if pieces <= MOST_PIECES else [*tried[::2], *tried[1::2]]
+    tried = np.linspace(0, pieces - 1, min(pieces, 2 * MAX_PIECES)).round().astype(np.intp).tolist()
+    return tried if pieces <= MAX_PIECES else [*tried[::2], *tried[1::2]]
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def write_moved(path: Path, mover: Mover, grid: Grid, crs: CRS, origin: Origin) 
     Raises:
         OSError: if the file cannot be written.
     """
-    with cog_output(path, grid, crs, (HEIGHT, STANDARD_ERROR), origin) as put:
+    with cog_output(path, grid, crs, (HEIGHT_BAND, STANDARD_ERROR_BAND), origin) as put:
         for part, _ in windows(grid, 0):
             put(part, (mover.heights(part), mover.surface.standard_error(part)))
 

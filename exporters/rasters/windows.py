@@ -10,15 +10,15 @@ from rasterio.windows import Window
 
 from furrowmap.core.surfaces.grid import Grid
 
-WINDOW: Final = 1024
+WINDOW_CELLS: Final = 1024
 """Side length of the windows in cells."""
 
 
 def windows(grid: Grid, margin: int) -> Iterator[tuple[Grid, Grid]]:
     """Windows of a grid, each without and with a margin (clipped to the grid); from north to south, west to east."""
-    for row in range(0, grid.rows, WINDOW):
-        for column in range(0, grid.columns, WINDOW):
-            rows, columns = min(WINDOW, grid.rows - row), min(WINDOW, grid.columns - column)
+    for row in range(0, grid.rows, WINDOW_CELLS):
+        for column in range(0, grid.columns, WINDOW_CELLS):
+            rows, columns = min(WINDOW_CELLS, grid.rows - row), min(WINDOW_CELLS, grid.columns - column)
             top, left = max(0, row - margin), max(0, column - margin)
             bottom, right = min(grid.rows, row + rows + margin), min(grid.columns, column + columns + margin)
             inner = Grid(grid.cell_m, grid.west + column, grid.north - row, (rows, columns))

@@ -14,7 +14,7 @@ from typing import Final
 HECTARE: Final = "ha"
 TEN_ARES: Final = "10a"
 ACRE: Final = "acre"
-UNITS: Final = (HECTARE, TEN_ARES, ACRE)
+AREA_UNITS: Final = (HECTARE, TEN_ARES, ACRE)
 ACRE_M2: Final = 4046.8564224
 """The international acre, 1959."""
 _ARE_M2: Final = 100.0
@@ -22,9 +22,9 @@ _HECTARE_M2: Final = 10_000.0
 _FINE_M2: Final = 10.0
 _SMALL_M2: Final = {HECTARE: 1_000.0, TEN_ARES: 100.0, ACRE: 100.0}
 """Smaller areas are shown in square metres."""
-_NUMBER: Final = r"[-+]?[0-9.]+(?:e[-+]?[0-9]+)?"
-_MARKED: Final = re.compile(rf"⟦(area|rate) ({_NUMBER})⟧")
-_DATA: Final = re.compile(rf'<data class="(area|rate)" value="({_NUMBER})">[^<]*</data>')
+_VALUE: Final = r"[-+]?[0-9.]+(?:e[-+]?[0-9]+)?"
+_AREA_MARK: Final = re.compile(rf"⟦(area|rate) ({_VALUE})⟧")
+_AREA_ELEMENT: Final = re.compile(rf'<data class="(area|rate)" value="({_VALUE})">[^<]*</data>')
 
 
 def area(area_m2: float) -> str:
@@ -42,13 +42,13 @@ def filled_in(page: str, unit: str) -> str:
 
     Args:
         page: HTML.
-        unit: one of `UNITS`.
+        unit: one of `AREA_UNITS`.
     """
 
     def element(found: re.Match[str]) -> str:
         return f'<data class="{found[1]}" value="{found[2]}">{_SAYS[found[1]](float(found[2]), unit)}</data>'
 
-    return _DATA.sub(element, _MARKED.sub(element, page))
+    return _AREA_ELEMENT.sub(element, _AREA_MARK.sub(element, page))
 
 
 def area_words(area_m2: float, unit: str) -> str:

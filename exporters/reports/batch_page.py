@@ -9,7 +9,7 @@ from typing import Final
 
 from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.result_folder import PAGE
+from furrowmap.exporters.files.result_folder import REPORT_PAGE
 from furrowmap.exporters.reports.area_units import HECTARE, filled_in
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.pages import days_words, render
@@ -46,7 +46,7 @@ def page(rows: Sequence[Row]) -> str:
             for name in ("worked_area_m2", "duration_s", "points")
         },
         start=_start,
-        page=PAGE,
+        page=REPORT_PAGE,
         table=TABLE,
         layers=LAYERS,
         max_rows=MAX_SESSIONS,

@@ -17,7 +17,7 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.files.csv_cells import cell
 
-HEADER: Final = (
+EPOCH_COLUMNS: Final = (
     "service", "time", "t_s", "x_m", "y_m", "z_m", "error_2d_m", "error_3d_m", "along_m", "across_m", "speed_mps",
     "fix", "reference_fix", "interpolated", "sigma_e_m", "sigma_n_m", "sigma_h_m", "age_s", "outlier",
 )  # fmt: skip
@@ -130,7 +130,7 @@ def write_epochs(path: Path, evaluations: Mapping[str, Evaluation]) -> None:
     """
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
-        table.writerow(HEADER)
+        table.writerow(EPOCH_COLUMNS)
         for service, found in evaluations.items():
             table.writerows([cell(service), *row] for row in _epochs(found))
 

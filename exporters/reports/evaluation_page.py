@@ -19,7 +19,7 @@ from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
 from furrowmap.exporters.vectors.gnss_layers import gnss_layers
 
-PRODUCTS: Final = ("evaluation.json", "evaluation.html", "evaluation.gpkg", "services.csv", "epochs.csv")
+EVALUATION_PRODUCTS: Final = ("evaluation.json", "evaluation.html", "evaluation.gpkg", "services.csv", "epochs.csv")
 PAPER_COLUMNS: Final = ("3D", "2D", "X", "Y", "Z")
 """The columns of tables 1 to 3 of Nakagawa et al."""
 SERVICE_COLOURS: Final = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00")
@@ -27,7 +27,7 @@ SERVICE_COLOURS: Final = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9",
 
 
 def write_evaluation(folder: Path, evaluations: Mapping[str, Evaluation], *, overwrite: bool) -> None:
-    """Write :data:`PRODUCTS`, all of them or none.
+    """Write :data:`EVALUATION_PRODUCTS`, all of them or none.
 
     Args:
         folder: to write to; created where missing.
@@ -38,7 +38,7 @@ def write_evaluation(folder: Path, evaluations: Mapping[str, Evaluation], *, ove
         RefusedError: if they exist and may not be replaced.
         InputError: if the folder cannot be written to.
     """
-    refuse_products(folder, PRODUCTS, overwrite=overwrite)
+    refuse_products(folder, EVALUATION_PRODUCTS, overwrite=overwrite)
     with staged_folder(folder) as staging:
         (staging / "evaluation.json").write_text(json_text(evaluation_figures(evaluations)), encoding="utf-8")
         write_table(staging / "services.csv", evaluations)

@@ -18,11 +18,11 @@ from furrowmap.core.runtime.languages.translation import translated
 KEPT: Final = "furrowmap-english"
 """Name of the <meta> with the English texts: a list of pairs of the number of the text in the page, and its HTML."""
 _PIECES: Final = re.compile(r"(<style>.*?</style>|<(?!/?data\b)[^>]*>)", re.DOTALL)
-_DATA: Final = re.compile(r"<data\b[^>]*>.*?</data>")
+_FIGURE: Final = re.compile(r"<data\b[^>]*>.*?</data>")
 _META: Final = re.compile(rf'<meta name="{KEPT}" content="([^"]*)">\n')
 _SAID: Final = re.compile(r'\b(alt|aria-label)="([^"]*)"')
 _MARK: Final = "⟦{}⟧"
-_MARKED: Final = re.compile(r"⟦(\d+)⟧")
+_MARKED_FIGURE: Final = re.compile(r"⟦(\d+)⟧")
 
 
 def in_language(page: str, language: str) -> str:
@@ -93,11 +93,11 @@ def _mapped(page: str, change: Callable[[int, str], str]) -> str:
 def _run(text: str, language: str) -> str:
     """The HTML of one text in a language; figures in <data> are taken over."""
     body = text.strip()
-    figures = _DATA.findall(body)
+    figures = _FIGURE.findall(body)
     numbers = iter(range(len(figures)))
-    plain = html.unescape(_DATA.sub(lambda _: _MARK.format(next(numbers)), body))
+    plain = html.unescape(_FIGURE.sub(lambda _: _MARK.format(next(numbers)), body))
     new = html.escape(translated(plain, language))
-    whole = _MARKED.sub(lambda found: figures[int(found[1])], new)
+    whole = _MARKED_FIGURE.sub(lambda found: figures[int(found[1])], new)
     return text.replace(body, whole, 1) if plain != html.unescape(new) else text
 
 

@@ -16,22 +16,27 @@ from typing import Final
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.exporters.files.atomic import atomic_output
 
-VARIABLE: Final = "FURROWMAP_BROWSER"
+BROWSER_VARIABLE: Final = "FURROWMAP_BROWSER"
 """Variable of the environment with the path of a browser of the Chromium family."""
-NAMES: Final = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "microsoft-edge", "msedge")
-PLACES: Final = (
+BROWSERS: Final = (
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "microsoft-edge",
+    "msedge",
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
     "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
     "C:/Program Files (x86)/Microsoft/Edge/Application/msedge.exe",
     "C:/Program Files/Google/Chrome/Application/chrome.exe",
 )
-PATIENCE_S: Final = 120.0
+MAX_PRINT_S: Final = 120.0
 
 
 def browser() -> str | None:
     """The path of a browser that prints; None if there is none."""
-    stated = os.environ.get(VARIABLE)
-    names = (stated,) if stated else (*NAMES, *PLACES)
+    stated = os.environ.get(BROWSER_VARIABLE)
+    names = (stated,) if stated else BROWSERS
     return next((found for name in names if (found := shutil.which(name)) is not None), None)
 
 
@@ -65,9 +70,9 @@ def _print(program: str, source: Path, printed: Path, profile: Path) -> str:
         "--no-pdf-header-footer", f"--print-to-pdf={printed}", source.as_uri(),
     ]  # fmt: skip
     try:
-        done = subprocess.run(arguments, capture_output=True, timeout=PATIENCE_S, check=False)  # noqa: S603 (no shell)
+        done = subprocess.run(arguments, capture_output=True, timeout=MAX_PRINT_S, check=False)  # noqa: S603 (no shell)
     except subprocess.TimeoutExpired:
-        return f"no end after {PATIENCE_S:.0f} s"
+        return f"no end after {MAX_PRINT_S:.0f} s"
     except OSError as error:
         return error.strerror or type(error).__name__
     if not printed.is_file() or not printed.read_bytes().startswith(b"%PDF"):

@@ -17,7 +17,7 @@ TOP: Final = 4.0
 BOTTOM: Final = 84.0
 MAX_TICKS: Final = 9
 _NEAR_TO_FAR: Final = np.array([[253.0, 231.0, 37.0], [33.0, 145.0, 140.0], [68.0, 1.0, 84.0]])
-_NOTHING: Final = np.array([238.0, 238.0, 235.0])
+_NO_RETURN: Final = np.array([238.0, 238.0, 235.0])
 _STEPS_DEG: Final = (1, 2, 5, 10, 15, 20, 30, 45, 60, 90)
 
 
@@ -93,8 +93,8 @@ def range_picture(range_m: NDArray[np.float32], shown: NDArray[np.bool_] | None)
     chosen = shown & known if shown is not None else known
     share = np.clip((np.where(known, range_m, high) - low) / max(high - low, 1e-3), 0.0, 1.0)
     colour = _colours(share)
-    colour = np.where(chosen[..., None], colour, 0.25 * colour + 0.75 * _NOTHING)
-    picture: NDArray[np.uint8] = np.where(known[..., None], colour, _NOTHING)[::-1].astype(np.uint8)
+    colour = np.where(chosen[..., None], colour, 0.25 * colour + 0.75 * _NO_RETURN)
+    picture: NDArray[np.uint8] = np.where(known[..., None], colour, _NO_RETURN)[::-1].astype(np.uint8)
     return picture
 
 

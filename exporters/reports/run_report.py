@@ -40,7 +40,7 @@ from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
 
-SCHEMA: Final = 1
+REPORT_SCHEMA: Final = 1
 
 
 def run_report(
@@ -181,7 +181,7 @@ def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         OSError: if the file cannot be written.
     """
-    content = {"furrowmap": version("furrowmap"), "schema": SCHEMA, **plain(report)}
+    content = {"furrowmap": version("furrowmap"), "schema": REPORT_SCHEMA, **plain(report)}
     with atomic_output(path) as unfinished:
         unfinished.write_text(json_text(content), encoding="utf-8")
     return content

@@ -18,12 +18,12 @@ from furrowmap.exporters.reports.svg import WIDTH, Axis, Number, corners, drawin
 
 FloatArray = NDArray[np.float64]
 
-HEIGHT: Final = 380.0
+CHART_HEIGHT: Final = 380.0
 GROUP_COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#444444")
 """Okabe and Ito (2008), which all readers can tell apart, without yellow."""
 _LEFT, _RIGHT, _TOP, _BOTTOM = 74.0, WIDTH - 14.0, 34.0, 320.0
 _INK, _PALE, _GREEN = "#333333", "#dddddd", "#009e73"
-_ROUND_STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
+_TICK_STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class ParcelValues:
 def standalone(svg: str) -> str:
     """A chart as a file of its own."""
     head, _, rest = str(svg).removeprefix("<svg ").partition(">")
-    size = f'xmlns="http://www.w3.org/2000/svg" width="{WIDTH:.0f}" height="{HEIGHT:.0f}"'
+    size = f'xmlns="http://www.w3.org/2000/svg" width="{WIDTH:.0f}" height="{CHART_HEIGHT:.0f}"'
     ground = '<rect width="100%" height="100%" fill="#ffffff"/>'
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<svg {size} {head}>{ground}{rest}\n'
 
@@ -75,7 +75,7 @@ def response_chart(dose: FloatArray, points: ParcelValues, response: Response, d
         line = corners(x.at(curve.dose), y.at(curve.fitted))
         parts.append(element("polyline", points=line, fill="none", stroke=_INK, stroke_width=2))
     parts += _dots(x.at(dose[known]), y.at(points.value[known]), np.flatnonzero(known), points)
-    return drawing(WIDTH, HEIGHT, parts, f"{points.name} over {dose_name}")
+    return drawing(WIDTH, CHART_HEIGHT, parts, f"{points.name} over {dose_name}")
 
 
 def category_chart(
@@ -102,12 +102,12 @@ def category_chart(
         parts.append(segment(at - half, y.at(mean), at + half, y.at(mean), stroke=_INK, stroke_width=3))
         turn = {"transform": f"rotate(-40 {at:.1f} {below:.1f})"} if step < 44.0 else {}
         parts.append(_text(at, below, name, "end" if turn else "middle", **turn))
-    rows = np.flatnonzero(known)
+    rows = np.flatnonzero(known).tolist()
     order = {name: k for k, name in enumerate(dict.fromkeys(points.group))}
     beside = min(7.0, 0.5 * step / max(1, len(order)))
     at_x = [middle[category[k]] + (order[points.group[k]] - 0.5 * (len(order) - 1)) * beside for k in rows]
     parts += _dots(at_x, y.at(points.value[known]), rows, points)
-    return drawing(WIDTH, HEIGHT, parts, f"{points.name} by category")
+    return drawing(WIDTH, CHART_HEIGHT, parts, f"{points.name} by category")
 
 
 def _vertical_axis(values: FloatArray, name: str) -> tuple[Axis, list[str]]:
@@ -149,6 +149,6 @@ def _round_values(low: float, high: float) -> list[float]:
     """About five round values between two."""
     rough = (high - low) / 5.0
     power = 10.0 ** np.floor(np.log10(rough)) if rough > 0.0 else 1.0
-    step = min((each * power for each in _ROUND_STEPS if each * power >= rough * (1 - 1e-9)), default=1.0)
+    step = min((each * power for each in _TICK_STEPS if each * power >= rough * (1 - 1e-9)), default=1.0)
     first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
     return [float(k * step) for k in range(first, last + 1)]

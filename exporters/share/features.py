@@ -5,8 +5,8 @@ from __future__ import annotations
 import datetime as dt
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Final
 from zoneinfo import ZoneInfo
 
@@ -22,13 +22,12 @@ from furrowmap.exporters.share.words import LAYER_TITLES
 if TYPE_CHECKING:
     import geopandas as gpd
 
-MOST_FEATURES: Final = 5000
+MAX_SHOWN_FEATURES: Final = 5000
 """Of a layer; of more, every second, third… is shown."""
-TOLERANCE_M: Final = 0.01
+SIMPLIFICATION_M: Final = 0.01
 """By which outlines and lines are simplified."""
-DIGITS: Final = 3
+MAP_DIGITS: Final = 3
 HIDDEN_AT_FIRST: Final = frozenset({"trajectory", "strip_differences", "strips"})
-Row = tuple[str, str]
 Format = Callable[[Any, Mapping[str, Any]], str]
 """Of a value, and of the fields of its row."""
 
@@ -42,7 +41,7 @@ def shared_layer(name: str, layer: gpd.GeoDataFrame, zone: ZoneInfo, *, alone: b
         alone: whether there is no other layer, so that it is shown at first whatever it is.
     """
     layer = layer[~(layer.geometry.isna() | layer.geometry.is_empty)]
-    every = max(1, math.ceil(len(layer) / MOST_FEATURES))
+    every = max(1, math.ceil(len(layer) / MAX_SHOWN_FEATURES))
     layer = layer.iloc[::every]
     if layer.empty:
         return None
@@ -50,7 +49,9 @@ def shared_layer(name: str, layer: gpd.GeoDataFrame, zone: ZoneInfo, *, alone: b
     style = layer_style(name, {str(column): layer[column] for column in layer if column != geometry})
     symbols: list[Symbol] = []
     features = []
-    for shape, row in zip(_geometries(layer), layer.drop(columns=geometry).to_dict("records"), strict=True):
+    flat = shapely.simplify(shapely.force_2d(layer.geometry.to_numpy()), SIMPLIFICATION_M)
+    shapes = shapely.to_geojson(shapely.transform(flat, lambda xy: np.round(xy, MAP_DIGITS)))
+    for shape, row in zip(map(json.loads, shapes), layer.drop(columns=geometry).to_dict("records"), strict=True):
         known = {str(key): value for key, value in row.items() if not _missing(value)}
         symbol = _symbol_of(style, known)
         if symbol not in symbols:
@@ -70,17 +71,10 @@ def shared_layer(name: str, layer: gpd.GeoDataFrame, zone: ZoneInfo, *, alone: b
     }
 
 
-def _geometries(layer: gpd.GeoDataFrame) -> list[Any]:
-    """GeoJSON geometries in the plane of the layer's CRS, in millimetres."""
-    flat = shapely.simplify(shapely.force_2d(layer.geometry.to_numpy()), TOLERANCE_M)
-    rounded = shapely.transform(flat, lambda xy: np.round(xy, DIGITS))
-    return [json.loads(text) for text in shapely.to_geojson(rounded)]
-
-
 def _symbol_of(style: LayerStyle, row: Mapping[str, Any]) -> Symbol:
     if style.ramp is not None and style.ramp.attribute in row:
         fill = style.ramp.colour(float(row[style.ramp.attribute]), style.opacity)
-        return Symbol(style.default.stroke, fill, style.default.width_mm, style.default.size_mm)
+        return replace(style.default, fill=fill, dashed=False)
     return style.by_value.get(str(row.get(style.attribute, "")), style.default)
 
 
@@ -90,11 +84,15 @@ def _legend(style: LayerStyle, symbols: list[Symbol], layer: gpd.GeoDataFrame) -
         ends = dict.fromkeys((style.ramp.low, 0.5 * (style.ramp.low + style.ramp.high), style.ramp.high))
         legend = []
         for value in ends:
-            fill = style.ramp.colour(value, style.opacity)
-            symbol = Symbol(style.default.stroke, fill, style.default.width_mm, style.default.size_mm)
+            symbol = _symbol_of(style, {style.ramp.attribute: value})
             if symbol not in symbols:
                 symbols.append(symbol)
-            legend.append({"label": _ramp_words(style.ramp.attribute, value), "symbol": symbols.index(symbol)})
+            legend.append(
+                {
+                    "label": f"{value:.2f} m" if style.ramp.attribute.endswith("_m") else f"{value:.0f}",
+                    "symbol": symbols.index(symbol),
+                }
+            )
         return legend
     if not style.by_value or style.attribute not in layer:
         return []
@@ -107,13 +105,7 @@ def _legend(style: LayerStyle, symbols: list[Symbol], layer: gpd.GeoDataFrame) -
     ]
 
 
-def _ramp_words(attribute: str, value: float) -> str:
-    if attribute.endswith("_m"):
-        return f"{value:.2f} m"
-    return f"{value:.0f}"
-
-
-def feature_rows(row: Mapping[str, Any], style: LayerStyle, zone: ZoneInfo) -> list[Row]:
+def feature_rows(row: Mapping[str, Any], style: LayerStyle, zone: ZoneInfo) -> list[tuple[str, str]]:
     """Name and value of what a feature's fields say, for people.
 
     Args:
@@ -121,8 +113,8 @@ def feature_rows(row: Mapping[str, Any], style: LayerStyle, zone: ZoneInfo) -> l
         style: of its layer, which names its categories.
         zone: time zone of the field.
     """
-    rows: list[Row] = []
-    for field, (label, text) in _FIELDS.items():
+    rows: list[tuple[str, str]] = []
+    for field, (label, text) in SHOWN_FIELDS.items():
         if field not in row:
             continue
         value = row[field]
@@ -160,16 +152,11 @@ def _area(value: Any, row: Mapping[str, Any]) -> str:
     return area_words(float(value), HECTARE) + spread
 
 
-def _depth(value: Any, row: Mapping[str, Any]) -> str:
-    spread = f" ± {200.0 * float(row['depth_sigma_m']):.0f}" if "depth_sigma_m" in row else ""
-    return f"{100.0 * float(value):.0f}{spread} cm"
-
-
 def _text(value: Any, row: Mapping[str, Any]) -> str:  # noqa: ARG001 (one of the formats)
     return ("yes" if value else "no") if isinstance(value, bool | np.bool_) else str(value)
 
 
-_FIELDS: Final[Mapping[str, tuple[str, Format]]] = {
+SHOWN_FIELDS: Final[Mapping[str, tuple[str, Format]]] = {
     "kind": ("Kind", _text),
     "zone": ("Kind", _text),
     "id": ("Parcel", _text),
@@ -190,7 +177,7 @@ _FIELDS: Final[Mapping[str, tuple[str, Format]]] = {
     "width_m": ("Width", _number(2, " m")),
     "speed_mps": ("Speed", _number(1, " km/h", 3.6)),
     "heading_deg": ("Heading", _number(1, "°")),
-    "depth_m": ("Depth (approximate)", _depth),
+    "depth_m": ("Depth (approximate)", _number(0, " cm", 100.0, sigma="depth_sigma_m")),
     "mean_height_m": ("Mean height", _number(3, " m", sigma="height_sigma_m")),
     "p95_m": ("95th percentile of heights", _number(3, " m")),
     "volume_m3": ("Volume", _number(2, " m³", sigma="volume_sigma_m3")),
@@ -202,11 +189,6 @@ _FIELDS: Final[Mapping[str, tuple[str, Format]]] = {
     "before_m": ("Difference with the stated mounting", _number(1, " mm", 1000.0)),
 }
 """Label and format of the fields that people read; the GeoPackage has all."""
-
-
-def labels() -> Iterable[str]:
-    """The names of fields, for the test of translations."""
-    return (label for label, _ in _FIELDS.values())
 
 
 def moment_s(text: str) -> float:

@@ -41,13 +41,13 @@ from furrowmap.exporters.vectors.layer_words import with_words
 from furrowmap.exporters.vectors.map_tip_times import in_local_time
 from furrowmap.exporters.vectors.style_words import in_language
 
-PROJECT: Final = "field.qgs"
-FIELD_PRODUCTS: Final = (PROJECT, FIELD)
+PROJECT_FILE: Final = "field.qgs"
+FIELD_PRODUCTS: Final = (PROJECT_FILE, FIELD)
 """Names by which a folder is known to hold a project; its rasters come on top."""
 PASSES: Final = "passes"
 HATCHED: Final = 'name="style" type="QString" value="b_diagonal"'
 """Fill of areas above the change of the surface, which is seen between the lines."""
-SURFACES: Final = frozenset({*RELIEFS, HEIGHT_ABOVE_GROUND, CHANGE})
+HEIGHT_RASTERS: Final = frozenset({*RELIEFS, HEIGHT_ABOVE_GROUND, CHANGE})
 
 
 def write_field_project(staging: Path, result: ResultFolder, language: str, progress: Progress) -> list[str]:
@@ -97,15 +97,15 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         put_raster_layer(within, layer, crs)
         _put_leaf(tree, layer, shown=name in SHOWN_AT_FIRST)
     put_view(root, crs, bounds)
-    (staging / PROJECT).write_text(project_text(root), encoding="utf-8")
+    (staging / PROJECT_FILE).write_text(project_text(root), encoding="utf-8")
     progress("writing the project", 1.0)
-    return sorted([PROJECT, *names])
+    return sorted([PROJECT_FILE, *names])
 
 
 def _copy(result: ResultFolder, name: str, staging: Path) -> None:
     """A file of the result; of a surface only the heights, which are all that the map draws."""
     source = result.folder / name
-    if name not in SURFACES:
+    if name not in HEIGHT_RASTERS:
         shutil.copyfile(source, staging / name)
         return
     with open_geotiff(source, lambda file, fault: unreadable(file, ValueError(fault)), with_heights=False) as raster:

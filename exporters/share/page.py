@@ -25,20 +25,20 @@ from furrowmap.exporters.reports.area_units import HECTARE, area_words
 from furrowmap.exporters.reports.pages import duration_words, render
 from furrowmap.exporters.share.features import moment_s, shared_layer
 from furrowmap.exporters.share.pictures import WEBP_QUALITY, picture
-from furrowmap.exporters.share.points import BYTES_A_POINT, MOST_POINTS, shared_points
+from furrowmap.exporters.share.points import BYTES_A_POINT, MAX_SHARED_POINTS, shared_points
 from furrowmap.exporters.share.rasters import BLENDED, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.share.words import JAPANESE
 
 INDEX: Final = "index.html"
-DATA: Final = "data.js"
-POINTS: Final = "points.js"
+DATA_SCRIPT: Final = "data.js"
+POINTS_SCRIPT: Final = "points.js"
 SCRIPTS: Final = ("map.js", "cloud.js", "licences.txt")
-REPORT: Final = "share.json"
-PAGE_PRODUCTS: Final = (INDEX, DATA, POINTS, *SCRIPTS, REPORT)
+SHARE_REPORT: Final = "share.json"
+PAGE_PRODUCTS: Final = (INDEX, DATA_SCRIPT, POINTS_SCRIPT, *SCRIPTS, SHARE_REPORT)
 """Names by which a folder is known to hold a page; its pictures come on top."""
-MOST_BYTES: Final = 30_000_000
+MAX_FOLDER_BYTES: Final = 30_000_000
 """Of a folder; the cloud takes what the other files leave."""
-MARGIN_M: Final = 2.0
+EXTENT_MARGIN_M: Final = 2.0
 
 
 def write_page(staging: Path, result: ResultFolder, language: str, progress: Progress) -> list[str]:
@@ -58,20 +58,23 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
         RefusedError: if this installation lacks the page's scripts.
         OSError: if a file cannot be written.
     """
-    scripts = _scripts()
+    bundle = files("furrowmap.exporters.share").joinpath("bundle")
+    if not all(bundle.joinpath(name).is_file() for name in SCRIPTS):
+        raise RefusedError("no-web-bundle")
     report, zone = result.report, result.zone
+    verdict = report.get("verdict") or {}
     layers, extent, crs = _layers(result, zone)
     pictures = []
     rasters = rasters_of(result)
     for number, name in enumerate(rasters):
         progress("writing the page", 0.8 * number / len(rasters))
         pictures.append(_picture(staging, result, name))
-    for name, text in scripts.items():
-        (staging / name).write_text(text, encoding="utf-8")
+    for name in SCRIPTS:
+        (staging / name).write_text(bundle.joinpath(name).read_text("utf-8"), encoding="utf-8")
     data: dict[str, Any] = {
         "title": printable(result.name),
         "when": _when(report, zone),
-        "alarms": [_said(text) for text in _alarms(report)],
+        "alarms": [_said(str(text)) for text in (verdict.get("text"), *(verdict.get("doubts") or ())) if text],
         "warnings": [
             _said(str(notice.get("text", "")), str(notice.get("code", ""))) for notice in report.get("warnings", ())
         ],
@@ -83,22 +86,14 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
         "language": language,
         "japanese": JAPANESE,
     }
-    _write_script(staging / DATA, "furrowmapData", data | {"cloud": None})  # its size counts
+    _write_script(staging / DATA_SCRIPT, "furrowmapData", data | {"cloud": None})  # its size counts
     page = render("share.html", "script-src 'self'", "img-src 'self' data:", title=result.name, when=data["when"])
     (staging / INDEX).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
     progress("writing the page", 0.8)
     data["cloud"] = _write_points(staging, result, extent)
-    _write_script(staging / DATA, "furrowmapData", data)
+    _write_script(staging / DATA_SCRIPT, "furrowmapData", data)
     progress("writing the page", 1.0)
     return sorted(path.name for path in staging.iterdir())
-
-
-def _scripts() -> dict[str, str]:
-    """The page's scripts and the licences of their libraries, by name of file."""
-    bundle = files("furrowmap.exporters.share").joinpath("bundle")
-    if not all(bundle.joinpath(name).is_file() for name in SCRIPTS):
-        raise RefusedError("no-web-bundle")
-    return {name: bundle.joinpath(name).read_text("utf-8") for name in SCRIPTS}
 
 
 def _write_script(path: Path, name: str, content: Any) -> None:
@@ -118,7 +113,7 @@ def _layers(result: ResultFolder, zone: ZoneInfo) -> tuple[list[dict[str, Any]],
             boxes.append(layer.total_bounds.tolist())
     assert crs is not None
     lows, highs = [min(box[i] for box in boxes) for i in (0, 1)], [max(box[i] for box in boxes) for i in (2, 3)]
-    box = (lows[0] - MARGIN_M, lows[1] - MARGIN_M, highs[0] + MARGIN_M, highs[1] + MARGIN_M)
+    box = (lows[0] - EXTENT_MARGIN_M, lows[1] - EXTENT_MARGIN_M, highs[0] + EXTENT_MARGIN_M, highs[1] + EXTENT_MARGIN_M)
     return found, box, CRS.from_user_input(crs).to_2d()
 
 
@@ -149,13 +144,13 @@ def _picture(staging: Path, result: ResultFolder, name: str) -> dict[str, Any]:
 def _write_points(staging: Path, result: ResultFolder, extent: Box) -> dict[str, Any] | None:
     """The points of the cloud, as many as there is room for; None for no cloud."""
     cloud = result.folder / CLOUD
-    room = MOST_BYTES - sum(path.stat().st_size for path in staging.iterdir()) - 100_000
-    most = min(MOST_POINTS, room // BYTES_A_POINT)
+    room = MAX_FOLDER_BYTES - sum(path.stat().st_size for path in staging.iterdir()) - 100_000
+    most = min(MAX_SHARED_POINTS, room // BYTES_A_POINT)
     points = shared_points(cloud, most) if cloud.is_file() and most > 0 else None
     if points is None:
         return None
-    _write_script(staging / POINTS, "furrowmapPoints", points.plain(extent))
-    return {"file": POINTS, "points": len(points.xyz_m), "of": points.of}
+    _write_script(staging / POINTS_SCRIPT, "furrowmapPoints", points.plain(extent))
+    return {"file": POINTS_SCRIPT, "points": len(points.xyz_m), "of": points.of}
 
 
 def _when(report: dict[str, Any], zone: ZoneInfo) -> str:
@@ -165,14 +160,6 @@ def _when(report: dict[str, Any], zone: ZoneInfo) -> str:
     return f"{begin:%Y-%m-%d %H:%M:%S} – {later}{end:%H:%M:%S} ({zone_words(begin_s, zone)})"
 
 
-def _alarms(report: dict[str, Any]) -> Iterator[str]:
-    """What casts doubt on all of the result."""
-    verdict = report.get("verdict") or {}
-    if verdict.get("text"):
-        yield str(verdict["text"])
-    yield from (str(doubt) for doubt in verdict.get("doubts") or ())
-
-
 def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """The key figures, as in `report.html`: value, name in words of the page, whether it calls for attention."""
     figures = report["figures"]
@@ -180,7 +167,7 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
         area_m2, sigma_m2 = figures.get(f"{key}_area_m2"), figures.get(f"{key}_area_sigma_m2")
         if _is_number(area_m2):
             margin = [f"± {_area(2.0 * sigma_m2)}"] if _is_number(sigma_m2) and sigma_m2 > 0.0 else []
-            yield _figure(_area(area_m2), name, *margin, loud=name == "Missed" and area_m2 > 0.0)
+            yield {"value": _area(area_m2), "name": [name, *margin], "loud": name == "Missed" and area_m2 > 0.0}
     hours = figures.get("hours") or {}
     shown = (
         ("Field", figures.get("field_area_m2"), _area),
@@ -198,7 +185,7 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
     )
     for name, value, words in shown:
         if _is_number(value):
-            yield _figure(words(value), name)
+            yield {"value": words(value), "name": [name], "loud": False}
 
 
 def _area(area_m2: float) -> str:
@@ -216,10 +203,6 @@ def _accuracy(accuracy: dict[str, Any]) -> Iterable[tuple[str, Any, Any]]:
         return f"± {200.0 * sigma_m:.1f} cm"
 
     return (("Horizontal accuracy", across, words), ("Vertical accuracy", up, words))
-
-
-def _figure(value: str, *name: str, loud: bool = False) -> dict[str, Any]:
-    return {"value": value, "name": name, "loud": loud}
 
 
 def _about(report: dict[str, Any], zone: ZoneInfo) -> Iterator[tuple[str, str]]:

@@ -16,13 +16,13 @@ from scipy import ndimage
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.exporters.files.result_folder import packaged_style, unreadable
 
-LONGEST_SIDE: Final = 2400
+MAX_PICTURE_SIDE: Final = 2400
 """Pixels of the longer side of a picture."""
 WEBP_QUALITY: Final = "85"
 
 
 @dataclass(frozen=True)
-class Picture:
+class StyledPicture:
     """A raster in colours.
 
     Attributes:
@@ -36,8 +36,8 @@ class Picture:
     legend: tuple[tuple[str, str], ...]
 
 
-def picture(path: Path, style: str) -> Picture:
-    """The raster in a file, at most :data:`LONGEST_SIDE` pixels long, as its QGIS style draws it.
+def picture(path: Path, style: str) -> StyledPicture:
+    """The raster in a file, at most :data:`MAX_PICTURE_SIDE` pixels long, as its QGIS style draws it.
 
     Args:
         path: of a raster of a run.
@@ -49,20 +49,20 @@ def picture(path: Path, style: str) -> Picture:
     root = ET.fromstring(packaged_style(style))  # noqa: S314 - a file of this package
     renderer = next(root.iter("rasterrenderer"))
     with open_geotiff(path, lambda file, fault: unreadable(file, ValueError(fault)), with_heights=False) as raster:
-        share = min(1.0, LONGEST_SIDE / max(raster.shape))
+        share = min(1.0, MAX_PICTURE_SIDE / max(raster.shape))
         shape = tuple(max(1, round(side * share)) for side in raster.shape)
         west, south, east, north = raster.bounds
         if renderer.get("type") == "multibandcolor":
             rgb = raster.read((1, 2, 3), out_shape=(3, *shape), resampling=Resampling.average)
             seen = raster.dataset_mask(out_shape=shape)
-            return Picture(np.dstack([*rgb, seen]).astype(np.uint8), (west, south, east, north), ())
+            return StyledPicture(np.dstack([*rgb, seen]).astype(np.uint8), (west, south, east, north), ())
         values = _values(raster, shape)
     if renderer.get("type") == "hillshade":
         cell_m = ((east - west) / shape[1], (north - south) / shape[0])
-        return Picture(_shaded(values, cell_m, renderer), (west, south, east, north), ())
+        return StyledPicture(_shaded(values, cell_m, renderer), (west, south, east, north), ())
     items = list(renderer.iter("item"))
     legend = tuple((str(item.get("color")), str(item.get("label"))) for item in items)
-    return Picture(_coloured(values, items), (west, south, east, north), legend)
+    return StyledPicture(_coloured(values, items), (west, south, east, north), legend)
 
 
 def _values(raster: Any, shape: Sequence[int]) -> NDArray[np.float32]:

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
 from furrowmap.core.values.point_classes import PointClass
 
-MOST_POINTS: Final = 1_000_000
-STEPS: Final = 65535
+MAX_SHARED_POINTS: Final = 1_000_000
+COORDINATE_STEPS: Final = 65535
 """Coordinates are 16-bit numbers from the lowest to the highest of each axis."""
 BYTES_A_POINT: Final = 14
 """In the file: base64 of six bytes of coordinates, one of the class and three of the colour."""
-CLASSES: Final = (
+CLASS_COLOURS: Final = (
     (2, "#9c7a4a", "ground"),
     (1, "#5c9c4a", "other"),
     (64, "#d08020", "vehicle"),
@@ -32,7 +32,7 @@ CLASSES: Final = (
 )
 """Code, colour and name of the classes, as the QGIS plugin draws them; noise is left out."""
 
-MACHINE: Final = (int(PointClass.VEHICLE), int(PointClass.IMPLEMENT))
+MACHINE_CLASSES: Final = (int(PointClass.VEHICLE), int(PointClass.IMPLEMENT))
 """Classes that are hidden at first: each scan sees the machine anew, so it covers its own way."""
 
 
@@ -56,10 +56,10 @@ class SharedPoints:
         """What the page's viewer reads; colours of heights and the first view are those within a box."""
         low, high = self.xyz_m.min(axis=0), self.xyz_m.max(axis=0)
         high = np.maximum(high, low + 1e-3)
-        steps = np.round((self.xyz_m - low) / (high - low) * STEPS).astype("<u2")
+        steps = np.round((self.xyz_m - low) / (high - low) * COORDINATE_STEPS).astype("<u2")
         x, y, z = self.xyz_m.T
         there = (x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3])
-        there &= ~np.isin(self.classification, MACHINE)
+        there &= ~np.isin(self.classification, MACHINE_CLASSES)
         bottom, middle, top = np.quantile(z[there] if there.any() else z, (0.02, 0.5, 0.98)).tolist()
         codes = set(np.unique(self.classification).tolist())
         shown = {
@@ -70,8 +70,10 @@ class SharedPoints:
             "high": high.tolist(),
             "ground": middle,
             "heights": [bottom, top],
-            "hidden": list(MACHINE),
-            "palette": [{"code": c, "colour": colour, "label": label} for c, colour, label in CLASSES if c in codes],
+            "hidden": list(MACHINE_CLASSES),
+            "palette": [
+                {"code": c, "colour": colour, "label": label} for c, colour, label in CLASS_COLOURS if c in codes
+            ],
         }
         return {key: value for key, value in shown.items() if value is not None}
 

@@ -21,15 +21,15 @@ from furrowmap.exporters.share.words import LAYER_TITLES, RELIEF
 
 RELIEFS: Final = (DSM, DSM_BEFORE, DTM)
 SHOWN_AT_FIRST: Final = frozenset({CHANGE, CROP_HEIGHT, DSM, ORTHOPHOTO})
-COLOURED: Final = frozenset(RUN_RASTERS) - {*RELIEFS, ORTHOPHOTO}
+VALUE_RASTERS: Final = frozenset(RUN_RASTERS) - {*RELIEFS, ORTHOPHOTO}
 """Rasters that lie above the reliefs."""
-BLENDED: Final = COLOURED - {CHANGE}
+BLENDED: Final = VALUE_RASTERS - {CHANGE}
 """Rasters whose colours blend with the relief below; those of the change are as in its legend, whose steps are fine."""
 
 
 def rasters_of(result: ResultFolder) -> list[str]:
     """Names of the files, the topmost of the map first: colours, the orthophoto, reliefs."""
-    order = [*(name for name in RUN_RASTERS if name in COLOURED), ORTHOPHOTO, *RELIEFS]
+    order = [*(name for name in RUN_RASTERS if name in VALUE_RASTERS), ORTHOPHOTO, *RELIEFS]
     return [name for name in order if (result.folder / name).is_file()]
 
 

@@ -37,7 +37,7 @@ class Symbol:
     dashed: bool = False
 
 
-PLAIN: Final = Symbol("rgba(64,64,64,1)", "rgba(255,255,255,0.25)", 0.3, 2.0)
+PLAIN_SYMBOL: Final = Symbol("rgba(64,64,64,1)", "rgba(255,255,255,0.25)", 0.3, 2.0)
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class LayerStyle:
         label_attribute: the field that is written on the map; empty for none.
     """
 
-    default: Symbol = PLAIN
+    default: Symbol = PLAIN_SYMBOL
     attribute: str = ""
     by_value: Mapping[str, Symbol] = field(default_factory=dict)
     labels: Mapping[str, str] = field(default_factory=dict)
@@ -102,7 +102,7 @@ def layer_style(name: str, values: Mapping[str, Iterable[Any]]) -> LayerStyle:
     known = {str(one.get("value")): one for one in categories}
     text = root.find("labeling/settings/text-style")
     return LayerStyle(
-        symbols.get(str(known[""].get("symbol")), PLAIN) if "" in known else symbols["0"],
+        symbols.get(str(known[""].get("symbol")), PLAIN_SYMBOL) if "" in known else symbols["0"],
         str(renderer.get("attr") or "") if categories else "",
         {value: symbols[str(one.get("symbol"))] for value, one in known.items()},
         {value: str(one.get("label")) for value, one in known.items()},

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.batch_state import Outcome
+from furrowmap.exporters.files.batch_state import SessionOutcome
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.vectors.field_layers import Layer, geometry_array
 from furrowmap.exporters.vectors.geopackage import write_layer
@@ -59,7 +59,7 @@ class Row:
     name: str
     file: str
     field: str
-    outcome: Outcome
+    outcome: SessionOutcome
 
     @property
     def status(self) -> str:

@@ -17,7 +17,8 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import HEIGHT, write_cog
+from furrowmap.exporters.rasters.cog import HEIGHT_BAND
+from tests.exporters.rasters.written_cogs import write_cog
 
 VECTORS = '<OGRVRTDataSource><OGRVRTLayer name="a"><SrcDataSource>{0}</SrcDataSource></OGRVRTLayer></OGRVRTDataSource>'
 
@@ -26,7 +27,7 @@ VECTORS = '<OGRVRTDataSource><OGRVRTLayer name="a"><SrcDataSource>{0}</SrcDataSo
 def virtual(tmp_path: Path) -> Path:
     """A virtual raster that leads to a surface, named as a GeoTIFF."""
     grid = Grid(0.05, 332_692, 1_931_559, (64, 64))
-    write_cog(tmp_path / "secret.tif", grid, CRS("EPSG:6677"), [HEIGHT], [np.ones(grid.shape)], Origin("Surface"))
+    write_cog(tmp_path / "secret.tif", grid, CRS("EPSG:6677"), [HEIGHT_BAND], [np.ones(grid.shape)], Origin("Surface"))
     path = tmp_path / "dsm.tif"
     with rasterio.open(tmp_path / "secret.tif") as secret:
         rasterio.shutil.copy(secret, path.with_suffix(".vrt"), driver="VRT")

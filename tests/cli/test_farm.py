@@ -13,8 +13,9 @@ from pyproj import CRS
 from furrowmap.cli.main import command_line
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import HEIGHT, write_cog
+from furrowmap.exporters.rasters.cog import HEIGHT_BAND
 from tests.exporters.farm.result_folders import write_result
+from tests.exporters.rasters.written_cogs import write_cog
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +27,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     for i, folder in enumerate((first, second)):
         heights = np.full((4, 4), 250.0 + i, np.float32)
         grid = Grid(0.5, 33_200 + 2 * i, 193_000, (4, 4))
-        write_cog(folder / "dsm.tif", grid, CRS.from_epsg(6677), [HEIGHT], [heights], Origin("dsm"))
+        write_cog(folder / "dsm.tif", grid, CRS.from_epsg(6677), [HEIGHT_BAND], [heights], Origin("dsm"))
     return [first, second]
 
 

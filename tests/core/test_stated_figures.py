@@ -22,7 +22,7 @@ from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import IMU_CLASSES
 from furrowmap.core.values.session import WIDEST_M
 from furrowmap.exporters.cloud.writer import MEMORY_POINTS
-from furrowmap.exporters.files.lease import PATIENCE_S
+from furrowmap.exporters.files.lease import MAX_SILENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -109,7 +109,7 @@ def test_reliability_page__points_in_memory() -> None:
         ("CHANGELOG.md", "a few points of a LAS cloud more than {} km from all others", far_points.FAR_M / 1000.0),
         ("CHANGELOG.md", "`[implement] width_m` is at most {} m", WIDEST_M),
         ("docs/reference/session.md", "more than {} m is an error", FARTHEST_M),
-        ("docs/explanation/files.md", "if its heartbeat does not change for {} s while one watches", PATIENCE_S),
+        ("docs/explanation/files.md", "if its heartbeat does not change for {} s while one watches", MAX_SILENCE_S),
     ],
 )
 def test_figure__is_that_of_the_page(page: str, sentence: str, value: float) -> None:

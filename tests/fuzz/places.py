@@ -107,7 +107,7 @@ def watched(root: Path, named: Sequence[str], work: Callable[[], object]) -> Non
         sys.addaudithook(WATCH)
         os.environ["OGR_SQLITE_SYNCHRONOUS"] = "OFF"
         os.fsync = lambda _: None
-        lease.PATIENCE_S = 0.0
+        lease.MAX_SILENCE_S = 0.0
     tempfile.tempdir = str(root.parent / "temporary")
     Path(tempfile.tempdir).mkdir(exist_ok=True)
     before = listing(root, named)

@@ -16,7 +16,15 @@ import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.exporters.files.batch_state import STATE, BatchState, Failure, Outcome, Stamp, batch_state, same_files
+from furrowmap.exporters.files.batch_state import (
+    STATE,
+    BatchState,
+    Failure,
+    SessionOutcome,
+    Stamp,
+    batch_state,
+    same_files,
+)
 from furrowmap.exporters.files.lease import leased, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
@@ -198,7 +206,7 @@ class _Batch:
                 outcomes[name] = outcome
                 state.keep(name, outcome)
         for name, (_, failure) in plan.failures.items():
-            outcomes[name] = Outcome("", failure=failure)
+            outcomes[name] = SessionOutcome("", failure=failure)
         told = self._told(plan, outcomes, run=plan.due)
         if (
             plan.due
@@ -216,7 +224,7 @@ class _Batch:
         self,
         sources: Sequence[Source],
         state: BatchState,
-        outcomes: dict[str, Outcome],
+        outcomes: dict[str, SessionOutcome],
         force: Workforce,
         *,
         keep: bool,
@@ -286,7 +294,7 @@ class _Batch:
                 state.keep_prepared(name, keys[name], msgspec.json.encode(found[name]))
         return found
 
-    def _choose(self, plan: _Plan, outcomes: dict[str, Outcome]) -> None:
+    def _choose(self, plan: _Plan, outcomes: dict[str, SessionOutcome]) -> None:
         """Choose the jobs whose settings or inputs have changed, or that failed for a reason that may have passed."""
         whole = Store(self.url).complete() if self.url else None
         for name, job in plan.jobs.items():
@@ -300,14 +308,14 @@ class _Batch:
             if before is None or not same or not _is_settled(before, job, whole):
                 plan.due.append(name)
 
-    def _run(self, plan: _Plan, force: Workforce) -> Iterator[tuple[str, Outcome]]:
+    def _run(self, plan: _Plan, force: Workforce) -> Iterator[tuple[str, SessionOutcome]]:
         longest_first = sorted(plan.due, key=lambda name: -plan.bytes_due[name])
         items = [(name, plan.jobs[name]) for name in longest_first]
         for name, found in force.each(run_job, items, _RUNNING, self.progress):
-            yield name, found if isinstance(found, Outcome) else Outcome("", failure=_lost(name))
+            yield name, found if isinstance(found, SessionOutcome) else SessionOutcome("", failure=_lost(name))
 
     def _told(
-        self, plan: _Plan, outcomes: dict[str, Outcome], *, run: Sequence[str], estimate_s: float | None = None
+        self, plan: _Plan, outcomes: dict[str, SessionOutcome], *, run: Sequence[str], estimate_s: float | None = None
     ) -> Batch:
         of = {name: (job.file, job.visit.name if job.visit is not None else "") for name, job in plan.jobs.items()}
         of |= {name: (file, "") for name, (file, _) in plan.failures.items()}
@@ -368,7 +376,7 @@ def _nothing(without: Sequence[Source]) -> InputError:
     return InputError("batch-nothing", without_count=len(without) if without else None)
 
 
-def _is_settled(before: Outcome, job: Job, whole: set[str] | None) -> bool:
+def _is_settled(before: SessionOutcome, job: Job, whole: set[str] | None) -> bool:
     """Whether the same inputs would give the same: there is a result, or the inputs themselves are at fault."""
     if before.failure is None:
         return job.name in whole if whole is not None else (job.folder / REPORT).is_file()

@@ -13,8 +13,8 @@ import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.runtime.file_names import is_file_name
-from furrowmap.exporters.files.batch_state import Outcome, Stamp, same_files
-from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION
+from furrowmap.exporters.files.batch_state import SessionOutcome, Stamp, same_files
+from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
 from furrowmap.workflows.batch.sources import Source, holds_scans
 
 MARKER: Final = "complete.json"
@@ -129,34 +129,34 @@ def find_remote(url: str) -> Iterator[Source]:
     for home, names in sorted(folders.items()):
         if any(_is_in(home, result) for result in results) or any(part.startswith(".") for part in home.split("/")):
             continue
-        made = SESSION not in names
+        made = SESSION_FILE not in names
         if made and (not holds_scans(names) or any(_is_in(home, other) for other in of_session)):
             continue
         of_session.append(home)
         inside = tuple(stamp for name, stamp in sorted(files.items()) if _is_in(name, home))
         parts = tuple(home.split("/")) if home else (posixpath.basename(store.url),)
-        yield Source(Path(SESSION), parts, made, inside, url=f"{store.url}/{home}".rstrip("/"))
+        yield Source(Path(SESSION_FILE), parts, made, inside, url=f"{store.url}/{home}".rstrip("/"))
 
 
 def staged(url: str, stamps: Sequence[Stamp], folder: Path) -> Path:
     """The session file of a source in a store, after its files have been copied into a folder."""
     home = folder / (posixpath.basename(url) or "session")
     Store(url).fetch([posixpath.relpath(one.path, url) for one in stamps], home)
-    return home / SESSION
+    return home / SESSION_FILE
 
 
-def put_result(folder: Path, url: str, outcome: Outcome) -> None:
+def put_result(folder: Path, url: str, outcome: SessionOutcome) -> None:
     """Copy a result into a store: its marker last, so that a result is there as a whole or has no marker."""
     store = Store(url)
     store.put(folder)
     store.write(MARKER, msgspec.json.encode(outcome))
 
 
-def earlier_in_store(url: str, key: str, inputs: Sequence[Stamp]) -> Outcome | None:
+def earlier_in_store(url: str, key: str, inputs: Sequence[Stamp]) -> SessionOutcome | None:
     """What the marker of a result in a store says, if it is of the same settings, version and inputs."""
     content = Store(url).read(MARKER)
     try:
-        found = msgspec.json.decode(content, type=Outcome) if content is not None else None
+        found = msgspec.json.decode(content, type=SessionOutcome) if content is not None else None
     except msgspec.MsgspecError:
         return None
     if found is None or found.key != key or not same_files(found.inputs, inputs):

@@ -12,7 +12,7 @@ from typing import Final
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.exporters.files.batch_state import Stamp
-from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION
+from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
 
 SCANS: Final = frozenset({".pcap", ".pcapng", ".bag", ".mcap", ".db3"})
 """Suffixes of recordings that show a folder to be one of recordings."""
@@ -119,14 +119,14 @@ def _below(root: Path, results: Path) -> Iterator[Source]:
         if here == results or REPORT in files or PREVIEW_REPORT in files:
             folders.clear()
             continue
-        if SESSION in files:
+        if SESSION_FILE in files:
             of_session.append(here)
             parts = here.relative_to(root).parts or (root.name,)
-            yield Source(here / SESSION, parts, made=False, stamps=(stamp(here / SESSION),))
+            yield Source(here / SESSION_FILE, parts, made=False, stamps=(stamp(here / SESSION_FILE),))
         elif holds_scans(files) and not any(here.is_relative_to(home) for home in of_session):
             bag = "metadata.yaml" in files and here != root  # a ROS 2 bag is a folder that is one recording
             home = here.parent if bag else here
             parts = home.relative_to(root).parts or (root.name,)
             content = sorted(path for path in (home.rglob("*") if bag else home.iterdir()) if path.is_file())
-            yield Source(home / SESSION, parts, made=True, stamps=tuple(stamp(path) for path in content))
+            yield Source(home / SESSION_FILE, parts, made=True, stamps=tuple(stamp(path) for path in content))
             folders.clear()

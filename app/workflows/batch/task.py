@@ -16,7 +16,7 @@ import msgspec
 from furrowmap.core.runtime.errors import FurrowmapError, RefusedError, as_furrowmap_error
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.session.opened import OpenSession
-from furrowmap.exporters.files.batch_state import Failure, Outcome, Stamp
+from furrowmap.exporters.files.batch_state import Failure, SessionOutcome, Stamp
 from furrowmap.exporters.files.file_records import file_records, files_in
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.vectors.batch_table import FIGURES, outlines
@@ -45,7 +45,7 @@ class _Spent:
         return lambda: cls(perf_counter() - wall_s, process_time() - processor_s)
 
 
-def run_job(job: Job) -> Outcome:
+def run_job(job: Job) -> SessionOutcome:
     """Run a session into its folder, unless the result of the same inputs, settings and version is there.
 
     Errors are part of the outcome, because one session must not stop the others.
@@ -55,10 +55,10 @@ def run_job(job: Job) -> Outcome:
     spent = _Spent.begin()
     looked = result_or_failure(partial(_looked_at, job))
     if isinstance(looked, Failure):
-        outcome = Outcome("", failure=looked)
+        outcome = SessionOutcome("", failure=looked)
     else:
         ran = result_or_failure(partial(_ran, job, *looked))
-        outcome = Outcome(*looked[:2], ran) if isinstance(ran, Failure) else ran
+        outcome = SessionOutcome(*looked[:2], ran) if isinstance(ran, Failure) else ran
     took = spent()
     return replace(
         outcome,
@@ -68,7 +68,7 @@ def run_job(job: Job) -> Outcome:
     )
 
 
-def _run_with_store(job: Job) -> Outcome:
+def _run_with_store(job: Job) -> SessionOutcome:
     """Run a session whose recordings or results are in a store, on copies."""
     target = f"{job.results_url}/{job.name}" if job.results_url else ""
     try:
@@ -87,7 +87,7 @@ def _run_with_store(job: Job) -> Outcome:
     except Exception as error:  # noqa: BLE001 whatever a store or its library raises is told in the table
         ours = isinstance(error, FurrowmapError | MemoryError)
         told = as_furrowmap_error(error) if ours else store_failure(job.url or target, error)
-        return Outcome("", job.stamps, Failure.of(told))
+        return SessionOutcome("", job.stamps, Failure.of(told))
 
 
 def input_stamps(opened: OpenSession) -> tuple[Stamp, ...]:
@@ -113,7 +113,7 @@ def _looked_at(job: Job) -> tuple[str, tuple[Stamp, ...], OpenSession]:
         return key_of(job), input_stamps(opened), opened
 
 
-def _ran(job: Job, key: str, stamps: tuple[Stamp, ...], opened: OpenSession) -> Outcome:
+def _ran(job: Job, key: str, stamps: tuple[Stamp, ...], opened: OpenSession) -> SessionOutcome:
     """What became of a job that could be opened."""
     with job.manner.applied():
         result, repeated = _result(job, opened)
@@ -151,7 +151,7 @@ def _contents(records: Any) -> list[tuple[str, str]]:
     return sorted((record["name"], record["sha256"]) for record in records)
 
 
-def _finished(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenSession) -> Outcome:
+def _finished(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenSession) -> SessionOutcome:
     report = result.report
     root = opened.file.resolve().parent
     digests = {(root / record["name"]).resolve(): record["sha256"] for record in report["inputs"]}
@@ -159,4 +159,4 @@ def _finished(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenS
     figures = {name: report["figures"][name] for name in FIGURES if name in report["figures"]}
     figures |= {"session": report["session"]["name"], "warnings": len(report["warnings"])}
     footprint, track = outlines(result, opened.frame)
-    return Outcome(key, inputs, figures=figures, footprint=footprint, track=track)
+    return SessionOutcome(key, inputs, figures=figures, footprint=footprint, track=track)

@@ -37,7 +37,7 @@ from furrowmap.exporters.files.result_folder import (
     ROUGHNESS,
     SLOPE,
 )
-from furrowmap.exporters.rasters.cog import FILLED, SURFACE_BANDS, Band, Bands, cog_output, surface_arrays
+from furrowmap.exporters.rasters.cog import FILLED_BAND, SURFACE_BANDS, Band, Bands, cog_output, surface_arrays
 from furrowmap.exporters.rasters.windows import common, is_last, plots_of, share, window, windows
 
 SURFACE: Final = "surface"
@@ -163,7 +163,7 @@ class CloudRasters:
         source = self.folder / _unfilled(name, self.settings)
         reach = self.settings.fill_m / self.grid.cell_m
         title = SURFACE if name == DSM else "ground"
-        with self._output(name, title, [*SURFACE_BANDS, FILLED]) as put, rasterio.open(source) as raster:
+        with self._output(name, title, [*SURFACE_BANDS, FILLED_BAND]) as put, rasterio.open(source) as raster:
             for inner, outer in windows(self.grid, int(2 * reach) + 1):
                 bands = raster.read(window=window(outer, self.grid))
                 height = bridged(bands[0].astype(np.float64), reach)

@@ -37,10 +37,10 @@ from furrowmap.exporters.files.result_folder import (
     FIELD,
     ITEM,
     LEARNED,
-    PAGE,
     REPORT,
+    REPORT_PAGE,
     RUN_PRODUCTS,
-    SESSION,
+    SESSION_FILE,
     STATES,
     of_tool,
 )
@@ -169,9 +169,9 @@ def write_products(
     crops = made.parcels.found if made.parcels is not None else ()
     features = made.features.account if made.features is not None else None
     counts = features["figures"] if features is not None else None
-    write_page(staging / PAGE, found, staging / CLOUD, summary, made.rasters, crops, counts)
+    write_page(staging / REPORT_PAGE, found, staging / CLOUD, summary, made.rasters, crops, counts)
     layers = perf_counter() - layers
-    (staging / SESSION).write_text(session_text(found.session, origin), encoding="utf-8")
+    (staging / SESSION_FILE).write_text(session_text(found.session, origin), encoding="utf-8")
     seconds = {**made.seconds, "layers": layers, "whole": perf_counter() - start}
     timings = found.timings_s | {stage: round(value, 3) for stage, value in seconds.items()}
     content = run_report(found, origin, summary, made.rasters, made.inputs, timings, _names(staging))

@@ -7,7 +7,7 @@ from pathlib import Path
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.result_folder import PAGE
+from furrowmap.exporters.files.result_folder import REPORT_PAGE
 from furrowmap.exporters.reports.area_units import filled_in
 from furrowmap.exporters.reports.page_language import in_language, language_of
 from furrowmap.exporters.reports.printed import write_pdf
@@ -37,7 +37,7 @@ def write_report_page(
         InputError: if there is no page, or it cannot be read or written.
         RefusedError: if a PDF is asked for and no browser is installed, or it fails.
     """
-    source = Path(result) / PAGE
+    source = Path(result) / REPORT_PAGE
     try:
         page = source.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

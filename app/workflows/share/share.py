@@ -10,8 +10,8 @@ from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.result_folder import open_result, reading_result
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
-from furrowmap.exporters.share.field_project import FIELD_PRODUCTS, PROJECT, write_field_project
-from furrowmap.exporters.share.page import INDEX, PAGE_PRODUCTS, REPORT, write_page
+from furrowmap.exporters.share.field_project import FIELD_PRODUCTS, PROJECT_FILE, write_field_project
+from furrowmap.exporters.share.page import INDEX, PAGE_PRODUCTS, SHARE_REPORT, write_page
 from furrowmap.workflows.share.export import refuse_result
 
 
@@ -73,8 +73,8 @@ def share(
         else:
             names = write_page(staging, opened, language or "", progress)
         size_bytes = sum((staging / name).stat().st_size for name in names)
-        account = {**opened.origin.metadata, "products": [*names, REPORT]}
-        (staging / REPORT).write_text(json_text(account), encoding="utf-8")
-        size_bytes += (staging / REPORT).stat().st_size
-    files = tuple(target / name for name in sorted([*names, REPORT]))
-    return Shared(target, target / (PROJECT if qfield else INDEX), files, size_bytes)
+        account = {**opened.origin.metadata, "products": [*names, SHARE_REPORT]}
+        (staging / SHARE_REPORT).write_text(json_text(account), encoding="utf-8")
+        size_bytes += (staging / SHARE_REPORT).stat().st_size
+    files = tuple(target / name for name in sorted([*names, SHARE_REPORT]))
+    return Shared(target, target / (PROJECT_FILE if qfield else INDEX), files, size_bytes)

@@ -29,7 +29,7 @@ from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
-from furrowmap.exporters.rasters.dated_surface import BESIDE_M, DatedSurface, OpenSurface, dated_surface, opened
+from furrowmap.exporters.rasters.dated_surface import THROWN_SOIL_M, DatedSurface, OpenSurface, dated_surface, opened
 from furrowmap.exporters.rasters.tied_surfaces import (
     ChangedGround,
     Mover,
@@ -299,7 +299,7 @@ def _changes(staging: Path, work: _Work, net: Network, movers: Sequence[Mover], 
         ground = ChangedGround(
             union(worked_by[k + 1 : j + 1]),
             before=union(worked_by[: k + 1]),
-            touched=union([shape.buffer(BESIDE_M) for shape in worked_by[k : j + 1]]),
+            touched=union([shape.buffer(THROWN_SOIL_M) for shape in worked_by[k : j + 1]]),
         )
         name = f"change_{k + 1:02d}_{j + 1:02d}.tif"
         own = Origin(f"Change from {one.name} to {other.name}", inputs=origin.inputs)

@@ -190,7 +190,7 @@ def test_roughness__along_the_tillage_is_without_its_marks(tmp_path: Path) -> No
 def test_windows__leave_no_seams(
     clouds: list[Path], made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("furrowmap.exporters.rasters.windows.WINDOW", 37)
+    monkeypatch.setattr("furrowmap.exporters.rasters.windows.WINDOW_CELLS", 37)
     furrowmap.surface(clouds, tmp_path, SurfaceSettings(cell_m=0.2))
     for name in ("hillshade.tif", "slope.tif", "roughness.tif", "low_spots.tif"):
         np.testing.assert_array_equal(raster(tmp_path / name)[0], raster(made / name)[0], err_msg=name)

@@ -32,7 +32,7 @@ from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import HEIGHT, STANDARD_ERROR, Band, with_heights, write_cog
+from furrowmap.exporters.rasters.cog import HEIGHT_BAND, STANDARD_ERROR_BAND, Band, with_heights
 from furrowmap.workflows.batch.engine import Manner
 from furrowmap.workflows.season import parts
 from furrowmap.workflows.season.parts import SeasonPlan, plan_tiles
@@ -40,6 +40,7 @@ from furrowmap.workflows.season.season import _lost
 from furrowmap.workflows.season.sources import find_sessions
 from furrowmap.workflows.season.tasks import Tables, write_part
 from tests.app.files_server import served
+from tests.exporters.rasters.written_cogs import write_cog
 
 JAPAN = CRS.from_epsg(6677)
 UTM = CRS.from_epsg(6691)
@@ -71,10 +72,10 @@ def results(result: furrowmap.Result, tmp_path_factory: pytest.TempPathFactory) 
         report["figures"] |= {"start": start, "end": end}
         (folder / "report.json").write_text(json.dumps(report), encoding="utf-8")
         grid = Grid(CELL_M, WEST + 150 * k, NORTH - 100 * k, (500, 400))
-        for product, band in (("dsm", HEIGHT), ("change", Band("change"))):
+        for product, band in (("dsm", HEIGHT_BAND), ("change", Band("change"))):
             values = 270.0 + rng.integers(0, 64, grid.shape) / 8.0
             values[rng.random(grid.shape) < 0.3] = np.nan
-            bands, arrays = (band, STANDARD_ERROR), (values, 0.01 * values)
+            bands, arrays = (band, STANDARD_ERROR_BAND), (values, 0.01 * values)
             write_cog(folder / f"{product}.tif", grid, with_heights(JAPAN), bands, arrays, Origin(name))
     (root / "batch.csv").write_text("")
     return root
@@ -314,7 +315,7 @@ def test_surfaces_moved_by_a_tie__take_the_place_of_their_results(results: Path,
     tie = tmp_path / "tie"
     tie.mkdir()
     grid = Grid(CELL_M, WEST, NORTH, (50, 40))
-    write_cog(tie / "dsm_01.tif", grid, with_heights(JAPAN), [HEIGHT], [np.full(grid.shape, 99.0)], Origin("tie"))
+    write_cog(tie / "dsm_01.tif", grid, with_heights(JAPAN), [HEIGHT_BAND], [np.full(grid.shape, 99.0)], Origin("tie"))
     rows = [{"surface": "dsm_01.tif", "folder": str(results / "a")}, {"surface": "", "folder": str(results / "b")}]
     (tie / "tie.json").write_text(json.dumps({"dates": rows}))
     sessions, (notice,) = find_sessions([results, tie], tmp_path)

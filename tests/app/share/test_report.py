@@ -45,7 +45,7 @@ def test_report__without_a_page_or_a_browser_is_refused(
         furrowmap.write_report_page(tmp_path / "none")
     assert refused.value.code == "result-unreadable"
     for browser in ("no-such-program", shutil.which("true") or "true"):
-        monkeypatch.setenv(printed.VARIABLE, browser)
+        monkeypatch.setenv(printed.BROWSER_VARIABLE, browser)
         with pytest.raises(furrowmap.RefusedError) as missing:
             furrowmap.write_report_page(result, pdf=True)
         assert missing.value.code == "browser-missing"

@@ -22,8 +22,9 @@ from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import SURFACE_BANDS, write_cog
+from furrowmap.exporters.rasters.cog import SURFACE_BANDS
 from tests.app.told_progress import Told
+from tests.exporters.rasters.written_cogs import write_cog
 
 CELL_M, SIDE = 0.05, 320
 WEST, NORTH = 332_000, 1_930_000

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.session.frames import direction_words
-from furrowmap.exporters.reports.frames_drawing import LINE
+from furrowmap.exporters.reports.frames_drawing import LINE_HEIGHT
 
 
 def matrix(xyz_m: tuple[float, ...], rpy_deg: tuple[float, ...]) -> np.ndarray:
@@ -75,7 +75,7 @@ def test_svg__draws_each_frame_at_its_place(shared_data: Path, tmp_path: Path) -
         for view in (named[: len(names)], named[len(names) :]):
             at = np.array([[float(text.attrib[key]) for key in "xy"] for text in view])
             across, down = np.abs(at[:, None] - at)[*np.triu_indices(len(at), 1)].T
-            assert ((across >= 150.0) | (down >= LINE)).all(), "no label covers another"
+            assert ((across >= 150.0) | (down >= LINE_HEIGHT)).all(), "no label covers another"
             assert (np.abs(at[0] - points[0 if view[0] is named[0] else len(names)]) < 7.0).all(), "it is at its point"
         side = np.array(points[: len(names)])
         places = np.array([tree.between(frame, "base_link").xyz_m for frame in names])[:, [0, 2]]

@@ -12,9 +12,10 @@ import shapely
 
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import HEIGHT, write_cog
+from furrowmap.exporters.rasters.cog import HEIGHT_BAND
 from furrowmap.workflows.farm.farm import add_to_farm_map, remove_from_farm_map
 from tests.exporters.farm.result_folders import JAPAN, field, write_result
+from tests.exporters.rasters.written_cogs import write_cog
 
 
 def test_ground__of_all_sessions_is_in_two_files_that_hold_none_of_it(tmp_path: Path) -> None:
@@ -24,7 +25,7 @@ def test_ground__of_all_sessions_is_in_two_files_that_hold_none_of_it(tmp_path: 
     for k, folder in enumerate(folders[:2]):
         heights = np.full(grid.shape, 10.0 + k, np.float32)
         heights[: grid.rows // 2] = np.nan if k else 10.0
-        write_cog(folder / "dsm.tif", grid, JAPAN, [HEIGHT], [heights], Origin("surface"))
+        write_cog(folder / "dsm.tif", grid, JAPAN, [HEIGHT_BAND], [heights], Origin("surface"))
         (folder / "cloud.copc.laz").write_bytes(b"")
     add_to_farm_map(tmp_path / "farm.gpkg", folders)
     moved = tmp_path / "elsewhere"

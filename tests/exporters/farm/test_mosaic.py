@@ -21,7 +21,8 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.mosaic import MosaicSettings, write_mosaic
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters import windows
-from furrowmap.exporters.rasters.cog import COUNT, HEIGHT, with_heights, write_cog
+from furrowmap.exporters.rasters.cog import COUNT_BAND, HEIGHT_BAND, with_heights
+from tests.exporters.rasters.written_cogs import write_cog
 
 JAPAN = CRS.from_epsg(6677)
 UTM = CRS.from_epsg(6691)
@@ -40,7 +41,7 @@ def write(tmp_path: Path) -> Write:
         grid = Grid(cell_m, WEST + east, NORTH - south, height_m.shape)
         count = np.isfinite(height_m) * 5.0
         path = tmp_path / f"{name}.tif"
-        write_cog(path, grid, crs or with_heights(JAPAN), [HEIGHT, COUNT], [height_m, count], Origin(name))
+        write_cog(path, grid, crs or with_heights(JAPAN), [HEIGHT_BAND, COUNT_BAND], [height_m, count], Origin(name))
         return path
 
     return put
@@ -116,7 +117,7 @@ def test_bands_of_a_cell__come_from_one_session(write: Write, tmp_path: Path) ->
 def test_tiles__join_without_a_seam(write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     parts = [(eighths((60, 50), 0), 0, 0), (eighths((40, 70), 1), 13, 17)]
     paths = [write(f"s{i}", *part) for i, part in enumerate(parts)]
-    monkeypatch.setattr(windows, "WINDOW", 16)
+    monkeypatch.setattr(windows, "WINDOW_CELLS", 16)
     write_mosaic(paths, tmp_path / "farm.tif")
     np.testing.assert_array_equal(read(tmp_path / "farm.tif")[0], pasted(parts, (60, 83)))
 

@@ -17,7 +17,8 @@ from furrowmap.exporters.farm.database import check_farm_map
 from furrowmap.exporters.farm.surface_file import SurfaceFile, surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import ResultFolder
-from furrowmap.exporters.rasters.cog import HEIGHT, write_cog
+from furrowmap.exporters.rasters.cog import HEIGHT_BAND
+from tests.exporters.rasters.written_cogs import write_cog
 
 UTM = "EPSG:32654"
 TIMES = {"TIME_START": "2026-06-11T00:00:00Z", "TIME_END": "2026-06-11T01:00:00Z"}
@@ -38,7 +39,7 @@ def written(
 def test_surface__of_furrowmap_has_its_grid_bands_and_times(tmp_path: Path) -> None:
     grid = Grid(0.25, 1_600_000, 16_000_000, (5, 7))
     origin = Origin("Surface", "field", [("a.pcap", "0" * 64)], (BEGIN_S, BEGIN_S + 60.0))
-    write_cog(tmp_path / "a.tif", grid, CRS(UTM), [HEIGHT], [np.zeros(grid.shape)], origin)
+    write_cog(tmp_path / "a.tif", grid, CRS(UTM), [HEIGHT_BAND], [np.zeros(grid.shape)], origin)
     found = surface_file(tmp_path / "a.tif")
     assert (found.grid, found.cell_m, found.crs.to_epsg()) == (grid, 0.25, 32654)
     assert found.bounds_m == (400_000.0, 4_000_000.0 - 1.25, 400_001.75, 4_000_000.0)

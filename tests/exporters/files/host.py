@@ -32,7 +32,7 @@ def run(task: dict[str, Any]) -> None:
 
 if __name__ == "__main__":
     socket.sethostname(sys.argv[1])
-    lease.PATIENCE_S, lease.BEAT_S = PATIENCE_S, PATIENCE_S / 10.0  # type: ignore[misc]
+    lease.MAX_SILENCE_S, lease.BEAT_S = PATIENCE_S, PATIENCE_S / 10.0  # type: ignore[misc]
     for line in sys.stdin:
         task = json.loads(line)
         process = os.fork()

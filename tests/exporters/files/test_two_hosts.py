@@ -50,7 +50,7 @@ def test_promise_21__two_hosts_whose_runs_die_at_random_never_mix_their_products
         or subprocess.run([*NAMESPACES, "true"], capture_output=True, check=False).returncode
     ):
         pytest.skip("no namespaces can be made here")
-    monkeypatch.setattr(lease, "PATIENCE_S", PATIENCE_S)
+    monkeypatch.setattr(lease, "MAX_SILENCE_S", PATIENCE_S)
     chance, folder = random.Random(7), str(tmp_path)
     tally = {"killed": 0, "refused": 0, "done": 0}
     with host("north") as north, host("south") as south:

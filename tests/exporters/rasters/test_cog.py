@@ -15,7 +15,8 @@ from rio_cogeo import cog_validate
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.cloud.file import las_wkt
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import COUNT, FILLED, HEIGHT, Bands, cog_output, with_heights, write_cog
+from furrowmap.exporters.rasters.cog import COUNT_BAND, FILLED_BAND, HEIGHT_BAND, Bands, cog_output, with_heights
+from tests.exporters.rasters.written_cogs import write_cog
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -35,7 +36,7 @@ def bands() -> Bands:
 @pytest.fixture(scope="module")
 def raster(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("cog") / "dsm.tif"
-    write_cog(path, GRID, with_heights(MAP), [HEIGHT, COUNT], bands(), ORIGIN)
+    write_cog(path, GRID, with_heights(MAP), [HEIGHT_BAND, COUNT_BAND], bands(), ORIGIN)
     return path
 
 
@@ -86,7 +87,7 @@ def test_cog__tells_what_where_when_and_of_what(raster: Path) -> None:
 def test_cog__twice_is_the_same_and_tile_by_tile_as_well(raster: Path, tmp_path: Path) -> None:
     for rows in (700, 256):
         again = tmp_path / f"{rows}.tif"
-        with cog_output(again, GRID, with_heights(MAP), [HEIGHT, COUNT], ORIGIN) as write:
+        with cog_output(again, GRID, with_heights(MAP), [HEIGHT_BAND, COUNT_BAND], ORIGIN) as write:
             for top in range(-30, 700, rows):
                 tile = Grid(0.05, GRID.west - 10, GRID.north - top, (rows, 920))
                 padded = [np.full((rows, 920), np.nan), np.zeros((rows, 920))]
@@ -103,7 +104,7 @@ def test_cog__that_fails_leaves_the_old_one_and_no_scratch(raster: Path, tmp_pat
     path.write_bytes(b"old")
     with (
         pytest.raises(RuntimeError, match="on the way"),
-        cog_output(path, GRID, MAP, [HEIGHT, FILLED], ORIGIN) as write,
+        cog_output(path, GRID, MAP, [HEIGHT_BAND, FILLED_BAND], ORIGIN) as write,
     ):
         write(GRID, bands())
         raise RuntimeError("on the way")
@@ -111,7 +112,7 @@ def test_cog__that_fails_leaves_the_old_one_and_no_scratch(raster: Path, tmp_pat
     assert [file.name for file in tmp_path.iterdir()] == ["dsm.tif"]
     with (
         pytest.raises(ValueError, match="cells of"),
-        cog_output(path, GRID, MAP, [HEIGHT, FILLED], ORIGIN) as write,
+        cog_output(path, GRID, MAP, [HEIGHT_BAND, FILLED_BAND], ORIGIN) as write,
     ):
         write(Grid(0.1, 0, 1, (1, 1)), [np.zeros((1, 1))] * 2)
 
@@ -128,7 +129,7 @@ def test_crs__that_wkt_1_cannot_express_is_written_as_wkt_2(tmp_path: Path) -> N
     with pytest.raises(CRSError):
         crs.to_wkt("WKT1_GDAL")
     assert with_heights(crs) == crs
-    write_cog(tmp_path / "a.tif", GRID, crs, [HEIGHT], bands()[:1], ORIGIN)
+    write_cog(tmp_path / "a.tif", GRID, crs, [HEIGHT_BAND], bands()[:1], ORIGIN)
     with rasterio.open(tmp_path / "a.tif") as file:
         assert CRS.from_wkt(file.crs.to_wkt()).coordinate_operation.method_name == "Colombia Urban"
     assert las_wkt(crs) == crs.to_wkt("WKT2_2019")
@@ -137,7 +138,7 @@ def test_crs__that_wkt_1_cannot_express_is_written_as_wkt_2(tmp_path: Path) -> N
 
 @pytest.mark.parametrize(("heights", "code"), [("EPSG:6695", 10170), ("EPSG:3855", 6677)])
 def test_crs__is_told_by_a_code(tmp_path: Path, heights: str, code: int) -> None:
-    write_cog(tmp_path / "dsm.tif", GRID, CRS(f"EPSG:6677+{heights[5:]}"), [HEIGHT], bands()[:1], ORIGIN)
+    write_cog(tmp_path / "dsm.tif", GRID, CRS(f"EPSG:6677+{heights[5:]}"), [HEIGHT_BAND], bands()[:1], ORIGIN)
     with rasterio.open(tmp_path / "dsm.tif") as file:
         assert file.crs.to_epsg() == code
     with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(tmp_path / "dsm.tif") as file:

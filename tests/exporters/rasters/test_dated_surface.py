@@ -15,10 +15,11 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import ResultFolder, open_result
-from furrowmap.exporters.rasters.cog import SURFACE_BANDS, Bands, with_heights, write_cog
+from furrowmap.exporters.rasters.cog import SURFACE_BANDS, Bands, with_heights
 from furrowmap.exporters.rasters.dated_surface import dated_surface, inside, opened, resampled
 from furrowmap.exporters.vectors.geopackage import write_field
 from tests.exporters.farm.result_folders import JAPAN, coverage, field, write_result
+from tests.exporters.rasters.written_cogs import write_cog
 
 GRID = Grid(0.5, 40, 60, (8, 12))
 ORIGIN = Origin("Surface", "field", [], None, {})

@@ -15,9 +15,10 @@ from furrowmap.core.images.colour_maker import ColourMaker
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import HEIGHT, with_heights, write_cog
+from furrowmap.exporters.rasters.cog import HEIGHT_BAND, with_heights
 from furrowmap.exporters.rasters.orthophoto_file import write_orthophoto
 from tests.core.images.scenes import cloud, frames_above, texture
+from tests.exporters.rasters.written_cogs import write_cog
 
 ORIGIN = Origin("field", "field", [], None, {})
 CORNER_M = (500_000.0, 5_900_000.0, 70.0)
@@ -33,7 +34,7 @@ def test_orthophoto__is_a_cog_in_true_colours_with_a_mask(tmp_path: Path) -> Non
     height = np.full(grid.shape, CORNER_M[2], np.float32)
     height[:, :200] = np.nan
     surface, shares = tmp_path / "dsm.tif", list[float]()
-    write_cog(surface, grid, with_heights(CRS("EPSG:25832")), [HEIGHT], [height], ORIGIN)
+    write_cog(surface, grid, with_heights(CRS("EPSG:25832")), [HEIGHT_BAND], [height], ORIGIN)
     photo = tmp_path / "orthophoto.tif"
     area_m2 = write_orthophoto(photo, surface, colours, CORNER_M, ORIGIN, lambda _, share: shares.append(share))
     with rasterio.open(photo) as raster:

@@ -15,7 +15,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters import tied_surfaces
-from furrowmap.exporters.rasters.cog import SURFACE_BANDS, with_heights, write_cog
+from furrowmap.exporters.rasters.cog import SURFACE_BANDS, with_heights
 from furrowmap.exporters.rasters.dated_surface import OpenSurface, opened
 from furrowmap.exporters.rasters.tied_surfaces import (
     HIDDEN_SHARE,
@@ -27,6 +27,7 @@ from furrowmap.exporters.rasters.tied_surfaces import (
     write_moved,
 )
 from tests.exporters.farm.result_folders import JAPAN
+from tests.exporters.rasters.written_cogs import write_cog
 
 ORIGIN = Origin("Surface", "field", [], None, {})
 NOTHING = shapely.Polygon()

@@ -19,8 +19,8 @@ import shapely
 from furrowmap.core.checking.evaluation import Evaluation, evaluate
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.exporters.reports.evaluation_figures import HEADER
-from furrowmap.exporters.reports.evaluation_page import PRODUCTS, page, write_evaluation
+from furrowmap.exporters.reports.evaluation_figures import EPOCH_COLUMNS
+from furrowmap.exporters.reports.evaluation_page import EVALUATION_PRODUCTS, page, write_evaluation
 
 
 def driven(n: int = 300, *, source: str = "test.pos", still: bool = False) -> tuple[GnssTrack, GnssTrack]:
@@ -55,11 +55,11 @@ def services() -> dict[str, Evaluation]:
 def test_figures__are_the_same_in_table_and_json(tmp_path: Path) -> None:
     found = judged()
     write_evaluation(tmp_path / "out", found, overwrite=False)
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(PRODUCTS)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(EVALUATION_PRODUCTS)
     (told,) = json.loads((tmp_path / "out/evaluation.json").read_text())["services"]
     with (tmp_path / "out/epochs.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert tuple(rows[0]) == HEADER
+    assert tuple(rows[0]) == EPOCH_COLUMNS
     assert len(rows) == told["epochs"]["compared"] == 300
     for kind in ("all", "single", "ppp", "fixed"):
         mine = [row for row in rows if kind in ("all", row["fix"])]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from furrowmap.exporters.files.batch_state import Failure, Outcome
+from furrowmap.exporters.files.batch_state import Failure, SessionOutcome
 from furrowmap.exporters.reports import batch_page, tie_page
 from furrowmap.exporters.reports.area_units import HECTARE, filled_in
 from furrowmap.exporters.reports.history_page import history_page
@@ -41,8 +41,10 @@ WORK = {
 
 
 def batch() -> str:
-    done = Outcome("", figures={**JUNE, "session": "北の畑", "duration_s": 59.8, "worked_area_m2": 42.5, "passes": 3})
-    failed = Outcome("", failure=Failure("session-file-missing", LINES, 2))
+    done = SessionOutcome(
+        "", figures={**JUNE, "session": "北の畑", "duration_s": 59.8, "worked_area_m2": 42.5, "passes": 3}
+    )
+    failed = SessionOutcome("", failure=Failure("session-file-missing", LINES, 2))
     return batch_page.page([Row("june", "", "東", done), Row("south", "", "", failed)])
 
 
@@ -77,7 +79,7 @@ def test_pages__show_local_times_with_their_zone() -> None:
     for page in (batch(), ties()):
         assert "2026-06-12 01:23 (Asia/Tokyo)" in page
         assert "2026-06-11" not in page
-    old = Row("old", "", "", Outcome("", figures={"start": JUNE["start"]}))
+    old = Row("old", "", "", SessionOutcome("", figures={"start": JUNE["start"]}))
     assert "2026-06-11 16:23 (UTC)" in batch_page.page([old])
 
 

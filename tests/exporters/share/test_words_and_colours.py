@@ -17,13 +17,14 @@ from pyproj import CRS
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import RUN_RASTERS, packaged_style, packaged_styles
-from furrowmap.exporters.rasters.cog import Band, write_cog
+from furrowmap.exporters.rasters.cog import Band
 from furrowmap.exporters.rasters.images import encoded
-from furrowmap.exporters.share.features import labels
+from furrowmap.exporters.share.features import SHOWN_FIELDS
 from furrowmap.exporters.share.pictures import WEBP_QUALITY, picture
-from furrowmap.exporters.share.points import CLASSES
+from furrowmap.exporters.share.points import CLASS_COLOURS
 from furrowmap.exporters.share.symbols import layer_style
 from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
+from tests.exporters.rasters.written_cogs import write_cog
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(CHECKOUT / "scripts"))
@@ -38,7 +39,11 @@ NUMBER = re.compile(r"-?[\d.]+( m| mm)?")
 
 def texts() -> set[str]:
     """Every text of a page that is not the user's own."""
-    found = {*LAYER_TITLES.values(), *labels(), *(label for _, _, label in CLASSES)}
+    found = {
+        *LAYER_TITLES.values(),
+        *(label for label, _ in SHOWN_FIELDS.values()),
+        *(label for _, _, label in CLASS_COLOURS),
+    }
     rasters = {Path(name).with_suffix(".qml").name for name in RUN_RASTERS} & packaged_styles()
     for name in (*(f"{layer}.qml" for layer in FIELD_LAYERS), *rasters):
         root = ET.fromstring(packaged_style(name))
@@ -85,7 +90,7 @@ def test_classes__have_the_colours_of_the_plugin() -> None:
         code, colour, call = row.elts
         assert isinstance(call, ast.Call)
         theirs.append(tuple(ast.literal_eval(one) for one in (code, colour, call.args[1])))
-    assert theirs == list(CLASSES)
+    assert theirs == list(CLASS_COLOURS)
 
 
 @pytest.mark.parametrize("name", sorted(packaged_styles() & {f"{name}.qml" for name in LAYER_TITLES}))
