@@ -74,7 +74,7 @@ def response_chart(dose: FloatArray, points: ParcelValues, response: Response, d
         parts.append(element("polygon", points=around, fill="#999999", fill_opacity="0.3"))
         line = corners(x.at(curve.dose), y.at(curve.fitted))
         parts.append(element("polyline", points=line, fill="none", stroke=_INK, stroke_width=2))
-    parts += _dots(x.at(dose[known]), y.at(points.value[known]), np.flatnonzero(known), points)
+    parts += _dots(x.at(dose[known]), y.at(points.value[known]), np.flatnonzero(known).tolist(), points)
     return drawing(WIDTH, CHART_HEIGHT, parts, f"{points.name} over {dose_name}")
 
 
