@@ -17,8 +17,7 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.images.colour_maker import ColourMaker
-from furrowmap.core.images.colouring import NO_FRAME, Colours
+from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, Colours
 from furrowmap.core.images.frames import Frames, frames_along
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.pipeline.pipeline import companions, ground_scale

@@ -28,7 +28,7 @@ from rasterio.features import rasterize
 import furrowmap
 from benchmarks.worked_hectare import CORNER_M, DRIVE, NOISE, TOOL, driven
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.simulator.drive import RATE_HZ, Track, drive_path
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path
 from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.soil import find_sweeps
 from furrowmap.core.simulator.truth import swept
@@ -109,18 +109,18 @@ def moved(xy: np.ndarray) -> np.ndarray:
     return xy + CORNER_M
 
 
-def length_m(track: Track) -> float:
+def length_m(track: SimulatedTrack) -> float:
     """Driven between the first and the last scan; standing adds nothing."""
-    return float(np.abs(track.speed_mps).sum() / RATE_HZ)
+    return float(np.abs(track.speed_mps).sum() / DRIVE_RATE_HZ)
 
 
-def worked_hours(track: Track) -> float:
+def worked_hours(track: SimulatedTrack) -> float:
     """From the first time that the tool is down to the last."""
     down = np.flatnonzero(track.tool_m < TOOL.working_depth_m)
     return float(track.t_s[down[-1]] - track.t_s[down[0]]) / 3600.0
 
 
-def write_run(folder: Path, track: Track, day: int, rng: np.random.Generator) -> Path:
+def write_run(folder: Path, track: SimulatedTrack, day: int, rng: np.random.Generator) -> Path:
     """The products of a run that a farm map reads."""
     trajectory, states = driven(track, NOISE["matched scans"], rng)
     stated = Implement(width_m=TOOL.width_m, xy_m=TOOL.xy_m, working_depth_m=TOOL.working_depth_m)

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.simulator.drive import RATE_HZ, Track, drive_path
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path
 from furrowmap.core.simulator.path import plan_path
-from furrowmap.core.simulator.scenario import Drive, Implement
+from furrowmap.core.simulator.scenario import ScenarioDrive, ScenarioImplement
 from furrowmap.core.simulator.soil import find_sweeps
 from furrowmap.core.simulator.truth import swept
 from furrowmap.core.values.scan_poses import ScanPoses
@@ -44,8 +44,8 @@ FloatArray = NDArray[np.float64]
 CORNER_M = np.array([16_600.0, 96_500.0])
 HECTARE_M2: Final = 1e4
 SCANS_HZ = 10
-DRIVE = Drive(passes=63, pass_m=(100.0,), spacing_m=1.6, start_xy_m=(10.0, 10.0), lane_heading_deg=81.0)
-TOOL = Implement()
+DRIVE = ScenarioDrive(passes=63, pass_m=(100.0,), spacing_m=1.6, start_xy_m=(10.0, 10.0), lane_heading_deg=81.0)
+TOOL = ScenarioImplement()
 NOISE: Mapping[str, tuple[float, float, float, float, float]] = {
     "none": (0.0, 0.0, 1.0, 0.0, 0.0),
     "matched scans": (0.0005, 0.005, 60.0, 0.03, 0.004),
@@ -60,7 +60,7 @@ def main() -> int:
     truth = [swept(sweep, TOOL.width_m) for sweep in find_sweeps(track, TOOL.xy_m)]
     whole = shapely.transform(shapely.union_all(truth), lambda xy: xy + CORNER_M)
     twice = sum(shape.area for shape in truth) - whole.area
-    print(f"{len(truth)} passes, {whole.area / HECTARE_M2:.3f} ha, {len(track.t_s) / RATE_HZ / 3600:.2f} h\n")
+    print(f"{len(truth)} passes, {whole.area / HECTARE_M2:.3f} ha, {len(track.t_s) / DRIVE_RATE_HZ / 3600:.2f} h\n")
     print("| errors | area | IoU | overlap, of the field | error over sigma | kB a hectare | s of CPU |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
     sizes = {}
@@ -91,11 +91,11 @@ def main() -> int:
 
 
 def driven(
-    track: Track, noise: tuple[float, float, float, float, float], rng: np.random.Generator
+    track: SimulatedTrack, noise: tuple[float, float, float, float, float], rng: np.random.Generator
 ) -> tuple[Trajectory, ToolStates]:
     """The drive as a run knows it: poses at the scans, with errors, and the times at which the tool passed."""
     white_m, slow_m, slow_s, heading_deg, time_s = noise
-    every = slice(None, None, RATE_HZ // SCANS_HZ)
+    every = slice(None, None, DRIVE_RATE_HZ // SCANS_HZ)
     t = track.t_s[every] + 1_781_141_000.0
     n = len(t)
     place = np.column_stack([track.e_m, track.n_m])[every] + CORNER_M
@@ -116,7 +116,7 @@ def driven(
     trajectory = replace(trajectory, sigma=np.tile(sigma, (n, 1)))
     height = track.tool_m - TOOL.working_depth_m
     k = np.flatnonzero((height[1:] < 0.0) != (height[:-1] < 0.0))
-    cuts = track.t_s[k] + height[k] / (height[k] - height[k + 1]) / RATE_HZ + t[0] - track.t_s[0]
+    cuts = track.t_s[k] + height[k] / (height[k] - height[k + 1]) / DRIVE_RATE_HZ + t[0] - track.t_s[0]
     cuts = np.concatenate([t[:1], cuts + rng.normal(0.0, time_s, len(cuts)), t[-1:]])
     state = (np.arange(len(cuts) - 1) % 2).astype(np.int8)
     sigma = np.concatenate([[0.0], np.full(len(k), time_s), [0.0]])

@@ -33,8 +33,8 @@ EVERY_ONE: Final = {
 }
 """Nothing is left out unasked."""
 FACTORS: Final = {
-    "core/images/frame_poses.py FramePoses.scale": 1.0,
-    "core/images/frame_poses.py frame_poses(scale)": 1.0,
+    "core/images/frames.py FramePoses.scale": 1.0,
+    "core/images/frames.py frame_poses(scale)": 1.0,
     "core/readers/messages.py Messages.column(factor)": 1.0,
     "exporters/share/features.py _number(factor)": 1.0,
     "exporters/share/symbols.py LayerStyle.opacity": 1.0,  # what states none is opaque

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import furrowmap
 from furrowmap.core.simulator import recording
 from furrowmap.core.simulator.rays import Met
-from furrowmap.core.simulator.scenario import Drive, Field, Implement, Scenario
+from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField, ScenarioImplement
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.values.point_classes import PointClass
 
@@ -24,9 +24,9 @@ SCENARIO = Scenario(
     seed=11,
     walls=((16.0, 17.0, 20.0, 5.0, 3.0, 2.5, 5),),
     posts=((9.0, 5.5, 0.15, 2.0),),
-    field=Field(size_e_m=34.0, size_n_m=24.0),
-    drive=Drive(passes=1, pass_m=(6.0,), start_xy_m=(8.0, 10.0), lead_in_m=2.5, run_out_m=2.0),
-    implement=Implement(shape="plow"),
+    field=ScenarioField(size_e_m=34.0, size_n_m=24.0),
+    drive=ScenarioDrive(passes=1, pass_m=(6.0,), start_xy_m=(8.0, 10.0), lead_in_m=2.5, run_out_m=2.0),
+    implement=ScenarioImplement(shape="plow"),
 )
 
 

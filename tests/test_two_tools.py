@@ -15,7 +15,7 @@ import pytest
 
 import furrowmap
 from furrowmap.core.session.file import load_session
-from furrowmap.core.simulator.scenario import Drive, Field, FrontImplement, Lidar, Scenario
+from furrowmap.core.simulator.scenario import FrontImplement, Scenario, ScenarioDrive, ScenarioField, ScenarioLidar
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.exporters.farm.results import read_result
 
@@ -28,8 +28,8 @@ SCENARIO = Scenario(
     name="two",
     title="Roller and tiller",
     seed=4,
-    field=Field(size_e_m=20.0, size_n_m=10.0),
-    drive=Drive(
+    field=ScenarioField(size_e_m=20.0, size_n_m=10.0),
+    drive=ScenarioDrive(
         passes=1,
         pass_m=(5.0,),
         speed_work_mps=1.4,
@@ -39,7 +39,7 @@ SCENARIO = Scenario(
         lead_in_m=2.5,
     ),
     # beside the cab, its fan of beams along the vehicle: it sees both tools
-    lidar=Lidar(xyz_m=(0.5, 1.1, 2.5), rpy_deg=(80.0, 0.0, 0.0), max_range_m=20.0),
+    lidar=ScenarioLidar(xyz_m=(0.5, 1.1, 2.5), rpy_deg=(80.0, 0.0, 0.0), max_range_m=20.0),
     front=FrontImplement(ahead_m=1.0, width_m=2.2),
 )
 

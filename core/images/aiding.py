@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.images.block_adjustment import (
-    AS_STATED,
+    CAMERA_SIGMAS,
     NOTHING_KNOWN,
     AdjustedBlock,
-    Block,
+    ImageBlock,
     Known,
     adjusted_block,
     adjusted_poses,
@@ -22,9 +22,8 @@ from furrowmap.core.images.block_adjustment import (
 )
 from furrowmap.core.images.control_points import ControlPoints, control_views, joined_views
 from furrowmap.core.images.features import consecutive, feature_store, without
-from furrowmap.core.images.frame_poses import frame_poses
-from furrowmap.core.images.neighbours import overlapping
-from furrowmap.core.images.ties import Ties, thinned, tracks
+from furrowmap.core.images.frames import frame_poses
+from furrowmap.core.images.ties import Ties, overlapping, thinned, tracks
 from furrowmap.core.readers.exif import image_size
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
@@ -36,13 +35,13 @@ from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
 
-LEAST_IMAGES: Final = 3
-LEAST_CONTROL: Final = 3
+MIN_IMAGES: Final = 3
+MIN_CONTROL_POINTS: Final = 3
 """Control points that place a block without the positions."""
-LEAST_POINTS: Final = 100
+MIN_TIE_POINTS: Final = 100
 LEAST_RAD: Final = np.radians(2.0)
 """Rays that meet at a smaller angle do not show where a point is."""
-MARGIN_S: Final = 0.5
+END_MARGIN_S: Final = 0.5
 """Images nearer to an end of the trajectory are left out: the delay of the shutter may lead out of it."""
 LEAST_USED: Final = 0.5
 """Share of the observations that must fit the poses together."""
@@ -174,11 +173,11 @@ def aided_by_images(
         notices.append(unused("only a trajectory by GNSS and an IMU says how the errors of its poses go together"))
         return located, None
     images = _usable(images, camera, located.trajectory, notices)
-    if len(images) < LEAST_IMAGES:
+    if len(images) < MIN_IMAGES:
         notices.append(unused(f"there are {len(images)} that can be read and have a pose"))
         return located, None
     exposed_s = images.t_s + camera.shutter_delay_s
-    block = Block(located.trajectory, located.pose_errors(exposed_s), camera, images.t_s, scale)
+    block = ImageBlock(located.trajectory, located.pose_errors(exposed_s), camera, images.t_s, scale)
     try:
         ties = _ties(block, images, progress)
         if isinstance(ties, Notice):
@@ -205,7 +204,7 @@ def aided_by_images(
 
 def notices_beside(notices: tuple[Notice, ...], known: Known) -> tuple[Notice, ...]:
     """Notices about a trajectory; where control points place it, not that it is only as good as its positions."""
-    if len(set(known.name)) < LEAST_CONTROL:
+    if len(set(known.name)) < MIN_CONTROL_POINTS:
         return notices
     return tuple(notice for notice in notices if notice.code != "gnss-quality")
 
@@ -224,10 +223,10 @@ def misstated(adjusted: AdjustedBlock, stated: Camera) -> list[Notice]:
     """What of the table `[camera]` the images show to be wrong, though they can be used."""
     found = []
     late_s = adjusted.camera.shutter_delay_s - stated.shutter_delay_s
-    if abs(late_s) > TOLD_SIGMAS * AS_STATED[3]:
+    if abs(late_s) > TOLD_SIGMAS * CAMERA_SIGMAS[3]:
         found.append(Notice("camera-times-off", late_s=abs(late_s), is_late_s=late_s > 0.0))
     off_deg = float(np.linalg.norm(adjusted.correction_deg))
-    if off_deg > np.degrees(TOLD_SIGMAS * AS_STATED[0]):
+    if off_deg > np.degrees(TOLD_SIGMAS * CAMERA_SIGMAS[0]):
         angles = ", ".join(f"{angle:.2f}" for angle in adjusted.camera.rpy_deg)
         found.append(Notice("camera-mounting-off", off_deg=off_deg, angles=angles))
     if adjusted.tension > TOLD_TENSION:
@@ -242,7 +241,7 @@ def _usable(images: Images, camera: Camera, trajectory: Trajectory, notices: lis
     begin_s, end_s = trajectory.span_s
     exposed_s = images.t_s + camera.shutter_delay_s
     posed = np.isfinite(frame_poses(trajectory, camera, images.t_s).xyz_m[:, 0])
-    posed &= (exposed_s > begin_s + MARGIN_S) & (exposed_s < end_s - MARGIN_S)
+    posed &= (exposed_s > begin_s + END_MARGIN_S) & (exposed_s < end_s - END_MARGIN_S)
     # Two of one time would be two poses at one place.
     posed &= np.diff(images.t_s, prepend=-np.inf) > 0.0
     fits = np.zeros(len(images), np.bool_)
@@ -264,7 +263,7 @@ def _usable(images: Images, camera: Camera, trajectory: Trajectory, notices: lis
     return Images(tuple(images.paths[k] for k in chosen.tolist()), images.t_s[chosen], images.lon_lat_h[chosen])
 
 
-def _ties(block: Block, images: Images, progress: Progress) -> Ties | Notice:
+def _ties(block: ImageBlock, images: Images, progress: Progress) -> Ties | Notice:
     """Ties of the images, spread evenly over them; why there are none."""
     poses = frame_poses(block.trajectory, block.camera, block.t_s, block.scale)
     size = block.camera.width, block.camera.height
@@ -273,7 +272,7 @@ def _ties(block: Block, images: Images, progress: Progress) -> Ties | Notice:
         following = consecutive(len(images))
         store.match(following, progress)
         first = _well_met(block, tracks(*store.found()))
-        if first.points < LEAST_POINTS:
+        if first.points < MIN_TIE_POINTS:
             return unused(f"images that follow each other have {first.points} points in common")
         depth = np.einsum(
             "oi,oi->o",
@@ -281,16 +280,16 @@ def _ties(block: Block, images: Images, progress: Progress) -> Ties | Notice:
             triangulated(poses, block.camera, first)[first.point] - poses.xyz_m[first.frame],
         )
         ahead = depth[depth > 0.0]
-        if len(ahead) < LEAST_POINTS:
+        if len(ahead) < MIN_TIE_POINTS:
             return contradicting("the points that they have in common are behind the camera. Check [camera] rpy_deg")
         store.match(without(overlapping(poses, block.camera, float(np.median(ahead))), following), progress)
         ties = thinned(_well_met(block, tracks(*store.found())), size)
-    if ties.points < LEAST_POINTS:
+    if ties.points < MIN_TIE_POINTS:
         return unused(f"they have {ties.points} points in common")
     return ties
 
 
-def _well_met(block: Block, ties: Ties) -> Ties:
+def _well_met(block: ImageBlock, ties: Ties) -> Ties:
     """The ties whose rays meet at an angle that shows where the point is."""
     if not len(ties):
         return ties
@@ -299,7 +298,7 @@ def _well_met(block: Block, ties: Ties) -> Ties:
 
 
 def with_control(
-    block: Block, adjusted: AdjustedBlock, control: ControlPoints, images: Images, notices: list[Notice]
+    block: ImageBlock, adjusted: AdjustedBlock, control: ControlPoints, images: Images, notices: list[Notice]
 ) -> tuple[AdjustedBlock, Known]:
     """The adjustment with control points; as it was where none is seen."""
     views = control_views(control, block, adjusted, images.paths)
@@ -326,7 +325,7 @@ def doubtful(adjusted: AdjustedBlock) -> str | None:
     return None
 
 
-def _aid(block: Block, adjusted: AdjustedBlock, known: Known) -> ImageAid:
+def _aid(block: ImageBlock, adjusted: AdjustedBlock, known: Known) -> ImageAid:
     found, exposed_s = adjusted.found, adjusted_poses(block, adjusted).t_s
     nodes = len(found.t_s)
     # The mean over all exposures of what is interpolated between the nodes.

@@ -20,11 +20,11 @@ DARKEST, BRIGHTEST = 6.0, 248.0
 """Levels beyond are cut off, or mostly noise."""
 PRIOR: Final = 0.3
 """Standard deviation of gains and of the coefficients of the vignetting, in logarithms."""
-NOISE: Final = 0.1
+LEVEL_NOISE: Final = 0.1
 """Of the logarithm of a level, before it is estimated."""
-ROUNDS: Final = 4
-HUBER: Final = 1.5
-FEWEST: Final = 200
+BALANCE_ROUNDS: Final = 4
+BALANCE_HUBER: Final = 1.5
+MIN_OBSERVATIONS: Final = 200
 """Observations without which nothing is balanced."""
 
 
@@ -67,7 +67,7 @@ def balanced(
     good = ((levels > DARKEST) & (levels < BRIGHTEST)).all(axis=1)
     times = np.bincount(point[good], minlength=int(point.max(initial=0)) + 1)
     good &= times[point] > 1
-    if good.sum() < FEWEST:
+    if good.sum() < MIN_OBSERVATIONS:
         return Balance.none(count)
     _, which = np.unique(point[good], return_inverse=True)
     frame, logs = frame[good], np.log(levels[good])
@@ -89,8 +89,8 @@ def _fitted(
     if powers is not None:
         design = hstack([design, coo_matrix(powers)]).tocsr()
     of_point: Any = coo_matrix((np.ones(m), (point, np.arange(m))), shape=(int(point[-1]) + 1, m)).tocsr()
-    weight, noise, found = np.ones(m), NOISE, np.zeros(count + powers_used)
-    for _ in range(ROUNDS):
+    weight, noise, found = np.ones(m), LEVEL_NOISE, np.zeros(count + powers_used)
+    for _ in range(BALANCE_ROUNDS):
         # Normal equations of the gains, those of the points' brightness eliminated (Schur complement).
         total = np.maximum(of_point @ weight, 1e-12)
         weighted = diags(weight) @ design
@@ -100,6 +100,6 @@ def _fitted(
         left = logs - design @ found
         left -= ((of_point @ (weight * left)) / total)[point]
         noise = max(1.4826 * float(np.median(np.abs(left))), 1e-4)
-        weight = np.minimum(1.0, HUBER * noise / np.maximum(np.abs(left), 1e-12))
+        weight = np.minimum(1.0, BALANCE_HUBER * noise / np.maximum(np.abs(left), 1e-12))
     out: FloatArray = found
     return out

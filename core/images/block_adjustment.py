@@ -22,7 +22,7 @@ from furrowmap.core.estimation.correlated_prior import root_of, solved
 from furrowmap.core.estimation.inertial import cross_matrix
 from furrowmap.core.estimation.robust import huber_weight
 from furrowmap.core.estimation.states import POSE, ROTATION
-from furrowmap.core.images.frame_poses import FramePoses
+from furrowmap.core.images.frames import FramePoses
 from furrowmap.core.images.projection import project, unproject
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.trajectory.pose_errors import PoseErrors
@@ -36,16 +36,16 @@ IntArray = NDArray[np.int64]
 TURN: Final = 0
 """First column of the boresight: rotation vector about the vehicle's axes."""
 DELAY: Final = 3
-FIXED: Final = 4
+CAMERA_UNKNOWNS: Final = 4
 """Unknowns beside the errors of the poses."""
-AS_STATED: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.1])
+CAMERA_SIGMAS: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.1])
 """Standard deviations of boresight and delay before they are estimated."""
-ROUNDS: Final = 14
+BLOCK_ROUNDS: Final = 14
 LOOSE: Final = (30.0, 10.0, 3.0)
 """Factors of the pixels' standard deviation in the first rounds, in which the poses are off by many pixels."""
-SETTLED: Final = 3e-3
+CONVERGED_PX: Final = 3e-3
 """The adjustment ends when residuals change by less, in pixels."""
-STEP_S: Final = 0.005
+DELAY_STEP_S: Final = 0.005
 """Time on both sides over which the motion of the camera is differentiated."""
 LEAST_PLACED: Final = 1e-5
 """Square of the ratio of a point's accuracies across the view and along it, below which its distance is unknown."""
@@ -74,7 +74,7 @@ NOTHING_KNOWN: Final = Known(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((
 
 
 @dataclass(frozen=True)
-class Block:
+class ImageBlock:
     """Images along a trajectory, and what is known of its errors.
 
     Attributes:
@@ -124,7 +124,7 @@ class AdjustedBlock:
 
 
 @dataclass(frozen=True)
-class _State:
+class _BlockState:
     """Unknowns: boresight and delay (4,), errors of the poses at the nodes (6 m,), points (p, 3).
 
     Those but the points also in units of the root of their covariance before: `z`.
@@ -136,7 +136,7 @@ class _State:
     z: FloatArray
 
 
-def adjusted_block(block: Block, ties: Ties, known: Known = NOTHING_KNOWN) -> AdjustedBlock:
+def adjusted_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) -> AdjustedBlock:
     """Poses, boresight, delay and points at which the points appear where they were seen.
 
     Args:
@@ -147,15 +147,15 @@ def adjusted_block(block: Block, ties: Ties, known: Known = NOTHING_KNOWN) -> Ad
     Raises:
         LinAlgError: if the equations are singular.
     """
-    root = root_of(AS_STATED, block.errors.covariance)
+    root = root_of(CAMERA_SIGMAS, block.errors.covariance)
     unknowns = np.zeros(len(root))
-    start = _State(unknowns[:FIXED], unknowns[FIXED:], np.zeros((ties.points, 3)), unknowns)
+    start = _BlockState(unknowns[:CAMERA_UNKNOWNS], unknowns[CAMERA_UNKNOWNS:], np.zeros((ties.points, 3)), unknowns)
     places = triangulated(_poses(block, start), block.camera, ties)
     places[known.point] = known.xyz_m
     start = replace(start, xyz_m=places)
     state, factor = start, 1.0
     before, held = np.zeros(len(ties)), np.isin(ties.point, known.point)
-    for number in range(ROUNDS):
+    for number in range(BLOCK_ROUNDS):
         loose = LOOSE[number] if number < len(LOOSE) else 1.0
         rows = _rows(block, state, ties)
         sigma_px = ties.sigma_px * np.where(held, 1.0, factor)
@@ -169,7 +169,7 @@ def adjusted_block(block: Block, ties: Ties, known: Known = NOTHING_KNOWN) -> Ad
             factor = _noise(rows, ties, known)
         moved = np.abs(np.hypot(*rows.residual.T) - before)
         before = np.hypot(*rows.residual.T)
-        if number > len(LOOSE) + 2 and float(np.quantile(moved, 0.9)) < SETTLED:
+        if number > len(LOOSE) + 2 and float(np.quantile(moved, 0.9)) < CONVERGED_PX:
             break
     told = float((1.0 - left).sum())
     tension = float(np.sqrt((state.z**2).sum() / max(told, 1.0)))
@@ -216,12 +216,12 @@ class _Exposures:
     share: FloatArray
 
 
-def _exposures(block: Block, state: _State) -> _Exposures:
+def _exposures(block: ImageBlock, state: _BlockState) -> _Exposures:
     t_s = block.t_s + block.camera.shutter_delay_s + state.fixed[DELAY]
     track, nodes = block.trajectory, block.errors.t_s
     # Poses end with the trajectory; a delay that is tried must not lead out of it.
-    t_s = np.clip(t_s, track.span_s[0] + 2 * STEP_S, track.span_s[1] - 2 * STEP_S)
-    at, early, late = (track.at(t_s + step) for step in (0.0, -STEP_S, STEP_S))
+    t_s = np.clip(t_s, track.span_s[0] + 2 * DELAY_STEP_S, track.span_s[1] - 2 * DELAY_STEP_S)
+    at, early, late = (track.at(t_s + step) for step in (0.0, -DELAY_STEP_S, DELAY_STEP_S))
     turns = [Rotation.from_quat(one.quaternion, scalar_first=True) for one in (at, early, late)]
     node = np.clip(np.searchsorted(nodes, t_s, side="right") - 1, 0, len(nodes) - 2)
     share = np.clip((t_s - nodes[node]) / (nodes[node + 1] - nodes[node]), 0.0, 1.0)
@@ -230,14 +230,14 @@ def _exposures(block: Block, state: _State) -> _Exposures:
     return _Exposures(
         at.xyz_m - off[:, :ROTATION],
         (Rotation.from_rotvec(-off[:, ROTATION:]) * turns[0]).as_matrix(),
-        (late.xyz_m - early.xyz_m) / (2 * STEP_S),
-        (turns[2] * turns[1].inv()).as_rotvec() / (2 * STEP_S),
+        (late.xyz_m - early.xyz_m) / (2 * DELAY_STEP_S),
+        (turns[2] * turns[1].inv()).as_rotvec() / (2 * DELAY_STEP_S),
         node.astype(np.int64),
         share,
     )
 
 
-def _rows(block: Block, state: _State, ties: Ties) -> _Rows:
+def _rows(block: ImageBlock, state: _BlockState, ties: Ties) -> _Rows:
     """Residuals and derivatives of all observations at a state."""
     e = _exposures(block, state)
     f, stretch = ties.frame, np.array([block.scale, block.scale, 1.0])
@@ -261,7 +261,7 @@ def _rows(block: Block, state: _State, ties: Ties) -> _Rows:
     design = np.concatenate(
         [by_body @ cross_matrix(body), by_time[:, :, None], (1.0 - share) * by_error, share * by_error], axis=2
     )
-    first = FIXED + POSE * e.node[f]
+    first = CAMERA_UNKNOWNS + POSE * e.node[f]
     return _Rows(ties.pixel - computed, first, design, by_point, usable.astype(np.float64))
 
 
@@ -314,15 +314,15 @@ def meeting_angles(poses: FramePoses, camera: Camera, ties: Ties) -> FloatArray:
     return out
 
 
-def adjusted_poses(block: Block, adjusted: AdjustedBlock) -> FramePoses:
+def adjusted_poses(block: ImageBlock, adjusted: AdjustedBlock) -> FramePoses:
     """Poses of the optical frame by the adjustment."""
     correction = adjusted.camera.mounting.rotation @ block.camera.mounting.rotation.T
     delay_s = adjusted.camera.shutter_delay_s - block.camera.shutter_delay_s
     fixed = np.append(Rotation.from_matrix(correction).as_rotvec(), delay_s)
-    return _poses(block, _State(fixed, adjusted.found.value.ravel(), np.zeros((0, 3)), np.zeros(0)))
+    return _poses(block, _BlockState(fixed, adjusted.found.value.ravel(), np.zeros((0, 3)), np.zeros(0)))
 
 
-def _poses(block: Block, state: _State) -> FramePoses:
+def _poses(block: ImageBlock, state: _BlockState) -> FramePoses:
     """Poses of the optical frame at a state."""
     e = _exposures(block, state)
     lever = np.array([block.scale, block.scale, 1.0]) * (e.rotation @ np.asarray(block.camera.xyz_m))
@@ -332,8 +332,8 @@ def _poses(block: Block, state: _State) -> FramePoses:
 
 
 def _stepped(
-    state: _State, ties: Ties, rows: _Rows, weight: FloatArray, root: FloatArray, known: Known
-) -> tuple[_State, FloatArray, FloatArray]:
+    state: _BlockState, ties: Ties, rows: _Rows, weight: FloatArray, root: FloatArray, known: Known
+) -> tuple[_BlockState, FloatArray, FloatArray]:
     """The state after a round, the covariance of boresight, delay and errors, and how much of each axis is open."""
     ends = np.append(np.flatnonzero(np.diff(ties.point, prepend=-1)), len(ties))
     held, pull = np.zeros((ties.points, 3)), np.zeros((ties.points, 3))
@@ -347,7 +347,7 @@ def _stepped(
     moved = _points_moved(*observed, inverse, pull, root @ step)
     z = state.z + step
     unknowns = root @ z
-    return _State(unknowns[:FIXED], unknowns[FIXED:], state.xyz_m + moved, z), covariance, left
+    return _BlockState(unknowns[:CAMERA_UNKNOWNS], unknowns[CAMERA_UNKNOWNS:], state.xyz_m + moved, z), covariance, left
 
 
 def _placed(ends: NDArray[np.intp], weight: FloatArray, by_point: FloatArray, held: FloatArray) -> NDArray[np.bool_]:
@@ -445,8 +445,8 @@ def _noise(rows: _Rows, ties: Ties, known: Known) -> float:
 
 
 def _result(
-    block: Block,
-    state: _State,
+    block: ImageBlock,
+    state: _BlockState,
     covariance: FloatArray,
     ties: Ties,
     rows: _Rows,
@@ -461,10 +461,10 @@ def _result(
         rpy_deg=mounting.rpy_deg,
         shutter_delay_s=stated.shutter_delay_s + float(state.fixed[DELAY]),
     )
-    sigma = np.sqrt(np.diag(covariance)[:FIXED])
+    sigma = np.sqrt(np.diag(covariance)[:CAMERA_UNKNOWNS])
     x, y, z = np.degrees(state.fixed[:DELAY]).tolist()
     sx, sy, sz = np.degrees(sigma[:DELAY]).tolist()
-    found = PoseErrors(block.errors.t_s, state.error.reshape(-1, POSE), covariance[FIXED:, FIXED:])
+    found = PoseErrors(block.errors.t_s, state.error.reshape(-1, POSE), covariance[CAMERA_UNKNOWNS:, CAMERA_UNKNOWNS:])
     return AdjustedBlock(
         camera,
         (x, y, z),

@@ -11,21 +11,107 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.images.board_pivot import FEWEST as FEWEST_FOR_PIVOT
-from furrowmap.core.images.board_pivot import WORSE, about_pivot
+from furrowmap.core.images.projection import project
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.camera import Camera
+
+PIVOT_ITERATIONS: Final = 12
+PIVOT_STEP_M: Final = 1e-5
+"""For slopes of the projection."""
+MIN_PIVOT_FRAMES: Final = 4
+"""Frames, with which a pivot is looked for."""
+WORSE: Final = 1.3
+"""Where corners fit so many times worse with a pivot than without one, there is none."""
+PRIOR_M: Final = 10.0
+"""Standard deviation of the pivot's place, for mounts that hardly turn."""
+
+
+@dataclass(frozen=True)
+class Turned:
+    """Poses with a common pivot.
+
+    Attributes:
+        rotation: (n, 3, 3) board to optical frame.
+        rms_px: (n,) root mean square of the corners' distances.
+        sigma_deg: (n,) standard deviation of the attitude, the largest of the three axes.
+    """
+
+    rotation: FloatArray
+    rms_px: FloatArray
+    sigma_deg: FloatArray
+
+
+def about_pivot(
+    rotation: FloatArray, place_m: FloatArray, corners: FloatArray, points_m: FloatArray, camera: Camera
+) -> Turned:
+    """Gauss-Newton adjustment of all attitudes, of the pivot on the board's frame, and of it in the optical frame.
+
+    A point X of the board is at ``R (X − q) + c``, with q and c the pivot in both frames, the same for all.
+
+    Args:
+        rotation: (n, 3, 3) board to optical frame, to begin with.
+        place_m: (n, 3) the board's origin in the optical frame, to begin with.
+        corners: (n, m, 2) pixels.
+        points_m: (m, 3) corners of the board.
+        camera: intrinsics.
+    """
+    count, turned = len(rotation), rotation.copy()
+    design = np.concatenate([np.concatenate([np.eye(3), -turn], axis=1) for turn in turned])
+    both = np.linalg.lstsq(
+        np.concatenate([design, np.eye(6) / PRIOR_M]), np.concatenate([place_m.ravel(), np.zeros(6)]), rcond=None
+    )[0]
+    for _ in range(PIVOT_ITERATIONS):
+        left, own, shared = _linear(turned, both, corners, points_m, camera)
+        inner = np.linalg.inv(np.einsum("nkij,nkil->njl", own, own))
+        cross = np.einsum("nkij,nkil->njl", own, shared)
+        right = np.einsum("nkij,nki->nj", own, left)
+        noise = float((left**2).mean())
+        prior = np.eye(6) * noise / PRIOR_M**2
+        normal = np.einsum("nkij,nkil->jl", shared, shared) + prior
+        normal -= np.einsum("nji,njk,nkl->il", cross, inner, cross)
+        sums = np.einsum("nkij,nki->j", shared, left) - prior @ both
+        sums -= np.einsum("nji,njk,nk->i", cross, inner, right)
+        step = np.linalg.solve(normal, sums)
+        both = both + step
+        turn = np.einsum("nij,nj->ni", inner, right - cross @ step)
+        turned = Rotation.from_rotvec(turn).as_matrix() @ turned
+    left, _, _ = _linear(turned, both, corners, points_m, camera)
+    gain = inner @ cross
+    covariance = inner + gain @ np.linalg.inv(normal) @ gain.transpose(0, 2, 1)
+    noise = float((left**2).sum() / max(left.size - 3 * count - 6, 1))
+    sigma = np.sqrt(noise * np.diagonal(covariance, axis1=1, axis2=2).max(axis=1))
+    return Turned(turned, np.sqrt((left**2).sum(axis=2).mean(axis=1)), np.degrees(sigma))
+
+
+def _linear(
+    rotation: FloatArray, both: FloatArray, corners: FloatArray, points_m: FloatArray, camera: Camera
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Residuals (n, m, 2), and slopes of the pixels by the turn (n, m, 2, 3) and by both places (n, m, 2, 6)."""
+    arm = np.einsum("nij,mj->nmi", rotation, points_m - both[3:])
+    at = arm + both[:3]
+    pixels = project(camera, at.reshape(-1, 3)).reshape(corners.shape)
+    slopes = np.stack(
+        [
+            (project(camera, (at + shift).reshape(-1, 3)).reshape(corners.shape) - pixels) / PIVOT_STEP_M
+            for shift in PIVOT_STEP_M * np.eye(3)
+        ],
+        axis=-1,
+    )
+    own = np.cross(arm[:, :, None, :], slopes)  # the slope by a turn δ is (R (X − q)) × slope
+    shared = np.concatenate([slopes, -np.einsum("nmij,njk->nmik", slopes, rotation)], axis=-1)
+    return corners - pixels, own, shared
+
 
 FloatArray = NDArray[np.float64]
 
 ON_BODY, ON_MOUNT = "body", "mount"
 """Where the board is; the camera is on the other."""
-FEWEST: Final = 3
+MIN_BOARDS: Final = 3
 """Frames with the board, from which a camera can be estimated."""
 MOST_FOR_CAMERA: Final = 40
 UNSURE: Final = 2.0
 """Of the two poses that a plane may have, the better one is taken where the other fits so many times worse."""
-WINDOW: Final = 0.4
+CORNER_WINDOW: Final = 0.4
 LARGEST_WINDOW_PX: Final = 20
 """Half the side of the window in which a corner is refined: a share of the distance to the next, at most so much."""
 
@@ -99,7 +185,7 @@ def found_corners(image: NDArray[np.uint8], board: Board) -> FloatArray | None:
         return None
     grid = np.asarray(corners, np.float32).reshape(board.rows, board.columns, 2)
     apart = min(float(np.linalg.norm(np.diff(grid, axis=k), axis=2).min()) for k in (0, 1))
-    half = max(2, min(LARGEST_WINDOW_PX, int(WINDOW * apart)))
+    half = max(2, min(LARGEST_WINDOW_PX, int(CORNER_WINDOW * apart)))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
     refined = cv2.cornerSubPix(grey, grid.reshape(-1, 1, 2), (half, half), (-1, -1), criteria)
     out: FloatArray = np.asarray(refined, np.float64).reshape(-1, 2)
@@ -136,7 +222,7 @@ def board_poses(
     """
     frame = np.array([k for k, found in enumerate(corners) if found is not None], np.intp)
     shown = [found for found in corners if found is not None]
-    if len(shown) < (1 if camera is not None else FEWEST):
+    if len(shown) < (1 if camera is not None else MIN_BOARDS):
         raise RefusedError(
             "board-not-found", columns=board.columns, rows=board.rows, shown=len(shown), corners=len(corners)
         )
@@ -145,7 +231,7 @@ def board_poses(
     for found in shown:
         poses.append(_pose(found, board, used, poses[-1].rotation if poses else None))
     rotation, rms = np.array([pose.rotation for pose in poses]), np.array([pose.rms_px for pose in poses])
-    if len(poses) >= FEWEST_FOR_PIVOT:
+    if len(poses) >= MIN_PIVOT_FRAMES:
         place, ordered = np.array([pose.place_m for pose in poses]), np.array([pose.corners for pose in poses])
         turned = about_pivot(rotation, place, ordered, board.corners_m, used)
         if np.sqrt((turned.rms_px**2).mean()) < WORSE * np.sqrt((rms**2).mean()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -9,10 +10,147 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.images.balance import Balance
-from furrowmap.core.images.frame_pixels import FramePixels
+from furrowmap.core.images.balance import Balance, balanced
+from furrowmap.core.images.frames import Frames
 from furrowmap.core.images.projection import pixel_of
-from furrowmap.core.images.visibility import NEAREST_M, SLACK_M, Visibility
+from furrowmap.core.images.visibility import MIN_DISTANCE_M, SLACK_M, Visibility, VisibilityMaker
+from furrowmap.core.readers.exif import read_pixels
+from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.threads import threads
+from furrowmap.core.values.camera import Camera
+
+BALANCE_SAMPLES: Final = 8_000
+"""Points from whose colours in several frames these are balanced."""
+MOST_OBSERVATIONS: Final = 400_000
+
+
+class ColourMaker:
+    """Takes the points of a cloud in pieces, and gives what colours them.
+
+    Args:
+        frames: at least one.
+        origin_m: local origin of the points' coordinates.
+    """
+
+    def __init__(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
+        self._frames, self._visibility = frames, VisibilityMaker(frames, origin_m)
+        self._samples: list[FloatArray] = []
+        self._every, self._next, self._count = 1, 0, 0
+
+    def add(self, xyz_m: FloatArray) -> None:
+        """Points (n, 3) of surfaces, which hide what is behind them, against the local origin."""
+        self._visibility.add(xyz_m)
+        chosen = xyz_m[self._next :: self._every]
+        self._next = (self._next - len(xyz_m)) % self._every
+        self._samples.append(chosen.copy())
+        self._count += len(chosen)
+        while self._count > 2 * BALANCE_SAMPLES:
+            kept = np.concatenate(self._samples)[::2]
+            self._samples, self._count, self._every = [kept], len(kept), 2 * self._every
+
+    def finish(self, notices: list[Notice], progress: Progress = silent) -> Colours:
+        """What colours the points; the maker cannot be used any more.
+
+        Args:
+            notices: images that cannot be used are added.
+            progress: receives the stage "reading images".
+
+        Raises:
+            OSError: if the disk has no room for the images.
+        """
+        visibility = self._visibility.finish()
+        pixels = decoded(self._frames, notices, progress)
+        samples = np.concatenate([np.zeros((0, 3)), *self._samples])
+        return Colours(visibility, pixels, _balance(visibility, pixels, samples), self._frames.poses.t_s)
+
+
+def _balance(visibility: Visibility, pixels: FramePixels, samples: FloatArray) -> Balance:
+    """The balance of the frames from points that several of them see."""
+    count = len(visibility.slack)
+    plain = Colours(visibility, pixels, Balance.none(count), np.zeros(count))
+    point, frame, at_px, levels = observations(samples, *plain.arguments[:-2], MOST_OBSERVATIONS)
+    middle = 0.5 * (visibility.view.size - 1.0)
+    radius = np.linalg.norm(at_px - middle, axis=1) / (0.5 * np.linalg.norm(visibility.view.size))
+    return balanced(count, point, frame, radius, levels)
+
+
+MAX_PIXEL_BYTES: Final = 6_000_000_000
+"""On disk, of all frames together; larger ones are reduced by 2, 4, ... until they fit."""
+
+
+@dataclass(frozen=True)
+class FramePixels:
+    """Pixels of all frames.
+
+    Attributes:
+        camera: of the pixels, which may be reduced.
+        rgb: (n, height, width, 3) uint8.
+        usable: (n,) which could be read.
+        reduction: a pixel is the mean of so many by so many.
+    """
+
+    camera: Camera
+    rgb: NDArray[np.uint8]
+    usable: NDArray[np.bool_]
+    reduction: int
+
+
+def decoded(frames: Frames, notices: list[Notice], progress: Progress = silent) -> FramePixels:
+    """Decode all frames.
+
+    Args:
+        frames: at least one.
+        notices: how many cannot be read, or have another size, is added.
+        progress: receives the stage "reading images".
+
+    Raises:
+        OSError: if the disk has no room for them.
+    """
+    camera = frames.camera
+    reduction = reduction_for(len(frames), camera)
+    small = camera.reduced(reduction)
+    rgb = scratch.zeros((len(frames), small.height, small.width, 3), np.uint8)
+    faults: list[str] = [""] * len(frames)
+
+    def decode(k: int) -> None:
+        try:
+            pixels = read_pixels(frames.paths[k], reduction)
+        except ValueError as error:
+            faults[k] = str(error)
+            return
+        if pixels.shape[:2] == (small.height, small.width):
+            rgb[k] = pixels
+        else:
+            height, width = pixels.shape[:2]
+            faults[k] = f"{frames.paths[k]}: {width * reduction} × {height * reduction} pixels"
+
+    with ThreadPoolExecutor(threads()) as pool:
+        for k, _ in enumerate(pool.map(decode, range(len(frames)))):
+            progress("reading images", (k + 1) / len(frames))
+    bad = [fault for fault in faults if fault]
+    if bad:
+        notices.append(
+            Notice(
+                "images-not-decoded",
+                bad=len(bad),
+                frames=len(frames),
+                width=camera.width,
+                height=camera.height,
+                bad_first=bad[0],
+            )
+        )
+    return FramePixels(small, rgb, np.array([not fault for fault in faults], bool), reduction)
+
+
+def reduction_for(count: int, camera: Camera) -> int:
+    """The least power of 2 by which images are reduced to fit into MOST_BYTES."""
+    reduction = 1
+    while 3 * count * camera.width * camera.height / reduction**2 > MAX_PIXEL_BYTES:
+        reduction *= 2
+    return reduction
+
 
 FloatArray = NDArray[np.float64]
 
@@ -159,7 +297,7 @@ def best_colours(  # type: ignore[no-untyped-def]
                 continue
             x, y, z = direction(xyz[i], centre, matrix, k)
             square = x * x + y * y
-            if not (z > NEAREST_M and square <= widest * widest):
+            if not (z > MIN_DISTANCE_M and square <= widest * widest):
                 continue
             apart = abs(t_s[i] - frame_s[k])
             cost = z * (1.0 + OFF_AXIS * square) * (1.0 + (apart / TIME_S if apart >= 0.0 else 0.0))
@@ -195,7 +333,7 @@ def blended_colours(  # type: ignore[no-untyped-def]
                 continue
             x, y, z = direction(xyz[i], centre, matrix, k)
             square = x * x + y * y
-            if not (z > NEAREST_M and square <= widest * widest):
+            if not (z > MIN_DISTANCE_M and square <= widest * widest):
                 continue
             u, v = pixel_of(intrinsics, x, y)
             if not is_seen(u, v, z, size, depth, slack, cell_px, k):
@@ -230,7 +368,7 @@ def observations(  # type: ignore[no-untyped-def]
             if not usable[k] or count == most:
                 continue
             x, y, z = direction(xyz[i], centre, matrix, k)
-            if not (z > NEAREST_M and x * x + y * y <= widest * widest):
+            if not (z > MIN_DISTANCE_M and x * x + y * y <= widest * widest):
                 continue
             u, v = pixel_of(intrinsics, x, y)
             if not is_seen(u, v, z, size, depth, slack, cell_px, k):

@@ -9,13 +9,81 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.images.block_adjustment import AdjustedBlock, Block, Known, adjusted_poses, triangulated
-from furrowmap.core.images.plates import plate_middle
+from furrowmap.core.images.block_adjustment import AdjustedBlock, ImageBlock, Known, adjusted_poses, triangulated
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.readers.exif import read_pixels
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.images import ImageFile
+
+RADII_PX: Final = (4, 6, 9)
+"""Of the circles around a plate's middle on which black and white change four times."""
+PLATE_SAMPLES: Final = 16
+MIN_PLATE_SHARE: Final = 0.65
+"""Of the grey levels' variance on a circle that has two periods a turn: 0.81 for four equal quadrants."""
+LEAST_CONTRAST: Final = 35.0
+"""Half the difference between white and black, in grey levels of 255."""
+REFINED_PX: Final = 6
+"""Half the width of the window in which the middle is refined."""
+
+
+def plate_middle(grey: NDArray[np.uint8], expected: FloatArray, reach_px: float) -> FloatArray | None:
+    """The middle of a plate of black and white quadrants; None if there is none.
+
+    A plate must be wider than twice the largest of RADII_PX. Its middle is where grey levels on circles around it have
+    two periods a turn; it is refined by the gradients around it (Förstner and Gülch 1987, as in OpenCV).
+
+    Args:
+        grey: (rows, columns).
+        expected: (2,) column and row.
+        reach_px: half the width of the window in which it is looked for.
+
+    Returns:
+        (2,) column and row; (0, 0) is the middle of the top left pixel.
+    """
+    import cv2
+
+    margin = max(RADII_PX) + 1
+    first = np.maximum(np.floor(expected - reach_px).astype(int), margin)
+    last = np.minimum(np.ceil(expected + reach_px).astype(int), np.array(grey.shape[::-1]) - 1 - margin)
+    if (last <= first).any():
+        return None
+    score = _score(grey.astype(np.float32), first, last)
+    row, column = np.unravel_index(int(np.argmax(score)), score.shape)
+    if score[row, column] <= 0.0:
+        return None
+    start = np.array([[first[0] + column, first[1] + row]], np.float32).reshape(-1, 1, 2)
+    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 40, 0.001)
+    refined = cv2.cornerSubPix(np.ascontiguousarray(grey), start.copy(), (REFINED_PX, REFINED_PX), (-1, -1), stop)
+    if float(np.abs(refined - start).max()) > REFINED_PX:
+        return None
+    out: FloatArray = refined.reshape(2).astype(np.float64)
+    return out
+
+
+def _score(grey: NDArray[np.float32], first: NDArray[np.int_], last: NDArray[np.int_]) -> FloatArray:
+    """Contrast of the quadrants around each pixel of a window; 0 where there are none."""
+    height, width = last[1] - first[1] + 1, last[0] - first[0] + 1
+    angle = 2.0 * np.pi * np.arange(PLATE_SAMPLES) / PLATE_SAMPLES
+    turn = np.exp(-2j * angle).astype(np.complex64)
+    out, phases = np.full((height, width), np.inf), []
+    for radius in RADII_PX:
+        steps = np.round(radius * np.column_stack([np.cos(angle), np.sin(angle)])).astype(int)
+        ring = np.stack(
+            [grey[first[1] + dy : first[1] + dy + height, first[0] + dx : first[0] + dx + width] for dx, dy in steps]
+        )
+        ring = ring - ring.mean(axis=0)
+        power = (ring**2).mean(axis=0)
+        twice = np.tensordot(turn, ring, axes=1) * (2.0 / PLATE_SAMPLES)
+        share = 0.5 * np.abs(twice) ** 2 / np.maximum(power, 1e-6)
+        clear = (share >= MIN_PLATE_SHARE) & (power >= LEAST_CONTRAST**2)
+        out = np.minimum(out, np.where(clear, share * np.sqrt(power), 0.0))
+        phases.append(twice)
+    for other in phases[1:]:
+        # The quadrants of all circles lie alike.
+        out[(phases[0] * other.conj()).real < 0.5 * np.abs(phases[0] * other)] = 0.0
+    return out
+
 
 FloatArray = NDArray[np.float64]
 
@@ -23,7 +91,7 @@ SIGMA_M: Final = 0.005
 """Standard deviation of a surveyed point whose table states none."""
 PIXEL: Final = 0.15
 """Standard deviation of the middle of a plate in an image, pixels."""
-SIGMAS: Final = 3.0
+CONTROL_SIGMAS: Final = 3.0
 """A plate is looked for within so many standard deviations of its place in the image."""
 LEAST_REACH_PX: Final = 12.0
 MOST_REACH_PX: Final = 250.0
@@ -51,7 +119,7 @@ class ControlPoints:
 
 
 @dataclass(frozen=True)
-class Views:
+class ControlViews:
     """Views of surveyed points.
 
     Attributes:
@@ -66,7 +134,7 @@ class Views:
 
 
 def control_views(
-    points: ControlPoints, block: Block, adjusted: AdjustedBlock, paths: Sequence[ImageFile]
+    points: ControlPoints, block: ImageBlock, adjusted: AdjustedBlock, paths: Sequence[ImageFile]
 ) -> tuple[Ties, Known] | None:
     """Views of surveyed points as ties, and what is known of these; None where no point is seen twice.
 
@@ -78,7 +146,7 @@ def control_views(
     """
     views = _stated(points, paths) if points.seen else _found(points, block, adjusted, paths)
     order = np.lexsort((views.frame, views.number))
-    views = Views(views.frame[order], views.number[order], views.pixel[order])
+    views = ControlViews(views.frame[order], views.number[order], views.pixel[order])
     kept, point = np.unique(views.number, return_inverse=True)
     ties = Ties(views.frame, point.astype(np.int64), views.pixel, np.full(len(views.frame), PIXEL))
     agreeing = _agreeing(block, adjusted, ties)
@@ -91,17 +159,19 @@ def control_views(
     return chosen, Known(np.arange(len(number)), points.xyz_m[number], sigma, tuple(points.name[k] for k in number))
 
 
-def _stated(points: ControlPoints, paths: Sequence[ImageFile]) -> Views:
+def _stated(points: ControlPoints, paths: Sequence[ImageFile]) -> ControlViews:
     frames = {path.name: k for k, path in enumerate(paths)}
     rows = [(frames[name], k, u, v) for name, k, u, v in points.seen if name in frames]
     table = np.array(rows, np.float64).reshape(-1, 4)
-    return Views(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:])
+    return ControlViews(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:])
 
 
-def _found(points: ControlPoints, block: Block, adjusted: AdjustedBlock, paths: Sequence[ImageFile]) -> Views:
+def _found(
+    points: ControlPoints, block: ImageBlock, adjusted: AdjustedBlock, paths: Sequence[ImageFile]
+) -> ControlViews:
     """Look for the plates where the adjusted poses expect them."""
     poses, camera = adjusted_poses(block, adjusted), adjusted.camera
-    reach_m = SIGMAS * float(np.sqrt(_shift_variance(adjusted.found).max())) + SIGMAS * SIGMA_M
+    reach_m = CONTROL_SIGMAS * float(np.sqrt(_shift_variance(adjusted.found).max())) + CONTROL_SIGMAS * SIGMA_M
     rows = []
     for k, path in enumerate(paths):
         place = poses.in_frame(k, points.xyz_m)
@@ -121,7 +191,7 @@ def _found(points: ControlPoints, block: Block, adjusted: AdjustedBlock, paths: 
             if middle is not None:
                 rows.append((k, number, *middle.tolist()))
     table = np.array(rows, np.float64).reshape(-1, 4)
-    return Views(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:])
+    return ControlViews(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:])
 
 
 def _shift_variance(found: PoseErrors) -> FloatArray:
@@ -140,7 +210,7 @@ def _grey(path: ImageFile) -> NDArray[np.uint8] | None:
     return grey
 
 
-def _agreeing(block: Block, adjusted: AdjustedBlock, ties: Ties) -> NDArray[np.bool_]:
+def _agreeing(block: ImageBlock, adjusted: AdjustedBlock, ties: Ties) -> NDArray[np.bool_]:
     """(o,) views that are where the other views of the same point expect it; those that disagree most go first."""
     kept = np.ones(len(ties), np.bool_)
     poses = adjusted_poses(block, adjusted)

@@ -25,7 +25,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Pair = tuple[int, int]
 
-MOST_FEATURES: Final = 2000
+MAX_IMAGE_FEATURES: Final = 2000
 """Of an image; those of the largest scales are kept."""
 LEAST_MATCHES: Final = 15
 """Two images with fewer are not linked."""
@@ -62,7 +62,7 @@ class FeatureStore:
         """Find the features of all images; reports the stage "finding features"."""
         options = self._colmap.FeatureExtractionOptions()
         options.use_gpu, options.num_threads = False, threads()
-        options.sift.max_num_features, options.sift.first_octave = MOST_FEATURES, 0
+        options.sift.max_num_features, options.sift.first_octave = MAX_IMAGE_FEATURES, 0
         c = self._camera
         reader = self._colmap.ImageReaderOptions()
         reader.camera_model = "FULL_OPENCV"

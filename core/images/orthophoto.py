@@ -17,7 +17,7 @@ FINER: Final = (5, 4, 2, 1)
 
 
 @dataclass(frozen=True)
-class Picture:
+class Orthophoto:
     """Colours on a grid.
 
     Attributes:
@@ -49,7 +49,7 @@ def finer_grid(grid: Grid, factor: int) -> Grid:
 
 def orthophoto(
     colours: Colours, wide: Grid, height_m: NDArray[np.float32], part: Grid, factor: int, origin_m: tuple[float, ...]
-) -> Picture:
+) -> Orthophoto:
     """The true orthophoto of a part of a surface.
 
     Heights between the middles of cells are interpolated linearly; where a cell has none there is no picture. Places
@@ -78,4 +78,4 @@ def orthophoto(
     xyz = np.empty((*grid.shape, 3))
     xyz[..., 0], xyz[..., 1], xyz[..., 2] = easting - origin_m[0], (northing - origin_m[1])[:, None], height
     rgb, seen = colours.blended(xyz.reshape(-1, 3))
-    return Picture(grid, np.rint(rgb).astype(np.uint8).reshape(3, *grid.shape), seen.reshape(grid.shape))
+    return Orthophoto(grid, np.rint(rgb).astype(np.uint8).reshape(3, *grid.shape), seen.reshape(grid.shape))

@@ -12,7 +12,7 @@ from furrowmap.core.values.camera import Camera
 
 FloatArray = NDArray[np.float64]
 
-ITERATIONS: Final = 20
+UNDISTORT_ITERATIONS: Final = 20
 CONVERGED: Final = 1e-12
 """Newton's method has converged when the direction changes by less."""
 
@@ -92,7 +92,7 @@ def unproject_pixels(intrinsics, widest, pixels):  # type: ignore[no-untyped-def
         shorter = min(1.0, 0.9 * widest / length) if length > 0.0 else 1.0
         x, y = at_x * shorter, at_y * shorter
         found = False
-        for _ in range(ITERATIONS):
+        for _ in range(UNDISTORT_ITERATIONS):
             square = x * x + y * y
             radial = 1.0 + square * (k1 + square * (k2 + square * k3))
             slope = k1 + square * (2.0 * k2 + 3.0 * square * k3)  # of the radial factor by the square

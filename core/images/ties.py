@@ -9,11 +9,61 @@ from typing import Final
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from furrowmap.core.images.frames import FramePoses
+from furrowmap.core.images.projection import inside, project, unproject
+from furrowmap.core.values.camera import Camera
+
+OVERLAP_GRID: Final = (9, 7)
+"""Pixels of an image, in columns and rows, that are looked for in another one."""
+LEAST_OVERLAP: Final = 0.1
+MAX_NEIGHBOURS: Final = 10
+"""Other images with which one is matched: those that show most of the same."""
+
+
+def overlapping(poses: FramePoses, camera: Camera, depth_m: float) -> list[tuple[int, int]]:
+    """Pairs of images that see the same of a surface at a depth, by poses that need not be exact.
+
+    Args:
+        poses: of all images.
+        camera: that took them.
+        depth_m: of the surface along the view.
+    """
+    columns, rows = (np.linspace(0.0, size - 1.0, cells) for size, cells in zip(
+        (camera.width, camera.height), OVERLAP_GRID, strict=True
+    ))  # fmt: skip
+    corners = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    rays = unproject(camera, corners)
+    rays = rays[np.isfinite(rays[:, 0])] * depth_m
+    stretch = np.array([poses.scale, poses.scale, 1.0])
+    middle = poses.xyz_m + stretch * (poses.rotation[:, :, 2] * depth_m)
+    reach = 2.0 * float(np.linalg.norm(rays[:, :2], axis=1).max())
+    near = cKDTree(middle).query_pairs(reach, output_type="ndarray")
+    shares = np.empty(len(near))
+    for k, (a, b) in enumerate(near.tolist()):
+        ground = poses.xyz_m[a] + stretch * (rays @ poses.rotation[a].T)
+        seen = project(camera, poses.in_frame(b, ground))
+        shares[k] = inside(camera, np.nan_to_num(seen, nan=-1.0)).mean()
+    kept = shares >= LEAST_OVERLAP
+    return _most_shared(near[kept], shares[kept], len(poses))
+
+
+def _most_shared(pairs: NDArray[np.intp], shares: FloatArray, count: int) -> list[tuple[int, int]]:
+    """The pairs that are among the MOST of either image."""
+    met, out = np.zeros(count, np.int64), []
+    for a, b in pairs[np.argsort(-shares, kind="stable")].tolist():
+        if met[a] < MAX_NEIGHBOURS or met[b] < MAX_NEIGHBOURS:
+            met[a] += 1
+            met[b] += 1
+            out.append((min(a, b), max(a, b)))
+    return sorted(out)
+
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-GRID: Final = (12, 9)
+TIE_GRID: Final = (12, 9)
 """Cells of an image over which ties are spread, in columns and rows."""
 PER_CELL: Final = 3
 """Points of a cell that are enough: more add little, as their errors go together."""
@@ -88,8 +138,8 @@ def thinned(ties: Ties, size: tuple[int, int]) -> Ties:
     blur = np.bincount(ties.point, ties.sigma_px, minlength=ties.points) / views
     order = np.lexsort((blur, -views))
     begin = np.searchsorted(ties.point, np.arange(ties.points + 1))
-    place = np.clip((ties.pixel / np.array(size) * GRID).astype(np.int64), 0, np.array(GRID) - 1)
-    cell = (ties.frame * GRID[0] + place[:, 0]) * GRID[1] + place[:, 1]
+    place = np.clip((ties.pixel / np.array(size) * TIE_GRID).astype(np.int64), 0, np.array(TIE_GRID) - 1)
+    cell = (ties.frame * TIE_GRID[0] + place[:, 0]) * TIE_GRID[1] + place[:, 1]
     return ties.chosen(_spread(order, begin, cell, PER_CELL)[ties.point])
 
 

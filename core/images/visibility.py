@@ -22,14 +22,14 @@ from furrowmap.core.runtime import scratch
 FloatArray = NDArray[np.float64]
 
 CELL_PX: Final = 4
-MOST_CELLS: Final = 256
+MAX_DEPTH_CELLS: Final = 256
 """Cells across an image; those of larger images have more pixels."""
 POINTS_PER_CELL: Final = 6.0
 """Mean number of points in a cell with any, from which on surfaces are taken to be closed."""
 MOST_POOLED: Final = 16
-REACH_M: Final = 150.0
+MAX_DISTANCE_M: Final = 150.0
 """Points farther from the camera are not looked at."""
-NEAREST_M: Final = 0.2
+MIN_DISTANCE_M: Final = 0.2
 INDEX_CELL_M: Final = 2.0
 INDEX_BYTES: Final = 64 << 20
 PIECE: Final = 256
@@ -41,7 +41,7 @@ at an angle below about 63° off its normal does not hide itself."""
 
 
 @dataclass(frozen=True)
-class View:
+class FrameView:
     """Frames as the kernels take them, against a local origin.
 
     Attributes:
@@ -61,7 +61,7 @@ class View:
     size: FloatArray
 
     @classmethod
-    def of(cls, frames: Frames, origin_m: tuple[float, float, float]) -> View:
+    def of(cls, frames: Frames, origin_m: tuple[float, float, float]) -> FrameView:
         """The view of frames."""
         from furrowmap.core.images.projection import unproject
 
@@ -114,7 +114,7 @@ class Visibility:
         index: frames by place.
     """
 
-    view: View
+    view: FrameView
     depth_m: NDArray[np.float32]
     slack: FloatArray
     cell_px: int
@@ -132,13 +132,13 @@ class VisibilityMaker:
     """
 
     def __init__(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
-        camera, self.view = frames.camera, View.of(frames, origin_m)
-        self._cell_px = max(CELL_PX, -(-max(camera.width, camera.height) // MOST_CELLS))
+        camera, self.view = frames.camera, FrameView.of(frames, origin_m)
+        self._cell_px = max(CELL_PX, -(-max(camera.width, camera.height) // MAX_DEPTH_CELLS))
         rows, columns = -(-camera.height // self._cell_px), -(-camera.width // self._cell_px)
         self._depth: NDArray[np.float32] = scratch.full((len(frames), rows, columns), np.inf, np.float32)
         self._points = np.zeros(len(frames), np.int64)
-        low = self.view.centre_m[:, :2].min(axis=0) - REACH_M
-        extent = self.view.centre_m[:, :2].max(axis=0) + REACH_M - low
+        low = self.view.centre_m[:, :2].min(axis=0) - MAX_DISTANCE_M
+        extent = self.view.centre_m[:, :2].max(axis=0) + MAX_DISTANCE_M - low
         words = -(-len(frames) // 8)
         self._cell_m = max(INDEX_CELL_M, float(np.sqrt(np.prod(extent) * words / INDEX_BYTES)))
         self._shape = tuple(int(length) for length in np.ceil(extent[::-1] / self._cell_m))
@@ -236,7 +236,7 @@ def splat(  # type: ignore[no-untyped-def]
         for k in range(len(centre)):
             dx, dy, dz = middle[0] - centre[k, 0], middle[1] - centre[k, 1], middle[2] - centre[k, 2]
             distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-            if distance > REACH_M + radius:
+            if distance > MAX_DISTANCE_M + radius:
                 continue
             if distance > radius:
                 # The sphere around the points against the cone around the image.
@@ -247,7 +247,7 @@ def splat(  # type: ignore[no-untyped-def]
             for i in range(begin, end):
                 dx, dy, dz = xyz[i, 0] - centre[k, 0], xyz[i, 1] - centre[k, 1], xyz[i, 2] - centre[k, 2]
                 z = matrix[k, 2, 0] * dx + matrix[k, 2, 1] * dy + matrix[k, 2, 2] * dz
-                if not z > NEAREST_M:
+                if not z > MIN_DISTANCE_M:
                     continue
                 x = (matrix[k, 0, 0] * dx + matrix[k, 0, 1] * dy + matrix[k, 0, 2] * dz) / z
                 y = (matrix[k, 1, 0] * dx + matrix[k, 1, 1] * dy + matrix[k, 1, 2] * dz) / z

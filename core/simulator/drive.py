@@ -10,19 +10,19 @@ from numpy.typing import NDArray
 
 from furrowmap.core.simulator.noise import band_noise
 from furrowmap.core.simulator.path import DrivenPath
-from furrowmap.core.simulator.scenario import Drive, FrontImplement, Implement
+from furrowmap.core.simulator.scenario import FrontImplement, ScenarioDrive, ScenarioImplement
 
 FloatArray = NDArray[np.float64]
 
-RATE_HZ = 200
+DRIVE_RATE_HZ = 200
 """Samples per second of all motion."""
-BEFORE_S = 0.5
+LEAD_IN_S = 0.5
 AFTER_S = 0.8
 """Duration for which the drive is known before its start and after its end."""
 
 
 @dataclass(frozen=True)
-class Track:
+class SimulatedTrack:
     """The drive in the plane, at `RATE_HZ` from `BEFORE_S` before t0 to `AFTER_S` after its end.
 
     Attributes:
@@ -45,12 +45,14 @@ class Track:
     duration_s: float
 
 
-def drive_path(path: DrivenPath, drive: Drive, implement: Implement, rng: np.random.Generator) -> Track:
+def drive_path(
+    path: DrivenPath, drive: ScenarioDrive, implement: ScenarioImplement, rng: np.random.Generator
+) -> SimulatedTrack:
     """The `path` driven, from ``drive.start_xy_m`` in the direction of ``drive.lane_heading_deg``."""
     knots_s, knots_m, speeds_mps = _timetable(path, drive)
     duration_s = float(knots_s[-1]) + drive.stand_end_s
-    count = math.floor((duration_s + AFTER_S + BEFORE_S) * RATE_HZ) + 1
-    t_s = np.arange(count) / RATE_HZ - BEFORE_S
+    count = math.floor((duration_s + AFTER_S + LEAD_IN_S) * DRIVE_RATE_HZ) + 1
+    t_s = np.arange(count) / DRIVE_RATE_HZ - LEAD_IN_S
     distance_m, speed_mps = _way_at(t_s, knots_s, knots_m, speeds_mps)
     u, v, yaw = (np.interp(distance_m, path.distance_m, values) for values in (path.u_m, path.v_m, path.yaw_rad))
     gear = path.gear[np.clip(np.searchsorted(path.distance_m, distance_m, side="right") - 1, 0, len(path.gear) - 1)]
@@ -58,7 +60,7 @@ def drive_path(path: DrivenPath, drive: Drive, implement: Implement, rng: np.ran
     tool_m = _tool_height(
         t_s, [tuple(_time_at(m, knots_s, knots_m) for m in ends) for ends in path.passes], implement, rng
     )
-    return Track(
+    return SimulatedTrack(
         t_s,
         drive.start_xy_m[0] + u * math.cos(lane) - v * math.sin(lane),
         drive.start_xy_m[1] + u * math.sin(lane) + v * math.cos(lane),
@@ -70,7 +72,9 @@ def drive_path(path: DrivenPath, drive: Drive, implement: Implement, rng: np.ran
     )
 
 
-def drive_front(path: DrivenPath, drive: Drive, front: FrontImplement, rng: np.random.Generator) -> Track:
+def drive_front(
+    path: DrivenPath, drive: ScenarioDrive, front: FrontImplement, rng: np.random.Generator
+) -> SimulatedTrack:
     """The same drive with the height and state of the implement in front."""
     ends = [
         (max(lowered_m - front.ahead_m, 0.0), max(lifted_m - front.ahead_m, 0.0))
@@ -80,7 +84,7 @@ def drive_front(path: DrivenPath, drive: Drive, front: FrontImplement, rng: np.r
     return drive_path(replace(path, passes=tuple(ends)), drive, front, rng)
 
 
-def _timetable(path: DrivenPath, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _timetable(path: DrivenPath, drive: ScenarioDrive) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(time, way, speed) at every point of the way, stands as two points at one way.
 
     The speed is the highest that keeps the limits and stops with the stated acceleration: each limit spreads as
@@ -121,7 +125,7 @@ def _time_at(distance_m: float, knots_s: FloatArray, knots_m: FloatArray) -> flo
 
 
 def _tool_height(
-    t_s: FloatArray, passes: list[tuple[float, ...]], implement: Implement, rng: np.random.Generator
+    t_s: FloatArray, passes: list[tuple[float, ...]], implement: ScenarioImplement, rng: np.random.Generator
 ) -> FloatArray:
     def moved(since_s: FloatArray) -> FloatArray:
         x = np.clip(since_s / implement.move_s, 0.0, 1.0)
@@ -130,5 +134,5 @@ def _tool_height(
     lifted = np.ones(len(t_s))
     for lowered_s, lifted_s in passes:
         lifted -= moved(t_s - lowered_s) - moved(t_s - lifted_s)
-    jitter = band_noise(rng, len(t_s), RATE_HZ, 0.5, 3.0) * implement.jitter_m
+    jitter = band_noise(rng, len(t_s), DRIVE_RATE_HZ, 0.5, 3.0) * implement.jitter_m
     return implement.lift_m * lifted + (1.0 - np.clip(lifted, 0.0, 1.0)) * jitter

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from furrowmap.core.simulator.drive import AFTER_S, BEFORE_S, RATE_HZ
+from furrowmap.core.simulator.drive import AFTER_S, DRIVE_RATE_HZ, LEAD_IN_S
 from furrowmap.core.simulator.flight_scenario import Flight
-from furrowmap.core.simulator.motion import Motion
+from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.noise import band_noise
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import check_size
@@ -23,7 +23,7 @@ GRAVITY_MPS2: Final = 9.81
 """Against which the aircraft tilts; the IMU measures the normal gravity of the place."""
 TILT_S: Final = 0.15
 """An aircraft follows the acceleration that is asked of it this slowly."""
-LONGEST_S: Final = 3600.0
+MAX_FLIGHT_S: Final = 3600.0
 
 
 def laid_out_flight(scenario: Scenario, flight: Flight) -> Scenario:
@@ -76,7 +76,7 @@ def duration_s(flight: Flight) -> float:
     return flight.hover_start_s + length / flight.speed_mps + flight.hover_end_s
 
 
-def fly(scenario: Scenario, flight: Flight, scale: float, rng: np.random.Generator) -> Motion:
+def fly(scenario: Scenario, flight: Flight, scale: float, rng: np.random.Generator) -> SimulatedMotion:
     """The flight in space, at `RATE_HZ` from `BEFORE_S` before t0 to `AFTER_S` after its end.
 
     The aircraft tilts so that its thrust carries it along the path against gravity and the air; gusts tilt it further.
@@ -87,24 +87,26 @@ def fly(scenario: Scenario, flight: Flight, scale: float, rng: np.random.Generat
         scale: map metres for a metre on the ground.
         rng: of wind and pilot.
     """
-    count = math.floor((duration_s(flight) + BEFORE_S + AFTER_S) * RATE_HZ) + 1
-    t_s = np.arange(count) / RATE_HZ - BEFORE_S
+    count = math.floor((duration_s(flight) + LEAD_IN_S + AFTER_S) * DRIVE_RATE_HZ) + 1
+    t_s = np.arange(count) / DRIVE_RATE_HZ - LEAD_IN_S
     en, yaw = _along(t_s, flight)
     en = en + np.array(flight.start_xy_m)
-    en += flight.wander_m * np.column_stack([band_noise(rng, count, RATE_HZ, 0.03, 0.3) for _ in range(2)])
-    yaw = yaw + np.radians(flight.yaw_wander_deg) * band_noise(rng, count, RATE_HZ, 0.05, 0.5)
+    en += flight.wander_m * np.column_stack([band_noise(rng, count, DRIVE_RATE_HZ, 0.03, 0.3) for _ in range(2)])
+    yaw = yaw + np.radians(flight.yaw_wander_deg) * band_noise(rng, count, DRIVE_RATE_HZ, 0.05, 0.5)
     soil, field = scenario.soil, scenario.field
     rise, towards = 0.01 * soil.slope_percent, math.radians(soil.slope_towards_deg)
     ground = 0.5 * rise * (field.size_e_m * math.sin(towards) + field.size_n_m * math.cos(towards))
-    height = ground + flight.height_m + flight.heave_m * band_noise(rng, count, RATE_HZ, 0.05, 0.5)
-    velocity = np.gradient(en, 1.0 / RATE_HZ, axis=0)
-    pushed = np.gradient(velocity, 1.0 / RATE_HZ, axis=0) + flight.drag_per_s * (velocity - np.array(flight.wind_mps))
-    pushed = gaussian_filter1d(pushed, TILT_S * RATE_HZ, axis=0, mode="nearest")
+    height = ground + flight.height_m + flight.heave_m * band_noise(rng, count, DRIVE_RATE_HZ, 0.05, 0.5)
+    velocity = np.gradient(en, 1.0 / DRIVE_RATE_HZ, axis=0)
+    pushed = np.gradient(velocity, 1.0 / DRIVE_RATE_HZ, axis=0) + flight.drag_per_s * (
+        velocity - np.array(flight.wind_mps)
+    )
+    pushed = gaussian_filter1d(pushed, TILT_S * DRIVE_RATE_HZ, axis=0, mode="nearest")
     ahead = pushed[:, 0] * np.cos(yaw) + pushed[:, 1] * np.sin(yaw)
     left = pushed[:, 1] * np.cos(yaw) - pushed[:, 0] * np.sin(yaw)
-    gusts = [np.radians(flight.gust_deg) * band_noise(rng, count, RATE_HZ, 0.2, 2.0) for _ in range(2)]
+    gusts = [np.radians(flight.gust_deg) * band_noise(rng, count, DRIVE_RATE_HZ, 0.2, 2.0) for _ in range(2)]
     still = np.zeros(count)
-    return Motion(
+    return SimulatedMotion(
         t_s,
         np.column_stack([en, height]),
         gusts[0] - np.arctan2(left, np.hypot(ahead, GRAVITY_MPS2)),
@@ -126,7 +128,7 @@ def _along(t_s: FloatArray, flight: Flight) -> tuple[FloatArray, FloatArray]:
     distance = np.clip((t_s - flight.hover_start_s) * flight.speed_mps, 0.0, ends[-1])
     corner = np.concatenate([np.zeros((1, 2)), np.cumsum(legs, axis=0)]) + corners[0]
     sharp = np.column_stack([np.interp(distance, ends, corner[:, k]) for k in range(2)])
-    width = flight.turn_s * RATE_HZ
+    width = flight.turn_s * DRIVE_RATE_HZ
     smooth = gaussian_filter1d(sharp, width, axis=0, mode="nearest", truncate=6.0)
     if not math.isnan(flight.nose_deg):
         return smooth, np.full(len(t_s), math.radians(90.0 - flight.nose_deg))

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from furrowmap.core.simulator.table import BY_KIND, Box, Table, Vector3
+from furrowmap.core.simulator.table import BY_KIND, Box, ScenarioTable, Vector3
 
 
-class Flight(Table, frozen=True):
+class Flight(ScenarioTable, frozen=True):
     """Path and motion of an aircraft; with this table the scenario is a flight, and nothing drives."""
 
     strips: Annotated[int, Meta(ge=1, le=10_000, description="parallel lines, flown to and fro")] = 4
@@ -52,7 +52,7 @@ class Flight(Table, frozen=True):
     extinction_per_m: Annotated[float, Meta(gt=0, description="density of the crop as beams see it")] = 15.0
 
 
-class Imu(Table, frozen=True):
+class ScenarioImu(ScenarioTable, frozen=True):
     """An IMU on the vehicle; noise as in data sheets."""
 
     kind: Annotated[str, Meta(description="class in session.toml")] = "industrial"
@@ -79,7 +79,7 @@ class Imu(Table, frozen=True):
     time_offset_s: Annotated[float, Meta(description="stamped minus true time")] = 0.0
 
 
-class MovingMount(Table, frozen=True):
+class MovingMount(ScenarioTable, frozen=True):
     """A mount that turns about the scanner's origin against the vehicle; `mount.csv` says how."""
 
     amplitude_deg: Annotated[Vector3, Meta(description="of roll, pitch, yaw")] = (2.0, 1.0, 0.5)
@@ -88,7 +88,7 @@ class MovingMount(Table, frozen=True):
     noise_deg: Annotated[float, Meta(ge=0, description="noise of mount.csv")] = 0.0
 
 
-class Line(Table, frozen=True):
+class ScenarioLineScanner(ScenarioTable, frozen=True):
     """A scanner with one beam that sweeps in a plane, instead of the VLP-16; it writes `scans.csv`."""
 
     rate_hz: Annotated[float, Meta(gt=0, le=200, description="sweeps per second")] = 25.0

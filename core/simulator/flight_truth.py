@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, maximum_filter
 
 from furrowmap.core.simulator.flight_scenario import Flight
-from furrowmap.core.simulator.motion import Motion, mount_rotation
+from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.recording import World
-from furrowmap.core.simulator.scenario import Lidar, Scenario
-from furrowmap.core.simulator.site import CELL_M, CROP_CELL_M, Site
+from furrowmap.core.simulator.scenario import Scenario, ScenarioLidar
+from furrowmap.core.simulator.site import CELL_M, CROP_CELL_M, SimulatedSite
 from furrowmap.core.simulator.soil import Ground, ground_height
 
 FloatArray = NDArray[np.float64]
@@ -27,10 +27,10 @@ PLANT_CELLS: Final = 1.2
 """Radius of a plant, in cells of the crop: the standard deviation of the normal curve that smooths heights."""
 GAPS: Final = 0.002
 """Share of a plot's cells around which nothing stands in three by three cells."""
-PIXEL_M: Final = 2.0 * CROP_CELL_M
+TRUTH_PIXEL_M: Final = 2.0 * CROP_CELL_M
 """Of the truth of soil and crop."""
 CHECKS: Final = 6
-CLEAR_M: Final = 0.4
+CROP_CLEARANCE_M: Final = 0.4
 """Check points lie this far from crop and walls."""
 SURVEY_M: Final = (0.003, 0.005)
 """Standard deviation of surveyed points, horizontal and vertical."""
@@ -56,7 +56,7 @@ def make_crop(scenario: Scenario, flight: Flight, ground: Ground) -> tuple[Float
     return crop, plot
 
 
-def write_flight_trajectory(file: Path, motion: Motion, site: Site) -> None:
+def write_flight_trajectory(file: Path, motion: SimulatedMotion, site: SimulatedSite) -> None:
     """The vehicle frame at the rate of the motion, in map coordinates and in the angles of files."""
     columns = [
         site.t0_s + motion.t_s,
@@ -69,7 +69,7 @@ def write_flight_trajectory(file: Path, motion: Motion, site: Site) -> None:
     np.savetxt(file, np.column_stack(columns), fmt="%.4f" + ",%.6f" * 3 + ",%.5f" * 3, header=names, comments="")
 
 
-def write_mounting(file: Path, lidar: Lidar) -> None:
+def write_mounting(file: Path, lidar: ScenarioLidar) -> None:
     """The true mounting, and its rotation from the stated one about the vehicle's axes."""
     left = mount_rotation(lidar.true_rpy_deg) @ mount_rotation(lidar.rpy_deg).T
     boresight = np.degrees([left[2, 1] - left[1, 2], left[0, 2] - left[2, 0], left[1, 0] - left[0, 1]]) / 2.0
@@ -83,7 +83,7 @@ def write_mounting(file: Path, lidar: Lidar) -> None:
 def write_ground(folder: Path, world: World, plots: NDArray[np.int16] | None) -> dict[str, Any]:
     """surface.npz, parcels_truth.csv and the check points; their figures."""
     scenario, site, ground = world.scenario, world.site, world.ground
-    rows, cols = (2 * math.floor(m / PIXEL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
+    rows, cols = (2 * math.floor(m / TRUTH_PIXEL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
 
     def quarters(fine: NDArray[Any]) -> NDArray[Any]:
         return fine[:rows, :cols].reshape(rows // 2, 2, cols // 2, 2).swapaxes(1, 2).reshape(rows // 2, cols // 2, 4)
@@ -100,7 +100,7 @@ def write_ground(folder: Path, world: World, plots: NDArray[np.int16] | None) ->
     np.savez_compressed(
         folder / "truth" / "surface.npz",
         soil=soil.astype(np.float32), canopy_height=canopy.astype(np.float32), parcel=parcel,
-        e0=site.e0_m, n0=site.n0_m, cell_m=PIXEL_M, h0_m=site.h0_m, t0_unix_s=site.t0_s,
+        e0=site.e0_m, n0=site.n0_m, cell_m=TRUTH_PIXEL_M, h0_m=site.h0_m, t0_unix_s=site.t0_s,
     )  # fmt: skip
     _write_parcels(folder / "truth" / "parcels_truth.csv", canopy, parcel, world.motion.scale)
     _write_checks(folder, scenario, site, soil, canopy)
@@ -110,7 +110,7 @@ def write_ground(folder: Path, world: World, plots: NDArray[np.int16] | None) ->
 def _write_parcels(file: Path, canopy: Float32Array, parcel: NDArray[np.int16], scale: float) -> None:
     """Heights and volumes of the plots (volumes on the ground, not on the map)."""
     lines = ["id,mean_height_m,mean_height_crop_m,p50_m,p95_m,sd_m,cover,volume_m3,area_m2\n"]
-    area = (PIXEL_M / scale) ** 2
+    area = (TRUTH_PIXEL_M / scale) ** 2
     for number in range(1, int(parcel.max()) + 1):
         here = canopy[parcel == number].astype(np.float64)
         stands = here >= 0.10
@@ -123,18 +123,20 @@ def _write_parcels(file: Path, canopy: Float32Array, parcel: NDArray[np.int16], 
     file.write_text("".join(lines), encoding="ascii")
 
 
-def _write_checks(folder: Path, scenario: Scenario, site: Site, soil: FloatArray, canopy: Float32Array) -> None:
+def _write_checks(
+    folder: Path, scenario: Scenario, site: SimulatedSite, soil: FloatArray, canopy: Float32Array
+) -> None:
     """Points on open ground: as surveyed, and in truth/."""
     rng = random_for(scenario.seed, "survey")
     taken = canopy > 0
-    e, n = ((np.arange(k) + 0.5) * PIXEL_M for k in (soil.shape[1], soil.shape[0]))
+    e, n = ((np.arange(k) + 0.5) * TRUTH_PIXEL_M for k in (soil.shape[1], soil.shape[0]))
     for e0, n0, direction, length, thick, *_ in scenario.walls:
         c, s = math.cos(math.radians(direction)), math.sin(math.radians(direction))
         along, across = c * (e - e0)[None, :] + s * (n - n0)[:, None], c * (n - n0)[:, None] - s * (e - e0)[None, :]
         taken |= (np.abs(along) <= 0.5 * length) & (np.abs(across) <= 0.5 * thick)
     margin = min(scenario.field.margin_m, 0.25 * min(scenario.field.size_e_m, scenario.field.size_n_m))
     inner = (e > margin) & (e < e[-1] - margin), (n > margin) & (n < n[-1] - margin)
-    taken = maximum_filter(taken, 2 * round(CLEAR_M / PIXEL_M) + 1)
+    taken = maximum_filter(taken, 2 * round(CROP_CLEARANCE_M / TRUTH_PIXEL_M) + 1)
     row, col = np.nonzero(~taken & inner[1][:, None] & inner[0][None, :])
     chosen = rng.choice(len(row), min(CHECKS, len(row)), replace=False)
     true: list[str] = []

@@ -10,15 +10,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.motion import Motion
+from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.noise import gauss_markov, random_for
 from furrowmap.core.simulator.scenario import Receiver, Scenario
-from furrowmap.core.simulator.site import Site
+from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.simulator.table import Vector3
 
 FloatArray = NDArray[np.float64]
 
-FIXED: Final = 4
+FIXED_QUALITY: Final = 4
 FLOAT: Final = 5
 KNOT_MPS: Final = 1852.0 / 3600.0
 _FLOAT_SIGMA_M: Final = (0.11, 0.14)
@@ -50,7 +50,13 @@ class Fixes:
 
 
 def receive(
-    receiver: Receiver, antenna_m: Vector3, site: Site, motion: Motion, end_s: float, seed: int, name: str
+    receiver: Receiver,
+    antenna_m: Vector3,
+    site: SimulatedSite,
+    motion: SimulatedMotion,
+    end_s: float,
+    seed: int,
+    name: str,
 ) -> Fixes:
     """The positions that `receiver` gives from t0 to `end_s`; `name` seeds its random numbers."""
     step_us = 1_000_000 // receiver.rate_hz
@@ -67,7 +73,7 @@ def receive(
     height = gauss_markov(rng, n, step_s, receiver.gm_h_m, receiver.tau_h_s)
     columns.append(height + receiver.white_h_m * rng.standard_normal(n) + receiver.bias_h_m * rng.standard_normal())
     error = np.stack(columns, axis=-1)
-    quality = np.full(n, FIXED)
+    quality = np.full(n, FIXED_QUALITY)
     sigma = np.empty((n, 2))
     sigma[:] = (
         math.hypot(receiver.white_m, receiver.gm_m),
@@ -89,7 +95,7 @@ def receive(
     return Fixes(t_s[kept], enh[kept], error[kept], velocity[kept], quality[kept], sigma[kept])
 
 
-def sentences(fixes: Fixes, site: Site, station: str) -> str:
+def sentences(fixes: Fixes, site: SimulatedSite, station: str) -> str:
     """GGA, RMC, GST and VTG of every epoch; `station` is that of the corrections."""
     lon, lat = site.geographic(fixes.enh_m[:, 0], fixes.enh_m[:, 1])
     course = _true_course(fixes.enh_m, fixes.velocity_mps, site)
@@ -98,7 +104,7 @@ def sentences(fixes: Fixes, site: Site, station: str) -> str:
         now = _utc(site, float(t_s))
         time = f"{now:%H%M%S}.{now.microsecond // 10000:02d}"
         where = f"{degrees_minutes(float(lat[i]), 2, 8, 'NS')},{degrees_minutes(float(lon[i]), 3, 8, 'EW')}"
-        fixed = fixes.quality[i] == FIXED
+        fixed = fixes.quality[i] == FIXED_QUALITY
         used = 14 + round(2.0 * math.sin(0.05 * float(t_s))) if fixed else 10
         altitude = float(fixes.enh_m[i, 2]) + site.h0_m - site.geoid_m
         lines.append(
@@ -115,7 +121,7 @@ def sentences(fixes: Fixes, site: Site, station: str) -> str:
     return "".join(sentence(line) for line in lines)
 
 
-def gprmc(motion: Motion, antenna_m: Vector3, site: Site, t_s: float, clock_offset_s: float) -> str:
+def gprmc(motion: SimulatedMotion, antenna_m: Vector3, site: SimulatedSite, t_s: float, clock_offset_s: float) -> str:
     """The GPRMC of the receiver at the sensor, for the last full second of its clock."""
     whole_s = math.floor(site.t0_s + t_s + clock_offset_s) - site.t0_s - clock_offset_s
     around = np.clip(np.array([whole_s - 0.1, whole_s, whole_s + 0.1]), motion.t_s[0], motion.t_s[-1])
@@ -155,7 +161,9 @@ def report(fixes: Fixes) -> dict[str, Any]:
     }
 
 
-def receivers(scenario: Scenario, site: Site, motion: Motion, end_s: float) -> dict[str, tuple[Fixes, str]]:
+def receivers(
+    scenario: Scenario, site: SimulatedSite, motion: SimulatedMotion, end_s: float
+) -> dict[str, tuple[Fixes, str]]:
     """The receivers of a scenario by file: positions, and station of the corrections."""
     return {
         name: (receive(receiver, scenario.antenna.xyz_m, site, motion, end_s, scenario.seed, name), station)
@@ -166,11 +174,11 @@ def receivers(scenario: Scenario, site: Site, motion: Motion, end_s: float) -> d
     }
 
 
-def _true_course(enh_m: FloatArray, velocity_mps: FloatArray, site: Site) -> FloatArray:
+def _true_course(enh_m: FloatArray, velocity_mps: FloatArray, site: SimulatedSite) -> FloatArray:
     grid = np.degrees(np.arctan2(velocity_mps[:, 0], velocity_mps[:, 1]))
     course: FloatArray = (grid + site.convergence_deg(enh_m[:, 0], enh_m[:, 1])) % 360.0
     return np.where(course >= 359.995, 0.0, course)
 
 
-def _utc(site: Site, t_s: float) -> dt.datetime:
+def _utc(site: SimulatedSite, t_s: float) -> dt.datetime:
     return dt.datetime(1970, 1, 1, tzinfo=dt.UTC) + dt.timedelta(microseconds=site.t0_us + round(t_s * 1e6))

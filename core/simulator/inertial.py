@@ -16,16 +16,16 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.simulator.flight_scenario import Imu
-from furrowmap.core.simulator.motion import Motion, mount_rotation, vehicle_rotation
+from furrowmap.core.simulator.flight_scenario import ScenarioImu
+from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation, vehicle_rotation
 from furrowmap.core.simulator.noise import gauss_markov, random_for
-from furrowmap.core.simulator.site import Site
+from furrowmap.core.simulator.site import SimulatedSite
 
 FloatArray = NDArray[np.float64]
 
-STEP_S: Final = 0.005
+GRID_STEP_S: Final = 0.005
 """Of the differences."""
-BEFORE_S: Final = 0.2
+IMU_LEAD_IN_S: Final = 0.2
 """The log begins this long before t0."""
 EARTH_RADPS: Final = 7.292115e-5
 MG: Final = 9.80665e-3
@@ -36,7 +36,7 @@ _FORCE: Final = "force_x_mps2,force_y_mps2,force_z_mps2"
 
 
 @dataclass(frozen=True)
-class ImuLog:
+class SimulatedImuLog:
     """What the IMU says.
 
     Attributes:
@@ -52,9 +52,9 @@ class ImuLog:
     bias: FloatArray
 
 
-def measure(imu: Imu, motion: Motion, site: Site, end_s: float, seed: int) -> ImuLog:
+def measure(imu: ScenarioImu, motion: SimulatedMotion, site: SimulatedSite, end_s: float, seed: int) -> SimulatedImuLog:
     """The measurements from `BEFORE_S` before t0 to `end_s`."""
-    t_s = np.arange(-round(BEFORE_S * imu.rate_hz), int(end_s * imu.rate_hz) + 1) / imu.rate_hz
+    t_s = np.arange(-round(IMU_LEAD_IN_S * imu.rate_hz), int(end_s * imu.rate_hz) + 1) / imu.rate_hz
     rate, force = exact(motion, site, t_s, np.asarray(imu.xyz_m))
     mounted = mount_rotation(imu.rpy_deg)
     true = np.concatenate([np.degrees(rate @ mounted), force @ mounted], axis=1)
@@ -73,10 +73,12 @@ def measure(imu: Imu, motion: Motion, site: Site, end_s: float, seed: int) -> Im
         bias[:, column] = unit * slow
         noise = unit * density * np.sqrt(imu.rate_hz) * rng.standard_normal(n)
         columns[:, column] = (1.0 + scale) * true[:, column] + bias[:, column] + noise
-    return ImuLog(t_s, columns[:, :3], columns[:, 3:], bias)
+    return SimulatedImuLog(t_s, columns[:, :3], columns[:, 3:], bias)
 
 
-def exact(motion: Motion, site: Site, t_s: FloatArray, arm_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def exact(
+    motion: SimulatedMotion, site: SimulatedSite, t_s: FloatArray, arm_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Angular rate against inertial space (rad/s) and specific force at a point of the vehicle, in its axes."""
     angles = np.column_stack([motion.roll_rad, motion.pitch_rad, motion.yaw_rad])
     path = make_interp_spline(motion.t_s, np.column_stack([motion.xyz_m, angles]), 5)
@@ -90,12 +92,12 @@ def exact(motion: Motion, site: Site, t_s: FloatArray, arm_m: FloatArray) -> tup
         axes = by_axis(at_s).reshape(-1, 3, 3) @ vehicle_rotation(now[:, 3], now[:, 4], now[:, 5])
         return site.earth_m(now[:, :3]) + axes @ arm_m, axes
 
-    (p0, axes), *rest = (earth(t_s + k * STEP_S) for k in (0, -2, -1, 1, 2))
+    (p0, axes), *rest = (earth(t_s + k * GRID_STEP_S) for k in (0, -2, -1, 1, 2))
     p = [place - p0 for place, _ in rest]
-    velocity = (p[0] - 8.0 * p[1] + 8.0 * p[2] - p[3]) / (12.0 * STEP_S)
-    acceleration = (-p[0] + 16.0 * p[1] + 16.0 * p[2] - p[3]) / (12.0 * STEP_S**2)
+    velocity = (p[0] - 8.0 * p[1] + 8.0 * p[2] - p[3]) / (12.0 * GRID_STEP_S)
+    acceleration = (-p[0] + 16.0 * p[1] + 16.0 * p[2] - p[3]) / (12.0 * GRID_STEP_S**2)
     wide, near = (_turned(rest[a][1], rest[b][1]) for a, b in ((0, 3), (1, 2)))
-    turning = (8.0 * near - wide) / (12.0 * STEP_S)
+    turning = (8.0 * near - wide) / (12.0 * GRID_STEP_S)
     spin = np.array([0.0, 0.0, EARTH_RADPS])
     up = by_axis(t_s).reshape(-1, 3, 3)[:, :, 2]
     now = path(t_s)
@@ -115,7 +117,7 @@ def normal_gravity_mps2(lat_deg: FloatArray, height_m: FloatArray) -> FloatArray
     return out
 
 
-def write_imu(file: Path, log: ImuLog, imu: Imu, site: Site) -> None:
+def write_imu(file: Path, log: SimulatedImuLog, imu: ScenarioImu, site: SimulatedSite) -> None:
     """The log as CSV, stamped with its own clock."""
     table = np.column_stack([site.t0_s + log.t_s + imu.time_offset_s, log.rate_dps, log.force_mps2])
     np.savetxt(
@@ -123,7 +125,7 @@ def write_imu(file: Path, log: ImuLog, imu: Imu, site: Site) -> None:
     )
 
 
-def write_biases(file: Path, log: ImuLog, imu: Imu, site: Site) -> None:
+def write_biases(file: Path, log: SimulatedImuLog, imu: ScenarioImu, site: SimulatedSite) -> None:
     """The biases at 10 Hz."""
     i = slice(None, None, max(1, imu.rate_hz // 10))
     table = np.column_stack([site.t0_s + log.t_s[i], log.bias[i]])

@@ -10,17 +10,19 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.simulator.flight_scenario import Line
+from furrowmap.core.simulator.flight_scenario import ScenarioLineScanner
 from furrowmap.core.simulator.motion import mount_rotation
 from furrowmap.core.simulator.rays import Firings, Met, make_optics, make_scene
 from furrowmap.core.simulator.recording import World, cast_in_order
 from furrowmap.core.simulator.vlp16 import RANGE_STEP_M
 
-_BATCH: Final = 20_000
+_LINES_PER_BATCH: Final = 20_000
 """Beams cast together."""
 
 
-def record_lines(file: Path, world: World, line: Line, duration_s: float, progress: Progress) -> dict[str, Any]:
+def record_lines(
+    file: Path, world: World, line: ScenarioLineScanner, duration_s: float, progress: Progress
+) -> dict[str, Any]:
     """Write the scans as CSV: time, angle about the scanner's z axis from its x axis, range; its figures."""
     scenario, site = world.scenario, world.site
     optics = make_optics(scenario, mount_rotation(scenario.lidar.true_rpy_deg))
@@ -54,12 +56,12 @@ def record_lines(file: Path, world: World, line: Line, duration_s: float, progre
     }
 
 
-def _batches(world: World, line: Line, beams: int) -> Iterator[tuple[int, Firings]]:
+def _batches(world: World, line: ScenarioLineScanner, beams: int) -> Iterator[tuple[int, Firings]]:
     """Beams one after another, evenly over the share of a turn in which there are any."""
     step_deg = line.field_deg / (line.beams - 1)
-    still = np.zeros(_BATCH)
-    for first in range(0, beams, _BATCH):
-        sweep, beam = np.divmod(first + np.arange(min(_BATCH, beams - first)), line.beams)
+    still = np.zeros(_LINES_PER_BATCH)
+    for first in range(0, beams, _LINES_PER_BATCH):
+        sweep, beam = np.divmod(first + np.arange(min(_LINES_PER_BATCH, beams - first)), line.beams)
         angle_deg = beam * step_deg - 0.5 * line.field_deg
         t_s = world.scenario.lidar.start_s + (sweep + beam * step_deg / 360.0) / line.rate_hz
         xyz, rotation = world.motion.at(t_s)

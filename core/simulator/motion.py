@@ -7,20 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.drive import RATE_HZ, Track
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack
 from furrowmap.core.simulator.noise import band_noise
 from furrowmap.core.simulator.scenario import Sway, Tractor
 from furrowmap.core.simulator.soil import Ground, ground_height
 
 FloatArray = NDArray[np.float64]
 
-_BLOCK = 20_000
+_MOTION_BLOCK = 20_000
 _PATCH = 5
 """Points along the edge of the square on which a tyre rests."""
 
 
 @dataclass(frozen=True)
-class Motion:
+class SimulatedMotion:
     """Position and attitude of the vehicle frame at `RATE_HZ`.
 
     Attributes:
@@ -72,7 +72,9 @@ def mount_rotation(rpy_deg: tuple[float, float, float]) -> FloatArray:
     return vehicle_rotation(np.array(roll), np.array(-pitch), np.array(yaw))
 
 
-def stand_on(ground: Ground, track: Track, tractor: Tractor, sway: Sway, rng: np.random.Generator) -> Motion:
+def stand_on(
+    ground: Ground, track: SimulatedTrack, tractor: Tractor, sway: Sway, rng: np.random.Generator
+) -> SimulatedMotion:
     """The drive in space.
 
     The rear axle lies on its two wheels and gives height and roll; the front axle swings about its middle, as on most
@@ -91,14 +93,14 @@ def stand_on(ground: Ground, track: Track, tractor: Tractor, sway: Sway, rng: np
     rear, front = 0.5 * (rear_left + rear_right), 0.5 * (front_left + front_right)
     n = len(track.t_s)
     driving = np.clip(np.abs(track.speed_mps) / 0.5, 0.0, 1.0)
-    window = np.hanning(RATE_HZ // 2 + 2)[1:-1]
+    window = np.hanning(DRIVE_RATE_HZ // 2 + 2)[1:-1]
     driving = np.convolve(np.pad(driving, len(window) // 2, "edge"), window / window.sum(), "same")[len(window) // 2 :][
         :n
     ]
-    moved = [driving * band_noise(rng, n, RATE_HZ, 1.0, 3.0) for _ in range(3)]
-    shaken = [np.radians(sway.vibration_deg) * band_noise(rng, n, RATE_HZ, 12.0, 18.0) for _ in range(2)]
+    moved = [driving * band_noise(rng, n, DRIVE_RATE_HZ, 1.0, 3.0) for _ in range(3)]
+    shaken = [np.radians(sway.vibration_deg) * band_noise(rng, n, DRIVE_RATE_HZ, 12.0, 18.0) for _ in range(2)]
     height = rear + sway.heave_m * moved[2]
-    return Motion(
+    return SimulatedMotion(
         track.t_s,
         np.stack([track.e_m, track.n_m, height], axis=-1),
         np.arctan2(rear_left - rear_right, tractor.track_rear_m) + np.radians(sway.sway_deg) * moved[0] + shaken[0],
@@ -109,13 +111,13 @@ def stand_on(ground: Ground, track: Track, tractor: Tractor, sway: Sway, rng: np
     )
 
 
-def tyre_height(ground: Ground, track: Track, x_m: float, y_m: float, tyre_m: float) -> FloatArray:
+def tyre_height(ground: Ground, track: SimulatedTrack, x_m: float, y_m: float, tyre_m: float) -> FloatArray:
     """(n,) mean height of the ground under a tyre at (`x_m`, `y_m`) of the vehicle, at the track's times."""
     offset = (np.arange(_PATCH) - 0.5 * (_PATCH - 1)) * (tyre_m / _PATCH)
     x, y = (a.ravel() for a in np.meshgrid(x_m + offset, y_m + offset))
     out = np.empty(len(track.t_s), np.float64)
-    for begin in range(0, len(out), _BLOCK):
-        part = slice(begin, begin + _BLOCK)
+    for begin in range(0, len(out), _MOTION_BLOCK):
+        part = slice(begin, begin + _MOTION_BLOCK)
         c, s = np.cos(track.yaw_rad[part, None]), np.sin(track.yaw_rad[part, None])
         e = track.e_m[part, None] + c * x - s * y
         n = track.n_m[part, None] + s * x + c * y

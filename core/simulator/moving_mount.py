@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from furrowmap.core.simulator.flight_scenario import MovingMount
 from furrowmap.core.simulator.motion import vehicle_rotation
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.site import Site
+from furrowmap.core.simulator.site import SimulatedSite
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class MountMotion:
+class SimulatedMountMotion:
     """Sines of roll, pitch and yaw of the mount against the vehicle.
 
     Attributes:
@@ -29,7 +29,7 @@ class MountMotion:
     phase_rad: FloatArray
 
     @classmethod
-    def of(cls, mount: MovingMount, seed: int) -> MountMotion:
+    def of(cls, mount: MovingMount, seed: int) -> SimulatedMountMotion:
         """With phases by chance."""
         return cls(mount, random_for(seed, "mount").uniform(0.0, 2.0 * np.pi, 3))
 
@@ -45,7 +45,7 @@ class MountMotion:
         origin = np.broadcast_to(np.array(xyz_m)[:, None], (len(t_s), 3, 1))
         return np.concatenate([turned, origin], axis=2)
 
-    def write(self, file: Path, site: Site, end_s: float, seed: int) -> None:
+    def write(self, file: Path, site: SimulatedSite, end_s: float, seed: int) -> None:
         """The series as CSV, from a second before t0 to a second after `end_s`."""
         t_s = np.arange(-self.mount.rate_hz, round((end_s + 1.0) * self.mount.rate_hz)) / self.mount.rate_hz
         angles = self.angles_deg(t_s)

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.scenario import Drive
+from furrowmap.core.simulator.scenario import ScenarioDrive
 
 FloatArray = NDArray[np.float64]
 
-STEP_M = 0.01
+PATH_STEP_M = 0.01
 """Spacing of the points along the line."""
 
 
@@ -58,7 +58,7 @@ class _Piece:
     gear: int
 
 
-def plan_path(drive: Drive, rng: np.random.Generator) -> DrivenPath:
+def plan_path(drive: ScenarioDrive, rng: np.random.Generator) -> DrivenPath:
     """Passes and turns of `drive`, with a driver who wanders a little."""
     line = _Line()
     for number, (lane_m, pass_m) in enumerate(zip(drive.lanes_m, drive.pass_m, strict=True)):
@@ -111,7 +111,7 @@ class _Line:
 
 
 def _straight(length_m: float, gear: int = 1) -> _Piece:
-    n = math.ceil(length_m / STEP_M)
+    n = math.ceil(length_m / PATH_STEP_M)
     x = np.linspace(0.0, length_m, n + 1) if n else np.zeros(1)
     return _Piece(x * gear, np.zeros(len(x)), np.zeros(len(x)), length_m, gear)
 
@@ -124,7 +124,7 @@ def _arc(angle_rad: float, radius_m: float, ramp_m: float, gear: int = 1) -> _Pi
     if plateau < 0.0:
         plateau, peak = 0.0, turn / ramp_m
     length = plateau + 2.0 * ramp_m
-    n = max(1, math.ceil(length / STEP_M))
+    n = max(1, math.ceil(length / PATH_STEP_M))
     way = np.linspace(0.0, length, n + 1)
     middle = 0.5 * (way[1:] + way[:-1])
     curvature = peak * np.clip(np.minimum(middle, length - middle) / ramp_m, 0.0, 1.0)
@@ -141,7 +141,7 @@ def _arc(angle_rad: float, radius_m: float, ramp_m: float, gear: int = 1) -> _Pi
 
 
 @functools.lru_cache(maxsize=16)
-def _turn(drive: Drive, width_m: float) -> list[_Piece]:
+def _turn(drive: ScenarioDrive, width_m: float) -> list[_Piece]:
     """Pieces from the end of one lane to the beginning of the next, `width_m` to the left, the other way round."""
     side, width = math.copysign(1.0, width_m), abs(width_m)
 
@@ -196,7 +196,7 @@ def _wandering(path: DrivenPath, wander_m: float, rng: np.random.Generator) -> D
     n = len(path.distance_m)
     if wander_m == 0.0:
         return path
-    wave = np.fft.rfftfreq(n, STEP_M)
+    wave = np.fft.rfftfreq(n, PATH_STEP_M)
     shape = np.exp(-0.5 * (wave * 2.0 * np.pi * 1.0) ** 2)  # correlated over about a metre and a half
     side = np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) * shape, n)
     side *= wander_m / max(float(side.std()), 1e-12)

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.scenario import Implement, Scenario
+from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.site import CELL_M as CELL
 from furrowmap.core.simulator.site import CROP_CELL_M as CROP_CELL
-from furrowmap.core.simulator.soil import BLOCK, Ground, ceiling_of, relief_at
+from furrowmap.core.simulator.soil import NOISE_BLOCK, Ground, ceiling_of, relief_at
 from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, LASER_S, RANGE_STEP_M, VERTICAL_OFFSET_M
 
 FloatArray = NDArray[np.float64]
@@ -192,7 +192,7 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
     )
 
 
-def _tool(implement: Implement, column: int) -> FloatArray:
+def _tool(implement: ScenarioImplement, column: int) -> FloatArray:
     """(n, 7) boxes of an implement, and the column with its height."""
     x, y = implement.xy_m
     boxes = np.array(implement.boxes_m).reshape(-1, 6) + np.array([x, x, y, y, 0.0, 0.0])
@@ -335,7 +335,7 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
     depth = -math.log(_chance(seed, ray, 12)) if len(crop) else 0.0
     rows, cols = ground.before.shape
     block_rows, block_cols = ground.ceiling.shape
-    block = BLOCK * CELL
+    block = NOISE_BLOCK * CELL
     cell = min(CELL, CROP_CELL) if len(crop) else CELL
     step = _CELL_SHARE * cell / max(math.hypot(dx, dy), 0.2)
     s = 0.0

@@ -17,20 +17,20 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.simulator.capture import FILE_HEADER, records
-from furrowmap.core.simulator.drive import Track
+from furrowmap.core.simulator.drive import SimulatedTrack
 from furrowmap.core.simulator.gnss import gprmc
-from furrowmap.core.simulator.motion import Motion, mount_rotation
-from furrowmap.core.simulator.moving_mount import MountMotion
+from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
+from furrowmap.core.simulator.moving_mount import SimulatedMountMotion
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.rays import Firings, Met, Optics, Returns, Scene, cast, make_optics, make_scene
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.sensor import POSITION_EVERY_S, Spin, data_packets, position_packet
-from furrowmap.core.simulator.site import Site
+from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.simulator.soil import Ground
 from furrowmap.core.simulator.truth import SeenAfter
-from furrowmap.core.simulator.vlp16 import DATA_PORT, ELEVATION_DEG, FIRING_S, LASERS, POSITION_PORT
+from furrowmap.core.simulator.vlp16 import DATA_PORT, ELEVATION_DEG, FIRING_S, POSITION_PORT, VLP16_LASERS
 
-_BATCH: Final = 400
+_FIRINGS_PER_BATCH: Final = 400
 """Data packets cast together, half a second of recording."""
 _POSITION_PHASE_S: Final = 0.393
 """First position packet after the first firing."""
@@ -51,12 +51,12 @@ class World:
     """
 
     scenario: Scenario
-    site: Site
+    site: SimulatedSite
     ground: Ground
-    motion: Motion
+    motion: SimulatedMotion
     crop: NDArray[np.float32] | None = None
-    mount: MountMotion | None = None
-    front: Track | None = None
+    mount: SimulatedMountMotion | None = None
+    front: SimulatedTrack | None = None
 
     def mounted(self, t_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n, 3, 4) from sensor to vehicle at times (n,); (0, 3, 4) where the mount does not move."""
@@ -102,7 +102,7 @@ def record(file: Path, world: World, spin: Spin, progress: Progress) -> tuple[di
         out.write(FILE_HEADER)
         for first, firings, returns in _cast_packets(scene, optics, spin, world):
             counts.add(returns, scenario.lidar.return_mode)
-            seen.add(returns.cell[reported].ravel(), np.repeat(firings.t_s, LASERS))
+            seen.add(returns.cell[reported].ravel(), np.repeat(firings.t_s, VLP16_LASERS))
             payload = data_packets(scenario, site, spin, first, returns)
             sent_s = spin.time_s((first + 1 + np.arange(len(payload))) * spin.firings_a_packet)
             stamp_us = np.maximum(np.maximum.accumulate(_computer_us(scenario, site, sent_s, rng)), clock_us)
@@ -123,8 +123,8 @@ def record(file: Path, world: World, spin: Spin, progress: Progress) -> tuple[di
 
 def _cast_packets(scene: Scene, optics: Optics, spin: Spin, world: World) -> Iterator[tuple[int, Firings, Returns]]:
     """(first packet, firings, returns) batch by batch."""
-    firsts = range(0, spin.packets, _BATCH)
-    batches = ((first, _firings(spin, first, min(_BATCH, spin.packets - first), world)) for first in firsts)
+    firsts = range(0, spin.packets, _FIRINGS_PER_BATCH)
+    batches = ((first, _firings(spin, first, min(_FIRINGS_PER_BATCH, spin.packets - first), world)) for first in firsts)
     yield from cast_in_order(scene, optics, batches)
 
 
@@ -166,7 +166,7 @@ def _firings(spin: Spin, first: int, packets: int, world: World) -> Firings:
     )
 
 
-def _position(scenario: Scenario, site: Site, motion: Motion, t_s: float) -> NDArray[np.uint8]:
+def _position(scenario: Scenario, site: SimulatedSite, motion: SimulatedMotion, t_s: float) -> NDArray[np.uint8]:
     offset_s = scenario.clock.true_lidar_minus_gnss_s
     return position_packet(scenario, site, t_s, gprmc(motion, scenario.antenna.xyz_m, site, t_s, offset_s))
 
@@ -182,7 +182,7 @@ def _position_times(scenario: Scenario, spin: Spin, first: int, packets: int) ->
 
 
 def _computer_us(
-    scenario: Scenario, site: Site, sent_s: NDArray[np.float64], rng: np.random.Generator
+    scenario: Scenario, site: SimulatedSite, sent_s: NDArray[np.float64], rng: np.random.Generator
 ) -> NDArray[np.int64]:
     late = np.abs(rng.standard_normal(len(sent_s))) * scenario.clock.jitter_s
     return site.t0_us + np.round((sent_s + late + scenario.clock.computer_minus_utc_s) * 1e6).astype(np.int64)
@@ -198,7 +198,9 @@ def _written(file: Path, *, compress: bool) -> Iterator[SupportsWrite]:
             yield raw
 
 
-def _figures(site: Site, spin: Spin, returned: _ReturnCounts, optics: Optics, position_packets: int) -> dict[str, Any]:
+def _figures(
+    site: SimulatedSite, spin: Spin, returned: _ReturnCounts, optics: Optics, position_packets: int
+) -> dict[str, Any]:
     firings = spin.packets * spin.firings_a_packet
     last_packet_s = spin.time_s(np.array([max(0, spin.packets - 1) * spin.firings_a_packet]))
     begin, end = (float(t) for t in spin.turns(spin.time_s(np.array([0, max(0, firings - 1)]))))

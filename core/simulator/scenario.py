@@ -10,8 +10,8 @@ from typing import Annotated, Final, Literal, TypeAlias
 import msgspec
 from msgspec import Meta
 
-from furrowmap.core.simulator.flight_scenario import Flight, Imu, Line, MovingMount
-from furrowmap.core.simulator.table import BY_KIND, Box, Table, Vector3
+from furrowmap.core.simulator.flight_scenario import Flight, MovingMount, ScenarioImu, ScenarioLineScanner
+from furrowmap.core.simulator.table import BY_KIND, Box, ScenarioTable, Vector3
 
 SoilKind: TypeAlias = Literal["stubble", "ploughed", "tilled", "rolled", "asphalt", "lawn", "snow", "maize"]
 ToolShape: TypeAlias = Literal["tiller", "mower", "plow", "roller"]
@@ -78,7 +78,7 @@ TRACTOR: Final[tuple[Box, ...]] = (
 )
 
 
-class Place(Table, frozen=True):
+class ScenarioPlace(ScenarioTable, frozen=True):
     """Location of the field."""
 
     lon_lat_deg: Annotated[
@@ -89,7 +89,7 @@ class Place(Table, frozen=True):
     crs: Annotated[str, Meta(description="projected CRS")] = "EPSG:6677"
 
 
-class Field(Table, frozen=True):
+class ScenarioField(ScenarioTable, frozen=True):
     """Ground grid and field boundary."""
 
     size_e_m: Annotated[float, Meta(gt=0, description="size of the grid, west to east")] = BY_KIND
@@ -101,7 +101,7 @@ class Field(Table, frozen=True):
     ] = (BY_KIND, BY_KIND, BY_KIND, BY_KIND)
 
 
-class Drive(Table, frozen=True):
+class ScenarioDrive(ScenarioTable, frozen=True):
     """Path and speed."""
 
     turns: Annotated[Literal["loop", "fishtail"], Meta(description="fishtail turns include reversing")] = "loop"
@@ -156,7 +156,7 @@ class Drive(Table, frozen=True):
                 raise ValueError(f"the stop [{number}, {at_m}, {stand_s}] is on none of the {passes} passes")
 
 
-class Soil(Table, frozen=True):
+class ScenarioSoil(ScenarioTable, frozen=True):
     """The ground before and after the pass of the implement."""
 
     seed: Annotated[
@@ -203,7 +203,7 @@ class Soil(Table, frozen=True):
         )
 
 
-class Sway(Table, frozen=True):
+class Sway(ScenarioTable, frozen=True):
     """Motion of the machine on its tyres, in addition to that from the ground."""
 
     sway_deg: Annotated[float, Meta(ge=0, description="roll and pitch, 1 to 3 Hz, while driving")] = 0.25
@@ -211,7 +211,7 @@ class Sway(Table, frozen=True):
     vibration_deg: Annotated[float, Meta(ge=0, description="roll and pitch from the engine, 12 to 18 Hz")] = 0.005
 
 
-class Tractor(Table, frozen=True):
+class Tractor(ScenarioTable, frozen=True):
     """Wheels and body. Boxes are [x min, x max, y min, y max, z min, z max] in the vehicle frame."""
 
     wheelbase_m: Annotated[float, Meta(gt=0.5, description="distance between the axles")] = 1.95
@@ -221,7 +221,7 @@ class Tractor(Table, frozen=True):
     body_boxes_m: Annotated[tuple[Box, ...], Meta(description="parts of the tractor that the sensor may see")] = TRACTOR
 
 
-class Implement(Table, frozen=True):
+class ScenarioImplement(ScenarioTable, frozen=True):
     """The implement."""
 
     shape: Annotated[ToolShape, Meta(description="body, and effect on the ground")] = "tiller"
@@ -249,7 +249,7 @@ class Implement(Table, frozen=True):
             msgspec.structs.force_setattr(self, "boxes_m", shaped)
 
 
-class FrontImplement(Implement, frozen=True):
+class FrontImplement(ScenarioImplement, frozen=True):
     """A second implement, in front; it leaves the ground as it is."""
 
     shape: Annotated[ToolShape, Meta(description="body")] = "roller"
@@ -266,13 +266,13 @@ class FrontImplement(Implement, frozen=True):
     rear_name: Annotated[str, Meta(description="name in session.toml of the implement behind")] = "rear tool"
 
 
-class Antenna(Table, frozen=True):
+class ScenarioAntenna(ScenarioTable, frozen=True):
     """The GNSS antenna."""
 
     xyz_m: Annotated[Vector3, Meta(description="phase centre in the vehicle frame")] = (1.847, -0.052, 1.624)
 
 
-class Lidar(Table, frozen=True):
+class ScenarioLidar(ScenarioTable, frozen=True):
     """The VLP-16 and its mounting."""
 
     xyz_m: Annotated[Vector3, Meta(description="sensor origin in the vehicle frame, as stated in the session")] = (
@@ -302,7 +302,7 @@ class Lidar(Table, frozen=True):
         self.fill(true_xyz_m=self.xyz_m, true_rpy_deg=self.rpy_deg)
 
 
-class Noise(Table, frozen=True):
+class Noise(ScenarioTable, frozen=True):
     """Measurement errors."""
 
     range_m: Annotated[float, Meta(ge=0, description="range noise at normal incidence, standard deviation")] = 0.010
@@ -318,7 +318,7 @@ class Noise(Table, frozen=True):
     dust: Annotated[float, Meta(ge=0, description="dust returns at the working implement, per metre")] = 0.030
 
 
-class Clock(Table, frozen=True):
+class ScenarioClock(ScenarioTable, frozen=True):
     """Clock errors."""
 
     computer_minus_utc_s: Annotated[float, Meta(description="offset of the recording computer")] = 0.83
@@ -332,7 +332,7 @@ class Clock(Table, frozen=True):
         self.fill(true_lidar_minus_gnss_s=self.lidar_minus_gnss_s)
 
 
-class Receiver(Table, frozen=True):
+class Receiver(ScenarioTable, frozen=True):
     """Errors of a GNSS receiver: white noise, first-order Gauss-Markov process, and bias."""
 
     white_m: Annotated[float, Meta(ge=0, description="white noise on each horizontal axis")] = BY_KIND
@@ -352,7 +352,7 @@ _CLAS: Final = {"white_m": 0.004, "gm_m": 0.010, "tau_s": 80.0, "white_h_m": 0.0
 _RTK: Final = {"white_m": 0.003, "gm_m": 0.003, "tau_s": 60.0, "white_h_m": 0.005, "gm_h_m": 0.005, "tau_h_s": 60.0}
 
 
-class Gnss(Table, frozen=True):
+class Gnss(ScenarioTable, frozen=True):
     """The receiver of the recording (`clas`) and a more accurate one on the same antenna (`rtk`)."""
 
     clas: Receiver = Receiver()
@@ -365,7 +365,7 @@ class Gnss(Table, frozen=True):
             msgspec.structs.force_setattr(self, name, receiver)
 
 
-def left_by(implement: Implement, soil: Soil, seed: int) -> Soil:
+def left_by(implement: ScenarioImplement, soil: ScenarioSoil, seed: int) -> ScenarioSoil:
     """`soil` with what `implement` leaves behind it, and the seed, where they are not stated."""
     left = soil.worked or {"tiller": "tilled", "plow": "ploughed", "mower": "same", "roller": "rolled"}[implement.shape]
     worked = SOILS[soil.kind if left == "same" else left]
@@ -374,7 +374,7 @@ def left_by(implement: Implement, soil: Soil, seed: int) -> Soil:
     return soil
 
 
-class EarlierDrive(Table, frozen=True):
+class EarlierDrive(ScenarioTable, frozen=True):
     """A drive that worked the ground before; tables as above.
 
     Its path is exactly that of a scenario with the same `seed`, `[drive]` and `[implement]`. Of its `[soil]` only what
@@ -382,9 +382,9 @@ class EarlierDrive(Table, frozen=True):
     """
 
     seed: Annotated[int, Meta(ge=0, description="of the drive and of the soil that it leaves")] = 1
-    drive: Drive = Drive()
-    soil: Soil = Soil()
-    implement: Implement = Implement()
+    drive: ScenarioDrive = ScenarioDrive()
+    soil: ScenarioSoil = ScenarioSoil()
+    implement: ScenarioImplement = ScenarioImplement()
 
     def __post_init__(self) -> None:
         if any(math.isnan(value) for value in self.drive.start_xy_m):
@@ -392,7 +392,7 @@ class EarlierDrive(Table, frozen=True):
         msgspec.structs.force_setattr(self, "soil", left_by(self.implement, self.soil, self.seed))
 
 
-class Scenario(Table, frozen=True):
+class Scenario(ScenarioTable, frozen=True):
     """A recording to simulate; by default a session of about a minute."""
 
     name: Annotated[str, Meta(description="name of the recording")] = "simulated"
@@ -411,22 +411,22 @@ class Scenario(Table, frozen=True):
         ),
     ] = ()
     earlier: tuple[EarlierDrive, ...] = ()
-    place: Place = Place()
+    place: ScenarioPlace = ScenarioPlace()
     flight: Flight | None = None
-    imu: Imu | None = None
+    imu: ScenarioImu | None = None
     mount: MovingMount | None = None
-    line: Line | None = None
-    field: Field = Field()
-    drive: Drive = Drive()
-    soil: Soil = Soil()
+    line: ScenarioLineScanner | None = None
+    field: ScenarioField = ScenarioField()
+    drive: ScenarioDrive = ScenarioDrive()
+    soil: ScenarioSoil = ScenarioSoil()
     sway: Sway = Sway()
     tractor: Tractor = Tractor()
-    implement: Implement = Implement()
+    implement: ScenarioImplement = ScenarioImplement()
     front: FrontImplement | None = None
-    antenna: Antenna = Antenna()
-    lidar: Lidar = Lidar()
+    antenna: ScenarioAntenna = ScenarioAntenna()
+    lidar: ScenarioLidar = ScenarioLidar()
     noise: Noise = Noise()
-    clock: Clock = Clock()
+    clock: ScenarioClock = ScenarioClock()
     gnss: Gnss = Gnss()
 
     def __post_init__(self) -> None:

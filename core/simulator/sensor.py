@@ -12,8 +12,15 @@ from numpy.typing import NDArray
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.rays import Returns
 from furrowmap.core.simulator.scenario import Scenario
-from furrowmap.core.simulator.site import Site
-from furrowmap.core.simulator.vlp16 import AZIMUTH_STEP_DEG, BLOCKS, FIRING_S, LASERS, PRODUCT_ID, RETURN_MODE
+from furrowmap.core.simulator.site import SimulatedSite
+from furrowmap.core.simulator.vlp16 import (
+    AZIMUTH_STEP_DEG,
+    BLOCKS_PER_PACKET,
+    FIRING_S,
+    PRODUCT_ID,
+    RETURN_MODE,
+    VLP16_LASERS,
+)
 
 FloatArray = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -30,7 +37,7 @@ _PACKET: Final = np.dtype(
                 np.dtype(
                     [("flag", "<u2"), ("azimuth", "<u2"), ("returns", [("ticks", "<u2"), ("reflectivity", "u1")], 32)]
                 ),
-                BLOCKS,
+                BLOCKS_PER_PACKET,
             ),
             "<u4",
             ("u1", 2),
@@ -81,13 +88,13 @@ class Spin:
 def make_spin(scenario: Scenario, duration_s: float) -> Spin:
     """The rotation over a drive of `duration_s`."""
     lidar = scenario.lidar
-    firings = BLOCKS if lidar.return_mode == "dual" else 2 * BLOCKS
+    firings = BLOCKS_PER_PACKET if lidar.return_mode == "dual" else 2 * BLOCKS_PER_PACKET
     packets = max(0, math.floor((duration_s + lidar.stop_s - lidar.start_s) / (firings * FIRING_S)))
     first = float(random_for(scenario.seed, "azimuth").uniform())
     return Spin(lidar.start_s, packets, firings, lidar.rpm / 60.0, lidar.rpm_wander, first)
 
 
-def data_packets(scenario: Scenario, site: Site, spin: Spin, first: int, returns: Returns) -> Bytes:
+def data_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, returns: Returns) -> Bytes:
     """(n, 1206) payloads of the data packets from number `first` on, which hold all `returns`."""
     mode = scenario.lidar.return_mode
     n = returns.ticks.shape[1] // spin.firings_a_packet
@@ -97,7 +104,7 @@ def data_packets(scenario: Scenario, site: Site, spin: Spin, first: int, returns
     turn = spin.turns(spin.time_s(firing[::2])).reshape(n, -1) % 1.0
     azimuth = np.round(turn * (360.0 / AZIMUTH_STEP_DEG)).astype(np.uint16) % 36000
     for name, values in (("ticks", returns.ticks), ("reflectivity", returns.reflectivity)):
-        packed = values.reshape(2, n, -1, 2 * LASERS)
+        packed = values.reshape(2, n, -1, 2 * VLP16_LASERS)
         if mode == "dual":  # the last return in the even blocks, the strongest or second-strongest in the odd ones
             packets["blocks"]["returns"][name][:, 0::2] = packed[1]
             packets["blocks"]["returns"][name][:, 1::2] = packed[0]
@@ -110,7 +117,7 @@ def data_packets(scenario: Scenario, site: Site, spin: Spin, first: int, returns
     return packets.view(np.uint8).reshape(n, 1206)
 
 
-def position_packet(scenario: Scenario, site: Site, t_s: float, gprmc: str) -> Bytes:
+def position_packet(scenario: Scenario, site: SimulatedSite, t_s: float, gprmc: str) -> Bytes:
     """(1, 512) payload of a position packet: the sensor's clock, the PPS locked, the receiver's sentence."""
     payload = np.zeros((1, POSITION_BYTES), np.uint8)
     stamp_us = (round(t_s * 1e6) + clock_us(scenario, site)) % HOUR_US
@@ -121,6 +128,6 @@ def position_packet(scenario: Scenario, site: Site, t_s: float, gprmc: str) -> B
     return payload
 
 
-def clock_us(scenario: Scenario, site: Site) -> int:
+def clock_us(scenario: Scenario, site: SimulatedSite) -> int:
     """What the sensor's clock shows at local time 0, in microseconds since 1970."""
     return site.t0_us + round(scenario.clock.true_lidar_minus_gnss_s * 1e6)

@@ -16,11 +16,11 @@ from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.recording import World, record
-from furrowmap.core.simulator.scenario import Implement, Scenario
+from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.sensor import make_spin
 from furrowmap.core.simulator.simulate_flight import Written, moving, session_head, write_flight, write_sensors
-from furrowmap.core.simulator.site import Site, find_site, laid_out
+from furrowmap.core.simulator.site import SimulatedSite, find_site, laid_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground
 from furrowmap.core.simulator.truth import (
     coarse_surface,
@@ -135,7 +135,7 @@ boundary = "boundary.geojson"
 """
 
 
-def _implement(implement: Implement) -> str:
+def _implement(implement: ScenarioImplement) -> str:
     return f"""\
 kind = {_text(implement.kind)}
 width_m = {implement.width_m!r}
@@ -148,7 +148,7 @@ def _text(words: str) -> str:
     return json.dumps(words, ensure_ascii=False)
 
 
-def _boundary(scenario: Scenario, site: Site) -> str:
+def _boundary(scenario: Scenario, site: SimulatedSite) -> str:
     """The parcel in GeoJSON (RFC 7946: longitude first, the ring counter-clockwise and closed)."""
     u0, u1, v0, v1 = scenario.field.boundary_uv_m
     lane = np.radians(90.0 - scenario.drive.lane_heading_deg)

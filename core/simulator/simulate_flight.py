@@ -11,13 +11,13 @@ import numpy as np
 
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.simulator.flight import duration_s, fly, laid_out_flight
-from furrowmap.core.simulator.flight_scenario import Flight, Imu
+from furrowmap.core.simulator.flight_scenario import Flight, ScenarioImu
 from furrowmap.core.simulator.flight_truth import make_crop, write_flight_trajectory, write_ground, write_mounting
 from furrowmap.core.simulator.gnss import receive, report, sentences
 from furrowmap.core.simulator.inertial import measure, write_biases, write_imu
 from furrowmap.core.simulator.line_scanner import record_lines
-from furrowmap.core.simulator.motion import Motion
-from furrowmap.core.simulator.moving_mount import MountMotion
+from furrowmap.core.simulator.motion import SimulatedMotion
+from furrowmap.core.simulator.moving_mount import SimulatedMountMotion
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.recording import World, record
 from furrowmap.core.simulator.scenario import Scenario
@@ -82,9 +82,9 @@ def write_flight(folder: Path, scenario: Scenario, flight: Flight, progress: Pro
     return Written(scenario, capture, figures)
 
 
-def moving(scenario: Scenario) -> MountMotion | None:
+def moving(scenario: Scenario) -> SimulatedMountMotion | None:
     """The motion of the mount; None where it is rigid."""
-    return MountMotion.of(scenario.mount, scenario.seed) if scenario.mount is not None else None
+    return SimulatedMountMotion.of(scenario.mount, scenario.seed) if scenario.mount is not None else None
 
 
 def write_sensors(folder: Path, world: World, end_s: float) -> None:
@@ -98,7 +98,7 @@ def write_sensors(folder: Path, world: World, end_s: float) -> None:
         world.mount.write(folder / "mount.csv", site, end_s, scenario.seed)
 
 
-def flight_figures(motion: Motion) -> dict[str, Any]:
+def flight_figures(motion: SimulatedMotion) -> dict[str, Any]:
     """Length and tilt of a flight."""
     tilt = np.degrees(np.hypot(motion.roll_rad, motion.pitch_rad))
     return {
@@ -142,7 +142,7 @@ rpy_deg = {list(lidar.rpy_deg)}
     return "".join(parts)
 
 
-def _imu_table(imu: Imu) -> str:
+def _imu_table(imu: ScenarioImu) -> str:
     """`[imu]` with the figures of its data sheet; those that are zero are left to the class."""
     stated = {
         "gyro_deg_s_rthz": imu.gyro_noise_deg_s_rthz,

@@ -24,7 +24,7 @@ CELL_M = 0.025
 """Cell size of the simulated ground; the ground truth has cells twice as large."""
 CROP_CELL_M = 0.02
 """Cell size of the crop on it; its truth has cells twice as large, as wide as the pixels that crops are measured in."""
-MOST_CELLS = 80_000_000
+MAX_SITE_CELLS = 80_000_000
 """Five hectares; the ground takes about 40 bytes per cell during its computation."""
 
 
@@ -64,18 +64,18 @@ def check_size(east_m: float, north_m: float) -> None:
     Raises:
         InputError: it is too large.
     """
-    if east_m * north_m / CELL_M**2 > MOST_CELLS:
+    if east_m * north_m / CELL_M**2 > MAX_SITE_CELLS:
         raise InputError(
             "scenario-too-large",
             east_m=east_m,
             north_m=north_m,
             cell_m=CELL_M,
-            most_cells=MOST_CELLS * CELL_M**2 / 10000.0,
+            most_cells=MAX_SITE_CELLS * CELL_M**2 / 10000.0,
         )
 
 
 @dataclass(frozen=True)
-class Site:
+class SimulatedSite:
     """Georeference of the local frame.
 
     Attributes:
@@ -156,7 +156,7 @@ def _to_degrees(crs: str) -> Transformer:
     return Transformer.from_crs(crs, CRS(crs).geodetic_crs, always_xy=True)
 
 
-def find_site(scenario: Scenario) -> Site:
+def find_site(scenario: Scenario) -> SimulatedSite:
     """The site of a scenario that is laid out.
 
     Raises:
@@ -176,4 +176,4 @@ def find_site(scenario: Scenario) -> Site:
         ) from error
     if not crs.is_projected:
         raise InputError("scenario-crs", crs=place.crs)
-    return Site(place.crs, float(round(e)), float(round(n)), place.height_m, place.geoid_m, scenario.t0_us)
+    return SimulatedSite(place.crs, float(round(e)), float(round(n)), place.height_m, place.geoid_m, scenario.t0_us)

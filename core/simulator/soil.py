@@ -16,16 +16,16 @@ import scipy.fft
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.drive import RATE_HZ, Track, drive_path
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.path import plan_path
-from furrowmap.core.simulator.scenario import EarlierDrive, Scenario, Soil
+from furrowmap.core.simulator.scenario import EarlierDrive, Scenario, ScenarioSoil
 from furrowmap.core.simulator.site import CELL_M
 
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
-BLOCK = 16
+NOISE_BLOCK = 16
 """Cells along the edge of the blocks whose highest point is known."""
 FOOTPRINT_M = 0.014
 """Standard deviation of the blur of a beam's footprint, below which relief cannot be measured."""
@@ -39,7 +39,7 @@ class Ground(NamedTuple):
             last working of a cell. Row and column 0 lie at the local origin; rows go north.
         first_s, last_s: (rows, cols) when a cell was first and last worked; inf: never.
         worked_earlier: (rows, cols) whether an earlier drive worked a cell.
-        ceiling: (rows / BLOCK, cols / BLOCK) highest relief ever of a block and its rim.
+        ceiling: (rows / NOISE_BLOCK, cols / NOISE_BLOCK) highest relief ever of a block and its rim.
         slope_e, slope_n: rise of the mean plane.
     """
 
@@ -55,7 +55,7 @@ class Ground(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Sweep:
+class ToolSweep:
     """One pass of the tool, from when it enters the ground to when it leaves it.
 
     Attributes:
@@ -73,7 +73,7 @@ class Sweep:
     end_s: float
 
 
-def find_sweeps(track: Track, xy_m: tuple[float, float]) -> list[Sweep]:
+def find_sweeps(track: SimulatedTrack, xy_m: tuple[float, float]) -> list[ToolSweep]:
     """The passes of a tool whose line lies at `xy_m` in the vehicle frame."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], track.down.astype(np.int8), [0]])))
     sweeps = []
@@ -81,18 +81,18 @@ def find_sweeps(track: Track, xy_m: tuple[float, float]) -> list[Sweep]:
         moving = begin + np.flatnonzero(track.speed_mps[begin:end] > 0.0)
         if len(moving) < 2:
             continue
-        way = np.cumsum(track.speed_mps[moving]) / RATE_HZ
+        way = np.cumsum(track.speed_mps[moving]) / DRIVE_RATE_HZ
         steps = np.linspace(way[0], way[-1], max(2, math.ceil((way[-1] - way[0]) / 0.010) + 1))
         t_s, e, n, yaw = (
             np.interp(steps, way, values[moving]) for values in (track.t_s, track.e_m, track.n_m, track.yaw_rad)
         )
         c, s = np.cos(yaw), np.sin(yaw)
         e, n = e + c * xy_m[0] - s * xy_m[1], n + s * xy_m[0] + c * xy_m[1]
-        sweeps.append(Sweep(t_s, e, n, yaw, float(track.t_s[begin]), float(track.t_s[end - 1])))
+        sweeps.append(ToolSweep(t_s, e, n, yaw, float(track.t_s[begin]), float(track.t_s[end - 1])))
     return sweeps
 
 
-def make_ground(scenario: Scenario, sweeps: list[Sweep]) -> Ground:
+def make_ground(scenario: Scenario, sweeps: list[ToolSweep]) -> Ground:
     """The ground of a scenario that is laid out, worked by its earlier drives and then by `sweeps` in their order."""
     soil = scenario.soil
     before, waves = _found(scenario)
@@ -121,7 +121,7 @@ def make_ground(scenario: Scenario, sweeps: list[Sweep]) -> Ground:
     return Ground(before, middle, after, first, last, worked_earlier, ceiling, *slopes)
 
 
-def earlier_sweeps(earlier: EarlierDrive) -> list[Sweep]:
+def earlier_sweeps(earlier: EarlierDrive) -> list[ToolSweep]:
     """The passes of an earlier drive."""
     path = plan_path(earlier.drive, random_for(earlier.seed, "driver"))
     track = drive_path(path, earlier.drive, earlier.implement, random_for(earlier.seed, "tool"))
@@ -131,8 +131,8 @@ def earlier_sweeps(earlier: EarlierDrive) -> list[Sweep]:
 def _found(scenario: Scenario) -> tuple[Float32Array, Float32Array]:
     """Relief of the ground as the first drive found it, and its waves alone; rows lie along the first drive's lanes."""
     soil, drive = scenario.soil, scenario.earlier[0].drive if scenario.earlier else scenario.drive
-    rows = BLOCK * math.ceil(scenario.field.size_n_m / (CELL_M * BLOCK))
-    cols = BLOCK * math.ceil(scenario.field.size_e_m / (CELL_M * BLOCK))
+    rows = NOISE_BLOCK * math.ceil(scenario.field.size_n_m / (CELL_M * NOISE_BLOCK))
+    cols = NOISE_BLOCK * math.ceil(scenario.field.size_e_m / (CELL_M * NOISE_BLOCK))
     waves = _field(random_for(soil.seed, "undulation"), rows, cols, _waves)
     waves *= soil.undulation_m / math.sqrt(2.0)
     found = _field(random_for(soil.seed, "clods"), rows, cols, lambda k: _clods(k, soil.clod_corr_m))
@@ -149,7 +149,7 @@ def _found(scenario: Scenario) -> tuple[Float32Array, Float32Array]:
 
 
 def _workings(
-    drive: Scenario | EarlierDrive, sweeps: list[Sweep], before: Float32Array, waves: Float32Array
+    drive: Scenario | EarlierDrive, sweeps: list[ToolSweep], before: Float32Array, waves: Float32Array
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], Float32Array, Float32Array]]:
     """(row, col, relief, t_s) of the cells that each pass of a drive works, in their order."""
     soil, (rows, cols) = drive.soil, before.shape
@@ -170,7 +170,7 @@ def _workings(
 
 
 def worked_cells(
-    sweep: Sweep, half_m: float, rows: int, cols: int
+    sweep: ToolSweep, half_m: float, rows: int, cols: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], Float32Array, FloatArray]:
     """(row, col, t_s, across_m) of the cells whose middle the tool's line passes over; across it, left positive."""
     lateral = np.linspace(-half_m, half_m, math.ceil(2.0 * half_m / (0.5 * CELL_M)) + 1)
@@ -199,7 +199,7 @@ def ground_height(ground: Ground, e_m: FloatArray, n_m: FloatArray, t_s: FloatAr
     return out
 
 
-def _profile(soil: Soil, across_m: FloatArray, half_m: float) -> FloatArray:
+def _profile(soil: ScenarioSoil, across_m: FloatArray, half_m: float) -> FloatArray:
     """Height of the worked ground above the field's waves, across a pass: swell, ridges at its borders, furrows."""
 
     def ridge(x: FloatArray) -> FloatArray:
@@ -245,7 +245,9 @@ def ceiling_of(highest: Float32Array) -> Float32Array:
     wide = highest.copy()
     for axis in (0, 1):
         np.maximum(wide, np.maximum(np.roll(wide, 1, axis), np.roll(wide, -1, axis)), out=wide)
-    return np.ascontiguousarray(wide.reshape(rows // BLOCK, BLOCK, cols // BLOCK, BLOCK).max(axis=(1, 3)))
+    return np.ascontiguousarray(
+        wide.reshape(rows // NOISE_BLOCK, NOISE_BLOCK, cols // NOISE_BLOCK, NOISE_BLOCK).max(axis=(1, 3))
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -21,7 +21,7 @@ def waits(value: object) -> bool:
     return isinstance(value, float) and math.isnan(value)
 
 
-class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class ScenarioTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A table of the scenario: frozen, without unknown keys."""
 
     def fill(self, **values: object) -> None:

@@ -10,11 +10,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.drive import RATE_HZ, Track
-from furrowmap.core.simulator.motion import Motion
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack
+from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.scenario import Scenario
-from furrowmap.core.simulator.site import CELL_M, Site
-from furrowmap.core.simulator.soil import Ground, Sweep
+from furrowmap.core.simulator.site import CELL_M, SimulatedSite
+from furrowmap.core.simulator.soil import Ground, ToolSweep
 
 FloatArray = NDArray[np.float64]
 
@@ -26,9 +26,9 @@ _TIME_STEP_S: Final = 2.0**-7
 _VERTEX_M: Final = 0.12
 
 
-def write_trajectory(file: Path, motion: Motion, site: Site) -> None:
+def write_trajectory(file: Path, motion: SimulatedMotion, site: SimulatedSite) -> None:
     """The vehicle frame at 100 Hz, in map coordinates and in the angles of files."""
-    i = slice(None, None, RATE_HZ // _HZ)
+    i = slice(None, None, DRIVE_RATE_HZ // _HZ)
     heading = (90.0 - np.degrees(motion.yaw_rad[i])) % 360.0
     columns = [
         site.t0_s + motion.t_s[i],
@@ -43,9 +43,9 @@ def write_trajectory(file: Path, motion: Motion, site: Site) -> None:
     np.savetxt(file, np.column_stack(columns), fmt="%.4f" + ",%.5f" * 6, header=names, comments="")
 
 
-def write_implement(file: Path, track: Track, site: Site) -> None:
+def write_implement(file: Path, track: SimulatedTrack, site: SimulatedSite) -> None:
     """Height and state of the tool at 100 Hz."""
-    i = slice(None, None, RATE_HZ // _HZ)
+    i = slice(None, None, DRIVE_RATE_HZ // _HZ)
     rows = zip(site.t0_s + track.t_s[i], track.tool_m[i], track.down[i], strict=True)
     lines = [f"{t:.4f},{tool:.4f},{'down' if down else 'up'}\n" for t, tool, down in rows]
     file.write_text("time_unix_s,tool_height_m,state\n" + "".join(lines), encoding="utf-8")
@@ -96,7 +96,9 @@ class SeenAfter:
         return np.minimum(self.counts, 255).astype(np.uint8).reshape(self._rows, self._cols)
 
 
-def write_surface(file: Path, surface: dict[str, FloatArray], seen_after: NDArray[np.uint8], site: Site) -> None:
+def write_surface(
+    file: Path, surface: dict[str, FloatArray], seen_after: NDArray[np.uint8], site: SimulatedSite
+) -> None:
     """The truth's ground as a compressed archive of arrays."""
     np.savez_compressed(
         file,
@@ -113,7 +115,7 @@ def write_surface(file: Path, surface: dict[str, FloatArray], seen_after: NDArra
     )
 
 
-def swept(sweep: Sweep, width_m: float) -> shapely.Polygon | shapely.MultiPolygon:
+def swept(sweep: ToolSweep, width_m: float) -> shapely.Polygon | shapely.MultiPolygon:
     """The ground, in local coordinates, that a tool's line passes over."""
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(sweep.e_m), np.diff(sweep.n_m)))])
     _, kept = np.unique(np.floor(way / _VERTEX_M), return_index=True)
@@ -129,7 +131,7 @@ def swept(sweep: Sweep, width_m: float) -> shapely.Polygon | shapely.MultiPolygo
     return joined
 
 
-def write_worked(file: Path, sweeps: list[Sweep], width_m: float, site: Site) -> dict[str, Any]:
+def write_worked(file: Path, sweeps: list[ToolSweep], width_m: float, site: SimulatedSite) -> dict[str, Any]:
     """The layers passes, coverage and overlaps; their figures."""
     import geopandas as gpd
     import pyogrio
@@ -195,11 +197,11 @@ def ground_figures(surface: dict[str, FloatArray], seen_after: NDArray[np.uint8]
     }
 
 
-def drive_figures(track: Track, motion: Motion) -> dict[str, Any]:
+def drive_figures(track: SimulatedTrack, motion: SimulatedMotion) -> dict[str, Any]:
     """How far and how long the machine drove, how often the tool changed its state, how much the ground tilted it."""
     return {
         "distance_driven_m": round(float(np.hypot(np.diff(track.e_m), np.diff(track.n_m)).sum()), 2),
-        "standing_s": round(float((np.abs(track.speed_mps) < 0.01).sum()) / RATE_HZ, 2),
+        "standing_s": round(float((np.abs(track.speed_mps) < 0.01).sum()) / DRIVE_RATE_HZ, 2),
         "transitions": transitions(track),
         "rms_deg": {
             "roll": round(float(np.sqrt(np.mean(np.degrees(motion.roll_rad) ** 2))), 3),
@@ -208,7 +210,7 @@ def drive_figures(track: Track, motion: Motion) -> dict[str, Any]:
     }
 
 
-def transitions(track: Track) -> int:
+def transitions(track: SimulatedTrack) -> int:
     """How often the tool changed its state."""
     return int(np.count_nonzero(np.diff(track.down.astype(np.int8))))
 
@@ -229,6 +231,6 @@ def _multi(shape: shapely.Geometry) -> shapely.MultiPolygon:
     return shapely.MultiPolygon([p for p in shapely.get_parts(shape) if isinstance(p, shapely.Polygon)])
 
 
-def _iso(site: Site, t_s: float) -> str:
+def _iso(site: SimulatedSite, t_s: float) -> str:
     now = dt.datetime(1970, 1, 1, tzinfo=dt.UTC) + dt.timedelta(microseconds=site.t0_us + round(t_s * 1e6))
     return now.isoformat(timespec="milliseconds").replace("+00:00", "Z")

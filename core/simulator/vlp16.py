@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-LASERS: Final = 16
+VLP16_LASERS: Final = 16
 ELEVATION_DEG: Final = np.array(
     [-15.0, 1.0, -13.0, 3.0, -11.0, 5.0, -9.0, 7.0, -7.0, 9.0, -5.0, 11.0, -3.0, 13.0, -1.0, 15.0]
 )
@@ -19,7 +19,7 @@ LASER_S: Final = 2.304e-6
 """From one laser to the next."""
 FIRING_S: Final = 55.296e-6
 """From one firing of all lasers to the next."""
-BLOCKS: Final = 12
+BLOCKS_PER_PACKET: Final = 12
 """Blocks in a packet, each of two firings of all lasers."""
 RANGE_STEP_M: Final = 0.002
 AZIMUTH_STEP_DEG: Final = 0.01

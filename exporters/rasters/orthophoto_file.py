@@ -15,7 +15,7 @@ from rasterio.shutil import copy
 from rasterio.windows import Window
 
 from furrowmap.core.images.colouring import Colours
-from furrowmap.core.images.orthophoto import Picture, finer_grid, orthophoto, pixels_a_cell
+from furrowmap.core.images.orthophoto import Orthophoto, finer_grid, orthophoto, pixels_a_cell
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
@@ -105,7 +105,7 @@ def write_orthophoto(
 
 def _pictures(
     heights: Any, grid: Grid, colours: Colours, factor: int, origin_m: tuple[float, float, float]
-) -> Iterator[Picture]:
+) -> Iterator[Orthophoto]:
     """The parts of the orthophoto, several of them made at once."""
     with ThreadPoolExecutor(threads()) as pool:
         waiting = []

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.simulator.scenario import Drive, Field, Scenario
+from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import Located, locate
@@ -24,8 +24,8 @@ STRAIGHT = Scenario(
     name="straight",
     title="One pass, ten seconds",
     seed=11,
-    field=Field(margin_m=10.0),
-    drive=Drive(passes=1, pass_m=(6.0,), stand_start_s=1.0, stand_end_s=0.5, lead_in_m=0.5, wander_m=0.05),
+    field=ScenarioField(margin_m=10.0),
+    drive=ScenarioDrive(passes=1, pass_m=(6.0,), stand_start_s=1.0, stand_end_s=0.5, lead_in_m=0.5, wander_m=0.05),
 )
 
 

@@ -15,8 +15,7 @@ import pytest
 from pyproj import CRS
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.images.frame_poses import FramePoses
-from furrowmap.core.images.frames import Frames
+from furrowmap.core.images.frames import FramePoses, Frames
 from furrowmap.core.readers.nmea.sentences import Sentences
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.states_csv import StatesCsv

@@ -12,8 +12,7 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.images.colour_maker import ColourMaker
-from furrowmap.core.images.colouring import NO_FRAME, Colours
+from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, Colours
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.background import behind

@@ -24,7 +24,7 @@ from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.simulator.scenario import Drive, Field, Scenario
+from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import locate
@@ -37,8 +37,8 @@ from furrowmap.core.values.trajectory import Trajectory
 TURNING = Scenario(
     name="turning",
     seed=23,
-    field=Field(margin_m=8.0),
-    drive=Drive(passes=2, pass_m=(4.0,), stand_start_s=0.6, stand_end_s=0.4, lead_in_m=0.4),
+    field=ScenarioField(margin_m=8.0),
+    drive=ScenarioDrive(passes=2, pass_m=(4.0,), stand_start_s=0.6, stand_end_s=0.4, lead_in_m=0.4),
 )
 
 Misstated = Callable[[Session], Session]

@@ -24,7 +24,7 @@ from furrowmap.core.simulator.drive import drive_path
 from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.path import plan_path
-from furrowmap.core.simulator.scenario import Drive, Field, Scenario
+from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField
 from furrowmap.core.simulator.site import laid_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground
 from furrowmap.core.values.inertial import inertial_noise
@@ -37,7 +37,13 @@ FloatArray = NDArray[np.float64]
 
 LEVER = np.array([1.2, 0.1, 2.0])
 BIAS = np.radians([0.11, -0.07, 0.19])
-LOOP = Scenario(name="loop", title="Two passes and a turn", seed=21, field=Field(margin_m=10.0), drive=Drive(passes=2))
+LOOP = Scenario(
+    name="loop",
+    title="Two passes and a turn",
+    seed=21,
+    field=ScenarioField(margin_m=10.0),
+    drive=ScenarioDrive(passes=2),
+)
 
 
 def driven() -> Trajectory:

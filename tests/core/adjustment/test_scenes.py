@@ -14,25 +14,27 @@ from furrowmap.core.adjustment.consistency import Cause
 from furrowmap.core.adjustment.session_match import match_session, matched_to_ground
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
-from furrowmap.core.simulator.scenario import Drive, Field, Noise, Scenario, Soil
+from furrowmap.core.simulator.scenario import Noise, Scenario, ScenarioDrive, ScenarioField, ScenarioSoil
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.trajectory import Trajectory
 
-DRIVE = Drive(passes=1, pass_m=(5.0,), stand_start_s=0.5, stand_end_s=0.5, lead_in_m=0.5, start_xy_m=(12.0, 14.0))
+DRIVE = ScenarioDrive(
+    passes=1, pass_m=(5.0,), stand_start_s=0.5, stand_end_s=0.5, lead_in_m=0.5, start_xy_m=(12.0, 14.0)
+)
 YARD = ((20.0, 27.0, 5.0, 18.0, 4.0, 4.0, 6.0), (33.0, 14.0, 80.0, 9.0, 4.0, 3.5, 7.0))
 SCENES: dict[str, dict[str, Any]] = {
-    "concrete": {"soil": Soil(kind="asphalt", clod_sigma_m=0.0, undulation_m=0.0, worked="same")},
-    "yard": {"soil": Soil(kind="asphalt", undulation_m=0.01, worked="same"), "walls": YARD},
-    "lawn": {"soil": Soil(kind="lawn", worked="same")},
-    "snow": {"soil": Soil(kind="snow", worked="same"), "noise": Noise(range_m=0.02, dropout=0.15)},
+    "concrete": {"soil": ScenarioSoil(kind="asphalt", clod_sigma_m=0.0, undulation_m=0.0, worked="same")},
+    "yard": {"soil": ScenarioSoil(kind="asphalt", undulation_m=0.01, worked="same"), "walls": YARD},
+    "lawn": {"soil": ScenarioSoil(kind="lawn", worked="same")},
+    "snow": {"soil": ScenarioSoil(kind="snow", worked="same"), "noise": Noise(range_m=0.02, dropout=0.15)},
 }
 
 
 def opened_scene(scene: dict[str, Any], folder: Path) -> tuple[OpenSession, Trajectory]:
     """A scene's recording and its truth."""
-    made = simulate(Scenario(seed=5, field=Field(size_e_m=38.0, size_n_m=32.0), drive=DRIVE, **scene), folder)
+    made = simulate(Scenario(seed=5, field=ScenarioField(size_e_m=38.0, size_n_m=32.0), drive=DRIVE, **scene), folder)
     opened = open_session(made.session)
     poses = open_recording([made.folder / "truth" / "trajectory.csv"], ReadOptions())
     assert isinstance(poses, GivesPoses)
@@ -100,7 +102,7 @@ def test_promise_13__without_relief_the_sway_shows_clocks_that_are_apart(
 
 
 def test_promise_15__among_standing_crop_what_nothing_shows_is_said_to_be_assumed(tmp_path: Path) -> None:
-    opened, truth = opened_scene({"soil": Soil(kind="maize", worked="same")}, tmp_path / "maize")
+    opened, truth = opened_scene({"soil": ScenarioSoil(kind="maize", worked="same")}, tmp_path / "maize")
     located = locate(opened.positions(), opened.session, opened.frame)
     placed, matched = matched_to_ground(located, opened.lidar(truth.span_s[0]), opened.session)
     assert matched is None

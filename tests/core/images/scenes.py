@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from furrowmap.core.images.frame_poses import FramePoses
-from furrowmap.core.images.frames import Frames
+from furrowmap.core.images.frames import FramePoses, Frames
 from furrowmap.core.images.projection import unproject
 from furrowmap.core.values.camera import Camera
 

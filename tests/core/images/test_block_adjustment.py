@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.images.block_adjustment import Block, Known, adjusted_block, adjusted_poses
-from furrowmap.core.images.frame_poses import FramePoses, frame_poses
+from furrowmap.core.images.block_adjustment import ImageBlock, Known, adjusted_block, adjusted_poses
+from furrowmap.core.images.frames import FramePoses, frame_poses
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
@@ -85,7 +85,7 @@ class Flight:
         wrong = PoseErrors(NODES_S, -drawn, self.covariance)
         zero = PoseErrors(NODES_S, np.zeros((nodes, 6)), self.covariance)
         believed = without_errors(replace(self.truth, sigma=np.ones((len(self.truth), 6))), zero, wrong)
-        self.block = Block(believed, zero, STATED, T_S, SCALE)
+        self.block = ImageBlock(believed, zero, STATED, T_S, SCALE)
         points = np.arange(control) * (len(self.soil) // max(control, 1))
         names = tuple(map(str, points.tolist()))
         self.known = Known(points, self.soil[points], np.full((control, 3), 0.003), names)

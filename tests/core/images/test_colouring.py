@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from furrowmap.core.images import frame_pixels
-from furrowmap.core.images.colour_maker import ColourMaker
-from furrowmap.core.images.colouring import NO_FRAME, Colours
+from furrowmap.core.images import colouring
+from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, Colours
 from furrowmap.core.images.frames import Frames, frames_along
 from furrowmap.core.images.orthophoto import orthophoto, pixels_a_cell
 from furrowmap.core.runtime.errors import Notice
@@ -122,7 +121,7 @@ def test_orthophoto__is_the_ground_where_any_frame_sees_it(colours: Colours) -> 
 
 
 def test_large_images__are_reduced(frames: Frames, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frame_pixels, "MOST_BYTES", 8 * 3 * 200 * 150 // 3)
+    monkeypatch.setattr(colouring, "MAX_PIXEL_BYTES", 8 * 3 * 200 * 150 // 3)
     maker = ColourMaker(frames, ORIGIN_M)
     ground, board = cloud()
     maker.add(np.concatenate([ground, board]))

@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from furrowmap.core.images.aiding import ImageAid, aided_by_images
 from furrowmap.core.images.control_points import ControlPoints
-from furrowmap.core.images.frame_poses import frame_poses
+from furrowmap.core.images.frames import frame_poses
 from furrowmap.core.images.projection import unproject
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import silent

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.core.images.frame_poses import FramePoses
-from furrowmap.core.images.neighbours import overlapping
+from furrowmap.core.images.frames import FramePoses
+from furrowmap.core.images.ties import overlapping
 from furrowmap.core.values.camera import Camera
 
 CAMERA = Camera(900, 700, 500.0, 500.0, 449.5, 349.5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.core.images.plates import plate_middle
+from furrowmap.core.images.control_points import plate_middle
 
 pytest.importorskip("cv2")
 

@@ -9,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from furrowmap.core.images.colour_maker import ColourMaker
-from furrowmap.core.images.colouring import NO_FRAME
-from furrowmap.core.images.frame_pixels import decoded
+from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, decoded
 from furrowmap.core.images.frames import frames_along
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.pipeline.pipeline import ground_scale

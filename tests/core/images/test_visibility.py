@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.images.balance import FEWEST, balanced
-from furrowmap.core.images.frame_poses import FramePoses
-from furrowmap.core.images.frames import Frames
+from furrowmap.core.images.balance import MIN_OBSERVATIONS, balanced
+from furrowmap.core.images.frames import FramePoses, Frames
 from furrowmap.core.images.projection import project
 from furrowmap.core.images.visibility import CELL_PX, SLACK_CELLS, Visibility, VisibilityMaker, closed
 
@@ -144,7 +143,7 @@ def views(points: int) -> tuple[np.ndarray, ...]:
 
 
 def test_balance__of_too_few_views_is_none() -> None:
-    point, frame, radius, levels = views(FEWEST // 2)
+    point, frame, radius, levels = views(MIN_OBSERVATIONS // 2)
     known = balanced(2, point, frame, radius, levels).gain
     assert known[1] - known[0] == pytest.approx(np.full(3, np.log(1.2)), abs=0.01)
     few = balanced(2, point[2:], frame[2:], radius[2:], levels[2:])

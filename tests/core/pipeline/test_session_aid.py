@@ -20,14 +20,14 @@ from furrowmap.core.images.aiding import (
 from furrowmap.core.images.block_adjustment import (
     NOTHING_KNOWN,
     AdjustedBlock,
-    Block,
+    ImageBlock,
     Known,
     adjusted_block,
     adjusted_poses,
 )
 from furrowmap.core.images.control_points import ControlPoints, control_views
-from furrowmap.core.images.frame_poses import frame_poses
-from furrowmap.core.images.neighbours import overlapping
+from furrowmap.core.images.frames import frame_poses
+from furrowmap.core.images.ties import overlapping
 from furrowmap.core.pipeline import session_aid
 from furrowmap.core.pipeline.session_aid import read_pixels
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -136,7 +136,7 @@ def test_quality_of_positions__is_not_that_of_a_cloud_that_control_points_place(
 def adjusted_with(camera: Camera, late_s: float = 0.0) -> tuple[Flight, AdjustedBlock]:
     """The adjustment of a flight whose camera or times are stated otherwise than they are."""
     flight = Flight(1, places=300)
-    block = Block(flight.block.trajectory, flight.block.errors, camera, T_S + late_s, SCALE)
+    block = ImageBlock(flight.block.trajectory, flight.block.errors, camera, T_S + late_s, SCALE)
     return flight, adjusted_block(block, flight.ties)
 
 

@@ -10,11 +10,11 @@ import pytest
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.simulator.gnss import FLOAT, receive
-from furrowmap.core.simulator.motion import Motion
+from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.path import plan_path
-from furrowmap.core.simulator.scenario import Drive, Receiver
+from furrowmap.core.simulator.scenario import Receiver, ScenarioDrive
 from furrowmap.core.simulator.scenario_file import scenario_from
-from furrowmap.core.simulator.site import Site
+from furrowmap.core.simulator.site import SimulatedSite
 
 PAGE = (Path(__file__).resolve().parents[3] / "docs" / "reference" / "scenario.md").read_text(encoding="utf-8")
 
@@ -29,7 +29,7 @@ def test_speeds__on_passes_in_turns_and_in_reverse() -> None:
     stated("drive", "speed_work_mps", "speed on passes")
     stated("drive", "speed_turn_mps", "speed in turns; 85 % of it in reverse")
     stated("drive", "speed_factors", "factor on speed_work_mps by pass; empty: 1")
-    drive = Drive(turns="fishtail", passes=2, wander_m=0.0, speed_work_mps=1.5, speed_turn_mps=1.0)
+    drive = ScenarioDrive(turns="fishtail", passes=2, wander_m=0.0, speed_work_mps=1.5, speed_turn_mps=1.0)
     path = plan_path(drive, np.random.default_rng(0))
     on_pass = np.zeros(len(path.distance_m), bool)
     for begin, end in path.passes:
@@ -39,7 +39,7 @@ def test_speeds__on_passes_in_turns_and_in_reverse() -> None:
     inside_turn = (path.gear > 0) & (path.distance_m > path.passes[0][1] + 1.0)
     inside_turn &= path.distance_m < path.passes[1][0] - drive.lead_in_m - 0.05
     assert set(path.limit_mps[inside_turn]) == {1.0}
-    slower = plan_path(Drive(passes=2, wander_m=0.0, speed_work_mps=1.5, speed_factors=(1.0, 0.5)),
+    slower = plan_path(ScenarioDrive(passes=2, wander_m=0.0, speed_work_mps=1.5, speed_factors=(1.0, 0.5)),
                        np.random.default_rng(0))  # fmt: skip
     middles = [np.interp(np.mean(ends), slower.distance_m, slower.limit_mps) for ends in slower.passes]
     assert middles == pytest.approx([1.5, 0.75])
@@ -47,7 +47,7 @@ def test_speeds__on_passes_in_turns_and_in_reverse() -> None:
 
 def test_stops__are_where_and_as_long_as_stated() -> None:
     stated("drive", "stops", "stops while working: [pass (from 0), metres into the pass, seconds]")
-    drive = Drive(passes=2, wander_m=0.0, stops=((1, 3.0, 7.0),))
+    drive = ScenarioDrive(passes=2, wander_m=0.0, stops=((1, 3.0, 7.0),))
     path = plan_path(drive, np.random.default_rng(0))
     ((at_m, stand_s),) = [stop for stop in path.stops if stop[1] == 7.0]
     assert at_m == pytest.approx(path.passes[1][0] + 3.0)
@@ -60,10 +60,10 @@ def test_receivers__outages_and_floats_are_from_and_to_after_the_start() -> None
     stated("gnss.clas", "float_error_m", "constant horizontal error while float")
     t = np.arange(-0.5, 62.0, 0.5)
     z = np.zeros(len(t))
-    site = Site("EPSG:6677", 16642.0, 96548.0, 271.4, 41.3, 1_781_143_200_000_000)
+    site = SimulatedSite("EPSG:6677", 16642.0, 96548.0, 271.4, 41.3, 1_781_143_200_000_000)
     none = {"white_m": 0.0, "gm_m": 0.0, "white_h_m": 0.0, "gm_h_m": 0.0, "bias_h_m": 0.0, "tau_s": 9.0, "tau_h_s": 9.0}
     receiver = Receiver(**none, rate_hz=1, outage_s=((10.0, 15.0),), float_s=((30.0, 40.0),), float_error_m=0.5)
-    motion = Motion(t, np.zeros((len(t), 3)), z, z, z, z, z)
+    motion = SimulatedMotion(t, np.zeros((len(t), 3)), z, z, z, z, z)
     fixes = receive(receiver, (0.0, 0.0, 0.0), site, motion, 60.0, 3, "x")
     assert sorted(set(range(61)) - set(np.round(fixes.t_s).astype(int).tolist())) == [10, 11, 12, 13, 14]
     floating = fixes.quality == FLOAT

@@ -17,13 +17,13 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.simulator.flight import duration_s, fly, laid_out_flight, waypoints
 from furrowmap.core.simulator.flight_truth import make_crop
 from furrowmap.core.simulator.inertial import exact, measure
-from furrowmap.core.simulator.motion import Motion, mount_rotation
+from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.rays import Firings, Met, cast, make_optics, make_scene
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.scenario_file import as_toml, demo_scenario, scenario_from
 from furrowmap.core.simulator.simulate import simulate
-from furrowmap.core.simulator.site import Site, find_site
+from furrowmap.core.simulator.site import SimulatedSite, find_site
 from furrowmap.core.simulator.soil import make_ground
 
 FloatArray = NDArray[np.float64]
@@ -66,7 +66,7 @@ body_boxes_m = []
 """
 
 
-def flown(text: str = DOWN) -> tuple[Scenario, Site, Motion]:
+def flown(text: str = DOWN) -> tuple[Scenario, SimulatedSite, SimulatedMotion]:
     scenario = scenario_from(text, "test")
     assert scenario.flight is not None
     scenario = laid_out_flight(scenario, scenario.flight)
@@ -80,7 +80,7 @@ def test_exact__hovering_shows_gravity_and_the_rotation_of_the_earth() -> None:
     _, site, motion = flown()
     n = len(motion.t_s)
     still = np.zeros(n)
-    hover = Motion(motion.t_s, np.tile([5.0, 5.0, 3.0], (n, 1)), still, still, still + np.pi / 2, still, still)
+    hover = SimulatedMotion(motion.t_s, np.tile([5.0, 5.0, 3.0], (n, 1)), still, still, still + np.pi / 2, still, still)
     rate, force = exact(hover, site, np.array([1.0, 2.0]), np.zeros(3))
     assert force[0] == pytest.approx([0.0, 0.0, 9.815118], abs=3e-4)  # of the sample uav_wheat, at the same place
     lat, convergence = np.radians(55.328), np.radians(1.9647)

@@ -18,11 +18,11 @@ from pyproj import Proj, Transformer
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.simulator.gnss import degrees_minutes, receive, sentence
-from furrowmap.core.simulator.motion import Motion
+from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.noise import gauss_markov
 from furrowmap.core.simulator.scenario import Receiver
 from furrowmap.core.simulator.simulate import Simulated
-from furrowmap.core.simulator.site import Site
+from furrowmap.core.simulator.site import SimulatedSite
 
 
 def parsed(file: Path) -> dict[str, list[Any]]:
@@ -101,11 +101,11 @@ def test_log__course_is_true_and_missing_at_a_stand(short_drive: Simulated) -> N
     assert speed.max() == pytest.approx(1.3, abs=0.2)
 
 
-def still(seconds: float) -> tuple[Site, Motion]:
+def still(seconds: float) -> tuple[SimulatedSite, SimulatedMotion]:
     t = np.arange(-0.5, seconds + 1.0, 0.5)
     z = np.zeros(len(t))
-    site = Site("EPSG:6677", 16642.0, 96548.0, 271.4, 41.3, 1_781_143_199_000_000)
-    return site, Motion(t, np.zeros((len(t), 3)), z, z, z, z, z)
+    site = SimulatedSite("EPSG:6677", 16642.0, 96548.0, 271.4, 41.3, 1_781_143_199_000_000)
+    return site, SimulatedMotion(t, np.zeros((len(t), 3)), z, z, z, z, z)
 
 
 def test_receive__errors_are_as_stated() -> None:

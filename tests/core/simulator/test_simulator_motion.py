@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.simulator.drive import RATE_HZ, Track
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack
 from furrowmap.core.simulator.motion import mount_rotation, stand_on, tyre_height, vehicle_rotation
-from furrowmap.core.simulator.scenario import Drive, Field, Scenario, Soil, Sway, Tractor
+from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField, ScenarioSoil, Sway, Tractor
 from furrowmap.core.simulator.soil import Ground, make_ground
 
 ANGLE = st.floats(-1.4, 1.4)
@@ -31,24 +31,29 @@ def test_mount_rotation__is_the_one_of_the_frames(roll: float, pitch: float, yaw
     assert np.allclose(mount_rotation(degrees), Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix(), atol=1e-12)
 
 
-def ground_of(soil: Soil) -> Ground:
+def ground_of(soil: ScenarioSoil) -> Ground:
     return make_ground(
-        Scenario(field=Field(size_e_m=24.0, size_n_m=24.0), drive=Drive(start_xy_m=(5.0, 5.0)), soil=soil), []
+        Scenario(
+            field=ScenarioField(size_e_m=24.0, size_n_m=24.0), drive=ScenarioDrive(start_xy_m=(5.0, 5.0)), soil=soil
+        ),
+        [],
     )
 
 
-def rolling(yaw_rad: float, speed_mps: float, seconds: float = 6.0) -> Track:
-    t = np.arange(0.0, seconds, 1.0 / RATE_HZ)
+def rolling(yaw_rad: float, speed_mps: float, seconds: float = 6.0) -> SimulatedTrack:
+    t = np.arange(0.0, seconds, 1.0 / DRIVE_RATE_HZ)
     n = len(t)
     e, north = (12.0 + (t - 0.5 * seconds) * speed_mps * f(yaw_rad) for f in (np.cos, np.sin))
-    return Track(
+    return SimulatedTrack(
         t, e, north, np.full(n, yaw_rad), np.full(n, speed_mps), np.zeros(n), np.zeros(n, bool), duration_s=seconds
     )
 
 
 @pytest.mark.parametrize("heading_deg", [0.0, 30.0, 120.0, 250.0])
 def test_stand_on__a_plane_tilts_the_machine_with_it(heading_deg: float) -> None:
-    smooth = Soil(slope_percent=5.0, slope_towards_deg=90.0, undulation_m=0.0, clod_sigma_m=0.0, row_amplitude_m=0.0)
+    smooth = ScenarioSoil(
+        slope_percent=5.0, slope_towards_deg=90.0, undulation_m=0.0, clod_sigma_m=0.0, row_amplitude_m=0.0
+    )
     yaw = np.radians(90.0 - heading_deg)
     motion = stand_on(ground_of(smooth), rolling(yaw, 1.0), Tractor(), STILL, np.random.default_rng(0))
     # uphill to the east: nose up by the slope along the heading, right side down by that to the left
@@ -58,7 +63,7 @@ def test_stand_on__a_plane_tilts_the_machine_with_it(heading_deg: float) -> None
 
 
 def test_stand_on__wheels_touch_the_ground() -> None:
-    ground, track, tractor = ground_of(Soil()), rolling(0.4, 1.2), Tractor()
+    ground, track, tractor = ground_of(ScenarioSoil()), rolling(0.4, 1.2), Tractor()
     motion = stand_on(ground, track, tractor, STILL, np.random.default_rng(0))
     half = 0.5 * tractor.track_rear_m
     for side in (1.0, -1.0):
@@ -74,7 +79,7 @@ def test_stand_on__wheels_touch_the_ground() -> None:
 
 
 def test_stand_on__sways_while_driving_and_hardly_at_a_stand() -> None:
-    flat = ground_of(Soil(slope_percent=0.0, undulation_m=0.0, clod_sigma_m=0.0, row_amplitude_m=0.0))
+    flat = ground_of(ScenarioSoil(slope_percent=0.0, undulation_m=0.0, clod_sigma_m=0.0, row_amplitude_m=0.0))
     sway = Sway(sway_deg=0.25, heave_m=0.004, vibration_deg=0.0)
     moving = stand_on(flat, rolling(0.0, 1.0), Tractor(), sway, np.random.default_rng(0))
     still = stand_on(flat, rolling(0.0, 0.0), Tractor(), sway, np.random.default_rng(0))
@@ -82,5 +87,5 @@ def test_stand_on__sways_while_driving_and_hardly_at_a_stand() -> None:
     assert moving.xyz_m[:, 2].std() == pytest.approx(0.004, rel=0.25)
     assert np.abs(still.pitch_rad).max() == 0.0
     spectrum = np.abs(np.fft.rfft(moving.roll_rad)) ** 2
-    frequency = np.fft.rfftfreq(len(moving.t_s), 1.0 / RATE_HZ)
+    frequency = np.fft.rfftfreq(len(moving.t_s), 1.0 / DRIVE_RATE_HZ)
     assert spectrum[(frequency > 0.5) & (frequency < 3.5)].sum() > 0.95 * spectrum[1:].sum()

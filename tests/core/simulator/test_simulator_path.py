@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from furrowmap.core.simulator.path import DrivenPath, plan_path
-from furrowmap.core.simulator.scenario import Drive
+from furrowmap.core.simulator.scenario import ScenarioDrive
 
 
-def planned(drive: Drive) -> DrivenPath:
+def planned(drive: ScenarioDrive) -> DrivenPath:
     return plan_path(drive, np.random.default_rng(0))
 
 
@@ -23,7 +23,7 @@ def planned(drive: Drive) -> DrivenPath:
     ramp=st.floats(0.5, 2.0),
 )
 def test_plan_path__every_turn_ends_on_its_lane(lane: float, turns: str, radius: float, ramp: float) -> None:
-    drive = Drive(turns=turns, lanes_m=(0.0, lane), radius_m=radius, ramp_m=ramp, wander_m=0.0)  # type: ignore[arg-type]
+    drive = ScenarioDrive(turns=turns, lanes_m=(0.0, lane), radius_m=radius, ramp_m=ramp, wander_m=0.0)  # type: ignore[arg-type]
     path = planned(drive)
     second = path.distance_m >= path.passes[1][0]
     assert np.abs(path.v_m[second] - lane).max() < 1e-6
@@ -35,7 +35,7 @@ def test_plan_path__every_turn_ends_on_its_lane(lane: float, turns: str, radius:
 
 @pytest.mark.parametrize("turns", ["loop", "fishtail"])
 def test_plan_path__steers_no_tighter_than_allowed_and_no_faster(turns: str) -> None:
-    drive = Drive(turns=turns, wander_m=0.0, lanes_m=(0.0, 1.6, 3.2, 9.0))  # type: ignore[arg-type]
+    drive = ScenarioDrive(turns=turns, wander_m=0.0, lanes_m=(0.0, 1.6, 3.2, 9.0))  # type: ignore[arg-type]
     path = planned(drive)
     step = np.diff(path.distance_m)
     curvature = np.diff(path.yaw_rad) / step
@@ -46,7 +46,7 @@ def test_plan_path__steers_no_tighter_than_allowed_and_no_faster(turns: str) -> 
 
 @pytest.mark.parametrize("wander", [0.0, 0.03])
 def test_plan_path__nose_points_along_the_way(wander: float) -> None:
-    path = planned(Drive(turns="fishtail", wander_m=wander))
+    path = planned(ScenarioDrive(turns="fishtail", wander_m=wander))
     du, dv = np.diff(path.u_m) * path.gear[:-1], np.diff(path.v_m) * path.gear[:-1]
     middle = 0.5 * (path.yaw_rad[1:] + path.yaw_rad[:-1])
     across = np.abs(dv * np.cos(middle) - du * np.sin(middle)) / np.hypot(du, dv)
@@ -54,13 +54,13 @@ def test_plan_path__nose_points_along_the_way(wander: float) -> None:
 
 
 def test_plan_path__fishtail_reverses_once_a_turn_and_stands_for_it() -> None:
-    drive = Drive(turns="fishtail", passes=3, gear_s=0.7)
+    drive = ScenarioDrive(turns="fishtail", passes=3, gear_s=0.7)
     path = planned(drive)
     assert np.count_nonzero(np.diff(path.gear)) == 4
     assert [stand for _, stand in path.stops] == [0.7] * 4
-    assert (planned(Drive(turns="loop")).gear > 0).all()
+    assert (planned(ScenarioDrive(turns="loop")).gear > 0).all()
 
 
 def test_plan_path__wanders_as_much_as_stated_on_long_passes() -> None:
-    path = planned(Drive(passes=1, pass_m=(400.0,), wander_m=0.03))
+    path = planned(ScenarioDrive(passes=1, pass_m=(400.0,), wander_m=0.03))
     assert path.v_m.std() == pytest.approx(0.03, rel=0.05)

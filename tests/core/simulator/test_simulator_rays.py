@@ -11,28 +11,37 @@ from numpy.typing import NDArray
 
 from furrowmap.core.simulator.motion import mount_rotation
 from furrowmap.core.simulator.rays import Firings, Met, Returns, Scene, cast, make_optics, make_scene
-from furrowmap.core.simulator.scenario import Drive, Field, Implement, Lidar, Noise, Scenario, Soil, Tractor
-from furrowmap.core.simulator.soil import Sweep, make_ground
+from furrowmap.core.simulator.scenario import (
+    Noise,
+    Scenario,
+    ScenarioDrive,
+    ScenarioField,
+    ScenarioImplement,
+    ScenarioLidar,
+    ScenarioSoil,
+    Tractor,
+)
+from furrowmap.core.simulator.soil import ToolSweep, make_ground
 from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, VERTICAL_OFFSET_M
 
-FLAT = Soil(
+FLAT = ScenarioSoil(
     slope_percent=0.0, undulation_m=0.0, clod_sigma_m=0.0, row_amplitude_m=0.0, straw_share=0.0, tilled_sigma_m=0.0
 )
 EXACT = Noise(range_m=0.0, dropout=0.0, dust=0.0)
 HIDDEN = (-9.0, -8.9, -0.01, 0.01, -9.0, -8.9)
 """A box under the ground: an empty list would stand for the usual one."""
 BARE = Scenario(
-    field=Field(size_e_m=20.0, size_n_m=20.0),
-    drive=Drive(start_xy_m=(5.0, 5.0)),
+    field=ScenarioField(size_e_m=20.0, size_n_m=20.0),
+    drive=ScenarioDrive(start_xy_m=(5.0, 5.0)),
     soil=FLAT,
     noise=EXACT,
     tractor=Tractor(body_boxes_m=()),
-    implement=Implement(boxes_m=(HIDDEN,)),
-    lidar=Lidar(xyz_m=(0.0, 0.0, 2.0), rpy_deg=(0.0, 0.0, 0.0), laser_bias_m=0.0, max_range_m=60.0),
+    implement=ScenarioImplement(boxes_m=(HIDDEN,)),
+    lidar=ScenarioLidar(xyz_m=(0.0, 0.0, 2.0), rpy_deg=(0.0, 0.0, 0.0), laser_bias_m=0.0, max_range_m=60.0),
 )
 
 
-def scene_of(scenario: Scenario, sweeps: list[Sweep] | None = None) -> Scene:
+def scene_of(scenario: Scenario, sweeps: list[ToolSweep] | None = None) -> Scene:
     return make_scene(scenario, make_ground(scenario, sweeps or []))
 
 
@@ -79,7 +88,7 @@ def test_cast__level_ground_is_a_cone_a_laser() -> None:
 
 
 def test_cast__rough_sloping_ground_is_met_on_its_surface() -> None:
-    scenario = msgspec.structs.replace(BARE, soil=Soil(kind="ploughed", slope_percent=5.0, straw_share=0.0))
+    scenario = msgspec.structs.replace(BARE, soil=ScenarioSoil(kind="ploughed", slope_percent=5.0, straw_share=0.0))
     scene = scene_of(scenario)
     at = points(fired(scenario, scene=scene), 720)
     met = fired(scenario, scene=scene).met[0] == Met.SOIL
@@ -95,7 +104,7 @@ def test_cast__rough_sloping_ground_is_met_on_its_surface() -> None:
 
 def test_cast__ground_is_of_the_moment_of_the_firing() -> None:
     way = np.arange(0.0, 8.0, 0.01)
-    sweep = Sweep(100.0 + way, 8.0 + way, np.full(len(way), 2.0), np.zeros(len(way)), 100.0, 108.0)
+    sweep = ToolSweep(100.0 + way, 8.0 + way, np.full(len(way), 2.0), np.zeros(len(way)), 100.0, 108.0)
     scenario = msgspec.structs.replace(BARE, soil=msgspec.structs.replace(FLAT, swell_m=0.2, ridge_m=0.0))
     scene = scene_of(scenario, [sweep])
     early = fired(scenario, scene=scene, t_s=np.full(720, 99.0))
@@ -129,7 +138,7 @@ def test_cast__body_and_lifted_tool_stand_in_the_vehicle_frame() -> None:
     box = (-0.2, 0.2, -1.0, 1.0, 1.5, 1.9)
     scenario = msgspec.structs.replace(
         BARE,
-        implement=Implement(xy_m=(3.0, 0.0), boxes_m=(box,)),
+        implement=ScenarioImplement(xy_m=(3.0, 0.0), boxes_m=(box,)),
         tractor=Tractor(body_boxes_m=((-3.0, -2.5, -1, 1, 1, 1.5),)),
     )
     scene = scene_of(scenario)
@@ -178,7 +187,9 @@ def test_cast__straw_stops_some_beams_above_the_soil() -> None:
 
 def test_cast__dust_hides_what_lies_behind_it_from_the_strongest_return() -> None:
     scenario = msgspec.structs.replace(
-        BARE, noise=Noise(range_m=0.0, dropout=0.0, dust=0.3), implement=Implement(xy_m=(3.0, 0.0), boxes_m=(HIDDEN,))
+        BARE,
+        noise=Noise(range_m=0.0, dropout=0.0, dust=0.3),
+        implement=ScenarioImplement(xy_m=(3.0, 0.0), boxes_m=(HIDDEN,)),
     )
     clean = fired(scenario, 3600)
     assert (clean.met[0] != Met.DUST).all()
@@ -194,7 +205,7 @@ def test_cast__dust_hides_what_lies_behind_it_from_the_strongest_return() -> Non
 
 
 def test_cast__chance_does_not_depend_on_the_batches() -> None:
-    scenario = Scenario(field=Field(size_e_m=20.0, size_n_m=20.0), drive=Drive(start_xy_m=(5.0, 5.0)))
+    scenario = Scenario(field=ScenarioField(size_e_m=20.0, size_n_m=20.0), drive=ScenarioDrive(start_xy_m=(5.0, 5.0)))
     scene, optics = scene_of(scenario), make_optics(scenario, mount_rotation(scenario.lidar.rpy_deg))
     whole = cast(scene, optics, turn(400, dusty=np.ones(400)))
     half = {"t_s": np.zeros(200), "number": 200, "azimuth_rad": turn(400).azimuth_rad[200:], "dusty": np.ones(200)}

@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.simulator.scenario import SOILS, TOOL_BOXES, Implement, Lidar, Scenario, Soil
+from furrowmap.core.simulator.scenario import (
+    SOILS,
+    TOOL_BOXES,
+    Scenario,
+    ScenarioImplement,
+    ScenarioLidar,
+    ScenarioSoil,
+)
 from furrowmap.core.simulator.scenario_file import as_toml, demo_scenario, load_scenario, scenario_from
 
 
@@ -42,19 +49,19 @@ def test_soil__kind_sets_what_is_not_stated(kind: str) -> None:
 
 
 def test_soil__is_rougher_the_deeper_it_was_worked() -> None:
-    rough = {kind: Soil(kind=kind).clod_sigma_m for kind in ("rolled", "stubble", "tilled", "ploughed")}
+    rough = {kind: ScenarioSoil(kind=kind).clod_sigma_m for kind in ("rolled", "stubble", "tilled", "ploughed")}
     assert list(rough.values()) == sorted(rough.values())
 
 
 def test_implement__leaves_what_it_usually_leaves() -> None:
-    assert Scenario(implement=Implement(shape="plow")).soil.tilled_sigma_m == SOILS["ploughed"]["sigma"]
-    assert Scenario(implement=Implement(shape="plow")).soil.furrow_m > 0.0
-    assert Scenario(implement=Implement(shape="mower")).soil.worked == "same"
+    assert Scenario(implement=ScenarioImplement(shape="plow")).soil.tilled_sigma_m == SOILS["ploughed"]["sigma"]
+    assert Scenario(implement=ScenarioImplement(shape="plow")).soil.furrow_m > 0.0
+    assert Scenario(implement=ScenarioImplement(shape="mower")).soil.worked == "same"
 
 
 def test_implement__body_is_as_wide_as_it_works() -> None:
-    widest = max(box[3] for box in Implement(width_m=3.4).boxes_m)
-    assert widest == pytest.approx(2.0 * max(box[3] for box in Implement(width_m=1.7).boxes_m))
+    widest = max(box[3] for box in ScenarioImplement(width_m=3.4).boxes_m)
+    assert widest == pytest.approx(2.0 * max(box[3] for box in ScenarioImplement(width_m=1.7).boxes_m))
 
 
 def test_scenario__without_any_key_is_complete_but_for_the_ground() -> None:
@@ -64,7 +71,7 @@ def test_scenario__without_any_key_is_complete_but_for_the_ground() -> None:
 
 
 def test_lidar__true_mounting_may_differ() -> None:
-    lidar = Lidar(rpy_deg=(0.0, 40.0, 180.0), true_rpy_deg=(0.3, 40.5, 179.0))
+    lidar = ScenarioLidar(rpy_deg=(0.0, 40.0, 180.0), true_rpy_deg=(0.3, 40.5, 179.0))
     assert lidar.true_rpy_deg == (0.3, 40.5, 179.0)
     assert lidar.true_xyz_m == lidar.xyz_m
 

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.file import load_session
-from furrowmap.core.simulator.scenario import Drive, Field, Lidar, Noise, Scenario
+from furrowmap.core.simulator.scenario import Noise, Scenario, ScenarioDrive, ScenarioField, ScenarioLidar
 from furrowmap.core.simulator.scenario_file import load_scenario
 from furrowmap.core.simulator.simulate import Simulated, simulate
 from tests.core.simulator.conftest import SHORT
@@ -79,7 +79,7 @@ def test_simulate__returns_lie_on_the_ground_of_their_moment(short_drive: Simula
 
 
 def test_simulate__the_stated_mounting_may_be_wrong(tmp_path: Path) -> None:
-    lidar = Lidar(start_s=0.3, rpy_deg=(0.0, 40.0, 180.0), true_rpy_deg=(0.0, 41.0, 180.0), laser_bias_m=0.0)
+    lidar = ScenarioLidar(start_s=0.3, rpy_deg=(0.0, 40.0, 180.0), true_rpy_deg=(0.0, 41.0, 180.0), laser_bias_m=0.0)
     noise = Noise(range_m=0.002, dropout=0.0, dust=0.0)
     made = simulate(msgspec.structs.replace(SHORT, lidar=lidar, noise=noise), tmp_path / "wrong")
     session = load_session(made.session)
@@ -93,7 +93,7 @@ def test_simulate__the_stated_mounting_may_be_wrong(tmp_path: Path) -> None:
 
 
 def test_simulate__worked_area_is_that_of_the_swept_rectangle(tmp_path: Path) -> None:
-    drive = Drive(passes=1, pass_m=(3.0,), wander_m=0.0, accel_mps2=2.0, stand_start_s=0.2, stand_end_s=0.1)
+    drive = ScenarioDrive(passes=1, pass_m=(3.0,), wander_m=0.0, accel_mps2=2.0, stand_start_s=0.2, stand_end_s=0.1)
     made = simulate(msgspec.structs.replace(SHORT, drive=drive), tmp_path / "straight")
     worked = made.folder / "truth" / "worked.gpkg"
     passes = gpd.read_file(worked, layer="passes")
@@ -153,7 +153,7 @@ def test_simulate__written_scenario_makes_the_same_bytes(short_drive: Simulated,
 
 
 def test_simulate__another_seed_without_a_receiver_packed(short_drive: Simulated, tmp_path: Path) -> None:
-    lidar = Lidar(start_s=0.3, gzip=True, position_packets=False)
+    lidar = ScenarioLidar(start_s=0.3, gzip=True, position_packets=False)
     other = simulate(msgspec.structs.replace(SHORT, seed=6, lidar=lidar), tmp_path / "other")
     assert other.recording.name == "recording.pcap.gz"
     assert load_session(other.session).recording.lidar == ("recording.pcap.gz",)
@@ -217,10 +217,10 @@ def test_simulate__defaults_are_a_session_of_a_minute() -> None:
 
 
 def test_simulate__a_drive_that_works_no_ground_has_empty_layers(tmp_path: Path) -> None:
-    drive = Drive(
+    drive = ScenarioDrive(
         passes=1, pass_m=(0.5,), accel_mps2=1.5, stand_start_s=0.2, stand_end_s=0.2, lead_in_m=0.1
     )  # over before the tool is down
-    field = Field(size_e_m=12.0, size_n_m=12.0)
+    field = ScenarioField(size_e_m=12.0, size_n_m=12.0)
     short = simulate(Scenario(name="short", title="Short", seed=1, field=field, drive=drive), tmp_path / "short")
     assert (short.figures["passes"], short.figures["worked_area_m2"]) == (0, 0.0)
     worked = short.folder / "truth" / "worked.gpkg"

@@ -8,29 +8,44 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import j0
 
-from furrowmap.core.simulator.drive import RATE_HZ, Track
-from furrowmap.core.simulator.scenario import SOILS, Drive, EarlierDrive, Field, Implement, Scenario, Soil
+from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack
+from furrowmap.core.simulator.scenario import (
+    SOILS,
+    EarlierDrive,
+    Scenario,
+    ScenarioDrive,
+    ScenarioField,
+    ScenarioImplement,
+    ScenarioSoil,
+)
 from furrowmap.core.simulator.scenario_file import as_toml, scenario_from
 from furrowmap.core.simulator.site import CELL_M
-from furrowmap.core.simulator.soil import FOOTPRINT_M, Sweep, earlier_sweeps, find_sweeps, ground_height, make_ground
+from furrowmap.core.simulator.soil import (
+    FOOTPRINT_M,
+    ToolSweep,
+    earlier_sweeps,
+    find_sweeps,
+    ground_height,
+    make_ground,
+)
 
 QUIET = {"slope_percent": 0.0, "undulation_m": 0.0, "row_amplitude_m": 0.0}
 
 
-def scenario(soil: Soil, size_m: float = 24.0, implement: Implement | None = None) -> Scenario:
+def scenario(soil: ScenarioSoil, size_m: float = 24.0, implement: ScenarioImplement | None = None) -> Scenario:
     return Scenario(
-        field=Field(size_e_m=size_m, size_n_m=size_m),
-        drive=Drive(start_xy_m=(5.0, 5.0), lane_heading_deg=90.0),
+        field=ScenarioField(size_e_m=size_m, size_n_m=size_m),
+        drive=ScenarioDrive(start_xy_m=(5.0, 5.0), lane_heading_deg=90.0),
         soil=soil,
-        implement=implement or Implement(),
+        implement=implement or ScenarioImplement(),
     )
 
 
-def straight(n_m: float, from_m: float, to_m: float, begin_s: float, yaw_rad: float = 0.0) -> Sweep:
+def straight(n_m: float, from_m: float, to_m: float, begin_s: float, yaw_rad: float = 0.0) -> ToolSweep:
     """A pass at 1 m/s along the direction `yaw_rad`, from (from_m, n_m)."""
     way = np.arange(0.0, to_m - from_m + 1e-9, 0.01)
     e, n = from_m + way * np.cos(yaw_rad), n_m + way * np.sin(yaw_rad)
-    return Sweep(begin_s + way, e, n, np.full(len(way), yaw_rad), begin_s, begin_s + float(way[-1]))
+    return ToolSweep(begin_s + way, e, n, np.full(len(way), yaw_rad), begin_s, begin_s + float(way[-1]))
 
 
 def blurred_exponential(distance_m: float, corr_m: float) -> float:
@@ -46,7 +61,7 @@ def test_blurred_exponential__is_the_exponential_without_blur() -> None:
 
 @pytest.mark.parametrize("kind", ["stubble", "ploughed", "tilled", "rolled"])
 def test_make_ground__roughness_and_correlation_are_those_of_the_kind(kind: str) -> None:
-    ground = make_ground(scenario(Soil(kind=kind, **QUIET)), [])  # type: ignore[arg-type]
+    ground = make_ground(scenario(ScenarioSoil(kind=kind, **QUIET)), [])  # type: ignore[arg-type]
     relief = ground.before.astype(np.float64)
     sigma, corr = SOILS[kind]["sigma"], SOILS[kind]["corr"]
     assert relief.std() == pytest.approx(sigma, rel=0.01)
@@ -56,14 +71,14 @@ def test_make_ground__roughness_and_correlation_are_those_of_the_kind(kind: str)
 
 
 def test_make_ground__slopes_as_stated() -> None:
-    ground = make_ground(scenario(Soil(slope_percent=4.0, slope_towards_deg=60.0)), [])
+    ground = make_ground(scenario(ScenarioSoil(slope_percent=4.0, slope_towards_deg=60.0)), [])
     lower, upper = np.array([4.0, 4.0]), np.array([4.0 + 10.0 * np.sin(np.pi / 3), 4.0 + 10.0 * np.cos(np.pi / 3)])
     rise = (upper - lower) @ np.array([ground.slope_e, ground.slope_n])
     assert rise == pytest.approx(0.4)
 
 
 def test_make_ground__rows_lie_along_the_lanes() -> None:
-    soil = Soil(slope_percent=0.0, undulation_m=0.0, clod_sigma_m=0.0, row_amplitude_m=0.02, row_spacing_m=0.4)
+    soil = ScenarioSoil(slope_percent=0.0, undulation_m=0.0, clod_sigma_m=0.0, row_amplitude_m=0.02, row_spacing_m=0.4)
     relief = make_ground(scenario(soil), []).before
     assert np.abs(np.diff(relief, axis=1)).max() < 1e-6
     spectrum = np.abs(np.fft.rfft(relief[:, 0]))
@@ -79,7 +94,7 @@ def worked_area(first_s: NDArray[np.float32]) -> float:
 def test_make_ground__a_straight_pass_works_a_rectangle(yaw_deg: float) -> None:
     yaw = np.radians(yaw_deg)
     sweep = straight(11.0, 11.0, 19.0, 3.0, yaw)
-    ground = make_ground(scenario(Soil(), 24.0), [sweep])
+    ground = make_ground(scenario(ScenarioSoil(), 24.0), [sweep])
     row, col = np.nonzero(np.isfinite(ground.first_s))
     e, n = (col + 0.5) * CELL_M - 11.0, (row + 0.5) * CELL_M - 11.0
     along, across = e * np.cos(yaw) + n * np.sin(yaw), n * np.cos(yaw) - e * np.sin(yaw)
@@ -94,7 +109,7 @@ def test_make_ground__a_straight_pass_works_a_rectangle(yaw_deg: float) -> None:
 
 
 def test_make_ground__swells_on_the_mean_and_ridges_at_the_borders() -> None:
-    soil = Soil(swell_m=0.03, ridge_m=0.04, clod_sigma_m=0.0, tilled_sigma_m=0.0, **QUIET)
+    soil = ScenarioSoil(swell_m=0.03, ridge_m=0.04, clod_sigma_m=0.0, tilled_sigma_m=0.0, **QUIET)
     ground = make_ground(scenario(soil), [straight(12.0, 5.0, 19.0, 0.0)])
     change = (ground.after - ground.before)[np.isfinite(ground.first_s)]
     assert change.mean() == pytest.approx(0.03, abs=1e-3)
@@ -103,7 +118,7 @@ def test_make_ground__swells_on_the_mean_and_ridges_at_the_borders() -> None:
 
 
 def test_make_ground__the_worked_relief_is_new_in_every_pass() -> None:
-    soil = Soil(swell_m=0.0, ridge_m=0.0, **QUIET)
+    soil = ScenarioSoil(swell_m=0.0, ridge_m=0.0, **QUIET)
     once, twice = straight(12.0, 5.0, 19.0, 0.0), straight(12.0, 5.0, 19.0, 50.0)
     ground = make_ground(scenario(soil), [once, twice])
     worked = np.isfinite(ground.first_s)
@@ -114,10 +129,10 @@ def test_make_ground__the_worked_relief_is_new_in_every_pass() -> None:
 
 
 def test_make_ground__furrows_of_a_plough() -> None:
-    soil = Soil(
+    soil = ScenarioSoil(
         furrow_m=0.03, furrow_spacing_m=0.34, tilled_sigma_m=0.0, ridge_m=0.0, swell_m=0.0, clod_sigma_m=0.0, **QUIET
     )
-    ground = make_ground(scenario(soil, implement=Implement(shape="plow")), [straight(12.0, 5.0, 19.0, 0.0)])
+    ground = make_ground(scenario(soil, implement=ScenarioImplement(shape="plow")), [straight(12.0, 5.0, 19.0, 0.0)])
     worked = np.isfinite(ground.first_s[:, 480])
     profile = ground.after[worked, 480]
     assert (profile.max(), profile.min()) == (pytest.approx(0.03, abs=2e-3), pytest.approx(-0.03, abs=2e-3))
@@ -125,28 +140,30 @@ def test_make_ground__furrows_of_a_plough() -> None:
 
 
 def test_make_ground__a_mower_leaves_the_ground() -> None:
-    ground = make_ground(scenario(Soil(), implement=Implement(shape="mower")), [straight(12.0, 5.0, 19.0, 0.0)])
+    ground = make_ground(
+        scenario(ScenarioSoil(), implement=ScenarioImplement(shape="mower")), [straight(12.0, 5.0, 19.0, 0.0)]
+    )
     assert (ground.before == ground.after).all()
     assert np.isfinite(ground.first_s).any()
 
 
 @pytest.mark.parametrize("speed_mps", [0.3, 1.2, 6.0])
 def test_find_sweeps__leaves_no_gaps_at_any_speed(speed_mps: float) -> None:
-    t_s = np.arange(0.0, 9.0 / speed_mps, 1.0 / RATE_HZ)
+    t_s = np.arange(0.0, 9.0 / speed_mps, 1.0 / DRIVE_RATE_HZ)
     n, zero = len(t_s), np.zeros(len(t_s))
-    track = Track(
+    track = SimulatedTrack(
         t_s, 6.0 + speed_mps * t_s, zero + 12.0, zero, zero + speed_mps, zero, np.ones(n, bool), float(t_s[-1])
     )  # fmt: skip
     (sweep,) = find_sweeps(track, (-1.5, 0.2))
     assert (sweep.e_m[0], sweep.n_m[0]) == (pytest.approx(4.5), pytest.approx(12.2))
     length = float(sweep.e_m[-1] - sweep.e_m[0])
-    assert length == pytest.approx(9.0, abs=2.0 * speed_mps / RATE_HZ)
-    ground = make_ground(scenario(Soil()), [sweep])
+    assert length == pytest.approx(9.0, abs=2.0 * speed_mps / DRIVE_RATE_HZ)
+    ground = make_ground(scenario(ScenarioSoil()), [sweep])
     assert worked_area(ground.first_s) == pytest.approx(length * 1.7, rel=0.015)
 
 
 def test_ground_height__is_of_its_moment() -> None:
-    soil = Soil(swell_m=0.05, tilled_sigma_m=0.02)
+    soil = ScenarioSoil(swell_m=0.05, tilled_sigma_m=0.02)
     twice = [straight(12.0, 5.0, 19.0, 10.0), straight(12.4, 5.0, 19.0, 40.0)]
     ground = make_ground(scenario(soil), twice)
     rng = np.random.default_rng(2)
@@ -162,14 +179,14 @@ def test_ground_height__is_of_its_moment() -> None:
 
 
 def test_ground_height__goes_on_beyond_the_edge() -> None:
-    ground = make_ground(scenario(Soil(slope_percent=2.0, slope_towards_deg=90.0), 8.0), [])
+    ground = make_ground(scenario(ScenarioSoil(slope_percent=2.0, slope_towards_deg=90.0), 8.0), [])
     inside = ground_height(ground, np.array([3.0]), np.array([2.0]), np.array([0.0]))
     beyond = ground_height(ground, np.array([3.0 + 8.0 * 10]), np.array([2.0]), np.array([0.0]))
     assert beyond - inside == pytest.approx(0.02 * 80.0, abs=1e-6)
 
 
 def test_make_ground__a_later_drive_finds_what_an_earlier_one_left() -> None:
-    first = msgspec.structs.replace(scenario(Soil(seed=3)), seed=11)
+    first = msgspec.structs.replace(scenario(ScenarioSoil(seed=3)), seed=11)
     sweeps = earlier_sweeps(EarlierDrive(seed=11, drive=first.drive, soil=first.soil, implement=first.implement))
     left = make_ground(first, sweeps)
     done = EarlierDrive(seed=11, drive=first.drive, soil=first.soil, implement=first.implement)

@@ -11,7 +11,7 @@ import rasterio
 from pyproj import CRS
 from rasterio.enums import ColorInterp
 
-from furrowmap.core.images.colour_maker import ColourMaker
+from furrowmap.core.images.colouring import ColourMaker
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
