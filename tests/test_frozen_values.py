@@ -16,7 +16,7 @@ COLLECTING: Final = {
     "core/pointclouds/surfaces.py _Lows",
     "core/readers/isoxml/xml.py Element",
     "core/readers/las/survey.py Survey",
-    "core/readers/line_csv.py _Counts",
+    "core/readers/line_csv.py _LineCounts",
     "core/readers/messages.py MessageCounts",
     "core/readers/nmea/sentences.py SentenceCounts",
     "core/readers/rosbag/bags.py _Topic",

@@ -98,7 +98,12 @@ BOUNDARIES = {
     "tarfile": [],
     "pickle": [],
     "sqlite3": ["core.readers.rosbag.db3"],
-    "zipfile": ["core.readers.isoxml.files", "core.readers.sheet", "core.readers.zipped_layer", "core.runtime.npz"],
+    "zipfile": [
+        "core.readers.isoxml.files",
+        "core.readers.text_table",
+        "core.readers.zipped_layer",
+        "core.runtime.npz",
+    ],
     "PIL": ["core.readers.exif"],
     "xml": ["core.readers.isoxml.xml"],
     "jgdtrans": ["core.geodesy.parameter_file"],

@@ -39,7 +39,6 @@ FACTORS: Final = {
     "exporters/share/features.py _number(factor)": 1.0,
     "exporters/share/symbols.py LayerStyle.opacity": 1.0,  # what states none is opaque
     "exporters/share/symbols.py Ramp.colour(opacity)": 1.0,
-    "core/readers/imu_csv.py _Columns.seconds": 1.0,
     "core/values/session.py ImuColumn.scale": 1.0,
     "core/matching/ground.py Relief.noise": 1.0,
     "core/simulator/motion.py Motion.scale": 1.0,

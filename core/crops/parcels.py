@@ -16,7 +16,7 @@ from pyproj import CRS
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.readers.areas.corner_table import IDS
 from furrowmap.core.readers.areas.polygon_file import polygons_on_map
-from furrowmap.core.readers.vector_file import FORMATS
+from furrowmap.core.readers.vector_file import VECTOR_FORMATS
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Attribute, Parcel
 
@@ -157,7 +157,7 @@ def _label(value: object) -> str:
 
 def _read_polygons(path: Path, target: CRS) -> list[_GrossParcel]:
     def unreadable(why: str) -> InputError:
-        return InputError("parcels-unreadable", path=path, why=why, formats=FORMATS)
+        return InputError("parcels-unreadable", path=path, why=why, formats=VECTOR_FORMATS)
 
     polygons = polygons_on_map(path, target, unreadable)
     columns = {name.casefold(): name for row in reversed(polygons.attributes) for name in row}

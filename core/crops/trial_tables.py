@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.crops.parcels import BLOCK_COLUMNS, list_names
 from furrowmap.core.readers.areas.corner_table import IDS
-from furrowmap.core.readers.sheet import read_sheet
-from furrowmap.core.readers.survey_table import SurveyTable
+from furrowmap.core.readers.text_table import read_sheet
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.values.parcel import Attribute, Parcel
 
@@ -69,10 +68,10 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
     def unreadable(why: str) -> InputError:
         return InputError("treatments-unreadable", path=path, why=why)
 
-    table = _read(path, unreadable)
-    column = next((name for name in (*IDS, TREATMENT) if name in table.columns), None)
+    table = read_sheet(path, unreadable)
+    column = table.find((*IDS, TREATMENT))
     if column is None or not table.lines:
-        raise unreadable(f"no rows under a column id or treatment (its columns: {_columns(table)})")
+        raise unreadable(f"no rows under a column id or treatment (its columns: {table.names})")
     dated = {name: found for name in table.columns if (found := _DAY.match(name)) is not None}
     doses = [(found["what"].strip() or DOSE, _day(found["day"], 1, unreadable), name) for name, found in dated.items()]
     by_row = DATE in table.columns
@@ -186,16 +185,16 @@ def read_measured(path: Path, measure: str) -> MeasuredTable:
     def unreadable(why: str) -> InputError:
         return InputError("parcel-table-unreadable", path=path, why=why)
 
-    table = _read(path, unreadable)
-    column = next((name for name in IDS if name in table.columns), None)
+    table = read_sheet(path, unreadable)
+    column = table.find(IDS)
     wanted = measure.casefold()
     if column is None or wanted not in table.columns or not table.lines:
-        raise unreadable(f"no rows with the columns id and {measure} (its columns: {_columns(table)})")
+        raise unreadable(f"no rows with the columns id and {measure} (its columns: {table.names})")
     names = [cell.strip() for cell in table.columns[column]]
     twice = next((name for k, name in enumerate(names) if name in names[:k] or not name), None)
     if twice is not None:
         raise unreadable(f"parcel {twice!r} is there twice, or a parcel has no identifier")
-    block = next((name for name in BLOCK_COLUMNS if name in table.columns), None)
+    block = table.find(BLOCK_COLUMNS)
     others = [name for name in table.columns if name not in (column, block, wanted)]
     numbers = {name: table.numbers(name) for name in others if table.first_fault(name) is None}
     parcels = []
@@ -211,13 +210,6 @@ def read_measured(path: Path, measure: str) -> MeasuredTable:
     return MeasuredTable(tuple(parcels), table.numbers(wanted), sigma)
 
 
-def _read(path: Path, unreadable: Callable[[str], InputError]) -> SurveyTable:
-    try:
-        return read_sheet(path)
-    except (ValueError, OSError) as error:
-        raise unreadable(str(error.strerror if isinstance(error, OSError) else error)) from None
-
-
 def _day(text: str, line: int, unreadable: Callable[[str], InputError]) -> dt.date:
     try:
         return dt.date.fromisoformat(text.strip()[:10])
@@ -229,7 +221,3 @@ def _label(text: str) -> str:
     """An identifier as those of parcels are written."""
     text = text.strip()
     return text[:-2] if text.endswith(".0") and text[:-2].isdigit() else text
-
-
-def _columns(table: SurveyTable) -> str:
-    return ", ".join(table.columns)[:200]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
@@ -10,8 +11,8 @@ import numpy as np
 
 from furrowmap.core.images.aiding import ImageAid, aided_by_images, unused
 from furrowmap.core.images.control_points import ControlPoints
-from furrowmap.core.readers.survey_table import SurveyTable, read_table
 from furrowmap.core.readers.surveyed_points import read_points
+from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
@@ -66,17 +67,10 @@ def read_pixels(path: Path, names: tuple[str, ...]) -> tuple[tuple[str, int, flo
     Raises:
         InputError: if it is not such a table, or names a point that is not known.
     """
-    try:
-        table = read_table(path)
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, str(error)) from None
+    table = read_table(path, partial(_unreadable, path))
     lacking = [name for name in _COLUMNS if name not in table.columns]
     if lacking:
         raise _unreadable(path, f"it has no columns {', '.join(lacking)}")
-    return tuple(_rows(path, table, names))
-
-
-def _rows(path: Path, table: SurveyTable, names: tuple[str, ...]) -> list[tuple[str, int, float, float]]:
     numbers = {name: k for k, name in enumerate(names)}
     out = []
     places = np.column_stack([table.numbers("u"), table.numbers("v")])
@@ -86,7 +80,7 @@ def _rows(path: Path, table: SurveyTable, names: tuple[str, ...]) -> list[tuple[
         if not np.isfinite(place).all():
             raise _unreadable(path, f"line {line} has no numbers in u and v")
         out.append((Path(file.strip()).name, numbers[name.strip()], float(place[0]), float(place[1])))
-    return out
+    return tuple(out)
 
 
 def _unreadable(path: Path, why: str) -> InputError:

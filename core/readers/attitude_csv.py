@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.attitude_rows import attitude_facts, attitude_track
-from furrowmap.core.readers.csv_header import columns_of, head_columns, names_a_position
-from furrowmap.core.readers.csv_numbers import complete_rows, pieces
-from furrowmap.core.readers.inertial_rows import joined_name
+from furrowmap.core.readers.csv_file import TIME_COLUMN, TIMES, Column, CsvFile, head_columns, names_a_position
+from furrowmap.core.readers.epochs import utc_of
+from furrowmap.core.readers.inertial_rows import attitude_facts, attitude_track
 from furrowmap.core.readers.reader import FileReader, Inspection
-from furrowmap.core.readers.source import Head, Source
-from furrowmap.core.readers.time_scale import utc_of
+from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, UNSTATED, AttitudeTrack
 from furrowmap.core.values.clock_readings import ClockReading
@@ -23,8 +20,7 @@ from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]
 
-TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
-LEVEL: Final = ("roll_deg", "pitch_deg")
+LEVEL_COLUMNS: Final = ("roll_deg", "pitch_deg")
 NORTHS: Final = {
     "heading_true_deg": TRUE,
     "heading_grid_deg": GRID,
@@ -32,7 +28,8 @@ NORTHS: Final = {
     "heading_magnetic_deg": MAGNETIC,
 }
 """Columns of headings, in the order of preference, and the north from which they count."""
-LARGEST_DEG: Final = 720.0
+_LEVEL_RANGES: Final = {"roll_deg": (-720.0, 720.0), "pitch_deg": (-90.5, 90.5)}
+_HEADING: Final = Column(dict.fromkeys(NORTHS, 1.0), (-720.0, 720.0), optional=True)
 
 
 class AttitudeCsv(FileReader):
@@ -48,8 +45,8 @@ class AttitudeCsv(FileReader):
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain with columns of time and of roll and pitch or a heading, and none of a position."""
-        names = set(head_columns(head) or ())
-        if not names & set(TIMES) or not (names >= set(LEVEL) or names & set(NORTHS)):
+        names = set(head_columns(head))
+        if not names & set(TIMES) or not (names >= set(LEVEL_COLUMNS) or names & set(NORTHS)):
             return 0.0
         return 0.3 if any(map(names_a_position, names)) else 0.9
 
@@ -63,7 +60,7 @@ class AttitudeCsv(FileReader):
         t_s, angles = (np.concatenate([part[k] for part in parts]) for k in range(2))
         norths = {part[2] for part in parts}
         north = norths.pop() if len(norths) == 1 else UNSTATED
-        return attitude_track(t_s, angles, north, joined_name(self.paths), self.notices)
+        return attitude_track(t_s, angles, north, self.name, self.notices)
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report rate, span, and what it holds.
@@ -79,39 +76,13 @@ class AttitudeCsv(FileReader):
 
     def _read(self, path: Path) -> tuple[FloatArray, FloatArray, str]:
         """UTC (n,), angles (n, 3), and the north of the headings."""
-        with Source(path) as source:
-            lines = pieces(source, self.notices)
-            names, separator = columns_of(next(lines, b"").decode("utf-8", "replace"))
-            columns = _columns(names, path)
-            rows = complete_rows(source, lines, (names, separator), columns, self.notices)
-        angles = np.full((len(rows), 3), np.nan)
-        for k, name in enumerate(columns[1:], start=1):
-            angles[:, LEVEL.index(name) if name in LEVEL else 2] = rows[:, k]
-        _check(rows, columns, path)
-        north = next((NORTHS[name] for name in columns if name in NORTHS), UNSTATED)
-        return utc_of(rows[:, 0], TIMES[columns[0]], str(path), self.options), angles, north
-
-
-def _columns(names: Sequence[str], path: Path) -> tuple[str, ...]:
-    """The columns to read: time, roll and pitch, heading."""
-    time = next((name for name in TIMES if name in names), None)
-    level = LEVEL if set(LEVEL) <= set(names) else ()
-    heading = next(((name,) for name in NORTHS if name in names), ())
-    if time is None or not (level or heading):
-        raise InputError("missing-column", path=path, norths=", ".join(NORTHS))
-    return (time, *level, *heading)
-
-
-def _check(rows: FloatArray, columns: Sequence[str], path: Path) -> None:
-    for k, name in enumerate(columns[1:], start=1):
-        largest = 90.5 if name == "pitch_deg" else LARGEST_DEG
-        wrong = np.flatnonzero(np.abs(rows[:, k]) > largest)
-        if len(wrong):
-            raise InputError(
-                "value-out-of-range",
-                path=path,
-                wrong=int(wrong[0]) + 1,
-                name=name,
-                rows=rows[wrong[0], k],
-                largest=largest,
-            )
+        with CsvFile(path, self.notices) as file:
+            north, has_level = file.find(NORTHS), set(LEVEL_COLUMNS) <= set(file.names)
+            if file.find(TIMES) is None or not (has_level or north):
+                raise InputError("missing-column", path=path, norths=", ".join(NORTHS))
+            level = [
+                Column({name: 1.0} if has_level else {}, _LEVEL_RANGES[name], optional=True) for name in LEVEL_COLUMNS
+            ]
+            rows = file.rows([TIME_COLUMN, *level, _HEADING])
+        t_s = utc_of(rows[:, 0], file.time_scale, str(path), self.options)
+        return t_s, rows[:, 1:], NORTHS.get(north or "", UNSTATED)

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.isoxml.content import LARGEST_DEG, read_content
 from furrowmap.core.readers.isoxml.files import is_task_data, open_task_files
-from furrowmap.core.readers.vector_file import FORMATS, Polygons, read_polygons
+from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
@@ -42,7 +42,11 @@ def read_fields(path: Path) -> list[FieldOutline]:
             historical datum.
     """
     if is_task_data(path):
-        return _of_task_data(path)
+        fields = read_content(open_task_files(path)).partfields.values()
+        known = [FieldOutline(_texts((one.name, one.id)), one.boundary) for one in fields if one.boundary is not None]
+        if not known:
+            raise _unreadable(path, f"none of its {len(fields)} fields has a boundary")
+        return known
     polygons = read_polygons(path, partial(_unreadable, path))
     try:
         outlines, base = _outlines(path, polygons)
@@ -60,14 +64,6 @@ def read_fields(path: Path) -> list[FieldOutline]:
 
 def _texts(values: Iterable[object]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(str(value).strip() for value in values if isinstance(value, str | int)))
-
-
-def _of_task_data(path: Path) -> list[FieldOutline]:
-    fields = read_content(open_task_files(path)).partfields.values()
-    found = [FieldOutline(_texts((one.name, one.id)), one.boundary) for one in fields if one.boundary is not None]
-    if not found:
-        raise _unreadable(path, f"none of its {len(fields)} fields has a boundary")
-    return found
 
 
 def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
@@ -93,4 +89,4 @@ def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError("boundary-unreadable", path=path, why=why, formats=FORMATS)
+    return InputError("boundary-unreadable", path=path, why=why, formats=VECTOR_FORMATS)

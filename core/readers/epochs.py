@@ -1,4 +1,4 @@
-"""Times of GNSS logs: dates that are not in the log, and the order of time.
+"""Times of logs: weeks and dates that are not in the files, and the order of time.
 
 Epochs are never sorted: those that are not later than all before are dropped and counted. A log with many of them is
 rejected, because two receivers wrote it or its parts are in the wrong order.
@@ -15,15 +15,57 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.clock import DAY_S, WEEK_S, iso_utc, nearest_in_cycle, runs_forward, unroll, utc_to_gps_s
+from furrowmap.core.values.clock import (
+    DAY_S,
+    GPS_EPOCH_S,
+    WEEK_S,
+    gps_to_utc_s,
+    iso_utc,
+    nearest_in_cycle,
+    runs_forward,
+    unroll,
+    utc_to_gps_s,
+)
 
 FloatArray = NDArray[np.float64]
 
-MOST_DISORDER: Final = 0.05
+MAX_BACKWARD_SHARE: Final = 0.05
 """Largest share of epochs out of order in the log of one receiver."""
-MOST_SPLICES: Final = 4
+MAX_SPLICES: Final = 4
 """Largest number of steps back in a log whose parts are in the wrong order; more are those of two receivers."""
+EARLIEST_SINCE_1980_S: Final = 10 * 365.25 * DAY_S
+"""Seconds since 1980-01-06 that are below this are not absolute times: GPS was not complete before 1990."""
 _DAYS: Final = ("Sunday", "Monday", "Tuesday", "Wednesday", "Thursday", "Friday", "Saturday")
+
+
+def utc_of(seconds: FloatArray, scale: str, name: str, options: ReadOptions) -> FloatArray:
+    """UTC (n,) of times (n,).
+
+    Args:
+        seconds: in the order of the file.
+        scale: "unix" (UTC since 1970), "gps" or "utc" (both since 1980-01-06 or since the start of the week, Sunday
+            0 h).
+        name: of the file, for messages.
+        options: `week`, else `near_s`, gives the week of times that count from its start.
+
+    Raises:
+        InputError: if the week or the time scale is unknown.
+    """
+    if scale == "unix" or not len(seconds):
+        return seconds
+    if bool(np.all((seconds >= 0) & (seconds < 2 * WEEK_S))):
+        # Some processors continue the seconds into the next week, others restart them.
+        within = unroll(seconds, WEEK_S)
+        if options.week is not None:
+            seconds = within + options.week * WEEK_S
+        elif options.near_s is not None:
+            near_s = options.near_s - GPS_EPOCH_S if scale == "utc" else float(utc_to_gps_s(options.near_s))
+            seconds = within + float(nearest_in_cycle(within[0], near_s, WEEK_S) - within[0])
+        else:
+            raise InputError("no-gps-week", name=name, within=within[0], within_last=within[-1])
+    elif not bool(np.all(seconds >= EARLIEST_SINCE_1980_S)):
+        raise InputError("unknown-time-scale", name=name, seconds=seconds.min(), seconds_max=seconds.max())
+    return seconds + GPS_EPOCH_S if scale == "utc" else gps_to_utc_s(seconds)
 
 
 def midnight_utc_s(date: str) -> float:
@@ -75,8 +117,11 @@ def in_order(
     repeated = np.zeros(len(t_s), bool)
     repeated[1:] = (np.diff(t_s) == 0) & (np.diff(lon_deg) == 0) & (np.diff(lat_deg) == 0)
     backward = ~forward & ~repeated
-    if backward.sum() > MOST_DISORDER * len(t_s):
-        raise _disorder(t_s, backward, place(int(np.flatnonzero(backward)[0])))
+    if backward.sum() > MAX_BACKWARD_SHARE * len(t_s):
+        first, steps_back = place(int(np.flatnonzero(backward)[0])), int(np.sum(np.diff(t_s) <= 0))
+        if steps_back > max(MAX_SPLICES, 0.01 * len(t_s)):
+            raise InputError("receivers-interleaved", first=first, steps_back=steps_back, t_s=len(t_s))
+        raise InputError("time-disorder.disorder", first=first, backward=int(backward.sum()), t_s=len(t_s))
     notices = []
     if backward.any():
         widest_s = float(-np.diff(t_s).min(initial=0.0))
@@ -86,13 +131,6 @@ def in_order(
     if repeated.any():
         notices.append(Notice("positions-repeated", name=name, repeated=int(repeated.sum())))
     return forward, notices
-
-
-def _disorder(t_s: FloatArray, backward: NDArray[np.bool_], first: str) -> InputError:
-    steps_back = int(np.sum(np.diff(t_s) <= 0))
-    if steps_back > max(MOST_SPLICES, 0.01 * len(t_s)):
-        return InputError("receivers-interleaved", first=first, steps_back=steps_back, t_s=len(t_s))
-    return InputError("time-disorder.disorder", first=first, backward=int(backward.sum()), t_s=len(t_s))
 
 
 def week_times(tow_s: FloatArray, options: ReadOptions, name: str) -> FloatArray | None:

@@ -25,8 +25,8 @@ EXIF, GPS = 0x8769, 0x8825
 """Where the tags of EXIF and of GPS are."""
 ZONE_STEP_S: Final = 900.0
 """Time zones are multiples of this off UTC."""
-FORMATS: Final = ("JPEG", "PNG", "TIFF")
-MOST_PIXELS: Final = 300_000_000
+PILLOW_FORMATS: Final = ("JPEG", "PNG", "TIFF")
+MAX_PIXELS: Final = 300_000_000
 """Of the largest aerial cameras; more would exhaust the memory."""
 
 
@@ -59,7 +59,15 @@ def exif_images(paths: Sequence[Path], notices: list[Notice]) -> Images:
             continue
         zoneless += not zone
         taken.append((path, seconds, place))
-    notices += _told(unreadable, timeless, zoneless, len(paths))
+    count = len(paths)
+    if unreadable:
+        notices.append(
+            Notice("images-unreadable.told", unreadable=len(unreadable), count=count, unreadable_first=unreadable[0])
+        )
+    if timeless:
+        notices.append(Notice("images-without-time", timeless=len(timeless), count=count, timeless_first=timeless[0]))
+    if zoneless:
+        notices.append(Notice("image-time-zone", zoneless=zoneless, count=count))
     times = np.array([seconds for _, seconds, _ in taken], np.float64)
     places = np.array([place for _, _, place in taken], np.float64).reshape(-1, 3)
     return Images.sorted([path for path, _, _ in taken], times, places)
@@ -79,13 +87,17 @@ def read_pixels(path: ImageFile, reduction: int) -> NDArray[np.uint8]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with _opened(path) as image:
-                size = image.size
-                pixels = _reduced(image.convert("RGB"), reduction) if size[0] * size[1] <= MOST_PIXELS else None
+                width, height = image.size
+                pixels = image.convert("RGB") if width * height <= MAX_PIXELS else None
+                if pixels is not None and reduction > 1:
+                    whole = (width // reduction * reduction, height // reduction * reduction)
+                    pixels = pixels.reduce(reduction, (0, 0, *whole))
+                found = np.asarray(pixels, np.uint8) if pixels is not None else None
     except Exception as error:  # noqa: BLE001 (as above)
         raise ValueError(f"{path}: {error}") from None
-    if pixels is None:
-        raise ValueError(f"{path}: {size[0]} × {size[1]} pixels")
-    return pixels
+    if found is None:
+        raise ValueError(f"{path}: {width} × {height} pixels")
+    return found
 
 
 def image_size(path: ImageFile) -> tuple[int, int] | None:
@@ -126,17 +138,10 @@ def _opened(path: ImageFile) -> Any:
     from PIL import Image
 
     if not isinstance(path, StoredImage):
-        return Image.open(path, formats=FORMATS)
+        return Image.open(path, formats=PILLOW_FORMATS)
     if path.layout is None:
-        return Image.open(io.BytesIO(path.data), formats=FORMATS)
+        return Image.open(io.BytesIO(path.data), formats=PILLOW_FORMATS)
     return Image.fromarray(raw_pixels(path.data, path.layout))
-
-
-def _reduced(image: Any, reduction: int) -> NDArray[np.uint8]:
-    if reduction > 1:
-        width, height = (length // reduction * reduction for length in image.size)
-        image = image.reduce(reduction, (0, 0, width, height))
-    return np.asarray(image)
 
 
 def expect_pillow() -> None:
@@ -149,26 +154,13 @@ def expect_pillow() -> None:
         raise InputError("extra-missing.expect-pillow")
 
 
-def _told(unreadable: list[Path], timeless: list[Path], zoneless: int, count: int) -> list[Notice]:
-    notices = []
-    if unreadable:
-        notices.append(
-            Notice("images-unreadable.told", unreadable=len(unreadable), count=count, unreadable_first=unreadable[0])
-        )
-    if timeless:
-        notices.append(Notice("images-without-time", timeless=len(timeless), count=count, timeless_first=timeless[0]))
-    if zoneless:
-        notices.append(Notice("image-time-zone", zoneless=zoneless, count=count))
-    return notices
-
-
 def _tags(path: Path) -> tuple[float | None, bool, tuple[float, float, float]]:
     """UTC in seconds or None, whether its zone is known, and longitude, latitude, height."""
     from PIL import Image
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with Image.open(path, formats=FORMATS) as image:
+        with Image.open(path, formats=PILLOW_FORMATS) as image:
             tags = image.getexif()
             inner, gps = tags.get_ifd(EXIF), tags.get_ifd(GPS)
             modified = tags.get(MODIFIED)

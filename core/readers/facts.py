@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import Geod
 
-from furrowmap.core.readers.elsewhere import spans_in_words
+from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import gps_minus_utc_s, iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack

@@ -59,7 +59,7 @@ class Framing(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Frames:
+class FoundFrames:
     """The frames found in a piece of a stream.
 
     Attributes:
@@ -83,7 +83,7 @@ class Frames:
     used: int
 
 
-def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True) -> Frames:
+def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True) -> FoundFrames:
     """The intact frames in a piece of a stream, whatever is between them.
 
     Checking a frame takes the same time whatever length it claims, because its checksum is a difference of running
@@ -103,7 +103,7 @@ def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True)
     if not last and used - behind < _LONGEST_RTCM:
         used = behind  # the next piece may complete an RTCM message
     foreign = _foreign(data, np.append(0, ends), np.append(begins, max(used, behind)))
-    return Frames(kind, at, length, bad, cut, int((ends - begins).sum()), foreign, used)
+    return FoundFrames(kind, at, length, bad, cut, int((ends - begins).sum()), foreign, used)
 
 
 @njit(cache=True, nogil=True)

@@ -14,6 +14,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
+from furrowmap.core.readers.text_table import number_or_text
 
 _GEOMETRIES = ("Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack")
 
@@ -49,23 +50,15 @@ def kml_polygons(path: Path) -> tuple[tuple[BaseGeometry, ...], tuple[dict[str, 
 
 def _attributes(mark: Element) -> dict[str, Any]:
     found: dict[str, Any] = {
-        _tag(child): _value(child.text) for child in mark.children if _tag(child) in ("name", "description")
+        _tag(child): number_or_text(child.text) for child in mark.children if _tag(child) in ("name", "description")
     }
     for element in _all(mark):
         if _tag(element) == "SimpleData":
-            found[element.get("name")] = _value(element.text)
+            found[element.get("name")] = number_or_text(element.text)
         elif _tag(element) == "Data":
             text = next((child.text for child in element.children if _tag(child) == "value"), "")
-            found[element.get("name")] = _value(text)
+            found[element.get("name")] = number_or_text(text)
     return found
-
-
-def _value(text: str) -> str | float | None:
-    text = text.strip()
-    try:
-        return float(text)
-    except ValueError:
-        return text or None
 
 
 def _polygon(element: Element) -> shapely.Polygon:

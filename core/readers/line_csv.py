@@ -11,30 +11,27 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.csv_header import columns_of, head_columns
-from furrowmap.core.readers.csv_numbers import numbers, pieces
+from furrowmap.core.readers.csv_file import TIME_COLUMN, TIMES, Column, CsvFile, head_columns
+from furrowmap.core.readers.epochs import utc_of
 from furrowmap.core.readers.facts import utc_facts
-from furrowmap.core.readers.line_points import FARTHEST_M, mostly_invalid, sweep
+from furrowmap.core.readers.line_points import MAX_RANGE_M, mostly_invalid, sweep
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
-from furrowmap.core.readers.source import Head, Source, cut_notice
-from furrowmap.core.readers.time_scale import utc_of
+from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.scan import Clock, Scan
 
 FloatArray = NDArray[np.float64]
 
-TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
-ANGLES: Final = {"angle_deg": np.pi / 180.0, "angle_rad": 1.0}
-RANGES: Final = {"range_m": 1.0, "range_mm": 1e-3}
-INTENSITY: Final = "intensity"
-"""Names of the columns, and their factors to radians and metres."""
-PAUSE_S: Final = 1.0
+ANGLE: Final = Column({"angle_deg": np.pi / 180.0, "angle_rad": 1.0})
+RANGE: Final = Column({"range_m": 1.0, "range_mm": 1e-3}, sparse=True)
+LINE_SCHEMA: Final = (TIME_COLUMN, ANGLE, RANGE, Column({"intensity": 1.0}, optional=True))
+MAX_SWEEP_GAP_S: Final = 1.0
 """A sweep does not last longer; after a longer pause a new one begins."""
-BACK_AND_FORTH: Final = 0.2
+MIN_SWING_SHARE: Final = 0.2
 """Share of steps against the usual direction from which the mirror swings instead of turning."""
-MOST_RETURNS: Final = 65_535
-MOST_DISORDER: Final = 0.01
+MAX_SWEEP_RETURNS: Final = 65_535
+MAX_LATE_SHARE: Final = 0.01
 
 
 class LineCsv(FileReader):
@@ -53,13 +50,13 @@ class LineCsv(FileReader):
         self.clock = Clock.STATED
         self.clocks: tuple[ClockReading, ...] = ()
         self.share_read = 0.0
-        self.counts = _Counts()
+        self.counts = _LineCounts()
 
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain with columns of time, angle and range."""
-        names = set(head_columns(head) or ())
-        found = [bool(names & kind.keys()) for kind in (TIMES, ANGLES, RANGES)]
+        names = set(head_columns(head))
+        found = [bool(names & kind.keys()) for kind in (TIMES, ANGLE.names, RANGE.names)]
         return {3: 1.0, 2: 0.5 if found[2] and found[1] else 0.0}.get(sum(found), 0.0)
 
     def scans(self) -> Iterator[Scan]:
@@ -70,16 +67,13 @@ class LineCsv(FileReader):
                 not in the stated unit.
         """
         self.notices.clear()
-        self.counts = counts = _Counts()
+        self.counts = counts = _LineCounts()
         for i, path in enumerate(self.paths):
-            with Source(path) as source:
-                lines = pieces(source, self.notices)
-                columns = _Columns.of(*columns_of(next(lines, b"").decode("utf-8", "replace")), path)
-                for scan in self._sweeps(lines, columns, path):
-                    self.share_read = (i + source.share_read) / len(self.paths)
+            with CsvFile(path, self.notices) as file:
+                file.require(LINE_SCHEMA, "missing-column.line")
+                for scan in self._sweeps(file):
+                    self.share_read = (i + file.share_read) / len(self.paths)
                     yield scan
-                if source.fault:
-                    self.notices.append(cut_notice(path, source.fault))
         self._judge(counts)
         if counts.scans:
             self.clocks = (ClockReading(self.clock, counts.first_s, counts.last_s, "from its time column"),)
@@ -102,16 +96,14 @@ class LineCsv(FileReader):
             facts["sweeps_per_s"] = round((counts.scans - 1) / span_s, 2) if span_s > 0 else None
         return Inspection(self.paths[0], self.format, self.title, facts, reader.clocks, tuple(reader.notices))
 
-    def _sweeps(self, lines: Iterator[bytes], columns: _Columns, path: Path) -> Iterator[Scan]:
+    def _sweeps(self, file: CsvFile) -> Iterator[Scan]:
         """The sweeps of one file; the last one of each piece is continued in the next."""
-        rest, line, swings = np.empty((0, 4)), 2, None
-        for piece in lines:
-            rows = columns.read(piece, path, line)
-            line += piece.count(b"\n")
-            rows = rows[np.isfinite(rows[:, :2]).all(axis=1)]
+        rest, swings = np.empty((0, 4)), None
+        for piece in file.pieces(LINE_SCHEMA):
+            rows = piece[np.isfinite(piece[:, :2]).all(axis=1)]
             if not len(rows):
                 continue
-            rows[:, 0] = utc_of(rows[:, 0], columns.scale, str(path), self.options)
+            rows[:, 0] = utc_of(rows[:, 0], file.time_scale, str(file.path), self.options)
             rows = np.concatenate([rest, self._forward(rows)])
             if len(rows) < 2:
                 rest = rows
@@ -139,7 +131,7 @@ class LineCsv(FileReader):
         counts = self.counts
         counts.firings += len(rows)
         with np.errstate(invalid="ignore"):
-            far, returned = rows[:, 2] > FARTHEST_M, (rows[:, 2] > 0.0) & (rows[:, 2] <= FARTHEST_M)
+            far, returned = rows[:, 2] > MAX_RANGE_M, (rows[:, 2] > 0.0) & (rows[:, 2] <= MAX_RANGE_M)
         counts.far += int(far.sum())
         if not returned.any():
             return
@@ -147,20 +139,20 @@ class LineCsv(FileReader):
         counts.take(t_s, angle)
         yield sweep(counts.scans - 1, t_s, angle, distance, intensity, np.flatnonzero(returned))
 
-    def _judge(self, counts: _Counts) -> None:
+    def _judge(self, counts: _LineCounts) -> None:
         name = str(self.paths[0])
         if counts.far > counts.points:
             raise mostly_invalid(name, counts.far, counts.far + counts.points)
-        if counts.late > MOST_DISORDER * counts.rows:
+        if counts.late > MAX_LATE_SHARE * counts.rows:
             raise InputError("time-disorder.judge", name=name, late=counts.late, rows=counts.rows)
         if counts.late:
             self.notices.append(Notice("time-runs-back.judge", name=name, late=counts.late, rows=counts.rows))
         if counts.far:
-            self.notices.append(Notice("points-invalid.far", source=name, far=counts.far, farthest_m=FARTHEST_M))
+            self.notices.append(Notice("points-invalid.far", source=name, far=counts.far, farthest_m=MAX_RANGE_M))
 
 
 @dataclass
-class _Counts:
+class _LineCounts:
     """What was read so far."""
 
     scans: int = 0
@@ -182,45 +174,12 @@ class _Counts:
         self.angles_rad = np.array([min(low, angle_rad.min()), max(high, angle_rad.max())])
 
 
-@dataclass(frozen=True)
-class _Columns:
-    """The columns to read, and their factors."""
-
-    every: Sequence[str]
-    separator: str
-    names: tuple[str, ...]
-    scale: str
-    factors: FloatArray
-
-    @classmethod
-    def of(cls, every: Sequence[str], separator: str, path: Path) -> _Columns:
-        time, angle, distance = (next((n for n in kind if n in every), None) for kind in (TIMES, ANGLES, RANGES))
-        if time is None or angle is None or distance is None:
-            raise InputError(
-                "missing-column.of-2",
-                path=path,
-                every=", ".join(every)[:200],
-                times=" or ".join(TIMES),
-                angles=" or ".join(ANGLES),
-                ranges=" or ".join(RANGES),
-            )
-        names = (time, angle, distance, *((INTENSITY,) if INTENSITY in every else ()))
-        return cls(every, separator, names, TIMES[time], np.array([1.0, ANGLES[angle], RANGES[distance], 1.0]))
-
-    def read(self, piece: bytes, path: Path, line: int) -> FloatArray:
-        """Rows (n, 4) of time, angle in radians, range in metres, intensity."""
-        found = numbers(piece, self.every, self.separator, self.names, path, line)
-        rows = np.zeros((len(found), 4))
-        rows[:, : found.shape[1]] = found
-        return rows * self.factors
-
-
 def _swings(angle: FloatArray) -> bool:
     """Whether the mirror swings back and forth instead of turning on."""
     step = np.diff(angle)
     step = step[step != 0.0]
     against = min(np.mean(step > 0), np.mean(step < 0)) if len(step) else 0.0
-    return bool(against > BACK_AND_FORTH)
+    return bool(against > MIN_SWING_SHARE)
 
 
 def _begins(rows: FloatArray, *, swings: bool) -> list[int]:
@@ -234,11 +193,11 @@ def _begins(rows: FloatArray, *, swings: bool) -> list[int]:
         new = np.concatenate([[False, False], sign[1:] * sign[:-1] < 0])
     else:
         new = np.concatenate([[False], step * usual < 0])
-    new[1:] |= np.diff(rows[:, 0]) > PAUSE_S
+    new[1:] |= np.diff(rows[:, 0]) > MAX_SWEEP_GAP_S
     begins = [0]
     for k in [*np.flatnonzero(new).tolist(), len(rows)]:
-        while k - begins[-1] > MOST_RETURNS:
-            begins.append(begins[-1] + MOST_RETURNS)
+        while k - begins[-1] > MAX_SWEEP_RETURNS:
+            begins.append(begins[-1] + MAX_SWEEP_RETURNS)
         if k < len(rows) and k > begins[-1]:
             begins.append(k)
     return begins

@@ -12,7 +12,7 @@ from furrowmap.core.values.scan import Scan
 
 FloatArray = NDArray[np.float64]
 
-FARTHEST_M: Final = 2000.0
+MAX_RANGE_M: Final = 2000.0
 """No scanner on a machine sees as far; farther ranges are damaged or not metres."""
 
 
@@ -35,12 +35,15 @@ def sweep(
         column: index of the firing in the sweep.
     """
     n = len(t_s)
+    known = np.nan_to_num(intensity, nan=0.0, posinf=0.0, neginf=0.0)
+    if n and 0.0 < known.max() <= 1.0:
+        known = 255.0 * known
     xyz = np.column_stack([range_m * np.cos(angle_rad), range_m * np.sin(angle_rad), np.zeros(n)])
     return Scan(
         number=number,
         t_s=t_s,
         xyz_m=xyz.astype(np.float32),
-        intensity=_counts(intensity),
+        intensity=np.rint(np.clip(known, 0, 65535)).astype(np.uint16),
         laser=np.zeros(n, np.uint8),
         column=column.astype(np.uint16),
         return_number=np.ones(n, np.uint8),
@@ -48,13 +51,8 @@ def sweep(
     )
 
 
-def _counts(intensity: FloatArray) -> NDArray[np.uint16]:
-    known = np.nan_to_num(intensity, nan=0.0, posinf=0.0, neginf=0.0)
-    if len(known) and 0.0 < known.max() <= 1.0:
-        known = 255.0 * known
-    return np.rint(np.clip(known, 0, 65535)).astype(np.uint16)
-
-
 def mostly_invalid(source: str, wrong: int, everything: int) -> InputError:
     """The error of ranges that are not metres."""
-    return InputError("points-mostly-invalid", source=source, wrong=wrong, everything=everything, farthest_m=FARTHEST_M)
+    return InputError(
+        "points-mostly-invalid", source=source, wrong=wrong, everything=everything, farthest_m=MAX_RANGE_M
+    )

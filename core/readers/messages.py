@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.framing import Framing, find_frames
 from furrowmap.core.readers.source import Source
 
-CHUNK_BYTES: Final = 1 << 22
+MESSAGE_CHUNK_BYTES: Final = 1 << 22
 
 
 Kind = TypeVar("Kind")
@@ -96,7 +96,7 @@ def read_messages(
     base = counts.stream_bytes
     rest = b""
     while True:
-        block = source.read(CHUNK_BYTES)
+        block = source.read(MESSAGE_CHUNK_BYTES)
         data = np.frombuffer(rest + block, np.uint8)
         frames = find_frames(data, framing, last=not block)
         kinds, times = np.unique(frames.kind, return_counts=True)

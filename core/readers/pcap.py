@@ -36,7 +36,7 @@ ByteArray = NDArray[np.uint8]
 BLOCK_BYTES: Final = 1 << 21
 """Bytes that are read at a time."""
 
-_MAGIC: Final = {
+_PCAP_MAGIC: Final = {
     b"\xd4\xc3\xb2\xa1": (False, 1_000_000),
     b"\xa1\xb2\xc3\xd4": (True, 1_000_000),
     b"\x4d\x3c\xb2\xa1": (False, 1_000_000_000),
@@ -49,7 +49,7 @@ _END_OF_OPTIONS, _TIME_RESOLUTION, _TIME_OFFSET = 0, 9, 14
 
 def capture_format(head: bytes) -> str:
     """The format of a capture by its first bytes: "pcap", "pcapng", or "" for none."""
-    if head[:4] in _MAGIC:
+    if head[:4] in _PCAP_MAGIC:
         return "pcap"
     if head[:4] == _SECTION and head[8:12] in (b"\x1a\x2b\x3c\x4d", b"\x4d\x3c\x2b\x1a"):
         return "pcapng"
@@ -115,7 +115,12 @@ class Capture:
         self.format = capture_format(bytes(self._data[:12]))
         if not self.format:
             raise _no_capture(self.path, bytes(self._data[:16]))
-        self._pos = 0 if self.format == "pcapng" else self._file_header()
+        self._pos = 0
+        if self.format == "pcap":
+            self._big, self.resolution = _PCAP_MAGIC[bytes(self._data[:4])]
+            self._pos = min(24, len(self._data))
+            if self._pos == 24:
+                self._links[0] = self._number(self._data[20:24]) & 0xFFFF
 
     def __iter__(self) -> Iterator[Datagrams]:
         walked = _Walk()
@@ -146,7 +151,7 @@ class Capture:
                     break
             elif why == DAMAGE:
                 if not self.records:
-                    raise self._unreadable()
+                    raise InputError("damaged-capture", path=self.path, has_big=bool(self._big), format=self.format)
                 self._step_over(last_s)
             elif why == MORE and not self._refill():
                 break
@@ -189,13 +194,6 @@ class Capture:
         self._at += self._pos
         self._pos = 0
         return True
-
-    def _file_header(self) -> int:
-        self._big, self.resolution = _MAGIC[bytes(self._data[:4])]
-        if len(self._data) < 24:
-            return len(self._data)
-        self._links[0] = self._number(self._data[20:24]) & 0xFFFF
-        return 24
 
     def _number(self, raw: bytes | bytearray, *, signed: bool = False) -> int:
         return int.from_bytes(raw, "big" if self._big else "little", signed=signed)
@@ -257,9 +255,6 @@ class Capture:
                 self._lost_bytes += len(self._data) - self._pos
                 self._pos = len(self._data)
                 return
-
-    def _unreadable(self) -> InputError:
-        return InputError("damaged-capture", path=self.path, has_big=bool(self._big), format=self.format)
 
 
 def _no_capture(path: Path, head: bytes) -> InputError:

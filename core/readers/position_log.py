@@ -11,9 +11,9 @@ from typing import Any, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.elsewhere import without_elsewhere
 from furrowmap.core.readers.epochs import in_order, week_time
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
+from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Source, cut_notice
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -22,13 +22,13 @@ from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Clock
 
-FEWEST_STEPS: Final = 10
-REGULAR: Final = 0.8
+MIN_STEPS: Final = 10
+MIN_REGULAR_SHARE: Final = 0.8
 """Least share of steps of the usual length in a log of a regular rate."""
 
 
 @dataclass(frozen=True)
-class Positions:
+class LoggedPositions:
     """The positions in a log, and what was found about them.
 
     Attributes:
@@ -103,7 +103,7 @@ class PositionLog(FileReader, ABC):
     title: ClassVar[str]
 
     @abstractmethod
-    def _read(self, paths: list[Path]) -> Positions:
+    def _read(self, paths: list[Path]) -> LoggedPositions:
         """The positions of some of the files; damage to the files is added to `notices`."""
 
     def _undated(self, t_s: float) -> str:
@@ -154,27 +154,27 @@ class PositionLog(FileReader, ABC):
             if source.fault:
                 self.notices.append(cut_notice(path, source.fault))
 
-    def _positions(self, paths: list[Path]) -> Positions:
+    def _positions(self, paths: list[Path]) -> LoggedPositions:
         self.notices = []
         positions = self._read(paths)
         when = iso_utc if positions.dated else self._undated
         self.notices += positions.notices
         try:
-            track, _, notices = without_elsewhere(positions.track, when)
+            track, _, notices = drop_implausible_positions(positions.track, when)
         except InputError as fault:
-            return replace(Positions.none(positions.track.source, fault), facts=positions.facts)
+            return replace(LoggedPositions.none(positions.track.source, fault), facts=positions.facts)
         self.notices += [*notices, *jump_notices(track, when), *_missing(positions, when)]
         return replace(positions, track=track)
 
 
-def _missing(positions: Positions, when: Callable[[float], str]) -> list[Notice]:
+def _missing(positions: LoggedPositions, when: Callable[[float], str]) -> list[Notice]:
     """A notice of epochs that are not in a log of a regular rate, besides those without a position."""
     t_s = positions.track.t_s
     step = np.diff(t_s)
-    if len(step) < FEWEST_STEPS:
+    if len(step) < MIN_STEPS:
         return []
     interval = float(np.median(step))
-    if np.mean(np.abs(step - interval) < 0.1 * interval) < REGULAR:
+    if np.mean(np.abs(step - interval) < 0.1 * interval) < MIN_REGULAR_SHARE:
         return []
     lost = np.round(step / interval).astype(np.int64) - 1
     count = int(lost.sum()) - positions.without_position - positions.dropped
@@ -192,11 +192,6 @@ def _missing(positions: Positions, when: Callable[[float], str]) -> list[Notice]
             t_s=when(float(t_s[worst])),
         )
     ]
-
-
-def log_name(paths: Sequence[Path]) -> str:
-    """The name of a recording of one or more files, for messages."""
-    return str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} more"
 
 
 def file_at(paths: Sequence[Path], ends: Sequence[int], at: int) -> tuple[Path, int]:

@@ -118,6 +118,16 @@ class FileReader:
         self.options = options
         self.notices: list[Notice] = []
 
+    @property
+    def name(self) -> str:
+        """The files, for messages."""
+        return recording_name(self.paths)
+
+
+def recording_name(paths: Sequence[Path]) -> str:
+    """The name of a recording of one or more files, for messages."""
+    return str(paths[0]) if len(paths) == 1 else f"{paths[0]} and {len(paths) - 1} more"
+
 
 @runtime_checkable
 class GivesScans(Protocol):
@@ -292,19 +302,14 @@ def _unknown(head: Head) -> InputError:
             "unknown-format.unknown", head=head.path, readers="; ".join(sorted(reader.title for reader in readers()))
         )
     own = next((words for start, words in _RECEIVERS_OWN.items() if head.data.startswith(start)), "")
+    like = own or next((words for start, words in _STRANGERS.items() if head.data.startswith(start)), "")
+    if not like:
+        printable = sum(32 <= b < 127 or b in b"\r\n\t" for b in head.data[:4096])
+        like = "text" if printable > 0.95 * min(len(head.data), 4096) else ""
     return InputError(
         "unknown-format",
         head=head.path,
-        own=f"it looks like {own}" if own else _looks_like(head.data),
+        own=f"it looks like {like}" if like else "binary data",
         own_is=bool(own),
         readers="; ".join(sorted(reader.title for reader in readers())),
     )
-
-
-def _looks_like(data: bytes) -> str:
-    """A guess at the format of unknown content."""
-    for start, words in _STRANGERS.items():
-        if data.startswith(start):
-            return f"it looks like {words}"
-    printable = sum(32 <= b < 127 or b in b"\r\n\t" for b in data[:4096])
-    return "it looks like text" if printable > 0.95 * min(len(data), 4096) else "binary data"

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.framing import Framing, find_frames
 from furrowmap.core.readers.messages import MessageCounts, Messages, read_messages
-from furrowmap.core.readers.position_log import PositionLog, Positions, byte_place, log_name
+from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, byte_place
+from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix
 
-LEAST_SHARE: Final = 0.02
+MIN_INTACT_SHARE: Final = 0.02
 """Share of intact frames in a file's head from which a file without positions is recognised."""
 
 
@@ -45,11 +46,11 @@ class ReceiverLog(PositionLog):
             return 0.0
         frames = find_frames(np.frombuffer(head.data, np.uint8), cls.framing)
         kinds = set(frames.kind.tolist())
-        possible = 0.3 if frames.intact_bytes >= LEAST_SHARE * len(head.data) else 0.0
+        possible = 0.3 if frames.intact_bytes >= MIN_INTACT_SHARE * len(head.data) else 0.0
         return max((score for kind, score in cls.certainty.items() if kind in kinds), default=possible)
 
     @abstractmethod
-    def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> Positions:
+    def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> LoggedPositions:
         """The positions in the messages.
 
         Args:
@@ -67,7 +68,7 @@ class ReceiverLog(PositionLog):
     def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:
         """The error of a log without messages with positions; `frames` describes those it has."""
 
-    def _read(self, paths: list[Path]) -> Positions:
+    def _read(self, paths: list[Path]) -> LoggedPositions:
         counts = MessageCounts[int]()
         parts: dict[int, list[Messages]] = {kind: [] for kind in self.layouts}
         ends: list[int] = []
@@ -75,14 +76,14 @@ class ReceiverLog(PositionLog):
             for kind, pieces in read_messages(source, self.framing, self.layouts, counts).items():
                 parts[kind] += pieces
             ends.append(counts.stream_bytes)
-        name = log_name(paths)
+        name = recording_name(paths)
         messages = {kind: Messages.joined(pieces, self.layouts[kind]) for kind, pieces in parts.items()}
         if any(len(messages[kind]) for kind in self.certainty):
             positions = self._epochs(messages, name, byte_place(paths, ends))
         else:
             names = [self._name_of(kind) for kind, _ in counts.kinds.most_common(4)]
             frames = f"its {self.frames_title} are {', '.join(names)}" if names else f"no intact {self.frames_title}"
-            positions = Positions.none(name, self._no_position_messages(name, frames, counts))
+            positions = LoggedPositions.none(name, self._no_position_messages(name, frames, counts))
         if counts.bad or counts.cut or counts.foreign_bytes:
             self.notices.append(
                 Notice(

@@ -100,7 +100,10 @@ class Source(io.BufferedIOBase):
     """
 
     def __init__(self, path: Path) -> None:
-        _refuse_non_files(path)
+        if not path.is_file():
+            raise InputError(
+                "no-such-file.refuse-non-files", path=path, is_path=path.is_dir(), is_path_is=path.exists()
+            )
         self.path = path
         self.size_bytes = path.stat().st_size
         self.fault = ""
@@ -192,13 +195,6 @@ def look(path: Path) -> Head:
     if compression and suffix == _SUFFIX[compression]:
         suffix = path.with_suffix("").suffix.lower()
     return Head(path, data, compression, suffix)
-
-
-def _refuse_non_files(path: Path) -> None:
-    if not path.is_file():
-        raise InputError(
-            "no-such-file.refuse-non-files", path=path, is_path=bool(path.is_dir()), is_path_is=bool(path.exists())
-        )
 
 
 def cut_notice(path: Path, fault: str) -> Notice:

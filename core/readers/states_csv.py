@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import math
 from collections.abc import Iterator
 from itertools import pairwise
@@ -11,15 +10,14 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from furrowmap.core.readers.csv_header import columns_of, head_columns
-from furrowmap.core.readers.last_line import cut_line_notice, is_whole
+from furrowmap.core.readers.csv_file import head_columns, is_whole, read_small, split_header, text_rows, unix_time
 from furrowmap.core.readers.reader import FileReader, Inspection
-from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import LAST_S, iso_utc
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
-LARGEST_BYTES: Final = 50_000_000
+MAX_STATES_BYTES: Final = 50_000_000
 _STATES: Final = {state.label: state for state in ToolState}
 
 
@@ -39,7 +37,7 @@ class StatesCsv(FileReader):
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain with columns of times and states."""
-        names = set(head_columns(head) or ())
+        names = set(head_columns(head))
         return 1.0 if "state" in names and {"time", "t_s"} & names else 0.0
 
     def states(self) -> ToolStates:
@@ -90,41 +88,31 @@ class StatesCsv(FileReader):
 
 def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState, float, float, float, str]]:
     """(t_s, state, sigma_s, confidence, common_share, file and line) of each row."""
-    with Source(path) as source:
-        data, fault = source.read(LARGEST_BYTES + 1), source.fault
-    if len(data) > LARGEST_BYTES:
-        raise _bad(f"{path}: more than {LARGEST_BYTES:,} bytes")
-    lines = data.decode("utf-8", "replace").splitlines()
-    if fault:
-        notices.append(cut_notice(path, fault))
-    if data and not data.endswith((b"\n", b"\r")) and not _is_whole(data.splitlines(), fault):
-        notices.append(cut_line_notice(path))
-        lines.pop()
-    names, separator = columns_of(lines[0] if lines else "")
-    for number, line in enumerate(lines[1:], start=2):
-        cells = line.replace('"', "").split(separator)
-        if not any(cell.strip() for cell in cells):
+    try:
+        data, fault = read_small(path, MAX_STATES_BYTES, notices)
+    except ValueError as error:
+        raise _bad(f"{path}: {error}") from None
+    if data and not data.endswith((b"\n", b"\r")):
+        *lines, last = data.splitlines()
+        # No state is the beginning of another, so a row that ends with one is complete.
+        names, separator = split_header(lines[0] if lines else last)
+        cells = [cell.strip('" ').lower() for cell in last.decode("utf-8", "replace").split(separator)]
+        if fault or not ((len(cells) == len(names) and cells[-1] in _STATES) or is_whole(last, lines[1:])):
+            notices.append(Notice("last-line-cut", path=path))
+            data = b"\n".join(lines)
+    for number, row in text_rows(data)[1]:
+        if not any(row.values()):
             continue
         where = f"{path}, line {number}"
-        row = dict(zip(names, (cell.strip() for cell in cells), strict=False))
         word = row.get("state", "").lower()
         if word not in _STATES:
             raise _bad(f"{where}: the state is {word[:40]!r}")
-        sigma_s, confidence = _number(row, "sigma_s", where, math.nan), _number(row, "confidence", where, 1.0)
-        common = _number(row, "common_share", where, 0.0)
-        yield _time_s(row, where), _STATES[word], sigma_s, _share(confidence), _share(common), where
-
-
-def _is_whole(lines: list[bytes], fault: str) -> bool:
-    """Whether the last line is certainly complete; no state is the beginning of another."""
-    names, separator = columns_of(lines[0].decode("utf-8", "replace"))
-    cells = [cell.strip('" ').lower() for cell in lines[-1].decode("utf-8", "replace").split(separator)]
-    word = len(cells) == len(names) and cells[-1] in _STATES
-    return not fault and (word or is_whole(lines[-1], lines[1:-1]))
-
-
-def _share(value: float) -> float:
-    return min(max(value, 0.0), 1.0)
+        sigma_s = _number(row, "sigma_s", where, math.nan)
+        confidence, common = (
+            min(max(_number(row, name, where, default), 0.0), 1.0)
+            for name, default in (("confidence", 1.0), ("common_share", 0.0))
+        )
+        yield _time_s(row, where), _STATES[word], sigma_s, confidence, common, where
 
 
 def _time_s(row: dict[str, str], where: str) -> float:
@@ -135,9 +123,8 @@ def _time_s(row: dict[str, str], where: str) -> float:
         return t_s
     text = row.get("time", "")
     try:
-        when = dt.datetime.fromisoformat(text)
-        return when.timestamp() if when.tzinfo is not None else when.replace(tzinfo=dt.UTC).timestamp()
-    except (ValueError, OverflowError):
+        return unix_time(text)
+    except ValueError:
         raise _bad(f"{where}: the time is {text[:40]!r}") from None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.areas.area import nothing_within, read_area
-from furrowmap.core.readers.survey_table import read_table
+from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.readers.vector_file import named_by_content
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
@@ -132,22 +133,19 @@ def in_degrees(path: Path) -> bool:
         with path.open("rb") as file:
             if file.read(16).startswith(b"SQLite format 3"):
                 return False
-        columns = read_table(path).columns
-    except (ValueError, OSError):
+        table = read_table(path, partial(_unreadable, path))
+    except (InputError, OSError):
         return False
-    return next((name for name in _NAMES["x"] if name in columns), None) in _DEGREES
+    return table.find(_NAMES["x"]) in _DEGREES
 
 
 def _from_csv(path: Path) -> tuple[dict[str, Any], bool]:
     """The columns, and whether they are longitudes and latitudes."""
-    try:
-        table = read_table(path)
-    except (ValueError, OSError) as error:
-        raise _unreadable(path, f"is no table: {error}") from None
-    found = {key: next((n for n in names if n in table.columns), None) for key, names in _NAMES.items()}
+    table = read_table(path, lambda why: _unreadable(path, f"is no table: {why}"))
+    found = {key: table.find(names) for key, names in _NAMES.items()}
     missing = [_NAMES[key][0] for key in "xyh" if found[key] is None]
     if missing:
-        raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {', '.join(table.columns)[:200]})")
+        raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {table.names})")
     n = len(table.lines)
     columns: dict[str, Any] = {
         key: table.numbers(column) if column is not None else np.full(n, np.nan)

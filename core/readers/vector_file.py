@@ -21,11 +21,11 @@ from furrowmap.core.readers.zipped_layer import ZIP, unpacked_layer
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.foreign_content import binary_kind
 
-LARGEST_BYTES: Final = 100_000_000
-FORMATS: Final = "GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped) or KML"
-_MAGIC: Final = (b"SQLite format 3\0", b"fgb", b"\0\0\x27\x0a")
+MAX_VECTOR_BYTES: Final = 100_000_000
+VECTOR_FORMATS: Final = "GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped) or KML"
+_VECTOR_MAGIC: Final = (b"SQLite format 3\0", b"fgb", b"\0\0\x27\x0a")
 """The first bytes of GeoPackage, FlatGeobuf and Shapefile."""
-_SUFFIXES: Final = {_MAGIC[0]: ".gpkg", _MAGIC[1]: ".fgb"}
+_SUFFIXES: Final = {_VECTOR_MAGIC[0]: ".gpkg", _VECTOR_MAGIC[1]: ".fgb"}
 
 Unreadable = Callable[[str], InputError]
 """The error of a file, from what is wrong with it."""
@@ -61,9 +61,22 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
             or has coordinates that are not finite.
         RefusedError: if an archive unpacks to far more than its size.
     """
-    head = _head(path, unreadable)
     try:
-        found = _read(path, head)
+        with path.open("rb") as file:
+            head = file.read(4096)
+        size = path.stat().st_size
+    except OSError as error:
+        raise unreadable(str(error.strerror)) from None
+    if not (_is_json(head) or head.startswith((*_VECTOR_MAGIC, ZIP)) or is_kml(head)):
+        kind = binary_kind(head)
+        raise unreadable(
+            f"{f'{kind}, ' if kind else ''}neither GeoJSON nor GeoPackage, FlatGeobuf, Shapefile, zipped Shapefile or "
+            "KML"
+        )
+    if size > MAX_VECTOR_BYTES:
+        raise unreadable(f"{size:,} bytes is too large for the boundary of a field or a set of parcels")
+    try:
+        found = _read_layer(path, head)
     except RefusedError:
         raise
     except InputError as error:
@@ -77,32 +90,13 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
     return found
 
 
-def _head(path: Path, unreadable: Unreadable) -> bytes:
-    """The first bytes of a file of a known format."""
-    try:
-        with path.open("rb") as file:
-            head = file.read(4096)
-        size = path.stat().st_size
-    except OSError as error:
-        raise unreadable(str(error.strerror)) from None
-    if not (_is_json(head) or head.startswith((*_MAGIC, ZIP)) or is_kml(head)):
-        kind = binary_kind(head)
-        raise unreadable(
-            f"{f'{kind}, ' if kind else ''}neither GeoJSON nor GeoPackage, FlatGeobuf, Shapefile, zipped Shapefile or "
-            "KML"
-        )
-    if size > LARGEST_BYTES:
-        raise unreadable(f"{size:,} bytes is too large for the boundary of a field or a set of parcels")
-    return head
-
-
-def _read(path: Path, head: bytes) -> Polygons:
+def _read_layer(path: Path, head: bytes) -> Polygons:
     with ExitStack() as stack:
         if head.startswith(ZIP):
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="furrowmap-"))
             path = unpacked_layer(path, Path(folder))
             head = path.read_bytes()[:4096]
-            if not (is_kml(head) or head.startswith(_MAGIC[2])):
+            if not (is_kml(head) or head.startswith(_VECTOR_MAGIC[2])):
                 raise ValueError(f"its layer {path.name} is neither a Shapefile nor KML")
         if is_kml(head):
             shapes, attributes, others = kml_polygons(path)

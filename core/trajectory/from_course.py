@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.readers.elsewhere import without_elsewhere
+from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.positions import sigmas_m, without_jumps
 from furrowmap.core.trajectory.smoothing import smooth_path, white_noise
@@ -65,7 +65,7 @@ def trajectory_from_course(
     """
     notices: list[Notice] = []
     near = np.isfinite(track.lon_deg) & np.isfinite(track.lat_deg)
-    here, kept_of_near, found = without_elsewhere(track[near])
+    here, kept_of_near, found = drop_implausible_positions(track[near])
     notices += found
     near[near] = kept_of_near
     _expect_some(track, near)

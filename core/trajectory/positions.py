@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.elsewhere import spans_in_words, strays
+from furrowmap.core.readers.implausible_positions import spans_in_words, strays
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack

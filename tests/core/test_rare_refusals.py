@@ -30,7 +30,7 @@ from furrowmap.core.readers import zipped_layer
 from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.exif import expect_pillow
-from furrowmap.core.readers.sheet import LARGEST_BYTES, read_sheet
+from furrowmap.core.readers.text_table import MAX_SHEET_BYTES, read_sheet
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.trajectory.imu_mounting import check_mounting
@@ -93,7 +93,7 @@ def zipped(path: Path, files: dict[str, bytes]) -> Path:
 def test_archives__without_one_layer(
     files: dict[str, bytes], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(zipped_layer, "MOST_FILES", 3)
+    monkeypatch.setattr(zipped_layer, "MAX_FILES", 3)
     with refusal("within-unreadable", words):
         read_area(zipped(tmp_path / "area.zip", files), MAP)
 
@@ -108,7 +108,7 @@ def test_archives__that_unpack_to_far_more_than_their_size(tmp_path: Path, monke
 def test_sheets__that_are_too_large_or_empty(tmp_path: Path) -> None:
     large, empty = tmp_path / "large.csv", tmp_path / "empty.xlsx"
     with large.open("wb") as file:
-        file.truncate(LARGEST_BYTES + 1)
+        file.truncate(MAX_SHEET_BYTES + 1)
     pd.DataFrame().to_excel(empty, index=False)
     for path, words in ((large, "20,000,001 bytes is too large"), (empty, "its first sheet is empty")):
         with refusal("treatments-unreadable", words):
@@ -126,7 +126,7 @@ def test_an_interruption__while_a_sheet_is_read_is_no_damage(
     pd.DataFrame({"plot": [1]}).to_excel(tmp_path / "a.xlsx", index=False)
     monkeypatch.setattr(calamine.CalamineWorkbook, "from_path", interrupted)
     with pytest.raises(stop):
-        read_sheet(tmp_path / "a.xlsx")
+        read_sheet(tmp_path / "a.xlsx", pytest.fail)
 
 
 @pytest.mark.parametrize(

@@ -105,8 +105,9 @@ def test_parameters__of_an_earthquake_are_told_by_their_columns(
 
 def test_files__too_large_for_what_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bounds are lowered, so that the files are small; the rule is the same."""
-    for module in (parameter_file, surveyed_points, vector_file):
-        monkeypatch.setattr(module, "LARGEST_BYTES", 60)
+    monkeypatch.setattr(parameter_file, "LARGEST_BYTES", 60)
+    monkeypatch.setattr(surveyed_points, "LARGEST_BYTES", 60)
+    monkeypatch.setattr(vector_file, "MAX_VECTOR_BYTES", 60)
     with refusal("parameters-unreadable", "it has [0-9,]+ bytes"):
         read_parameters(par(tmp_path, 16, COLUMNS, "54401205   0.10000   0.20000"))
     (tmp_path / "points.csv").write_text("name,e_m,n_m,h_m\n" + "a,1,2,3\n" * 9)
@@ -244,7 +245,7 @@ def test_states__of_a_file_too_large_or_of_numbers_that_are_none(
     assert found.confidence.tolist() == [1.0, 0.0, 1.0, 1.0]  # shares are between 0 and 1
     assert found.begin_sigma_s[0] == 0.1
     assert np.isnan(found.begin_sigma_s[1:]).all()
-    monkeypatch.setattr(states_csv, "LARGEST_BYTES", 60)
+    monkeypatch.setattr(states_csv, "MAX_STATES_BYTES", 60)
     with refusal("states-unreadable", "more than 60 bytes"):
         StatesCsv([path], ReadOptions()).states()
 

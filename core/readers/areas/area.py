@@ -14,7 +14,7 @@ from pyproj import CRS
 
 from furrowmap.core.readers.areas.polygon_file import polygons_on_map
 from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
-from furrowmap.core.readers.vector_file import FORMATS
+from furrowmap.core.readers.vector_file import VECTOR_FORMATS
 from furrowmap.core.runtime.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -99,4 +99,4 @@ def nothing_within(area: Area, what: str, at_m: tuple[float, float] | None) -> I
 
 
 def _unreadable(path: Path, why: str) -> InputError:
-    return InputError("within-unreadable", path=path, why=why, formats=FORMATS)
+    return InputError("within-unreadable", path=path, why=why, formats=VECTOR_FORMATS)

@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.readers.survey_table import SurveyTable, read_table
-from furrowmap.core.readers.vector_file import LARGEST_BYTES, Polygons, Unreadable
+from furrowmap.core.readers.text_table import TextTable, read_table
+from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable
 
 IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
 """Accepted names of the column of identifiers, in any case."""
@@ -44,19 +44,14 @@ def corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygons
     Raises:
         InputError: made by `unreadable`, if the file is no such table, or a parcel has fewer than three corners.
     """
-    try:
-        size = path.stat().st_size
-        table = read_table(path) if size <= LARGEST_BYTES else None
-    except (ValueError, OSError) as error:
-        raise unreadable(str(error)) from None
-    if table is None:
+    size = path.stat().st_size
+    if size > MAX_VECTOR_BYTES:
         raise unreadable(f"{size:,} bytes is too large for a table of corners")
+    table = read_table(path, unreadable)
     names = next((pair for pair in (*_MAP, *_DEGREES) if set(pair) <= set(table.columns)), None)
-    column = next((name for name in IDS if name in table.columns), None)
+    column = table.find(IDS)
     if names is None or column is None or not table.lines:
-        raise unreadable(
-            f"no rows with an identifier and two coordinates (its columns: {', '.join(table.columns)[:200]})"
-        )
+        raise unreadable(f"no rows with an identifier and two coordinates (its columns: {table.names})")
     xy = np.column_stack([table.numbers(name) for name in names])
     for name in names:
         fault = table.first_fault(name)
@@ -69,7 +64,7 @@ def corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygons
 
 
 def _grouped(
-    table: SurveyTable, used: Sequence[str], xy: np.ndarray[Any, np.dtype[np.float64]], crs: CRS, unreadable: Unreadable
+    table: TextTable, used: Sequence[str], xy: np.ndarray[Any, np.dtype[np.float64]], crs: CRS, unreadable: Unreadable
 ) -> Polygons:
     rows: dict[str, list[int]] = {}
     for k, name in enumerate(table.columns[used[0]]):

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.elsewhere import without_elsewhere
+from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.isoxml.content import Partfield, Task, TaskData, read_content
 from furrowmap.core.readers.isoxml.files import TaskFiles
 from furrowmap.core.readers.isoxml.time_log import TimeLog, read_time_log
@@ -156,10 +156,10 @@ def _joined(
     )
     width = column(work.width_m for _, work in logs)[placed]
     try:
-        track, here, elsewhere = without_elsewhere(track)
+        track, here, dropped = drop_implausible_positions(track)
     except InputError as error:
-        track, here, elsewhere = track[:0], np.zeros(len(track), bool), [Notice.of(error)]
-    notices += elsewhere
+        track, here, dropped = track[:0], np.zeros(len(track), bool), [Notice.of(error)]
+    notices += dropped
     return track, state[placed][here], width[here], states
 
 

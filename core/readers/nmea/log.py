@@ -10,7 +10,8 @@ from typing import ClassVar, Final
 
 from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentences, read_sentences, scan_bytes
 from furrowmap.core.readers.nmea.track import assemble, time_of_day
-from furrowmap.core.readers.position_log import PositionLog, Positions, byte_place, log_name
+from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, byte_place
+from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import Notice
 
@@ -52,14 +53,14 @@ class NmeaLog(PositionLog):
     def _undated(self, t_s: float) -> str:
         return f"{time_of_day(t_s)} (no date)"
 
-    def _read(self, paths: list[Path]) -> Positions:
+    def _read(self, paths: list[Path]) -> LoggedPositions:
         counts = SentenceCounts()
         parts: list[Sentences] = []
         ends: list[int] = []
         for source in self._sources(paths):
             parts += read_sentences(source, counts, counts.stream_bytes)
             ends.append(counts.stream_bytes)
-        name = log_name(paths)
+        name = recording_name(paths)
         sentences = Sentences.joined(parts)
         parts.clear()  # else memory holds a long log twice
         date, near_s = self.options.date, self.options.near_s

@@ -16,9 +16,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.epochs import MOST_DISORDER, in_order, midnight_utc_s, midnights_utc_s
+from furrowmap.core.readers.epochs import MAX_BACKWARD_SHARE, in_order, midnight_utc_s, midnights_utc_s
 from furrowmap.core.readers.nmea.sentences import FIELDS, Kind, Sentences
-from furrowmap.core.readers.position_log import Positions
+from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, unroll
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -40,7 +40,7 @@ def assemble(
     date: str | None,
     near_s: float | None,
     place: Callable[[int], str],
-) -> Positions:
+) -> LoggedPositions:
     """The positions of the receiver with the best and most of them; undated times count from their first midnight.
 
     Args:
@@ -82,7 +82,7 @@ def assemble(
             fault = None if dated else _no_date(t_s, name)
     kept = positions[forward]
     _note_heights(kept, notices, name)
-    return Positions(
+    return LoggedPositions(
         track=_track(kept, t_s[forward], log, name),
         dated=dated,
         without_position=int(np.sum(~_has_position(gga))),
@@ -115,7 +115,7 @@ def _one_receiver(positions: Sentences, notices: list[Notice], name: str) -> NDA
     step = np.diff(positions.column(Kind.GGA, "tod_s"))
     ahead = (step + DAY_S / 2) % DAY_S - DAY_S / 2
     switches = np.sum(positions.talker[1:] != positions.talker[:-1])
-    if np.mean(ahead <= 0) <= MOST_DISORDER and switches <= MOST_SWITCHES * len(positions):
+    if np.mean(ahead <= 0) <= MAX_BACKWARD_SHARE and switches <= MOST_SWITCHES * len(positions):
         return talkers
     quality = positions.column(Kind.GGA, "quality")
     rtk = np.isin(quality, (Fix.FIXED, Fix.FLOAT))

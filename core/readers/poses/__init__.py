@@ -1,1 +1,1 @@
-"""Trajectories from elsewhere: CSV and SBET."""
+"""External trajectories: CSV and SBET."""

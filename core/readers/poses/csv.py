@@ -5,33 +5,27 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from furrowmap.core.readers.csv_header import columns_of, head_columns, names_a_position
-from furrowmap.core.readers.csv_numbers import complete_rows, pieces
-from furrowmap.core.readers.poses.file import PoseFile, RawPoses, too_few
+from furrowmap.core.readers.csv_file import TIMES, Column, CsvFile, head_columns, names_a_position
+from furrowmap.core.readers.poses.file import PoseFile, RawPoses
 from furrowmap.core.readers.reader import Inspection
-from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError
 
-FloatArray = NDArray[np.float64]
-
-TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
-PROJECTED: Final = ("e_m", "n_m", "h_m")
-GEOGRAPHIC: Final = ("lon_deg", "lat_deg", "h_m")
-ATTITUDE: Final = ("roll_deg", "pitch_deg", "heading_deg")
-SIGMAS: Final = ("sigma_e_m", "sigma_n_m", "sigma_h_m", "sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg")
-KNOWN: Final = frozenset((*TIMES, *PROJECTED, *GEOGRAPHIC, *ATTITUDE, *SIGMAS))
+PROJECTED_COLUMNS: Final = ("e_m", "n_m", "h_m")
+GEOGRAPHIC_COLUMNS: Final = ("lon_deg", "lat_deg", "h_m")
+ATTITUDE_COLUMNS: Final = ("roll_deg", "pitch_deg", "heading_deg")
+SIGMA_COLUMNS: Final = ("sigma_e_m", "sigma_n_m", "sigma_h_m", "sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg")
+KNOWN_COLUMNS: Final = frozenset((*TIMES, *PROJECTED_COLUMNS, *GEOGRAPHIC_COLUMNS, *ATTITUDE_COLUMNS, *SIGMA_COLUMNS))
 NEEDED: Final = 7
 """Number of required columns: time, three of position, three of attitude."""
 
-WITHIN: Final = {
+POSE_RANGES: Final = {
     "time_unix_s": (315_964_800.0, 4_102_444_800.0),
     "lon_deg": (-180.0, 360.0),
     "lat_deg": (-90.0, 90.0),
@@ -43,7 +37,7 @@ WITHIN: Final = {
 
 
 class PoseCsv(PoseFile):
-    """Poses from CSV files with the columns of :data:`KNOWN`.
+    """Poses from CSV files with the columns of :data:`KNOWN_COLUMNS`.
 
     `time_unix_s` is UTC in POSIX seconds. `time_gps_s` is GPS time since 1980-01-06, or seconds of the GPS week given
     by `ReadOptions.week` or `ReadOptions.near_s`. Positions are easting, northing and height in the session's map
@@ -57,9 +51,9 @@ class PoseCsv(PoseFile):
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain with columns of time, attitude and position; possible if any column names contain roll and pitch."""
-        names = set(head_columns(head) or ())
-        known = names & KNOWN
-        if known & set(TIMES) and known & set(ATTITUDE):
+        names = set(head_columns(head))
+        known = names & KNOWN_COLUMNS
+        if known & set(TIMES) and known & set(ATTITUDE_COLUMNS):
             return 1.0 if any(map(names_a_position, names)) else 0.6
         if len(known) >= 3:
             return 0.6
@@ -73,90 +67,66 @@ class PoseCsv(PoseFile):
             InputError: as :meth:`poses`, but an unknown week is only a notice.
         """
         inspection = super().inspect()
-        with Source(self.paths[0]) as source:
-            lines = pieces(source, [])
-            header = _Header.of(next(lines, b""))
-            place = header.place(next(lines, b"").partition(b"\n")[0]) if header.projected else {}
-        unused = [name for name in header.names if name not in header.columns]
-        facts: dict[str, Any] = {"columns": list(header.columns), "unused_columns": unused, **inspection.facts}
+        with CsvFile(self.paths[0], []) as file:
+            columns = _columns(file)
+            place = _place(file) if PROJECTED_COLUMNS[0] in columns else {}
+        unused = [name for name in file.names if name not in columns]
+        facts: dict[str, Any] = {"columns": columns, "unused_columns": unused, **inspection.facts}
         return replace(inspection, facts=facts | ({"place": place} if place else {}))
 
     def _read(self, path: Path) -> RawPoses:
-        with Source(path) as source:
-            lines = pieces(source, self.notices)
-            header = _Header.of(next(lines, b""))
-            header.check(path)
-            names = (header.names, header.separator)
-            read = complete_rows(source, lines, names, header.columns, self.notices, NEEDED)
-        if len(read) < 2:
-            raise too_few(path, f"{len(read)} complete rows below the header")
-        _check_units(header, read, path)
-        values = np.full((len(read), NEEDED - 1 + len(SIGMAS)), np.nan)
-        values[:, : NEEDED - 1] = read[:, 1:NEEDED]
-        for k, name in enumerate(header.columns[NEEDED:], start=NEEDED):
-            values[:, NEEDED - 1 + SIGMAS.index(name)] = read[:, k]
-        scale = TIMES[header.columns[0]]
-        self._check_scale(header.columns[0], path)
-        note = f"from its column `{header.columns[0]}`"
-        return RawPoses(read[:, 0], scale, note, values, projected=header.projected, true_north=False, name=str(path))
-
-    def _check_scale(self, column: str, path: Path) -> None:
-        stated = self.options.time
-        if stated is not None and stated != ("utc" if column == "time_unix_s" else "gps"):
-            raise InputError("time-contradicted", path=path, column=column, stated=stated)
+        with CsvFile(path, self.notices) as file:
+            columns = _columns(file)
+            _expect_once(file, columns)
+            schema = [Column({name: 1.0}, POSE_RANGES.get(name, (-np.inf, np.inf))) for name in columns[:NEEDED]]
+            schema += [Column({name: 1.0}, optional=True, sparse=True) for name in SIGMA_COLUMNS]
+            rows = file.rows(schema, outside_key="value-out-of-range.poses")
+        if len(rows) < 2:
+            raise InputError("no-poses", path=path, found=f"{len(rows)} complete rows below the header")
+        time, stated = columns[0], self.options.time
+        if stated is not None and stated != ("utc" if time == "time_unix_s" else "gps"):
+            raise InputError("time-contradicted", path=path, column=time, stated=stated)
+        return RawPoses(
+            rows[:, 0],
+            TIMES[time],
+            f"from its column `{time}`",
+            rows[:, 1:],
+            projected=PROJECTED_COLUMNS[0] in columns,
+            true_north=False,
+            name=str(path),
+        )
 
 
-@dataclass(frozen=True)
-class _Header:
-    """The first line of a CSV file: column names and separator."""
+def _columns(file: CsvFile) -> list[str]:
+    """The columns to read: time, three of position, three of attitude, and the standard deviations, if any.
 
-    names: tuple[str, ...]
-    separator: str
+    Eastings and northings are preferred to longitudes and latitudes.
+    """
+    names = set(file.names)
+    projected = names >= {"e_m", "n_m"} or not {"lon_deg", "lat_deg"} & names
+    sigmas = [name for name in SIGMA_COLUMNS if name in names]
+    return [
+        file.find(TIMES) or "time_unix_s",
+        *(PROJECTED_COLUMNS if projected else GEOGRAPHIC_COLUMNS),
+        *ATTITUDE_COLUMNS,
+        *sigmas,
+    ]
 
-    @classmethod
-    def of(cls, line: bytes) -> _Header:
-        names, separator = columns_of(line.decode("utf-8", "replace"))
-        return cls(tuple(names), separator)
 
-    @cached_property
-    def projected(self) -> bool:
-        """Whether positions are easting and northing, which are preferred to longitude and latitude."""
-        names = set(self.names)
-        return names >= {"e_m", "n_m"} or not {"lon_deg", "lat_deg"} & names
-
-    @cached_property
-    def columns(self) -> tuple[str, ...]:
-        """The columns to read: time, three of position, three of attitude, and the standard deviations, if any."""
-        time = "time_gps_s" if "time_gps_s" in self.names and "time_unix_s" not in self.names else "time_unix_s"
-        sigmas = tuple(name for name in SIGMAS if name in self.names)
-        return (time, *(PROJECTED if self.projected else GEOGRAPHIC), *ATTITUDE, *sigmas)
-
-    def check(self, path: Path) -> None:
-        """Check that each required column is there once."""
-        for name in self.columns:
-            count = self.names.count(name)
-            if count > 1:
-                raise InputError("column-twice", path=path, count=count, name=name)
-            if count == 0:
-                near = _nearest(name, self.names)
-                other = {"time_unix_s": "time_gps_s", "e_m": "lon_deg", "n_m": "lat_deg"}.get(name)
-                raise InputError(
-                    "missing-column.check",
-                    path=path,
-                    name=name,
-                    other=other or None,
-                    near=near or None,
-                    values=", ".join(("time_unix_s", *PROJECTED, *ATTITUDE)),
-                )
-
-    def place(self, row: bytes) -> dict[str, float]:
-        """Longitude and latitude in a row, if the file has them in addition to easting and northing."""
-        fields = row.decode("latin-1").split(self.separator)
-        try:
-            place = {name: float(fields[self.names.index(name)]) for name in ("lat_deg", "lon_deg")}
-        except (ValueError, IndexError):
-            return {}
-        return place if all(WITHIN[name][0] <= value <= WITHIN[name][1] for name, value in place.items()) else {}
+def _expect_once(file: CsvFile, columns: Sequence[str]) -> None:
+    for name in columns:
+        count = file.names.count(name)
+        if count > 1:
+            raise InputError("column-twice", path=file.path, count=count, name=name)
+        if count == 0:
+            raise InputError(
+                "missing-column.poses",
+                path=file.path,
+                name=name,
+                other={"time_unix_s": "time_gps_s", "e_m": "lon_deg", "n_m": "lat_deg"}.get(name),
+                near=_nearest(name, file.names) or None,
+                values=", ".join(("time_unix_s", *PROJECTED_COLUMNS, *ATTITUDE_COLUMNS)),
+            )
 
 
 def _nearest(wanted: str, names: Sequence[str]) -> str:
@@ -164,23 +134,16 @@ def _nearest(wanted: str, names: Sequence[str]) -> str:
     word = {"time_unix_s": "time|tow|epoch", "e_m": "east|^x$", "n_m": "north|^y$", "h_m": "height|alt|^z$"}.get(
         wanted, wanted.split("_")[0]
     )
-    strangers = [name for name in names if name not in KNOWN]
+    strangers = [name for name in names if name not in KNOWN_COLUMNS]
     same = [name for name in strangers if re.search(word, name.lower())]
     return next(iter(same + difflib.get_close_matches(wanted, strangers, 1, 0.5)), "")
 
 
-def _check_units(header: _Header, rows: FloatArray, path: Path) -> None:
-    for k, name in enumerate(header.columns[:NEEDED]):
-        low, high = WITHIN.get(name, (-np.inf, np.inf))
-        outside = (rows[:, k] < low) | (rows[:, k] > high)
-        if outside.any():
-            row = int(np.flatnonzero(outside)[0])
-            raise InputError(
-                "value-out-of-range.check-units",
-                path=path,
-                row=row + 1,
-                name=name,
-                rows=rows[row, k],
-                low=low,
-                high=high,
-            )
+def _place(file: CsvFile) -> dict[str, float]:
+    """Latitude and longitude of the first row, if the file has them in addition to easting and northing."""
+    try:
+        first = next(file.pieces([Column({name: 1.0}) for name in ("lat_deg", "lon_deg")]))[0]
+    except (InputError, StopIteration, IndexError):
+        return {}
+    place = dict(zip(("lat_deg", "lon_deg"), first.tolist(), strict=True))
+    return place if all(POSE_RANGES[name][0] <= value <= POSE_RANGES[name][1] for name, value in place.items()) else {}

@@ -10,17 +10,12 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.elsewhere import elsewhere, far_from_middle, strays
+from furrowmap.core.readers.epochs import utc_of
 from furrowmap.core.readers.facts import pose_facts, timing_facts, utc_facts
+from furrowmap.core.readers.implausible_positions import far_from_middle, is_implausible, strays
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
-from furrowmap.core.readers.time_scale import utc_of
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.clock import (
-    WEEK_S,
-    iso_utc,
-    runs_forward,
-    unroll,
-)
+from furrowmap.core.values.clock import WEEK_S, iso_utc, runs_forward, unroll
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.earth import earth_centred_m
 from furrowmap.core.values.pose_track import PoseTrack
@@ -29,7 +24,7 @@ from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]
 
-MOST_DISORDER: Final = 0.01
+MAX_LATE_SHARE: Final = 0.01
 """Share of poses out of order above which a trajectory is rejected; below it, they are dropped."""
 
 
@@ -91,7 +86,7 @@ class RawPoses:
         repeated = np.zeros(len(t_s), bool)
         repeated[1:] = np.diff(t_s) == 0
         backward = ~keep & ~repeated
-        if backward.sum() > MOST_DISORDER * len(t_s):
+        if backward.sum() > MAX_LATE_SHARE * len(t_s):
             row = int(np.flatnonzero(backward)[0])
             raise InputError(
                 "time-disorder.in-order", name=self.name, backward=int(backward.sum()), t_s=len(t_s), row=row + 1
@@ -116,29 +111,15 @@ class RawPoses:
         """Times (n,) and values (n, 12) without the poses that lie where the recording cannot have been."""
         x, y, h = values[:, :3].T
         xyz_m = values[:, :2] if self.projected else earth_centred_m(x, y, h)
-        far = far_from_middle(xyz_m) if self.projected else elsewhere((x + 180.0) % 360.0 - 180.0, y, h)
+        far = far_from_middle(xyz_m) if self.projected else is_implausible((x + 180.0) % 360.0 - 180.0, y, h)
         far[~far] = strays(t_s[~far], xyz_m[~far], np.zeros(int((~far).sum())))
         if not far.any():
             return t_s, values
-        if 2 * far.sum() > len(far):
-            raise InputError(
-                "positions-impossible.near",
-                name=self.name,
-                far=int(far.sum()),
-                far_count=len(far),
-                far_2=int(np.flatnonzero(far)[0]) + 1,
-                t_s=iso_utc(t_s[far][0]),
-            )
-        notices.append(
-            Notice(
-                "positions-elsewhere.near",
-                name=self.name,
-                far=int(far.sum()),
-                far_count=len(far),
-                far_2=int(np.flatnonzero(far)[0]) + 1,
-                t_s=iso_utc(t_s[far][0]),
-            )
-        )
+        count, first = int(far.sum()), int(np.flatnonzero(far)[0])
+        found = {"far": count, "far_count": len(far), "far_2": first + 1, "t_s": iso_utc(t_s[first])}
+        if 2 * count > len(far):
+            raise InputError("positions-impossible.near", name=self.name, **found)
+        notices.append(Notice("positions-elsewhere.near", name=self.name, **found))
         return t_s[~far], values[~far]
 
 
@@ -198,8 +179,3 @@ def joined(parts: list[RawPoses]) -> RawPoses:
         first.true_north,
         f"{first.name} and {len(parts) - 1} more",
     )
-
-
-def too_few(path: Path, found: str) -> InputError:
-    """The error of a file with fewer than two poses; `found` describes its content."""
-    return InputError("no-poses", path=path, found=found)

@@ -8,19 +8,19 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.poses.file import PoseFile, RawPoses, too_few
+from furrowmap.core.readers.poses.file import PoseFile, RawPoses
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.runtime.errors import InputError
 
 FloatArray = NDArray[np.float64]
 
-FIELDS: Final = 17
-RECORD_BYTES: Final = 8 * FIELDS
+SBET_FIELDS: Final = 17
+RECORD_BYTES: Final = 8 * SBET_FIELDS
 CHUNK_RECORDS: Final = 1 << 16
 TIME, LAT, LON, HEIGHT, ROLL, PITCH, HEADING, WANDER = 0, 1, 2, 3, 7, 8, 9, 10
 """Indices of the fields that are read."""
 
-LIMITS: Final = {
+FIELD_RANGES: Final = {
     TIME: (0.0, 1e10),
     LAT: (-np.pi / 2, np.pi / 2),
     LON: (-np.pi, 2 * np.pi),
@@ -30,8 +30,8 @@ LIMITS: Final = {
     HEADING: (-2 * np.pi, 4 * np.pi),
     WANDER: (-2 * np.pi, 2 * np.pi),
 }
-LONGEST_STEP_S: Final = 3600.0
-LEAST_ANGLE: Final = 1e-12
+MAX_SBET_STEP_S: Final = 3600.0
+MIN_ANGLE_RAD: Final = 1e-12
 """Radians. Bytes of other formats, read as doubles, are mostly close to 0; no recording is this close to 0° N 0° E."""
 
 
@@ -56,7 +56,7 @@ class Sbet(PoseFile):
         if not len(records) or not np.isfinite(records).all() or not _plausible(records).all():
             return 0.0
         step = np.diff(records[:, TIME])
-        if np.any(step <= 0) or np.any(step > LONGEST_STEP_S):
+        if np.any(step <= 0) or np.any(step > MAX_SBET_STEP_S):
             return 0.0
         return 0.95 if len(records) > 1 or head.suffix in (".sbet", ".out") else 0.0
 
@@ -69,14 +69,16 @@ class Sbet(PoseFile):
                 records = _records(block)
                 bad = ~_plausible(records)
                 if bad.any():
-                    raise _damaged(path, (count + int(np.flatnonzero(bad)[0])) * RECORD_BYTES)
+                    at = (count + int(np.flatnonzero(bad)[0])) * RECORD_BYTES
+                    raise InputError("damaged-record", path=path, at=at)
                 seconds.append(records[:, TIME].copy())
                 values.append(_values(records))
                 count += len(records)
                 rest = len(block) % RECORD_BYTES
             fault = source.fault
         if count < 2:
-            raise too_few(path, f"{count} complete records of {RECORD_BYTES} bytes, followed by {rest} bytes")
+            found = f"{count} complete records of {RECORD_BYTES} bytes, followed by {rest} bytes"
+            raise InputError("no-poses", path=path, found=found)
         if rest or fault:
             self.notices.append(cut_notice(path, fault or f"after {count} complete records, {rest} bytes of another"))
         note = "assumed to be GPS time, as usual in SBET" if self.options.time is None else "as stated"
@@ -95,7 +97,7 @@ class Sbet(PoseFile):
 def _records(data: bytes) -> FloatArray:
     """The complete records (n, 17) at the start of `data`."""
     count = len(data) // RECORD_BYTES
-    return np.frombuffer(data, "<f8", count * FIELDS).reshape(count, FIELDS)
+    return np.frombuffer(data, "<f8", count * SBET_FIELDS).reshape(count, SBET_FIELDS)
 
 
 def _values(records: FloatArray) -> FloatArray:
@@ -112,11 +114,7 @@ def _values(records: FloatArray) -> FloatArray:
 
 def _plausible(records: FloatArray) -> NDArray[np.bool_]:
     """Which records (n, 17) can be poses on or above the Earth."""
-    good = np.abs(records[:, (LAT, LON)]).max(axis=1) > LEAST_ANGLE
-    for field, (low, high) in LIMITS.items():
+    good = np.abs(records[:, (LAT, LON)]).max(axis=1) > MIN_ANGLE_RAD
+    for field, (low, high) in FIELD_RANGES.items():
         good &= (records[:, field] >= low) & (records[:, field] <= high)
     return np.asarray(good)
-
-
-def _damaged(path: Path, at: int) -> InputError:
-    return InputError("damaged-record", path=path, at=at)

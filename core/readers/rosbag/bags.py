@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
-from furrowmap.core.readers.elsewhere import without_elsewhere
+from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.rosbag import db3, mcap, rosbag1
 from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
@@ -232,8 +232,8 @@ class _RosBag(FileReader):
                 pass
             track, notices = log.track(self._source(chosen))
             self._add_notices(*notices)
-        track, _, elsewhere = without_elsewhere(track)
-        self._add_notices(*elsewhere, *jump_notices(track))
+        track, _, dropped = drop_implausible_positions(track)
+        self._add_notices(*dropped, *jump_notices(track))
         return track, chosen, log
 
     def _of_sentences(self, chosen: _Topic) -> tuple[GnssTrack, SentenceLog, InputError | None]:

@@ -12,8 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.attitude_rows import attitude_track
-from furrowmap.core.readers.inertial_rows import first_beyond, inertial_track
+from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, inertial_track
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.errors import InputError, Notice

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.readers.line_points import FARTHEST_M, mostly_invalid, sweep
+from furrowmap.core.readers.line_points import MAX_RANGE_M, mostly_invalid, sweep
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.errors import Notice
@@ -58,8 +58,8 @@ class LineScans:
         with np.errstate(invalid="ignore"):
             returned = (ranges >= content.range_min) & (ranges <= content.range_max) & (ranges > 0.0)
         self._firings += n
-        self._far += int(np.count_nonzero(returned & (ranges > FARTHEST_M)))
-        column = np.flatnonzero(returned & (ranges <= FARTHEST_M))
+        self._far += int(np.count_nonzero(returned & (ranges > MAX_RANGE_M)))
+        column = np.flatnonzero(returned & (ranges <= MAX_RANGE_M))
         self._points += len(column)
         firing = column.astype(np.float64)
         if not len(column):
@@ -100,7 +100,7 @@ class LineScans:
         """What the messages lack, and how many were skipped."""
         source, found = self._source, []
         if self._far:
-            found.append(Notice("points-invalid.far", source=source, far=self._far, farthest_m=FARTHEST_M))
+            found.append(Notice("points-invalid.far", source=source, far=self._far, farthest_m=MAX_RANGE_M))
         if self._untimed:
             found.append(Notice("no-point-times.sweeps", source=source, untimed=self._untimed, scans=self._scans))
         if self._late:

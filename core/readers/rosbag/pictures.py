@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.exif import MOST_PIXELS
+from furrowmap.core.readers.exif import MAX_PIXELS
 from furrowmap.core.readers.raw_pixels import layout_fault
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
@@ -130,7 +130,7 @@ def _layout(content: Any, data: bytes) -> RawLayout:
     step, big_endian = int(content.step), bool(content.is_bigendian)
     layout = RawLayout(int(content.width), int(content.height), step, str(content.encoding), big_endian)
     fault = layout_fault(layout, len(data))
-    if fault or layout.width * layout.height > MOST_PIXELS:
+    if fault or layout.width * layout.height > MAX_PIXELS:
         raise Damage(fault or f"it has {layout.width} × {layout.height} pixels")
     return layout
 

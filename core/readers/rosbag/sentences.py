@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentences, scan_bytes
 from furrowmap.core.readers.nmea.track import assemble
-from furrowmap.core.readers.position_log import Positions
+from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle
@@ -36,7 +36,7 @@ class SentenceLog:
     def _sentences(self) -> Sentences:
         return scan_bytes(b"".join(self._lines), SentenceCounts())[0]
 
-    def positions(self, source: str, date: str | None) -> Positions:
+    def positions(self, source: str, date: str | None) -> LoggedPositions:
         """The positions of the receiver; see :func:`~furrowmap.core.readers.nmea.track.assemble`.
 
         Raises:

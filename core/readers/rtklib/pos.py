@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.epochs import midnights_utc_s
-from furrowmap.core.readers.position_log import PositionLog, Positions, file_at, log_name
+from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, file_at
+from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.rtklib.rows import ROWS, Form, Header, Rows, finished, read_rows
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -58,14 +59,14 @@ class RtklibPos(PositionLog):
         good = sum(any(row.fullmatch(line[:2048]) for row in ROWS.values()) for line in rows)
         return 0.7 if good >= 2 and good >= 0.8 * len(rows) else 0.0
 
-    def _read(self, paths: list[Path]) -> Positions:
+    def _read(self, paths: list[Path]) -> LoggedPositions:
         gathered, ends = None, []
         for source in self._sources(paths):
             gathered = read_rows(source, gathered)
             ends.append(gathered.lines)
         assert gathered is not None
         rows = finished(gathered)
-        name = log_name(paths)
+        name = recording_name(paths)
         if rows.damaged:
             self.notices.append(Notice("lines-damaged", name=name, damaged=rows.damaged, lines=rows.lines))
 
@@ -86,7 +87,7 @@ class RtklibPos(PositionLog):
         return replace(positions, facts=facts, scale=header.time or "assumed to be GPST")
 
 
-def _solutions(rows: Rows, name: str, place: Callable[[int], str]) -> Positions:
+def _solutions(rows: Rows, name: str, place: Callable[[int], str]) -> LoggedPositions:
     """The positions of the rows; `place` describes where a row is in the files."""
     notices: list[Notice] = []
     try:
@@ -100,8 +101,8 @@ def _solutions(rows: Rows, name: str, place: Callable[[int], str]) -> Positions:
             kept = kept[::-1]
             notices.append(Notice("written-backward", name=name))
     except InputError as fault:
-        return replace(Positions.none(name, fault), notices=tuple(notices))
-    return Positions.in_order(
+        return replace(LoggedPositions.none(name, fault), notices=tuple(notices))
+    return LoggedPositions.in_order(
         {column: values[kept] for column, values in columns.items()},
         lambda k: place(int(kept[k])),
         name=name,

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.last_line import COMPARED, is_whole
+from furrowmap.core.readers.csv_file import COMPARED_LINES, is_whole
 from furrowmap.core.readers.source import Source
 
 CHUNK_BYTES: Final = 1 << 22
@@ -156,7 +156,7 @@ def _lines(source: Source) -> Iterator[list[bytes]]:
             return
         *whole, rest = (rest + block).split(b"\n")
         rest = rest[: LONGEST + 1]  # a longer line is not a row and need not be kept
-        before = (before + [line for line in whole[-COMPARED:] if not line.startswith(b"%")])[-COMPARED:]
+        before = (before + [line for line in whole[-COMPARED_LINES:] if not line.startswith(b"%")])[-COMPARED_LINES:]
         yield whole
 
 

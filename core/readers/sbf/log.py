@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.framing import CRC, Framing
 from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, layout
-from furrowmap.core.readers.position_log import Positions
+from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.readers.sbf.names import NAMES
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -79,7 +79,7 @@ class SbfLog(ReceiverLog):
     def _name_of(cls, kind: int) -> str:
         return NAMES.get(kind, str(kind))
 
-    def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> Positions:
+    def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> LoggedPositions:
         is_geodetic = len(messages[GEODETIC]) > 0
         pvt = messages[GEODETIC if is_geodetic else CARTESIAN]
         columns = _columns(pvt, messages, is_geodetic=is_geodetic)
@@ -90,13 +90,13 @@ class SbfLog(ReceiverLog):
         without = int(np.sum(~stated))
         if not stated.any():
             fault = no_valid_positions(name, len(pvt), "position blocks")
-            return replace(Positions.none(name, fault, without_position=without), facts=facts)
+            return replace(LoggedPositions.none(name, fault, without_position=without), facts=facts)
         columns = {column: values[stated] for column, values in columns.items()}
         at, mode = pvt.at[stated], pvt.values["mode"][stated]
         columns["t_s"] = gps_to_utc_s(pvt.column("week")[stated] * WEEK_S + pvt.column("tow", 1e-3)[stated])
         flat = int(np.sum((mode & 128) > 0))
         notices = [Notice("positions-2d", name=name, flat=flat)] if flat else []
-        positions = Positions.in_order(
+        positions = LoggedPositions.in_order(
             columns,
             lambda k: place(int(at[k])),
             name=name,

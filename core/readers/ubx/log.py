@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.epochs import midnights_utc_s, no_week, week_times
 from furrowmap.core.readers.framing import FLETCHER, Framing
 from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, layout, paired
-from furrowmap.core.readers.position_log import Positions
+from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.readers.ubx.names import NAMES
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -86,7 +86,7 @@ class UbxLog(ReceiverLog):
     def _name_of(cls, kind: int) -> str:
         return NAMES.get(kind, f"{kind >> 8:02X}-{kind & 255:02X}")
 
-    def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> Positions:
+    def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> LoggedPositions:
         pvt, hp = messages[PVT], messages[HPPOSLLH]
         notices: list[Notice] = []
         base = pvt if len(pvt) else hp
@@ -100,14 +100,14 @@ class UbxLog(ReceiverLog):
         without = int(np.sum(~stated))
         if not stated.any():
             fault = no_valid_positions(name, len(base), "NAV-PVT or NAV-HPPOSLLH messages")
-            return replace(Positions.none(name, fault, without_position=without), facts=facts)
+            return replace(LoggedPositions.none(name, fault, without_position=without), facts=facts)
         columns = {column: values[stated] for column, values in columns.items()}
         at, tow_s = base.at[stated], key[stated] / 1000.0
         try:
             t_s = self._times(columns.pop("utc_s"), tow_s, at, messages, name)
         except InputError as fault:
-            return replace(Positions.none(name, fault, without_position=without), facts=facts)
-        positions = Positions.in_order(
+            return replace(LoggedPositions.none(name, fault, without_position=without), facts=facts)
+        positions = LoggedPositions.in_order(
             columns | {"t_s": tow_s if t_s is None else t_s},
             lambda k: place(int(at[k])),
             name=name,

@@ -10,9 +10,8 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.attitude_rows import attitude_track
 from furrowmap.core.readers.imu_check import imu_notices
-from furrowmap.core.readers.inertial_rows import first_beyond, inertial_facts, inertial_track, joined_name
+from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, inertial_facts, inertial_track
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.vectornav import binary, sentences
@@ -42,7 +41,7 @@ class _VectorNav(FileReader, ABC):
 
     def inertial(self) -> InertialTrack:
         """All measurements, in the axes of the sensor: forward, right, down."""
-        rows, name = self._rows(), joined_name(self.paths)
+        rows, name = self._rows(), self.name
         measured = rows[np.isfinite(rows[:, 1:7]).all(axis=1)]
         timed = measured[np.isfinite(measured[:, 0])]
         if len(timed) < 2:
@@ -66,7 +65,7 @@ class _VectorNav(FileReader, ABC):
         rows = self._rows()
         rows = rows[np.isfinite(rows[:, [0, 7, 8, 9]]).all(axis=1)]
         angles = np.column_stack([rows[:, 9], rows[:, 8], rows[:, 7] % 360.0])
-        return attitude_track(rows[:, 0], angles, UNSTATED, joined_name(self.paths), self.notices)
+        return attitude_track(rows[:, 0], angles, UNSTATED, self.name, self.notices)
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report rates, span and the mean specific force."""
@@ -91,7 +90,7 @@ class _VectorNav(FileReader, ABC):
 
     def _damaged(self, bad: int, intact: int) -> None:
         if bad:
-            notice = Notice("sentences-damaged.damaged", paths=joined_name(self.paths), bad=bad, intact=intact)
+            notice = Notice("sentences-damaged.damaged", paths=self.name, bad=bad, intact=intact)
             self.notices += [notice] if notice not in self.notices else []
 
 

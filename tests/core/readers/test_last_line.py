@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.readers.last_line import is_whole
+from furrowmap.core.readers.csv_file import is_whole
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions

@@ -127,7 +127,7 @@ def test_csv__a_pause_begins_a_sweep_and_pieces_do_not(tmp_path: Path, monkeypat
     rows[200:] = [row.replace(str(int(T0_S)), str(int(T0_S) + 5)) for row in rows[200:]]
     whole = [len(scan) for scan in line_csv(tmp_path, HEAD, rows).scans()]
     assert whole == [90, 90, 20, 70, 90, 90, 90]
-    monkeypatch.setattr("furrowmap.core.readers.csv_numbers.CHUNK_BYTES", 700)
+    monkeypatch.setattr("furrowmap.core.readers.csv_file.CSV_CHUNK_BYTES", 700)
     assert [len(scan) for scan in line_csv(tmp_path, HEAD, rows).scans()] == whole
 
 
@@ -255,7 +255,7 @@ def test_csv__without_any_firing_has_no_scans_and_no_times(tmp_path: Path) -> No
 
 
 def test_csv__a_sweep_without_end_is_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("furrowmap.core.readers.line_csv.MOST_RETURNS", 40)
+    monkeypatch.setattr("furrowmap.core.readers.line_csv.MAX_SWEEP_RETURNS", 40)
     scans = list(line_csv(tmp_path, HEAD, rows_of(np.arange(100.0))).scans())
     assert [len(scan) for scan in scans] == [40, 40, 20]
     assert np.concatenate([scan.t_s for scan in scans]) == pytest.approx(T0_S + 1e-4 * np.arange(100), abs=2e-6)

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.nmea.log import NmeaLog
-from furrowmap.core.readers.position_log import byte_place, file_at, log_name
-from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.position_log import byte_place, file_at
+from furrowmap.core.readers.reader import ReadOptions, recording_name
 
 
 def log_at(folder: Path, t_s: list[float]) -> NmeaLog:
@@ -58,5 +58,5 @@ def test_place__is_the_file_and_the_byte_in_it(at: int, name: str, byte: int) ->
 
 
 def test_name__is_the_first_file_and_the_number_of_others() -> None:
-    assert log_name([Path("a")]) == "a"
-    assert log_name([Path("a"), Path("b"), Path("c")]) == "a and 2 more"
+    assert recording_name([Path("a")]) == "a"
+    assert recording_name([Path("a"), Path("b"), Path("c")]) == "a and 2 more"

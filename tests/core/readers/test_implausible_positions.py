@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.readers import elsewhere as module
-from furrowmap.core.readers.elsewhere import (
-    FARTHEST_M,
+from furrowmap.core.readers import implausible_positions as module
+from furrowmap.core.readers.framing import find_frames
+from furrowmap.core.readers.implausible_positions import (
+    MAX_FROM_MIDDLE_M,
     STRAY_ANCHORS,
-    elsewhere,
+    drop_implausible_positions,
     far_from_middle,
+    is_implausible,
     spans_in_words,
     strays,
-    without_elsewhere,
 )
-from furrowmap.core.readers.framing import find_frames
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions
@@ -93,27 +93,27 @@ def test_promise_14__a_log_mostly_elsewhere_is_refused_in_three_sentences(shared
     lon=st.floats(-180, 180), lat=st.floats(-90, 90), bearing=st.floats(0, 360), far_m=st.floats(0, 3e6),
     count=st.integers(3, 40),
 )  # fmt: skip
-def test_elsewhere__is_a_distance_on_the_ellipsoid(
+def test_is_implausible__is_a_distance_on_the_ellipsoid(
     lon: float, lat: float, bearing: float, far_m: float, count: int
 ) -> None:
     other_lon, other_lat, _ = Geod(ellps="WGS84").fwd(lon, lat, bearing, far_m)
     lons, lats = np.append(np.full(count, lon), other_lon), np.append(np.full(count, lat), other_lat)
-    found = elsewhere(lons, lats, np.full(count + 1, np.nan))
+    found = is_implausible(lons, lats, np.full(count + 1, np.nan))
     nowhere = (np.abs(lons) < 1e-3) & (np.abs(lats) < 1e-3)
-    if not nowhere.any() and abs(far_m - FARTHEST_M) > 0.02 * FARTHEST_M:
+    if not nowhere.any() and abs(far_m - MAX_FROM_MIDDLE_M) > 0.02 * MAX_FROM_MIDDLE_M:
         assert not found[:count].any()
-        assert found[count] == (far_m > FARTHEST_M)
+        assert found[count] == (far_m > MAX_FROM_MIDDLE_M)
 
 
 @pytest.mark.parametrize("burst", [[], [(1000, 1060)], [(2, 4), (1200, 1230), (4100, 4200)]])
-def test_elsewhere__a_flight_of_500_km_is_whole(burst: list[tuple[int, int]]) -> None:
+def test_is_implausible__a_flight_of_500_km_is_whole(burst: list[tuple[int, int]]) -> None:
     """However far it leads; positions of another country within it are left out."""
     lon, lat = np.transpose(Geod(ellps="WGS84").npts(9.0, 48.0, 14.5, 51.0, 5000))
     foreign = np.zeros(len(lon), bool)
     for begin, end in burst:
         foreign[begin:end] = True
         lon[begin:end], lat[begin:end] = 30.0, -20.0
-    assert np.array_equal(elsewhere(lon, lat, np.full(len(lon), 1500.0)), foreign)
+    assert np.array_equal(is_implausible(lon, lat, np.full(len(lon), 1500.0)), foreign)
 
 
 @pytest.mark.parametrize("place", [("0.0", "0.0"), ("5e6", "5e6")], ids=["98 km away", "abroad"])
@@ -177,15 +177,15 @@ def test_find_frames__counts_only_bytes_of_no_known_protocol(noise: list[bytes],
 def test_far_from_middle__a_way_leads_there_unless_it_is_in_too_many_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     """A ship leaves the middle by steps that count as a way; with more stretches than are followed, it does not."""
     way = np.zeros((400, 3))
-    way[:, 0] = np.concatenate([np.zeros(300), np.linspace(0.0, 2.0 * FARTHEST_M, 100)])
+    way[:, 0] = np.concatenate([np.zeros(300), np.linspace(0.0, 2.0 * MAX_FROM_MIDDLE_M, 100)])
     jump = way.copy()
-    jump[350:, 1] += 10.0 * FARTHEST_M
+    jump[350:, 1] += 10.0 * MAX_FROM_MIDDLE_M
     assert not far_from_middle(way).any()
     assert far_from_middle(jump).tolist() == [False] * 350 + [True] * 50
     outlier = way.copy()
-    outlier[380] = 10.0 * FARTHEST_M
+    outlier[380] = 10.0 * MAX_FROM_MIDDLE_M
     assert np.flatnonzero(far_from_middle(outlier)).tolist() == [380]  # the way goes on behind it
-    monkeypatch.setattr(module, "MOST_STRETCHES", 2)
+    monkeypatch.setattr(module, "MAX_STRETCHES", 2)
     assert np.flatnonzero(far_from_middle(outlier)).tolist() == list(range(380, 400))
 
 
@@ -206,7 +206,7 @@ def test_strays__of_more_stretches_than_are_followed_none_is_kept(monkeypatch: p
     place = np.where(np.arange(40)[:, None] >= 30, 5000.0, 0.0) * np.ones(2)
     assert strays(t_s, place, sigma).tolist() == [False] * 30 + [True] * 10
     assert not strays(t_s[:6], place[28:34], sigma[:6]).any()  # too few to tell which are the rest
-    monkeypatch.setattr(module, "MOST_STRETCHES", 1)
+    monkeypatch.setattr(module, "MAX_STRETCHES", 1)
     assert strays(t_s, place, sigma).all()
 
 
@@ -235,30 +235,30 @@ def test_strays__of_more_stretches_than_are_followed_none_is_kept(monkeypatch: p
         (9.0, 50.0, np.nan, False),
     ],
 )
-def test_elsewhere__the_earth_ends_at_its_poles_and_at_180_degrees(
+def test_is_implausible__the_earth_ends_at_its_poles_and_at_180_degrees(
     lon: float, lat: float, height_m: float, is_bad: bool
 ) -> None:
     """And vehicles between 1 km below the sea and 20 km above it; 10 m around 0° N 0° E stand for unknown."""
-    found = elsewhere(np.full(9, lon), np.full(9, lat), np.full(9, height_m))
+    found = is_implausible(np.full(9, lon), np.full(9, lat), np.full(9, height_m))
     assert found.tolist() == [is_bad] * 9
 
 
-def test_without_elsewhere__up_to_half_of_the_positions_may_be_elsewhere() -> None:
+def test_drop_implausible_positions__up_to_half_of_the_positions_may_be_elsewhere() -> None:
     lon, lat = np.full(10, 140.0), np.full(10, 36.0)
     lat[:5] = 95.0
     track = GnssTrack.build(np.arange(10.0), lon_deg=lon, lat_deg=lat, source="log")
-    kept, which, notices = without_elsewhere(track)
+    kept, which, notices = drop_implausible_positions(track)
     assert (len(kept), which.tolist()) == (5, [False] * 5 + [True] * 5)
     assert "5 of 10 positions" in notices[0].text
     assert "(5 positions) at 95.00000, 140.00000" in notices[0].text
     lat[5] = 95.0
     with pytest.raises(InputError, match="6 of 10 positions") as refused:
-        without_elsewhere(track)
+        drop_implausible_positions(track)
     assert refused.value.code == "positions-impossible"
     lat[9] = np.nan
     lat[5] = 36.0
     with pytest.raises(InputError, match="5 of 10 positions"):  # of nine that there are
-        without_elsewhere(track)
+        drop_implausible_positions(track)
 
 
 def test_spans_in_words__are_the_first_five_and_the_number_of_the_others() -> None:

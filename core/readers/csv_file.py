@@ -1,0 +1,319 @@
+"""CSV files with a header line: the columns of a format's schema as numbers, read in pieces."""
+
+from __future__ import annotations
+
+import datetime as dt
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.foreign_content import binary_kind
+
+FloatArray = NDArray[np.float64]
+
+TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
+"""Columns of time, the preferred one first, and their time scales."""
+CSV_CHUNK_BYTES: Final = 1 << 23
+MAX_HEADER_BYTES: Final = 4096
+MAX_TAIL_BYTES: Final = 8192
+COMPARED_LINES: Final = 8
+"""Lines that the last one is compared with."""
+_POSITION_NAME: Final = re.compile(
+    r"^(e|n|h|x|y|z|east|north|easting|northing)(_m)?$|lon|lat(_|$|itude)|east|north|alt|height"
+)
+_FIELD_PATTERN: Final = re.compile(rb"[^,;\s]+")
+_WHOLE_DIGITS: Final = re.compile(rb'^"?[-+]?\d*')
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of numbers in the schema of a format.
+
+    Attributes:
+        names: accepted names, the preferred one first, with the factors from their units to that of the result.
+        within: valid range, in the unit of the result.
+        optional: whether a file may have no such column.
+        sparse: whether fields may be empty; otherwise rows with an empty field are dropped.
+        iso: whether fields are ISO 8601 date and time, which become seconds since 1970; UTC without a zone.
+    """
+
+    names: Mapping[str, float]
+    within: tuple[float, float] = (-np.inf, np.inf)
+    optional: bool = False
+    sparse: bool = False
+    iso: bool = False
+
+
+TIME_COLUMN: Final = Column(dict.fromkeys(TIMES, 1.0))
+
+
+class CsvFile(Source):
+    """An open CSV file whose header has been read; comma, semicolon or tab separates fields.
+
+    Args:
+        path: of the file, compressed or not.
+        notices: that the file is cut, or that rows are dropped, is added while rows are read.
+
+    Attributes:
+        names: of the columns.
+
+    Raises:
+        InputError: if it is no text.
+    """
+
+    def __init__(self, path: Path, notices: list[Notice]) -> None:
+        super().__init__(path)
+        self.notices = notices
+        self._lines = self._complete_lines()
+        first = next(self._lines, b"")
+        if (kind := binary_kind(first)) is not None:
+            raise InputError("not-a-table.binary", path=path, kind=kind)
+        self.names, self._separator = split_header(first)
+
+    def find(self, column: Mapping[str, object]) -> str | None:
+        """The first of the accepted names of a column that the file has."""
+        return next((name for name in column if name in self.names), None)
+
+    def require(self, schema: Sequence[Column], missing_key: str) -> None:
+        """Raise the error of this key if columns are missing that are not optional."""
+        missing = [next(iter(c.names)) for c in schema if not (c.optional or self.find(c.names))]
+        if missing:
+            there = ", ".join(self.names)[:200]
+            raise InputError(missing_key, path=self.path, missing=", ".join(missing), there=there)
+
+    @property
+    def time_scale(self) -> str:
+        """Scale of the column of time: "gps", or "unix", which is UTC."""
+        return TIMES.get(self.find(TIMES) or "", "unix")
+
+    def rows(
+        self, schema: Sequence[Column], missing_key: str = "missing-column", outside_key: str = "value-out-of-range"
+    ) -> FloatArray:
+        """All rows (n, k) of k columns, without those in which a field is empty that must not be.
+
+        Args:
+            schema: the columns.
+            missing_key: of the error of a missing column.
+            outside_key: of the error of a number out of range.
+
+        Raises:
+            InputError: if a column is missing, a field is no number or a number is out of the range of its column.
+        """
+        self.require(schema, missing_key)
+        found = [self.find(column.names) for column in schema]
+        rows: FloatArray = np.concatenate([np.empty((0, len(schema))), *self.pieces(schema)])
+        needed = [bool(name) and not c.sparse for c, name in zip(schema, found, strict=True)]
+        whole = np.isfinite(rows[:, needed]).all(axis=1)
+        if not whole.all():
+            self.notices.append(Notice("rows-incomplete", source=self.path, whole=int((~whole).sum()), rows=len(rows)))
+        rows = rows[whole]
+        for k, (column, name) in enumerate(zip(schema, found, strict=True)):
+            low, high = column.within
+            outside = np.flatnonzero((rows[:, k] < low) | (rows[:, k] > high))
+            if name and len(outside):
+                unit = column.names[name]
+                low, high = sorted((low / unit, high / unit))
+                raise InputError(
+                    outside_key,
+                    path=self.path,
+                    row=int(outside[0]) + 1,
+                    name=name,
+                    value=rows[outside[0], k] / unit,
+                    low=low,
+                    high=high,
+                )
+        return rows
+
+    def pieces(self, schema: Sequence[Column]) -> Iterator[FloatArray]:
+        """Rows (n, k) of k columns in pieces; nan where a field is empty or there is no such column.
+
+        Raises:
+            InputError: with the line, if a field is no number.
+        """
+        found = {k: name for k, column in enumerate(schema) if (name := self.find(column.names)) is not None}
+        iso = [name for k, name in found.items() if schema[k].iso]
+        factors = [schema[k].names[name] for k, name in found.items()]
+        line = 2
+        for piece in self._lines:
+            text = self._with_unix_times(piece, iso, line) if iso else piece
+            numbers = self._numbers(text, list(found.values()), line)
+            rows = np.full((len(numbers), len(schema)), np.nan)
+            rows[:, list(found)] = numbers * factors
+            yield rows
+            line += piece.count(b"\n")
+        if self.fault:
+            self.notices.append(cut_notice(self.path, self.fault))
+
+    def _complete_lines(self) -> Iterator[bytes]:
+        """The first line, then pieces of complete lines; a last line that may be cut is dropped."""
+        rest = tail = b""
+        first = True
+        while block := self.read(CSV_CHUNK_BYTES):
+            rest += block
+            if first and b"\n" in rest:
+                line, _, rest = rest.partition(b"\n")
+                first = False
+                yield line
+            end = rest.rfind(b"\n") + 1
+            if end and not first:
+                yield rest[:end]
+                tail, rest = rest[max(0, end - MAX_TAIL_BYTES) : end], rest[end:]
+        if not rest.strip() or self.fault:
+            return
+        if is_whole(rest, tail.splitlines()):
+            yield rest
+        else:
+            self.notices.append(Notice("last-line-cut", path=self.path))
+
+    def _with_unix_times(self, piece: bytes, columns: Sequence[str], line: int) -> bytes:
+        """Complete lines with the ISO 8601 times in some columns as seconds since 1970."""
+        places, mark = [self.names.index(name) for name in columns], self._separator.encode()
+        lines = piece.split(b"\n")
+        for k, text in enumerate(lines):
+            fields = text.rstrip(b"\r").split(mark)
+            if len(fields) <= max(places):
+                continue
+            for place in places:
+                cell = fields[place].decode("latin-1").strip().strip('"').strip()
+                try:
+                    fields[place] = b"%.6f" % unix_time(cell) if cell else b""
+                except ValueError:
+                    where = f"{self.path}, line {line + k}"
+                    raise InputError("not-a-time.unix", where=where, column=self.names[place], text=cell[:40]) from None
+            lines[k] = mark.join(fields)
+        return b"\n".join(lines)
+
+    def _numbers(self, piece: bytes, columns: Sequence[str], line: int) -> FloatArray:
+        """Rows (n, k) of the numbers in some columns of complete lines; nan where a field is empty."""
+        import pandas as pd  # takes as long as importing all readers
+
+        places = [self.names.index(name) for name in columns]
+        try:
+            frame = pd.read_csv(
+                io.BytesIO(piece),
+                sep=self._separator,
+                header=None,
+                names=list(range(len(self.names))),
+                usecols=places,
+                index_col=False,
+                dtype=np.float64,
+                skipinitialspace=True,
+                encoding="latin-1",
+            )
+        except pd.errors.EmptyDataError:
+            return np.empty((0, len(places)))
+        except (ValueError, OverflowError, pd.errors.ParserError):
+            raise self._bad_field(piece, dict(zip(columns, places, strict=True)), line) from None
+        return np.asarray(frame[places].to_numpy())
+
+    def _bad_field(self, piece: bytes, places: Mapping[str, int], line: int) -> InputError:
+        """The error of lines that are not rows of numbers, with the first such field."""
+        for k, text in enumerate(piece.decode("latin-1").split("\n")):
+            fields = [field.strip().strip('"') for field in text.split(self._separator)]
+            for name, place in places.items():
+                if place < len(fields) and not _is_number(fields[place]):
+                    what = f"column `{name}` holds {fields[place][:40]!r}"
+                    return InputError("not-a-number", where=f"{self.path}, line {line + k}", what=what)
+        where = f"{self.path}, from line {line}"
+        return InputError("not-a-number", where=where, what="the lines are not rows of numbers")
+
+
+def _is_number(field: str) -> bool:
+    try:
+        float(field or "nan")
+    except ValueError:
+        return field.lower() in ("na", "n/a", "null", "none")
+    return True
+
+
+def head_columns(head: Head) -> list[str]:
+    """The column names of a file; none if it is not text with a line below a header."""
+    line, _, rest = head.data.partition(b"\n")
+    if not rest or len(line) > MAX_HEADER_BYTES or b"\0" in head.data:
+        return []
+    return split_header(line)[0]
+
+
+def split_header(line: bytes) -> tuple[list[str], str]:
+    """The names in a header, and their separator: comma, semicolon or tab, whichever is most frequent."""
+    text = line.decode("utf-8", "replace").lstrip("\ufeff").strip()
+    separator = max(",;\t", key=text.count)
+    return [name.strip().strip('"').strip() for name in text.split(separator)], separator
+
+
+def names_a_position(name: str) -> bool:
+    """Whether a column's name is that of a coordinate."""
+    return _POSITION_NAME.search(name.lower()) is not None
+
+
+def unix_time(text: str) -> float:
+    """Seconds since 1970 of an ISO 8601 date and time; UTC without a zone.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    try:
+        stamp = dt.datetime.fromisoformat(text.replace("/", "-"))
+        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=dt.UTC)).timestamp()
+    except OverflowError as error:
+        raise ValueError(text) from error
+
+
+def read_small(path: Path, max_bytes: int, notices: list[Notice]) -> tuple[bytes, str]:
+    """The content of a small text file, and why it ends before its end, if it does; that is added to the notices.
+
+    Raises:
+        ValueError: if it is larger, or no text; its text says why.
+    """
+    with Source(path) as source:
+        data, fault = source.read(max_bytes + 1), source.fault
+    if len(data) > max_bytes:
+        raise ValueError(f"more than {max_bytes:,} bytes")
+    if (kind := binary_kind(data)) is not None:
+        raise ValueError(f"it is {kind}, not text")
+    if fault:
+        notices.append(cut_notice(path, fault))
+    return data, fault
+
+
+def text_rows(data: bytes) -> tuple[list[str], list[tuple[int, dict[str, str]]]]:
+    """The names of the columns of a CSV, and of each row its line number and its fields by their columns."""
+    lines = data.decode("utf-8-sig", "replace").splitlines()
+    names, separator = split_header(lines[0].encode() if lines else b"")
+    rows = [
+        (number, dict(zip(names, (cell.strip().strip('"').strip() for cell in line.split(separator)), strict=False)))
+        for number, line in enumerate(lines[1:], start=2)
+        if line.strip()
+    ]
+    return names, rows
+
+
+def is_whole(line: bytes, before: Sequence[bytes]) -> bool:
+    """Whether a last line without a newline is certainly complete.
+
+    It is if it has as many fields as each of the lines before, and its last field is a number with as many decimals as
+    theirs: 81.02 may be cut to 81.0, 81 or 8, which have fewer.
+
+    Args:
+        line: the last line.
+        before: lines before it, of which the last :data:`COMPARED_LINES` are used.
+    """
+    forms = {_form(other) for other in before[-COMPARED_LINES:]}
+    count, decimals = _form(line)
+    return forms == {(count, decimals)} and decimals.startswith(b".0")
+
+
+def _form(line: bytes) -> tuple[int, bytes]:
+    """Number of fields, and the last one without the digits before its point and with 0 for those behind."""
+    fields = _FIELD_PATTERN.findall(line)
+    if not fields:
+        return 0, b""
+    return len(fields), re.sub(rb"\d", b"0", _WHOLE_DIGITS.sub(b"", fields[-1]))

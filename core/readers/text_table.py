@@ -1,0 +1,212 @@
+"""Tables by survey software and spreadsheets (text, xlsx, xls, ods): encodings, separators, decimal commas."""
+
+from __future__ import annotations
+
+import csv
+import datetime as dt
+import re
+import zipfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.zipped_layer import ZIP
+from furrowmap.core.runtime.allowances import expect_growth, expect_memory
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.foreign_content import binary_kind
+
+FloatArray = NDArray[np.float64]
+
+MAX_SHEET_BYTES: Final = 20_000_000
+_OLE: Final = b"\xd0\xcf\x11\xe0"
+"""The first bytes of an xls."""
+_BYTES_PER_UNPACKED: Final = 40
+"""Bytes of memory for each byte of an unpacked sheet, at most."""
+_ENCODINGS: Final = ("utf-8-sig", "cp932")
+"""Without a byte order mark: UTF-8, or Shift-JIS from Japanese spreadsheets."""
+_SEPARATORS: Final = ",;\t"
+_UNIT: Final = re.compile(r"\s*[(\[（].*?[)\]）]\s*$")
+_DECIMAL_COMMA: Final = re.compile(r"\s*[+-]?\d+,\d+\s*")
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """Rows of text under names of columns.
+
+    Attributes:
+        columns: each column's cells by its name in lower case, without a unit in brackets.
+        lines: number in the file of each row.
+        decimal_comma: whether numbers have a decimal comma.
+    """
+
+    columns: dict[str, list[str]]
+    lines: list[int]
+    decimal_comma: bool
+
+    @property
+    def names(self) -> str:
+        """The names of the columns, for messages."""
+        return ", ".join(self.columns)[:200]
+
+    def find(self, names: Iterable[str]) -> str | None:
+        """The first of some names that a column has."""
+        return next((name for name in names if name in self.columns), None)
+
+    def numbers(self, name: str) -> FloatArray:
+        """A column (n,); nan where a cell holds no number."""
+        cells = [cell.strip() for cell in self.columns[name]]
+        if self.decimal_comma:
+            cells = [cell.replace(",", ".") for cell in cells]
+        return np.array([_number(cell) for cell in cells])
+
+    def first_fault(self, name: str) -> tuple[int, str] | None:
+        """Line and text of the first cell of a column that is not a number; None if there is none."""
+        known = np.isfinite(self.numbers(name))
+        at = (k for k, cell in enumerate(self.columns[name]) if cell.strip() and not known[k])
+        found = next(at, None)
+        return None if found is None else (self.lines[found], self.columns[name][found].strip())
+
+
+def number_or_text(text: str) -> float | str | None:
+    """A cell as a number, else as text; None if it is empty."""
+    text = text.strip()
+    try:
+        return float(text)
+    except ValueError:
+        return text or None
+
+
+def read_table(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
+    """A table in a text file; lines that begin with # are comments.
+
+    Args:
+        unreadable: makes the error of what is wrong with the file.
+
+    Raises:
+        InputError: made by `unreadable`, if the file cannot be read or is no table.
+    """
+    try:
+        return _parse_table(path.read_bytes())
+    except (ValueError, OSError) as error:
+        raise unreadable(_reason(error)) from None
+
+
+def read_sheet(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
+    """The first sheet of a spreadsheet, or a CSV. The first row that is not empty has the names of the columns.
+
+    Args:
+        unreadable: makes the error of what is wrong with the file.
+
+    Raises:
+        InputError: made by `unreadable`, if the file cannot be read or is no table, or a large or damaged one; or if
+            python-calamine is needed and not installed.
+        RefusedError: if a spreadsheet unpacks to far more than its size.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(4)
+        size = path.stat().st_size
+        if size > MAX_SHEET_BYTES:
+            raise unreadable(f"{size:,} bytes is too large for a table of a trial")
+        if not head.startswith((ZIP, _OLE)):
+            return _parse_table(path.read_bytes())
+        if head.startswith(ZIP):
+            _expect_plain(path, size)
+        rows = [row for row in _sheet_rows(path) if any(cell.strip() for cell in row)]
+    except (ValueError, OSError) as error:
+        raise unreadable(_reason(error)) from None
+    if not rows:
+        raise unreadable("its first sheet is empty")
+    return _table_of(rows, list(range(2, 1 + len(rows))), decimal_comma=False)
+
+
+def _reason(error: ValueError | OSError) -> str:
+    return str(error.strerror if isinstance(error, OSError) else error)
+
+
+def _table_of(rows: list[list[str]], lines: list[int], *, decimal_comma: bool) -> TextTable:
+    """The rows below the first, which has the names of the columns."""
+    names = [_UNIT.sub("", cell.strip()).casefold() for cell in rows[0]]
+    body = [[*row, *[""] * (len(names) - len(row))] for row in rows[1:]]
+    columns = {name: [row[k] for row in body] for k, name in enumerate(names) if name}
+    return TextTable(columns, lines, decimal_comma)
+
+
+def _parse_table(content: bytes) -> TextTable:
+    lines = [(k, line) for k, line in enumerate(_decoded(content).splitlines(), start=1)]
+    lines = [(k, line) for k, line in lines if line.strip() and not line.startswith("#")]
+    if not lines:
+        raise ValueError("it is empty")
+    head = lines[0][1]
+    separator = max(_SEPARATORS, key=head.count)
+    if separator not in head:
+        raise ValueError("its first line has no comma, semicolon or tab")
+    text = StringIO("\n".join(line for _, line in lines))
+    try:
+        rows = list(csv.reader(text, delimiter=separator, skipinitialspace=True))
+    except csv.Error as error:  # such as a cell without an end
+        raise ValueError(f"it is no table of cells ({error})") from None
+    comma = separator != "," and any(_DECIMAL_COMMA.fullmatch(cell) for row in rows[1:] for cell in row)
+    return _table_of(rows, [k for k, _ in lines[1 : len(rows)]], decimal_comma=comma)
+
+
+def _decoded(content: bytes) -> str:
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        try:
+            return content.decode("utf-16")
+        except UnicodeDecodeError:
+            raise ValueError("it begins as text in UTF-16, but is none") from None
+    if (kind := binary_kind(content)) is not None:
+        raise ValueError(f"it is {kind}, not text")
+    for encoding in _ENCODINGS:
+        try:
+            return content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    raise ValueError("its text is neither UTF-8 nor Shift-JIS")
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return float("nan")
+
+
+def _expect_plain(path: Path, size: int) -> None:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            whole = sum(file.file_size for file in archive.infolist())
+    except Exception as error:  # noqa: BLE001 damage ends in errors of many families
+        raise ValueError(f"it is a damaged spreadsheet ({str(error)[:100]})") from None
+    expect_growth(path, size, whole)
+    expect_memory(path, _BYTES_PER_UNPACKED * whole)
+
+
+def _sheet_rows(path: Path) -> list[list[str]]:
+    try:
+        from python_calamine import CalamineWorkbook
+    except ImportError:
+        raise InputError("extra-missing.rows", path=path) from None
+    try:
+        sheet = CalamineWorkbook.from_path(path).get_sheet_by_index(0)
+        return [[_cell_text(cell) for cell in row] for row in sheet.to_python()]
+    except (KeyboardInterrupt, SystemExit, MemoryError):
+        raise
+    except BaseException as error:  # noqa: BLE001 the library panics on damage, and its panic is no Exception
+        raise ValueError(f"it is a damaged or locked spreadsheet ({str(error)[:100]})") from None
+
+
+def _cell_text(cell: Any) -> str:
+    if isinstance(cell, dt.datetime):
+        return cell.date().isoformat() if cell.time() == dt.time() else cell.isoformat()
+    if isinstance(cell, dt.date):
+        return cell.isoformat()
+    if isinstance(cell, float) and cell.is_integer() and abs(cell) < 1e15:
+        return str(int(cell))
+    return str(cell)
