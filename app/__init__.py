@@ -21,10 +21,8 @@ if TYPE_CHECKING:
     from furrowmap.core.checking.check import Check as Check
     from furrowmap.core.checking.evaluation import Evaluation as Evaluation
     from furrowmap.core.checking.paired_points import PairedPoints as PairedPoints
-    from furrowmap.core.crops.plot_grid import PlotGrid as PlotGrid
     from furrowmap.core.images.board import Board as Board
-    from furrowmap.core.pointclouds.cleaning import Cleaning as Cleaning
-    from furrowmap.core.pointclouds.surface_settings import SurfaceSettings as SurfaceSettings
+    from furrowmap.core.pointclouds.cleaning_steps import Cleaning as Cleaning
     from furrowmap.core.readers.reader import Inspection as Inspection
     from furrowmap.core.runtime.allowances import allowing as allowing
     from furrowmap.core.runtime.errors import FurrowmapError as FurrowmapError
@@ -40,10 +38,10 @@ if TYPE_CHECKING:
     from furrowmap.core.session.site_coordinates import SiteCoordinates as SiteCoordinates
     from furrowmap.core.session.site_coordinates import site_coordinates as site_coordinates
     from furrowmap.core.simulator.simulate import Simulated as Simulated
+    from furrowmap.core.values.plot_grid import PlotGrid as PlotGrid
     from furrowmap.core.values.scan import Scan as Scan
     from furrowmap.exporters.farm.edit import KnownSession as KnownSession
     from furrowmap.exporters.farm.mosaic import Mosaic as Mosaic
-    from furrowmap.exporters.farm.mosaic import MosaicSettings as MosaicSettings
     from furrowmap.exporters.farm.traffic import Wheels as Wheels
     from furrowmap.exporters.reports.evaluation_figures import evaluation_figures as evaluation_figures
     from furrowmap.points import POINT as POINT
@@ -54,32 +52,39 @@ if TYPE_CHECKING:
     from furrowmap.results import Raster as Raster
     from furrowmap.results import Result as Result
     from furrowmap.results import open_result as open_result
+    from furrowmap.settings import BatchSettings as BatchSettings
+    from furrowmap.settings import CanopySettings as CanopySettings
+    from furrowmap.settings import CheckSettings as CheckSettings
+    from furrowmap.settings import CleanSettings as CleanSettings
+    from furrowmap.settings import EvaluationSettings as EvaluationSettings
+    from furrowmap.settings import FeatureSettings as FeatureSettings
+    from furrowmap.settings import GrowthSettings as GrowthSettings
+    from furrowmap.settings import MosaicSettings as MosaicSettings
+    from furrowmap.settings import ParcelSettings as ParcelSettings
+    from furrowmap.settings import ResponseSettings as ResponseSettings
+    from furrowmap.settings import SeasonSettings as SeasonSettings
+    from furrowmap.settings import SolveSettings as SolveSettings
+    from furrowmap.settings import SurfaceSettings as SurfaceSettings
+    from furrowmap.settings import TieSettings as TieSettings
+    from furrowmap.settings import TrafficSettings as TrafficSettings
     from furrowmap.workflows.batch.batch import Batch as Batch
-    from furrowmap.workflows.batch.batch import BatchSettings as BatchSettings
     from furrowmap.workflows.batch.batch import batch as batch
     from furrowmap.workflows.calibrate.calibrate import Calibration as Calibration
     from furrowmap.workflows.calibrate.calibrate import calibrate as calibrate
     from furrowmap.workflows.calibrate.mount import MountCalibration as MountCalibration
     from furrowmap.workflows.calibrate.mount import calibrate_mount as calibrate_mount
-    from furrowmap.workflows.clouds.check import CheckSettings as CheckSettings
     from furrowmap.workflows.clouds.check import check as check
     from furrowmap.workflows.clouds.check import check_pairs as check_pairs
-    from furrowmap.workflows.clouds.clean import CleanSettings as CleanSettings
     from furrowmap.workflows.clouds.clean import clean as clean
     from furrowmap.workflows.clouds.colour import colour as colour
-    from furrowmap.workflows.clouds.features import FeatureSettings as FeatureSettings
     from furrowmap.workflows.clouds.features import features as features
     from furrowmap.workflows.clouds.surface import surface as surface
-    from furrowmap.workflows.crops.canopy import CanopySettings as CanopySettings
     from furrowmap.workflows.crops.canopy import canopy as canopy
-    from furrowmap.workflows.crops.growth import GrowthSettings as GrowthSettings
     from furrowmap.workflows.crops.growth import growth as growth
-    from furrowmap.workflows.crops.parcels import ParcelSettings as ParcelSettings
     from furrowmap.workflows.crops.parcels import parcels as parcels
     from furrowmap.workflows.crops.plots import Place as Place
     from furrowmap.workflows.crops.plots import Plots as Plots
     from furrowmap.workflows.crops.plots import plots as plots
-    from furrowmap.workflows.crops.response import ResponseSettings as ResponseSettings
     from furrowmap.workflows.crops.response import response as response
     from furrowmap.workflows.farm.farm import FarmMapChange as FarmMapChange
     from furrowmap.workflows.farm.farm import add_to_farm_map as add_to_farm_map
@@ -90,21 +95,17 @@ if TYPE_CHECKING:
     from furrowmap.workflows.farm.memory import FarmMemory as FarmMemory
     from furrowmap.workflows.farm.memory import FieldHistory as FieldHistory
     from furrowmap.workflows.farm.memory import TrafficRaster as TrafficRaster
-    from furrowmap.workflows.farm.memory import TrafficSettings as TrafficSettings
     from furrowmap.workflows.farm.memory import farm_memory as farm_memory
     from furrowmap.workflows.farm.memory import farm_traffic as farm_traffic
     from furrowmap.workflows.farm.memory import field_history as field_history
     from furrowmap.workflows.farm.mosaic import mosaic as mosaic
-    from furrowmap.workflows.gnss.evaluate import EvaluationSettings as EvaluationSettings
     from furrowmap.workflows.gnss.evaluate import evaluate_gnss as evaluate_gnss
     from furrowmap.workflows.gnss.evaluate import evaluation_table as evaluation_table
     from furrowmap.workflows.gnss.solve import SolvedPositions as SolvedPositions
-    from furrowmap.workflows.gnss.solve import SolveSettings as SolveSettings
     from furrowmap.workflows.gnss.solve import solve_gnss as solve_gnss
     from furrowmap.workflows.run.preview import preview as preview
     from furrowmap.workflows.run.run import run as run
     from furrowmap.workflows.season.season import Season as Season
-    from furrowmap.workflows.season.season import SeasonSettings as SeasonSettings
     from furrowmap.workflows.season.season import season as season
     from furrowmap.workflows.session.frames import frames as frames
     from furrowmap.workflows.session.init import ProposedSession as ProposedSession
@@ -119,65 +120,64 @@ if TYPE_CHECKING:
     from furrowmap.workflows.share.report import write_report_page as write_report_page
     from furrowmap.workflows.share.share import Shared as Shared
     from furrowmap.workflows.share.share import share as share
-    from furrowmap.workflows.tie.tie import TieSettings as TieSettings
     from furrowmap.workflows.tie.tie import tie as tie
 
     __version__ = version("furrowmap")
 
 _HOMES = {
     "Batch": "workflows.batch.batch",
-    "BatchSettings": "workflows.batch.batch",
+    "BatchSettings": "settings",
     "Board": "core.images.board",
     "Calibration": "workflows.calibrate.calibrate",
-    "CanopySettings": "workflows.crops.canopy",
+    "CanopySettings": "settings",
     "Check": "core.checking.check",
-    "CheckSettings": "workflows.clouds.check",
-    "CleanSettings": "workflows.clouds.clean",
-    "Cleaning": "core.pointclouds.cleaning",
+    "CheckSettings": "settings",
+    "CleanSettings": "settings",
+    "Cleaning": "core.pointclouds.cleaning_steps",
     "Evaluation": "core.checking.evaluation",
-    "EvaluationSettings": "workflows.gnss.evaluate",
+    "EvaluationSettings": "settings",
     "Examined": "core.session.examination",
     "Exported": "workflows.share.export",
     "FarmMapChange": "workflows.farm.farm",
     "FarmMemory": "workflows.farm.memory",
-    "FeatureSettings": "workflows.clouds.features",
+    "FeatureSettings": "settings",
     "FieldHistory": "workflows.farm.memory",
     "Fields": "workflows.farm.fields",
     "Frame": "core.session.frames",
     "FrameTree": "core.session.frames",
     "FurrowmapError": "core.runtime.errors",
-    "GrowthSettings": "workflows.crops.growth",
+    "GrowthSettings": "settings",
     "InputError": "core.runtime.errors",
     "Inspection": "core.readers.reader",
     "KnownMachine": "workflows.session.machines",
     "KnownSession": "exporters.farm.edit",
     "Mosaic": "exporters.farm.mosaic",
-    "MosaicSettings": "exporters.farm.mosaic",
+    "MosaicSettings": "settings",
     "MountCalibration": "workflows.calibrate.mount",
     "Notice": "core.runtime.errors",
     "POINT": "points",
     "PairedPoints": "core.checking.paired_points",
-    "ParcelSettings": "workflows.crops.parcels",
+    "ParcelSettings": "settings",
     "Place": "workflows.crops.plots",
-    "PlotGrid": "core.crops.plot_grid",
+    "PlotGrid": "core.values.plot_grid",
     "Plots": "workflows.crops.plots",
     "Points": "points",
     "ProposedSession": "workflows.session.init",
     "Raster": "results",
     "RefusedError": "core.runtime.errors",
-    "ResponseSettings": "workflows.crops.response",
+    "ResponseSettings": "settings",
     "Result": "results",
     "Scan": "core.values.scan",
     "Season": "workflows.season.season",
-    "SeasonSettings": "workflows.season.season",
+    "SeasonSettings": "settings",
     "Shared": "workflows.share.share",
     "Simulated": "core.simulator.simulate",
     "SiteCoordinates": "core.session.site_coordinates",
-    "SolveSettings": "workflows.gnss.solve",
+    "SolveSettings": "settings",
     "SolvedPositions": "workflows.gnss.solve",
-    "SurfaceSettings": "core.pointclouds.surface_settings",
+    "SurfaceSettings": "settings",
     "TrafficRaster": "workflows.farm.memory",
-    "TrafficSettings": "workflows.farm.memory",
+    "TrafficSettings": "settings",
     "UsageError": "core.runtime.errors",
     "Wheels": "exporters.farm.traffic",
     "add_to_farm_map": "workflows.farm.farm",
@@ -224,7 +224,7 @@ _HOMES = {
     "solve_gnss": "workflows.gnss.solve",
     "surface": "workflows.clouds.surface",
     "tie": "workflows.tie.tie",
-    "TieSettings": "workflows.tie.tie",
+    "TieSettings": "settings",
     "time_matches": "core.session.examination",
     "using_threads": "core.runtime.threads",
     "write_report_page": "workflows.share.report",

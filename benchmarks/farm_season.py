@@ -39,7 +39,7 @@ from furrowmap.core.work.depth import Depth
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import worked_ground
 from furrowmap.core.work.track import tool_paths
-from furrowmap.exporters.farm.mosaic import MosaicSettings, write_mosaic
+from furrowmap.exporters.farm.mosaic import write_mosaic
 from furrowmap.exporters.vectors.geopackage import write_field
 
 WHEELS: Final = furrowmap.Wheels(1.42, 0.38)
@@ -174,7 +174,7 @@ def mosaic(root: Path, result: Path) -> None:
         paths.append(path)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     begin = perf_counter()
-    made = write_mosaic(paths, root / "mosaic.tif", MosaicSettings(cell_m=0.1))
+    made = write_mosaic(paths, root / "mosaic.tif", cell_m=0.1)
     took_s = perf_counter() - begin
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     size = (root / "mosaic.tif").stat().st_size / 1e6

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options, worker_options
+from furrowmap.cli.options import command, flag, overwrite, settings_options
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import printable
 from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.settings import BatchSettings
 
 if TYPE_CHECKING:
     from furrowmap import Batch
@@ -21,39 +21,18 @@ if TYPE_CHECKING:
 _MOST_SHOWN = 20
 
 
-@click.command(
-    short_help="Run all sessions below some folders, each once.",
-    epilog="\b\nExample:\n  furrowmap batch season2026 -o results\n"
-    "  furrowmap batch card1 card2 -o results --machine 'Tractor 1, tiller' --boundaries fields.gpkg",
+@command(
+    "Run all sessions below some folders, each once.",
+    "furrowmap batch season2026 -o results",
+    "furrowmap batch card1 card2 -o results --machine 'Tractor 1, tiller' --boundaries fields.gpkg",
 )
 @click.argument("folders", metavar="FOLDER...", nargs=-1, required=True)
 @click.option("-o", "--output", metavar="RESULTS", required=True, help="Folder of the results; URLs are possible, too.")
-@click.option(
-    "--machine",
-    metavar="NAME|FILE",
-    help="Machine that made recordings without a session: the name of a saved one, or its profile.",
-)
-@click.option(
-    "--boundaries",
-    type=FILE,
-    metavar="FILE",
-    help="Fields: each recording is run once for each field that it enters, from entering to leaving.",
-)
-@worker_options
-@click.option("--overwrite", is_flag=True, help="Replace products of other recordings in result folders.")
-@click.option("--dry-run", is_flag=True, help="Show what would run and how long it would take; write nothing.")
-@common_options
+@settings_options(BatchSettings)
+@overwrite("Replace products of other recordings in result folders.")
+@flag("--dry-run", "Show what would run and how long it would take; write nothing.")
 def batch(
-    console: Console,
-    folders: tuple[str, ...],
-    output: str,
-    machine: str | None,
-    boundaries: Path | None,
-    workers: int | None,
-    scheduler: str | None,
-    *,
-    overwrite: bool,
-    dry_run: bool,
+    console: Console, folders: tuple[str, ...], output: str, settings: BatchSettings, *, overwrite: bool, dry_run: bool
 ) -> None:
     """Run every session below each FOLDER into a folder of RESULTS of its own, and write tables of them.
 
@@ -61,13 +40,11 @@ def batch(
     furrowmap have changed; one that fails does not stop the others. An interrupted batch continues when it is called
     again. RESULTS/batch.csv, batch.gpkg and batch.html list all sessions.
     """
-    settings = furrowmap.BatchSettings(machine, boundaries, workers, scheduler)
     with console.work() as progress:
         found = furrowmap.batch(
             folders, output, settings, dry_run=dry_run, overwrite=overwrite, say=console.say, progress=progress
         )
-    for notice in found.notices:
-        console.warn(notice)
+    console.warn_all(found.notices)
     failures = [(row.name, row.outcome.failure) for row in found.sessions if row.outcome.failure is not None]
     answer = {
         "results": found.results,

@@ -12,7 +12,7 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, command, flag, numbers, option, output, overwrite
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import UsageError, printable
 
@@ -35,39 +35,47 @@ class WithMount(click.Command):
         return super().make_context(info_name, args, parent, **extra)
 
 
-@click.command(
-    short_help="Attitude of a moving mount, from images of a board.",
-    epilog="\b\nExample:\n  furrowmap calibrate mount frames --board 9x6 --square-m 0.03 -o mount.csv",
+@command(
+    "Attitude of a moving mount, from images of a board.",
+    "furrowmap calibrate mount frames --board 9x6 --square-m 0.03 -o mount.csv",
 )
 @click.argument("frames", type=FILE)
-@click.option("--board", required=True, metavar="COLUMNSxROWS", help="Inner corners of the chessboard, such as 9x6.")
-@click.option(
-    "--square-m", type=click.FloatRange(0.0, min_open=True), required=True, help="Length of a square's sides."
+@option(
+    "--board",
+    "COLUMNSxROWS",
+    "Inner corners of the chessboard, such as 9x6.",
+    required=True,
+    label="Inner corners of the chessboard",
 )
-@click.option("-o", "--output", type=FILE, metavar="FILE", help="The CSV [default: mount.csv beside FRAMES].")
-@click.option("--camera", type=FILE, metavar="SESSION", help="Take the intrinsics from [camera] of a session file.")
-@click.option(
+@option("--square-m", "METRES", "Length of a square's sides.", required=True, above=0.0, label="Side of a square")
+@output("FILE", "The CSV [default: mount.csv beside FRAMES].", "Attitude of the mount")
+@option(
+    "--camera", "SESSION", "Take the intrinsics from [camera] of a session file.", label="Session with the intrinsics"
+)
+@option(
     "--board-rpy",
+    "ROLL,PITCH,YAW",
+    "Angles of the board's axes in the vehicle frame, in degrees, in the first frame.",
     default="0,0,0",
-    show_default=True,
-    metavar="ROLL,PITCH,YAW",
-    help="Angles of the board's axes in the vehicle frame, in degrees, in the first frame.",
+    label="Roll, pitch and yaw of the board",
 )
-@click.option(
+@option(
     "--board-on",
-    type=click.Choice(["body", "mount"]),
+    "",
+    "Where the board is; the camera is on the other.",
     default="body",
-    help="Where the board is; the camera is on the other [default: body].",
+    choices=("body", "mount"),
+    label="The board is on the",
 )
-@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
-@common_options
+@overwrite("Replace an existing file.")
 def mount(
     console: Console,
     frames: Path,
     board: str,
     square_m: float,
+    board_rpy: str,
+    board_on: str,
     output: Path | None,
-    camera: Path | None,
     **options: Any,
 ) -> None:
     """Write the attitude of a mount over time from FRAMES, images of a chessboard, for `[mount] attitude` of a session.
@@ -80,14 +88,12 @@ def mount(
             frames,
             _board(board, square_m),
             output,
-            camera=camera,
-            board_rpy_deg=_board_angles(options["board_rpy"]),
-            board_on=options["board_on"],
-            overwrite=options["overwrite"],
+            board_rpy_deg=_board_angles(board_rpy),
+            board_on=board_on,
+            **options,
             progress=progress,
         )
-    for notice in found.notices:
-        console.warn(notice)
+    console.warn_all(found.notices)
     figures = found.plain()
     words = (
         f"{figures['frames_with_board']} of {found.frames} frames show the board; corners within "
@@ -108,28 +114,26 @@ def _board(text: str, square_m: float) -> Board:
 
 def _board_angles(text: str) -> tuple[float, float, float]:
     """The angles of a text such as `180,0,90`."""
-    try:
-        roll, pitch, yaw = (float(part) for part in text.split(","))
-    except ValueError:
-        roll = pitch = yaw = math.nan
-    if not all(map(math.isfinite, (roll, pitch, yaw))):
+    angles = numbers(text)
+    if len(angles) != 3:
         raise UsageError("usage.board-angles", text=text)
-    return roll, pitch, yaw
+    return angles[0], angles[1], angles[2]
 
 
-@click.command(
-    cls=WithMount,
-    short_help="Estimate the sensor mounting from the recording itself.",
-    epilog="\b\nExample:\n  furrowmap calibrate session.toml --write",
+@command(
+    "Estimate the sensor mounting from the recording itself.", "furrowmap calibrate session.toml --write", cls=WithMount
 )
 @click.argument("session", type=FILE)
-@click.option("--write", is_flag=True, help="Write the estimates into SESSION; its other lines are kept.")
-@click.option(
-    "--machine",
-    metavar="NAME|FILE",
-    help="Write the mounting into this machine's profile, with the day and the standard deviations.",
+@flag(
+    "--write",
+    "Write the estimates into SESSION; its other lines are kept.",
+    label="Write the estimates into the session file",
 )
-@common_options
+@option(
+    "--machine",
+    "NAME|FILE",
+    "Write the mounting into this machine's profile, with the day and the standard deviations.",
+)
 def calibrate(console: Console, session: Path, machine: str | None, *, write: bool) -> None:
     """Estimate the mounting angles of the scanner and the clock offset from the recording described by SESSION.
 

@@ -10,69 +10,48 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console, put_error
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, command, flag, option, overwrite, settings_options
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import RefusedError, printable
+from furrowmap.settings import CheckSettings
 
 if TYPE_CHECKING:
     from furrowmap import Check, PairedPoints
 
-CLASS = click.FloatRange(0.0, min_open=True)
 
-
-@click.command(
-    short_help="Compare a point cloud or surface with surveyed checkpoints.",
-    epilog="\b\nExample:\n  furrowmap check cloud.copc.laz points.csv --points-sigma 0.01 --require-vertical 0.05",
+@command(
+    "Compare a point cloud or surface with surveyed checkpoints.",
+    "furrowmap check cloud.copc.laz points.csv --points-sigma 0.01 --require-vertical 0.05",
 )
 @click.argument("product", metavar="CLOUD_OR_DSM", type=FILE)
 @click.argument("points", metavar="POINTS", type=FILE)
-@click.option(
+@option(
     "--crs",
-    metavar="CRS",
-    help="CRS of points, or of a point cloud, whose file states none [default: that of the product].",
+    "CRS",
+    "CRS of points, or of a point cloud, whose file states none [default: that of the product].",
+    label="CRS of the points",
 )
-@click.option("--points-sigma", type=CLASS, metavar="METRES", help="Standard deviation of the survey on each axis.")
-@click.option(
-    "--targets",
-    type=click.Choice(["none", "intensity", "colour"]),
-    default="none",
-    show_default=True,
-    help="Detect disc targets at the points by intensity or colour, for the horizontal error.",
+@settings_options(CheckSettings)
+@option(
+    "--require-horizontal",
+    "METRES",
+    "Maximum horizontal RMSE (else exit status 4).",
+    above=0.0,
+    label="Required horizontal RMSE",
 )
-@click.option("--diameter", type=CLASS, default=0.3, show_default=True, metavar="METRES", help="Diameter of the discs.")
-@click.option("--require-vertical", type=CLASS, metavar="METRES", help="Maximum vertical RMSE (else exit status 4).")
-@click.option(
-    "--require-horizontal", type=CLASS, metavar="METRES", help="Maximum horizontal RMSE (else exit status 4)."
-)
-@click.option(
-    "--pairs",
-    is_flag=True,
-    help="Compare points by their names, on each axis; CLOUD_OR_DSM may be a CSV of measured points.",
-)
-@click.option(
-    "--within",
-    type=FILE,
-    metavar="POLYGONS",
-    help="Compare points in these polygons only: a vector file, or a CSV of corners.",
-)
-@click.option("--table", "table_file", type=FILE, metavar="FILE", help="Write a CSV table of the errors at each point.")
-@click.option("--overwrite", is_flag=True, help="Replace an existing table.")
-@common_options
+@flag("--pairs", "Compare points by their names, on each axis; CLOUD_OR_DSM may be a CSV of measured points.")
+@option("--table", "FILE", "Write a CSV table of the errors at each point.", "table_file", label="Table of errors")
+@overwrite("Replace an existing table.")
 def check(
     console: Console,
     product: Path,
     points: Path,
-    crs: str | None,
-    points_sigma: float | None,
-    targets: Any,
-    diameter: float,
-    require_vertical: float | None,
-    require_horizontal: float | None,
-    within: Path | None,
-    table_file: Path | None,
+    settings: CheckSettings,
     *,
+    require_horizontal: float | None,
     pairs: bool,
-    overwrite: bool,
+    table_file: Path | None,
+    **options: Any,
 ) -> None:
     """Compare CLOUD_OR_DSM (LAS, LAZ, COPC or GeoTIFF) with surveyed POINTS (CSV or GeoPackage).
 
@@ -81,25 +60,19 @@ def check(
     including the error of the survey, and the precision within and between swaths. The exit status is 4 if a required
     RMSE is exceeded or cannot be determined; precision outside that class is a warning.
     """
-    settings = furrowmap.CheckSettings(targets, diameter, points_sigma, require_vertical, within)
-    required = (require_vertical, require_horizontal)
+    required = (settings.class_m, require_horizontal)
     if pairs:
         with console.work() as progress:
-            paired = furrowmap.check_pairs(
-                product, points, settings, crs=crs, table=table_file, overwrite=overwrite, progress=progress
-            )
+            paired = furrowmap.check_pairs(product, points, settings, table=table_file, **options, progress=progress)
         _answer_pairs(console, product, paired, required)
         return
     with console.work() as progress:
-        found = furrowmap.check(
-            product, points, settings, crs=crs, table=table_file, overwrite=overwrite, progress=progress
-        )
-    for notice in found.notices:
-        console.warn(notice)
+        found = furrowmap.check(product, points, settings, table=table_file, **options, progress=progress)
+    console.warn_all(found.notices)
     rows = [point.row() for point in found.points]
     vertical_m = found.accuracy.vertical.rmse_m if found.accuracy.vertical is not None else None
     verdicts = _verdicts(vertical_m, found.accuracy.horizontal_m, required)
-    precision = found.accuracy.precision.verdicts(require_vertical) if require_vertical is not None else {}
+    precision = found.accuracy.precision.verdicts(settings.class_m) if settings.class_m is not None else {}
     answer = {
         "product": product,
         "kind": found.kind,
@@ -120,8 +93,7 @@ def _answer_pairs(
     """Put paired points out, and judge them."""
     accuracy = paired.accuracy()
     verdicts = _verdicts(accuracy["rmse_vertical_m"], accuracy["rmse_horizontal_m"], required)
-    for notice in paired.notices:
-        console.warn(notice)
+    console.warn_all(paired.notices)
     plain = {"accuracy": accuracy, "verdicts": verdicts, "warnings": paired.notices}
     console.answer({"measured": product, **paired.plain(), **plain}, _pair_words(paired))
     _exit_unless_met(verdicts)

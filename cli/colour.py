@@ -8,20 +8,18 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, command, output, overwrite
 from furrowmap.cli.tables import figures, file_size, table
 from furrowmap.core.runtime.errors import printable
 
 
-@click.command(
-    short_help="Colour a point cloud by the images of a session.",
-    epilog="\b\nExample:\n  furrowmap colour cloud.laz session.toml -o coloured.copc.laz",
+@command(
+    "Colour a point cloud by the images of a session.", "furrowmap colour cloud.laz session.toml -o coloured.copc.laz"
 )
 @click.argument("cloud", type=FILE)
 @click.argument("session", type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="FILE", required=True, help="COPC file to write.")
-@click.option("--overwrite", is_flag=True, help="Replace an existing file.")
-@common_options
+@output("FILE", "COPC file to write.", "Coloured point cloud", required=True)
+@overwrite("Replace an existing file.")
 def colour(console: Console, cloud: Path, session: Path, output: Path, *, overwrite: bool) -> None:
     """Write CLOUD (LAS, LAZ or COPC from any software) in the colours of the images that SESSION names under [camera].
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -52,6 +52,11 @@ class Console:
     def warn(self, notice: Notice) -> None:
         """Write a warning."""
         self.put_warning(notice.code, notice.text_in(language_of_user()))
+
+    def warn_all(self, notices: Iterable[Notice]) -> None:
+        """Write warnings."""
+        for notice in notices:
+            self.warn(notice)
 
     def warn_of(self, account: Mapping[str, Any]) -> None:
         """Write the warnings in the report of finished work."""

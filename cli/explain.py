@@ -8,19 +8,15 @@ from difflib import get_close_matches
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import common_options
+from furrowmap.cli.options import command
 from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.runtime.languages.catalogue import ENGLISH
 from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, expansions, templates
 
 
-@click.command(
-    short_help="Explain the code of an error or a warning.",
-    epilog="\b\nExample:\n  furrowmap explain clock-offset",
-)
+@command("Explain the code of an error or a warning.", "furrowmap explain clock-offset")
 @click.argument("code")
-@common_options
 def explain(console: Console, code: str) -> None:
     """Print the messages that have CODE, and what to do about them. … stands for what varies, such as file names."""
     keys = [key for key in templates(ENGLISH) if key.partition(".")[0] == code]

@@ -2,65 +2,65 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.groups import CommandGroup
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import Paths, command, files, flag, group, option, output, overwrite, settings_options
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import UsageError, printable
+from furrowmap.settings import MosaicSettings, TrafficSettings
 
 if TYPE_CHECKING:
     from zoneinfo import ZoneInfo
 
     from furrowmap import FarmMapChange, FarmMemory, KnownSession
 
-_DB_SCHEMA: Final = "furrowmap"
 
-
-@click.group(
-    cls=CommandGroup,
-    short_help="Collect the sessions of a farm in a farm map.",
-    subcommand_metavar="COMMAND ...",
-    no_args_is_help=False,
-    epilog="\b\nExample:\n  furrowmap farm add result farm.gpkg\n  furrowmap farm list farm.gpkg",
+@group(
+    "Collect the sessions of a farm in a farm map.",
+    "furrowmap farm add result farm.gpkg",
+    "furrowmap farm list farm.gpkg",
 )
 def farm() -> None:
     """The farm map: the sessions of a farm in one GeoPackage, or in PostGIS to share them."""
 
 
-_schema = click.option(
-    "--schema", default=_DB_SCHEMA, show_default=True, metavar="NAME", help="PostGIS schema of the tables."
-)
+_schema = option("--schema", "NAME", "PostGIS schema of the tables.", default="furrowmap", label="PostGIS schema")
 
 
-@farm.command(
-    short_help="Add the results of runs to a farm map.",
-    epilog="\b\nExample:\n  furrowmap farm add results/* farm.gpkg\n"
-    "  furrowmap farm add result postgresql://me@server/farm",
+@command(
+    "Add the results of runs to a farm map.",
+    "furrowmap farm add results/* farm.gpkg",
+    "furrowmap farm add result postgresql://me@server/farm",
+    group=farm,
 )
-@click.argument("folders", metavar="DIR...", nargs=-1, required=True, type=FILE)
+@files("folders", "DIR...")
 @click.argument("target", metavar="MAP")
-@click.option("--crs", metavar="CRS", help="CRS of a new farm map, such as EPSG:6677 [default: the first session's].")
-@click.option("--same-crs", is_flag=True, help="Refuse sessions in another CRS instead of transforming them.")
-@click.option(
-    "--time-zone",
-    "zone",
-    metavar="ZONE",
-    help="Time zone of dates and map tips, such as Asia/Tokyo [default: that of the run].",
+@option(
+    "--crs",
+    "CRS",
+    "CRS of a new farm map, such as EPSG:6677 [default: the first session's].",
+    label="CRS of a new farm map",
 )
-@click.option(
+@flag(
+    "--same-crs", "Refuse sessions in another CRS instead of transforming them.", label="Refuse sessions in another CRS"
+)
+@option(
+    "--time-zone", "ZONE", "Time zone of dates and map tips, such as Asia/Tokyo [default: that of the run].", "zone"
+)
+@option(
     "--season-start",
-    metavar="MM-DD",
-    help="First day of a season, such as 04-01; kept in MAP [default: 01-01].",
+    "MM-DD",
+    "First day of a season, such as 04-01; kept in MAP [default: 01-01].",
+    label="First day of a season (MM-DD)",
 )
 @_schema
-@common_options
-def add(console: Console, folders: tuple[Path, ...], target: str, **options: Any) -> None:
+def add(console: Console, folders: Paths, target: str, **options: Any) -> None:
     """Add the results of `furrowmap run` in each DIR to MAP, a GeoPackage or a PostGIS database.
 
     A DIR may also be a GeoPackage that `furrowmap fields` wrote: each task in it becomes a session. MAP is created if
@@ -70,19 +70,13 @@ def add(console: Console, folders: tuple[Path, ...], target: str, **options: Any
     options["zone"] = _zone(options["zone"])
     with console.work(passing=True) as progress:
         change = furrowmap.add_to_farm_map(target, folders, **options, progress=progress)
-    for notice in change.notices:
-        console.warn(notice)
+    console.warn_all(change.notices)
     console.answer(change, _words(change))
 
 
-@farm.command(
-    "list",
-    short_help="List the sessions in a farm map.",
-    epilog="\b\nExample:\n  furrowmap farm list farm.gpkg",
-)
+@command("List the sessions in a farm map.", "furrowmap farm list farm.gpkg", name="list", group=farm)
 @click.argument("target", metavar="MAP")
 @_schema
-@common_options
 def list_sessions(console: Console, target: str, *, schema: str) -> None:
     """List the sessions in MAP: identifier, date, worked area, name."""
 
@@ -97,14 +91,10 @@ def list_sessions(console: Console, target: str, *, schema: str) -> None:
     console.answer(answer, table(row(session) for session in sessions) if sessions else "No sessions.")
 
 
-@farm.command(
-    short_help="Remove sessions from a farm map.",
-    epilog="\b\nExample:\n  furrowmap farm remove farm.gpkg c67f3212",
-)
+@command("Remove sessions from a farm map.", "furrowmap farm remove farm.gpkg c67f3212", group=farm)
 @click.argument("target", metavar="MAP")
 @click.argument("sessions", metavar="SESSION...", nargs=-1, required=True)
 @_schema
-@common_options
 def remove(console: Console, target: str, sessions: tuple[str, ...], *, schema: str) -> None:
     """Remove each SESSION, given by its identifier (or the beginning of it) or its name, from MAP.
 
@@ -115,42 +105,38 @@ def remove(console: Console, target: str, sessions: tuple[str, ...], *, schema: 
     console.answer(change, _words(change))
 
 
-@farm.command(
-    short_help="Merge the surfaces of sessions into one raster.",
-    epilog="\b\nExample:\n  furrowmap farm mosaic farm.gpkg -o farm.vrt\n"
-    "  furrowmap farm mosaic farm.gpkg --product dsm_before -o before.tif --dst-crs EPSG:6691",
+@command(
+    "Merge the surfaces of sessions into one raster.",
+    "furrowmap farm mosaic farm.gpkg -o farm.vrt",
+    "furrowmap farm mosaic farm.gpkg --product dsm_before -o before.tif --dst-crs EPSG:6691",
+    group=farm,
 )
 @click.argument("sources", metavar="MAP...", nargs=-1, required=True)
-@click.option("-o", "--output", type=FILE, metavar="FILE", required=True, help="Output raster: .vrt or .tif.")
-@click.option("--product", default="dsm", show_default=True, metavar="NAME", help="Surface to merge (NAME.tif).")
-@click.option("--dst-crs", "crs", metavar="CRS", help="CRS of the raster [default: that of the surfaces].")
-@click.option("--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), metavar="METRES", help="Cell size.")
-@click.option("--mean", is_flag=True, help="Average overlapping sessions instead of using the latest.")
-@click.option("--overwrite", is_flag=True, help="Replace an existing FILE.")
+@output("FILE", "Output raster: .vrt or .tif.", "Mosaic", required=True)
+@option("--product", "NAME", "Surface to merge (NAME.tif).", default="dsm", label="Surface")
+@settings_options(MosaicSettings)
+@overwrite("Replace an existing FILE.")
 @_schema
-@common_options
-def mosaic(console: Console, sources: tuple[str, ...], output: Path, **options: Any) -> None:
+def mosaic(console: Console, sources: tuple[str, ...], output: Path, settings: MosaicSettings, **options: Any) -> None:
     """Merge the surfaces of the sessions in each MAP, or of the result in a folder, into one raster.
 
     Where sessions overlap, the latest is used. A .vrt is a small file that refers to the heights in the surfaces'
     files; a .tif is a Cloud Optimized GeoTIFF with all bands.
     """
-    settings = furrowmap.MosaicSettings(options.pop("crs"), options.pop("cell_m"), options.pop("mean"))
     with console.work(passing=True) as progress:
         made = furrowmap.mosaic(sources, output, settings, **options, progress=progress)
-    for notice in made.notices:
-        console.warn(notice)
+    console.warn_all(made.notices)
     size = f"{made.columns:,} × {made.rows:,} cells of {made.cell_m:g} m"
     console.answer(made, f"{printable(str(output))}: {made.surfaces} surfaces, {size}, {made.crs}.")
 
 
-@farm.command(
-    short_help="List the fields and machines of a farm map, with the work of each season.",
-    epilog="\b\nExample:\n  furrowmap farm fields farm.gpkg",
+@command(
+    "List the fields and machines of a farm map, with the work of each season.",
+    "furrowmap farm fields farm.gpkg",
+    group=farm,
 )
 @click.argument("target", metavar="MAP")
 @_schema
-@common_options
 def fields(console: Console, target: str, *, schema: str) -> None:
     """List the work of each field and season in MAP, and that of each machine.
 
@@ -161,21 +147,21 @@ def fields(console: Console, target: str, *, schema: str) -> None:
     console.answer(memory, _tables(memory) if memory.seasons or memory.machines else "No sessions.")
 
 
-@farm.command(
-    short_help="Write the history of a field as a page or a table.",
-    epilog="\b\nExample:\n  furrowmap farm history farm.gpkg 'North field' -o north.html\n"
-    "  furrowmap farm history farm.gpkg 7f580967 -o north.csv",
+@command(
+    "Write the history of a field as a page or a table.",
+    "furrowmap farm history farm.gpkg 'North field' -o north.html",
+    "furrowmap farm history farm.gpkg 7f580967 -o north.csv",
+    group=farm,
 )
 @click.argument("target", metavar="MAP")
 @click.argument("field", metavar="FIELD")
-@click.option("-o", "--output", "out", type=FILE, metavar="FILE", help="Output: .html for a page, .csv for a table.")
-@click.option("--overwrite", is_flag=True, help="Replace an existing FILE.")
+@output("FILE", "Output: .html for a page, .csv for a table.", "Page or table")
+@overwrite("Replace an existing FILE.")
 @_schema
-@common_options
-def history(console: Console, target: str, field: str, **options: Any) -> None:
+def history(console: Console, target: str, field: str, output: Path | None, **options: Any) -> None:
     """Show all sessions of a FIELD in MAP, given by its name or identifier, the last one first."""
     with console.work(passing=True) as progress:
-        found = furrowmap.field_history(target, field, **options, progress=progress)
+        found = furrowmap.field_history(target, field, out=output, **options, progress=progress)
     rows = (
         (row["date"], f"{_area(row['worked_area_m2'])}  {printable(row['machine'])}  {printable(row['name'])}")
         for row in found.visits
@@ -183,47 +169,38 @@ def history(console: Console, target: str, field: str, **options: Any) -> None:
     console.answer(found, printable(str(found.path)) if found.path else table(rows))
 
 
-@farm.command(
-    short_help="Write how often each spot was worked and driven on.",
-    epilog="\b\nExample:\n  furrowmap farm traffic farm.gpkg -o traffic.tif --season 2026\n"
-    "  furrowmap farm traffic farm.gpkg -o traffic.tif --track-width 1.5 --tyre-width 0.42",
+@command(
+    "Write how often each spot was worked and driven on.",
+    "furrowmap farm traffic farm.gpkg -o traffic.tif --season 2026",
+    "furrowmap farm traffic farm.gpkg -o traffic.tif --track-width 1.5 --tyre-width 0.42",
+    group=farm,
 )
 @click.argument("target", metavar="MAP")
-@click.option("-o", "--output", type=FILE, metavar="FILE", required=True, help="Output raster (.tif).")
-@click.option("--season", type=int, metavar="YEAR", help="Only the season that begins in this year.")
-@click.option("--since", type=click.DateTime(["%Y-%m-%d"]), metavar="DAY", help="Only sessions from this day on.")
-@click.option("--until", type=click.DateTime(["%Y-%m-%d"]), metavar="DAY", help="Only sessions up to this day.")
-@click.option(
-    "--cell", "cell_m", type=click.FloatRange(min=0, min_open=True), default=0.1, show_default=True, metavar="METRES",
-    help="Cell size.",
-)  # fmt: skip
-@click.option(
-    "--track-width", type=click.FloatRange(min=0, min_open=True), metavar="METRES",
-    help="Distance between the middles of the rear tyres; needed to count wheels.",
-)  # fmt: skip
-@click.option(
-    "--tyre-width", type=click.FloatRange(min=0, min_open=True), metavar="METRES", help="Width of a rear tyre."
-)
-@click.option("--overwrite", is_flag=True, help="Replace an existing FILE.")
+@output("FILE", "Output raster (.tif).", "Traffic", required=True)
+@settings_options(TrafficSettings)
+@option("--track-width", "METRES", "Distance between the middles of the rear tyres; needed to count wheels.", above=0)
+@option("--tyre-width", "METRES", "Width of a rear tyre.", above=0)
+@overwrite("Replace an existing FILE.")
 @_schema
-@common_options
-def traffic(console: Console, target: str, output: Path, **options: Any) -> None:
+def traffic(
+    console: Console,
+    target: str,
+    output: Path,
+    settings: TrafficSettings,
+    *,
+    track_width: float | None,
+    tyre_width: float | None,
+    **options: Any,
+) -> None:
     """Write how often each spot of MAP was worked, when last, and how often rear wheels passed it.
 
     The raster is a Cloud Optimized GeoTIFF of whole numbers. Wheels are counted where both --track-width and
     --tyre-width are given.
     """
-    widths = [options.pop("track_width"), options.pop("tyre_width")]
-    if (widths[0] is None) != (widths[1] is None):
+    if (track_width is None) != (tyre_width is None):
         raise UsageError("usage.traffic")
-    since, until = (day and day.date() for day in (options.pop("since"), options.pop("until")))
-    settings = furrowmap.TrafficSettings(
-        options.pop("season"),
-        since,
-        until,
-        options.pop("cell_m"),
-        furrowmap.Wheels(*widths) if widths[0] is not None else None,
-    )
+    if track_width is not None and tyre_width is not None:
+        settings = replace(settings, wheels=furrowmap.Wheels(track_width, tyre_width))
     with console.work(passing=True) as progress:
         made = furrowmap.farm_traffic(target, output, settings, **options, progress=progress)
     size = f"{made.columns:,} × {made.rows:,} cells of {made.cell_m:g} m"

@@ -10,7 +10,7 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, command, option, output, overwrite
 from furrowmap.core.runtime.errors import printable
 
 _COLUMNS = (
@@ -26,38 +26,28 @@ _COLUMNS = (
 )
 
 
-@click.command(
-    short_help="Compute the worked ground of each field in task data (ISOXML).",
-    epilog="\b\nExample:\n  furrowmap fields TASKDATA -o fields.gpkg\n  furrowmap fields harvest.zip --width 9 --json",
+@command(
+    "Compute the worked ground of each field in task data (ISOXML).",
+    "furrowmap fields TASKDATA -o fields.gpkg",
+    "furrowmap fields harvest.zip --width 9 --json",
 )
 @click.argument("taskdata", type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="FILE", help="Write passes, overlaps and misses to this GeoPackage.")
-@click.option("--width", type=float, metavar="M", help="Working width in metres [default: the largest in the logs].")
-@click.option("--task", metavar="ID", help="Process only the task with this identifier or name.")
-@click.option("--crs", metavar="CRS", help="Projected CRS, such as EPSG:6677 [default: chosen from the location].")
-@click.option("--overwrite", is_flag=True, help="Replace an existing FILE.")
-@common_options
-def fields(
-    console: Console,
-    taskdata: Path,
-    output: Path | None,
-    width: float | None,
-    task: str | None,
-    crs: str | None,
-    *,
-    overwrite: bool,
-) -> None:
+@output("FILE", "Write passes, overlaps and misses to this GeoPackage.", "Worked ground")
+@option("--width", "M", "Working width in metres [default: the largest in the logs].", "width_m", label="Working width")
+@option("--task", "ID", "Process only the task with this identifier or name.")
+@option(
+    "--crs", "CRS", "Projected CRS, such as EPSG:6677 [default: chosen from the location].", label="CRS of the output"
+)
+@overwrite("Replace an existing FILE.")
+def fields(console: Console, taskdata: Path, output: Path | None, **options: Any) -> None:
     """Compute the worked ground from a machine's own log. TASKDATA is an ISO 11783-10 folder or a ZIP archive of it.
 
     No scanner is needed: the time logs hold position, working state and width. "length × width" is what the machine's
     area counter should show; it counts ground worked twice twice.
     """
     with console.work() as progress:
-        found = furrowmap.fields(
-            taskdata, output, crs=crs, width_m=width, task=task, overwrite=overwrite, progress=progress
-        )
-    for notice in found.warnings:
-        console.warn(notice)
+        found = furrowmap.fields(taskdata, output, **options, progress=progress)
+    console.warn_all(found.warnings)
     answer = {"crs": found.crs, "output": output, "fields": found.rows, "warnings": found.warnings}
     console.answer(answer, _table(found.rows))
 

@@ -8,17 +8,13 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, command, option
 from furrowmap.core.runtime.errors import printable
 
 
-@click.command(
-    short_help="Show the frames of a session as a tree.",
-    epilog="\b\nExample:\n  furrowmap frames session.toml --svg frames.svg",
-)
+@command("Show the frames of a session as a tree.", "furrowmap frames session.toml --svg frames.svg")
 @click.argument("session", type=FILE)
-@click.option("--svg", type=FILE, metavar="FILE", help="Draw the frames from the side and from above.")
-@common_options
+@option("--svg", "FILE", "Draw the frames from the side and from above.", label="Drawing")
 def frames(console: Console, session: Path, svg: Path | None) -> None:
     """Show the frames of SESSION as a tree: earth, map, vehicle, and each sensor with its translation and rotation.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,88 +12,74 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.groups import CommandGroup
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import (
+    FILE,
+    Paths,
+    command,
+    files,
+    group,
+    numbers,
+    option,
+    output,
+    overwrite,
+    settings_options,
+)
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import UsageError, printable
+from furrowmap.settings import EvaluationSettings, SolveSettings
 
 if TYPE_CHECKING:
     from furrowmap import Evaluation
 
 
-@click.group(
-    cls=CommandGroup,
-    short_help="Evaluate GNSS logs, or solve positions.",
-    subcommand_metavar="COMMAND ...",
-    no_args_is_help=False,
-    epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf --reference rtk.ubx -o accuracy",
-)
+@group("Evaluate GNSS logs, or solve positions.", "furrowmap gnss evaluate clas.sbf --reference rtk.ubx -o accuracy")
 def gnss() -> None:
     """Evaluate GNSS positions, or compute them from raw observations."""
 
 
-@gnss.command(
-    short_help="Compare GNSS logs with a reference.",
-    epilog="\b\nExample:\n  furrowmap gnss evaluate clas.sbf madoca.ubx --reference rtk.ubx -o accuracy\n"
-    "  furrowmap gnss evaluate clas.sbf --reference rtk.ubx --antenna-offset 0.30,0,0\n"
-    "  furrowmap gnss evaluate static.pos --reference 35.339325776,139.522173128,65.712",
+@command(
+    "Compare GNSS logs with a reference.",
+    "furrowmap gnss evaluate clas.sbf madoca.ubx --reference rtk.ubx -o accuracy",
+    "furrowmap gnss evaluate clas.sbf --reference rtk.ubx --antenna-offset 0.30,0,0",
+    "furrowmap gnss evaluate static.pos --reference 35.339325776,139.522173128,65.712",
+    group=gnss,
 )
-@click.argument("test", type=FILE, nargs=-1, required=True)
-@click.option(
+@files("test", "TEST...")
+@option(
     "--reference",
+    "FILE|LAT,LON,HEIGHT",
+    "Another log of the same drive, a trajectory, or the place of a static antenna.",
     required=True,
-    metavar="FILE|LAT,LON,HEIGHT",
-    help="Another log of the same drive, a trajectory, or the place of a static antenna.",
 )
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    metavar="DIR",
-    help="Folder for evaluation.json, evaluation.html, evaluation.gpkg, services.csv and epochs.csv.",
+@output(
+    "DIR", "Folder for evaluation.json, evaluation.html, evaluation.gpkg, services.csv and epochs.csv.", "Output folder"
 )
-@click.option(
+@option(
     "--name",
+    "NAME",
+    "Name of a TEST in the tables; once for each, in their order [default: its correction service or file].",
     "names",
     multiple=True,
-    metavar="NAME",
-    help="Name of a TEST in the tables; once for each, in their order [default: its correction service or file].",
 )
-@click.option(
+@option(
     "--antenna-offset",
+    "FORWARD,LEFT,UP",
+    "Offset in metres from the reference antenna to the TEST antenna on the same vehicle; once, or once for each "
+    "TEST [default: 0,0,0].",
     "offsets",
     multiple=True,
-    metavar="FORWARD,LEFT,UP",
-    help="Offset in metres from the reference antenna to the TEST antenna on the same vehicle; once, or once for each "
-    "TEST [default: 0,0,0].",
 )
-@click.option(
-    "--reference-fix",
-    type=click.Choice(["any", "fixed"]),
-    default="any",
-    show_default=True,
-    help="fixed: leave out epochs without a fixed solution in the reference.",
-)
-@click.option(
-    "--max-gap",
-    type=click.FloatRange(min=0.0, min_open=True),
-    metavar="SECONDS",
-    help="Maximum interpolation gap of the reference [default: 1.5 times its interval].",
-)
-@click.option("--date", metavar="YYYY-MM-DD", help="UTC date of the first position, for logs without a date.")
-@click.option("--overwrite", is_flag=True, help="Replace an existing evaluation in DIR.")
-@common_options
+@settings_options(EvaluationSettings)
+@overwrite("Replace an existing evaluation in DIR.")
 def evaluate(
     console: Console,
-    test: tuple[Path, ...],
+    test: Paths,
     reference: str,
     *,
     output: Path | None,
     names: tuple[str, ...],
     offsets: tuple[str, ...],
-    reference_fix: str,
-    max_gap: float | None,
-    date: str | None,
+    settings: EvaluationSettings,
     overwrite: bool,
 ) -> None:
     """Compare the positions in each TEST with those in the reference at the same epochs.
@@ -101,66 +88,47 @@ def evaluate(
     epochs and by fix type; several services are compared in one table.
     """
     labels = _labels(test, names)
-    settings = {
-        label: furrowmap.EvaluationSettings(offset, reference_fix == "fixed", max_gap, date)
+    of_each = {
+        label: replace(settings, antenna_offset_m=offset)
         for label, offset in zip(labels, _offsets(offsets, len(test)), strict=True)
     }
     logs = dict(zip(labels, test, strict=True))
     with console.work(passing=True) as progress:
-        found = furrowmap.evaluate_gnss(logs, reference, output, settings, overwrite=overwrite, progress=progress)
-    for notice in dict.fromkeys(notice for each in found.values() for notice in each.notices):
-        console.warn(notice)
+        found = furrowmap.evaluate_gnss(logs, reference, output, of_each, overwrite=overwrite, progress=progress)
+    console.warn_all(dict.fromkeys(notice for each in found.values() for notice in each.notices))
     words = [_services(found)] if len(found) > 1 else []
     words += [_words(name if len(found) > 1 else "", each) for name, each in found.items()]
     console.answer(furrowmap.evaluation_figures(found) | {"output": output}, "\n\n".join([*words, _DEFINITIONS]))
 
 
-@gnss.command(
-    short_help="Compute positions from RINEX files with RTKLIB.",
-    epilog="\b\nExample:\n  furrowmap gnss solve rover.obs base.obs base.nav --base-position 43.0645,141.3503,46.2",
+@command(
+    "Compute positions from RINEX files with RTKLIB.",
+    "furrowmap gnss solve rover.obs base.obs base.nav --base-position 43.0645,141.3503,46.2",
+    group=gnss,
 )
 @click.argument("rover", type=FILE)
 @click.argument("base", type=FILE)
-@click.argument("nav", type=FILE, nargs=-1, required=True)
-@click.option("-o", "--output", type=FILE, metavar="FILE", help="The .pos file [default: name of ROVER with .pos].")
-@click.option(
-    "--base-position",
-    "place",
-    metavar="LAT,LON,HEIGHT",
-    help="Antenna of the base in degrees and metres above the ellipsoid [default: approximate, from its file].",
-)
-@click.option("--static", is_flag=True, help="The rover stands still.")
-@click.option(
-    "--mask",
-    type=click.FloatRange(0.0, 90.0),
-    default=15.0,
-    show_default=True,
-    metavar="DEGREES",
-    help="Leave out satellites below this elevation.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace an existing solution.")
-@common_options
+@files("nav", "NAV...")
+@output("FILE", "The .pos file [default: name of ROVER with .pos].", "Positions")
+@settings_options(SolveSettings)
+@overwrite("Replace an existing solution.")
 def solve(
     console: Console,
     rover: Path,
     base: Path,
-    nav: tuple[Path, ...],
+    nav: Paths,
     *,
     output: Path | None,
-    place: str | None,
-    static: bool,
-    mask: float,
+    settings: SolveSettings,
     overwrite: bool,
 ) -> None:
     """Compute the positions of ROVER relative to BASE, with the ephemerides of NAV: RINEX files.
 
     RTKLIB's program rnx2rtkp does it (Debian: rtklib). A session names the result under [recording] gnss.
     """
-    settings = furrowmap.SolveSettings(_place(place) if place is not None else None, static, mask)
     with console.work(passing=True) as progress:
         found = furrowmap.solve_gnss(rover, base, nav, output, settings, overwrite=overwrite, progress=progress)
-    for notice in found.notices:
-        console.warn(notice)
+    console.warn_all(found.notices)
     fixes = ", ".join(f"{label} {count}" for label, count in found.by_fix.items())
     name = printable(str(found.path))
     rows = [("epochs", f"{found.epochs} ({fixes})"), ("from", found.first), ("to", found.last)]
@@ -172,16 +140,6 @@ def solve(
         "last": found.last,
     }
     console.answer(answer, f"Wrote {name}\n{table(rows)}")
-
-
-def _place(text: str) -> tuple[float, float, float]:
-    try:
-        lat, lon, height = (float(part) for part in text.split(","))
-    except ValueError:
-        lat = lon = height = float("nan")
-    if not (abs(lat) <= 90.0 and abs(lon) <= 360.0 and isfinite(height)):
-        raise UsageError("invalid-position", text=text)
-    return lat, lon, height
 
 
 def _labels(test: Sequence[Path], names: Sequence[str]) -> list[str]:
@@ -203,14 +161,10 @@ def _offsets(texts: Sequence[str], tests: int) -> list[tuple[float, float, float
 
 
 def _offset(text: str) -> tuple[float, float, float]:
-    try:
-        forward, left, up = (float(part) for part in text.split(","))
-    except ValueError:
-        pass
-    else:
-        if all(isfinite(part) and abs(part) < 100.0 for part in (forward, left, up)):
-            return forward, left, up
-    raise UsageError("usage.offset", text=text)
+    offset = numbers(text)
+    if len(offset) != 3 or not all(abs(part) < 100.0 for part in offset):
+        raise UsageError("usage.offset", text=text)
+    return offset[0], offset[1], offset[2]
 
 
 _DEFINITIONS = (

@@ -9,82 +9,37 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
-from furrowmap.cli.point_options import (
-    classes_of,
-    classes_option,
-    crs_option,
-    dst_crs_option,
-    net_inset_option,
-    net_option,
-    widths_of,
-)
-from furrowmap.cli.tables import file_size, parcel_table, table
-from furrowmap.core.runtime.errors import printable
+from furrowmap.cli.options import FILE, Paths, command, files, output, overwrite, settings_options
+from furrowmap.cli.tables import parcel_table, table, written
+from furrowmap.settings import GrowthSettings
 
 SHOWN = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma_m_day")
 
 
-@click.command(
-    short_help="Measure growth of crops by parcel between flights.",
-    epilog="\b\nExample:\n  furrowmap growth may13.laz may23.laz parcels.geojson -o growth --net-inset 1.0,0.11",
+@command(
+    "Measure growth of crops by parcel between flights.",
+    "furrowmap growth may13.laz may23.laz parcels.geojson -o growth --net-inset 1.0,0.11",
 )
-@click.argument("clouds", metavar="CLOUD...", nargs=-1, required=True, type=FILE)
+@files("clouds", "CLOUD...")
 @click.argument("parcels_file", metavar="PARCELS", type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="DIR", required=True, help="Output folder.")
-@click.option(
-    "--day",
-    "days",
-    multiple=True,
-    metavar="DATE",
-    help="Day of the flight, once for each CLOUD [default: that of its points].",
-)
-@net_inset_option
-@net_option
-@classes_option
-@crs_option
-@dst_crs_option
-@click.option("--overwrite", is_flag=True, help="Replace existing products in DIR.")
-@common_options
+@output("DIR", "Output folder.", "Output folder", required=True)
+@settings_options(GrowthSettings)
+@overwrite("Replace existing products in DIR.")
 def growth(
-    console: Console,
-    clouds: tuple[Path, ...],
-    parcels_file: Path,
-    output: Path,
-    days: tuple[str, ...],
-    net_inset: str | None,
-    net: Path | None,
-    classes: str | None,
-    crs: str | None,
-    dst_crs: str | None,
-    *,
-    overwrite: bool,
+    console: Console, clouds: Paths, parcels_file: Path, output: Path, settings: GrowthSettings, *, overwrite: bool
 ) -> None:
     """Measure what the crop on each parcel of PARCELS grew between CLOUDs (LAS, LAZ or COPC) of several days.
 
     Bare soil that the flights have in common aligns them in height. Writes growth.gpkg (a layer coloured by growth),
     growth.csv, growth.xlsx and growth.json.
     """
-    settings = furrowmap.GrowthSettings(
-        days=days or None,
-        net_inset_m=widths_of(net_inset, "--net-inset"),
-        net=net,
-        classes=classes_of(classes, "--class"),
-        crs=crs,
-        dst_crs=dst_crs,
-    )
     with console.work() as progress:
         account = furrowmap.growth(
             clouds, parcels_file, output, settings, overwrite=overwrite, progress=progress, warn=console.warn
         )
-    console.answer({"folder": output, **account}, _words(account, output))
-
-
-def _words(account: dict[str, Any], folder: Path) -> str:
+    days = table((each["day"], _alignment(each)) for each in account["flights"])
     shown = parcel_table(account["parcels"], SHOWN, "growth.csv")
-    days = [(each["day"], _alignment(each)) for each in account["flights"]]
-    files = [(printable(name), file_size(folder / name)) for name in account["products"]]
-    return f"{table(days)}\n{shown}\n{printable(str(folder))}:\n{table(files)}"
+    console.answer({"folder": output, **account}, f"{days}\n{shown}\n{written(account, output)}")
 
 
 def _alignment(flight: dict[str, Any]) -> str:

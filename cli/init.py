@@ -4,33 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import click
-
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import command, files, option, output, overwrite
 from furrowmap.core.runtime.errors import printable
 
 
-@click.command(
-    short_help="Write a session file for a recording.",
-    epilog="\b\nExample:\n  furrowmap init recording.pcap.gz gnss.nmea",
-)
-@click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=FILE)
-@click.option(
-    "-o",
-    "--output",
-    type=FILE,
-    metavar="FILE",
-    help="Session file to write [default: session.toml beside RECORDING].",
-)
-@click.option(
-    "--machine",
-    metavar="NAME|FILE",
-    help="Machine whose sensors' places are copied: the name of a saved one, or its profile.",
-)
-@click.option("--overwrite", is_flag=True, help="Replace an existing session file.")
-@common_options
+@command("Write a session file for a recording.", "furrowmap init recording.pcap.gz gnss.nmea")
+@files("recordings", "RECORDING...")
+@output("FILE", "Session file to write [default: session.toml beside RECORDING].", "Session file")
+@option("--machine", "NAME|FILE", "Machine whose sensors' places are copied: the name of a saved one, or its profile.")
+@overwrite("Replace an existing session file.")
 def init(
     console: Console, recordings: tuple[Path, ...], output: Path | None, machine: str | None, *, overwrite: bool
 ) -> None:

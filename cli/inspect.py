@@ -9,7 +9,7 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console, error_value, put_error
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import command, files
 from furrowmap.cli.tables import figures, table
 from furrowmap.core.runtime.errors import InputError, printable
 
@@ -17,12 +17,8 @@ if TYPE_CHECKING:
     from furrowmap import Examined, Inspection
 
 
-@click.command(
-    short_help="Describe files: format, content, clocks, damage.",
-    epilog="\b\nExample:\n  furrowmap inspect recording.pcap.gz gnss.nmea",
-)
-@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=FILE)
-@common_options
+@command("Describe files: format, content, clocks, damage.", "furrowmap inspect recording.pcap.gz gnss.nmea")
+@files("files", "FILE...")
 def inspect(console: Console, files: tuple[Path, ...]) -> None:
     """Describe each FILE: format, sensor model, time span, clocks, GNSS fixes, damage; and how several overlap in time.
 

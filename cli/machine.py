@@ -8,44 +8,32 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.groups import CommandGroup
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, command, group, overwrite
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import printable
 
 
-@click.group(
-    cls=CommandGroup,
-    short_help="Places of sensors and tool, saved once a machine.",
-    subcommand_metavar="COMMAND ...",
-    no_args_is_help=False,
-    epilog="\b\nExample:\n  furrowmap machine save session.toml 'Tractor 1, tiller'",
-)
+@group("Places of sensors and tool, saved once a machine.", "furrowmap machine save session.toml 'Tractor 1, tiller'")
 def machine() -> None:
     """Profiles of machines: where antenna, scanner, IMU, camera and tool sit, for `furrowmap init --machine`."""
 
 
-@machine.command(
-    short_help="Save the machine of a session.",
-    epilog="\b\nExample:\n  furrowmap machine save session.toml 'Tractor 1, tiller'\n"
-    "  furrowmap machine save session.toml tractor1.toml",
+@command(
+    "Save the machine of a session.",
+    "furrowmap machine save session.toml 'Tractor 1, tiller'",
+    "furrowmap machine save session.toml tractor1.toml",
+    group=machine,
 )
 @click.argument("session", type=FILE)
 @click.argument("name", metavar="NAME|FILE")
-@click.option("--overwrite", is_flag=True, help="Replace an existing profile.")
-@common_options
+@overwrite("Replace an existing profile.")
 def save(console: Console, session: Path, name: str, *, overwrite: bool) -> None:
     """Save what SESSION states of its machine under NAME, or as FILE to pass on (it ends with .toml)."""
     saved = furrowmap.save_machine(session, name, overwrite=overwrite)
     console.answer({"name": saved.name, "machine": saved.path}, f"Wrote {printable(str(saved.path))}")
 
 
-@machine.command(
-    "list",
-    short_help="List the saved machines.",
-    epilog="\b\nExample:\n  furrowmap machine list",
-)
-@common_options
+@command("List the saved machines.", "furrowmap machine list", name="list", group=machine)
 def list_machines(console: Console) -> None:
     """List the saved machines and their files. FURROWMAP_MACHINES names another folder, such as a shared one."""
     found = furrowmap.known_machines()

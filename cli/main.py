@@ -9,7 +9,6 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
-from difflib import get_close_matches
 from importlib import import_module
 from itertools import pairwise
 from typing import Any, Final, NoReturn
@@ -18,6 +17,7 @@ import click
 
 from furrowmap.cli.console import Console, error_value, put_error, put_json
 from furrowmap.cli.interruption import INTERRUPTION, Interruption
+from furrowmap.cli.options import CommandGroup
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError, as_furrowmap_error
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.languages.choice import using_language
@@ -59,7 +59,7 @@ COMMANDS: Final = (
 log = logging.getLogger("furrowmap.cli")
 
 
-class Commands(click.Group):
+class Commands(CommandGroup):
     """The commands, each imported on first use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 (click's signature)
@@ -67,23 +67,11 @@ class Commands(click.Group):
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of that name; None for an unknown one during shell completion.
-
-        Raises:
-            UsageError: if there is no such command.
-        """
-        if cmd_name in COMMANDS:
-            command: click.Command = getattr(import_module(f"furrowmap.cli.{cmd_name}"), cmd_name)
-            return command
-        if ctx.resilient_parsing:
-            return None
-        near = get_close_matches(cmd_name, COMMANDS, 1, 0.5)
-        raise UsageError(
-            "no-such-verb.get-command",
-            cmd_name=cmd_name,
-            near_first=near[0] if near else None,
-            commands=", ".join(COMMANDS) if not (near) else None,
-        )
+        """The command of that name."""
+        if cmd_name not in COMMANDS:
+            return super().get_command(ctx, cmd_name)
+        command: click.Command = getattr(import_module(f"furrowmap.cli.{cmd_name}"), cmd_name)
+        return command
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; on an interruption, click itself would print an empty line first."""

@@ -1,83 +1,258 @@
-"""The options that every command has."""
+"""Options of commands: those that every command has, and those that describe settings."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, fields
+from difflib import get_close_matches
 from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
 from furrowmap.cli.console import Console
 from furrowmap.core.runtime.allowances import ALL, allowing
+from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
+from furrowmap.core.runtime.options import Option, options_of
 from furrowmap.core.runtime.threads import using_threads
 from furrowmap.process import prepare_process
 
-FILE = click.Path(path_type=Path)
+Command = Callable[..., None]
+Paths = tuple[Path, ...]
+Decorator = Callable[[Command], Command]
+FILE: Final = click.Path(path_type=Path)
 """A path as typed. Readers and writers check it, so that their errors have three parts."""
+TYPES: Final[Mapping[str, click.ParamType[Any] | type]] = {
+    **dict.fromkeys(("METRES", "M", "SECONDS", "DEGREES"), float),
+    **dict.fromkeys(("N", "YEAR"), int),
+    **dict.fromkeys(("FILE", "DIR", "FOLDER", "POLYGONS", "SESSION", "TARGET", "OUT.copc.laz"), FILE),
+    "DAY": click.DateTime(["%Y-%m-%d"]),
+}
+"""Type of the value by the metavar of an option; text for others."""
+POSITION: Final = "LAT,LON,HEIGHT"
+LISTS: Final[Mapping[str, tuple[int | None, Callable[[list[float]], bool], str, Callable[[list[float]], object]]]] = {
+    "W,S,E,N": (4, lambda box: box[0] < box[2] and box[1] < box[3], "W,S,E,N with W < E and S < N", tuple),
+    "N,N": (
+        None,
+        set(range(256)).issuperset,
+        "a list of classes from 0 to 255 separated by commas",
+        lambda classes: frozenset(map(int, classes)),
+    ),
+    "ENDS,SIDES": (2, lambda widths: min(widths) >= 0.0, "two widths in metres", tuple),
+}
+"""Lists of numbers by the metavar: how many, which are valid, what is wanted, and what becomes of them."""
 
 
-def common_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the common options to a command, and pass it a Console as its first argument."""
+class LabelledOption(click.Option):
+    """An option with its label in QGIS."""
 
-    @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON to standard output.")
-    @click.option("-q", "--quiet", is_flag=True, help="Show only warnings and errors, and no progress bar.")
-    @click.option("-v", "--verbose", count=True, help="Log every step to standard error; -vv includes libraries.")
-    @click.option("--log-file", type=FILE, metavar="FILE", help="Append a log with timestamps to this file.")
-    @click.option(
-        "--threads",
-        type=click.IntRange(1),
-        metavar="N",
-        help="Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8].",
+    def __init__(self, *names: Any, label: str = "", **facts: Any) -> None:
+        super().__init__(*names, **facts)
+        self.label = label
+
+
+class CommandGroup(click.Group):
+    """A command group whose error for an unknown command suggests the nearest one."""
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The command of that name; None for an unknown one during shell completion.
+
+        Raises:
+            UsageError: if there is no such command.
+        """
+        found = self.commands.get(cmd_name)
+        if found is not None or ctx.resilient_parsing:
+            return found
+        names = self.list_commands(ctx)
+        near = next(iter(get_close_matches(cmd_name, names, 1, 0.5)), None)
+        path = "furrowmap" if ctx.parent is None else f"furrowmap {self.name}"
+        raise UsageError(
+            "no-such-verb", path=path, cmd_name=cmd_name, near=near, commands=None if near else ", ".join(names)
+        )
+
+
+def command(summary: str, *examples: str, group: Any = click, **facts: Any) -> Callable[[Command], click.Command]:
+    """A command, which gets a Console first, with the options that all have.
+
+    Args:
+        summary: in the list of commands.
+        examples: at the end of the help.
+        group: the group that it belongs to.
+        facts: passed to click.
+    """
+
+    def decorate(function: Command) -> click.Command:
+        @wraps(function)
+        def called(
+            *,
+            as_json: bool,
+            quiet: bool,
+            verbose: int,
+            log_file: Path | None,
+            threads: int | None,
+            language: str | None,
+            allow_large: bool,
+            allow_damaged: bool,
+            debug: bool,
+            **arguments: Any,
+        ) -> None:
+            del debug, language  # read in main, where errors are handled
+            _start_log(verbose, log_file)
+            prepare_process()
+            allowed = [what for what, given in zip(ALL, (allow_large, allow_damaged), strict=True) if given]
+            with using_threads(threads), allowing(*allowed):
+                function(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
+
+        own = called.__dict__.pop("__click_params__", [])  # in reverse
+        for common in reversed(_common_options()):
+            common(called)
+        called.__dict__["__click_params__"] += own
+        epilog = _epilog(examples)
+        made: click.Command = group.command(short_help=summary, epilog=epilog, **facts)(called)
+        return made
+
+    return decorate
+
+
+def group(summary: str, *examples: str) -> Callable[[Command], CommandGroup]:
+    """A group of commands."""
+    facts = {"short_help": summary, "epilog": _epilog(examples), "subcommand_metavar": "COMMAND ..."}
+    return click.group(cls=CommandGroup, no_args_is_help=False, **facts)
+
+
+def _epilog(examples: Sequence[str]) -> str:
+    return "\b\nExample:\n" + "\n".join(f"  {line}" for example in examples for line in example.splitlines())
+
+
+def _common_options() -> Sequence[Decorator]:
+    threads = "Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8]."
+    language = "Language of errors, warnings and reports [default: FURROWMAP_LANG, else en]."
+    return (
+        flag("--json", "Print the result as JSON to standard output.", "as_json"),
+        click.option("-q", "--quiet", is_flag=True, help="Show only warnings and errors, and no progress bar."),
+        click.option("-v", "--verbose", count=True, help="Log every step to standard error; -vv includes libraries."),
+        option("--log-file", "FILE", "Append a log with timestamps to this file."),
+        option("--threads", "N", threads, minimum=1),
+        option("--lang", "", language, "language", choices=LANGUAGES),
+        flag("--allow-large", "Unpack files however large their content is."),
+        flag("--allow-damaged", "Use clouds without the parts that are damaged."),
+        flag("--debug", "Print a traceback on error."),
     )
-    @click.option(
-        "--lang",
-        "language",
-        type=click.Choice(LANGUAGES),
-        help="Language of errors, warnings and reports [default: FURROWMAP_LANG, else en].",
-    )
-    @click.option("--allow-large", is_flag=True, help="Unpack files however large their content is.")
-    @click.option("--allow-damaged", is_flag=True, help="Use clouds without the parts that are damaged.")
-    @click.option("--debug", is_flag=True, help="Print a traceback on error.")
-    @wraps(command)
-    def called(
-        *,
-        as_json: bool,
-        quiet: bool,
-        verbose: int,
-        log_file: Path | None,
-        threads: int | None,
-        language: str | None,
-        allow_large: bool,
-        allow_damaged: bool,
-        debug: bool,
-        **arguments: Any,
-    ) -> None:
-        del debug, language  # read in main, where errors are handled
-        _start_log(verbose, log_file)
-        prepare_process()
-        allowed = [what for what, given in zip(ALL, (allow_large, allow_damaged), strict=True) if given]
-        with using_threads(threads), allowing(*allowed):
-            command(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
-
-    return called
 
 
-def worker_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options that choose the processes that work for a command."""
-    scheduler = click.option(
-        "--scheduler", metavar="ADDRESS", help="Running Dask scheduler whose workers are used: tcp://HOST:PORT."
-    )
-    workers = click.option(
-        "--workers",
-        type=click.IntRange(1),
-        metavar="N",
-        help="Number of worker processes [default: by cores and memory].",
-    )
-    return workers(scheduler(command))
+def option(name: str, metavar: str, text: str, parameter: str = "", **facts: Any) -> Decorator:
+    """An option of a command.
+
+    Args:
+        name: on the command line.
+        metavar: implies the type of the value; "" for flags and choices.
+        text: the help.
+        parameter: of the command; "" for the words of the name.
+        facts: other attributes of :class:`Option`.
+    """
+    return _click_option(Option(name, metavar, text, **facts), parameter)
+
+
+def output(metavar: str, text: str, label: str = "", *, required: bool = False) -> Decorator:
+    """The option -o, --output."""
+    return _click_option(Option("--output", metavar, text, label, required=required), "", "-o")
+
+
+def flag(name: str, text: str, parameter: str = "", label: str = "") -> Decorator:
+    """An option without a value."""
+    return option(name, "", text, parameter, label=label)
+
+
+def overwrite(text: str) -> Decorator:
+    """The flag --overwrite."""
+    return flag("--overwrite", text)
+
+
+def files(name: str, metavar: str) -> Decorator:
+    """An argument that is one file or more."""
+    return click.argument(name, metavar=metavar, nargs=-1, required=True, type=FILE)
+
+
+def settings_options(settings: type, parameter: str = "settings") -> Decorator:
+    """Add the options of a class of settings to a command, which gets an object of the class as `parameter`."""
+    described = options_of(settings)
+    unset = {each.name for each in fields(settings) if each.default is MISSING}
+
+    def decorate(command: Command) -> Command:
+        @wraps(command)
+        def called(*args: Any, **values: Any) -> None:
+            given = {name: value_of(each, values.pop(f"{parameter}_{name}")) for name, each in described.items()}
+            stated = {name: value for name, value in given.items() if value is not None or name in unset}
+            command(*args, **{parameter: settings(**stated)}, **values)
+
+        for name, each in reversed(described.items()):
+            _click_option(each, f"{parameter}_{name}")(called)
+        return called
+
+    return decorate
+
+
+def _click_option(option: Option, parameter: str, *short: str) -> Decorator:
+    if not (option.metavar or option.choices):
+        facts: dict[str, Any] = {"is_flag": True}
+    else:
+        facts = {"type": _type(option), "metavar": option.metavar or None}
+        facts |= {"required": option.required, "multiple": option.multiple}
+        if option.metavar not in LISTS and option.default not in (None, ()):
+            facts |= {"default": option.default, "show_default": True}
+    names = [*short, option.name, *([parameter] if parameter else [])]
+    return click.option(*names, cls=LabelledOption, label=option.label, help=option.help, **facts)
+
+
+def _type(option: Option) -> Any:
+    kind = click.Choice(list(option.choices)) if option.choices else TYPES.get(option.metavar, str)
+    least = option.minimum if option.above is None else option.above
+    if least is None and option.maximum is None:
+        return kind
+    if kind is int:
+        return click.IntRange(int(least) if least is not None else None)
+    return click.FloatRange(least, option.maximum, min_open=option.above is not None)
+
+
+def value_of(option: Option, value: Any) -> Any:
+    """The value of a setting for what an option is given; None where it is not given.
+
+    Raises:
+        UsageError: if a text is not what the metavar says.
+    """
+    if isinstance(option.choices, Mapping):
+        return option.choices[value]
+    if value is None or value == ():
+        return None
+    if option.metavar == "DAY":
+        return value.date()
+    if option.metavar == POSITION:
+        place = numbers(value)
+        if len(place) != 3 or abs(place[0]) > 90.0 or abs(place[1]) > 360.0:
+            raise UsageError("invalid-position", text=value)
+        return tuple(place)
+    if option.metavar not in LISTS:
+        return value
+    count, is_valid, wanted, kind = LISTS[option.metavar]
+    found = numbers(value)
+    if not found or (count and len(found) != count):
+        wanted = f"a list of {count} numbers separated by commas" if count else "a list of numbers separated by commas"
+    elif is_valid(found):
+        return kind(found)
+    raise UsageError("usage.no-list", option=option.name, text=value, wanted=wanted)
+
+
+def numbers(text: str) -> list[float]:
+    """The finite numbers in a text, which commas separate; none if it is anything else."""
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        return []
+    return found if all(map(math.isfinite, found)) else []
 
 
 def _start_log(verbose: int, log_file: Path | None) -> None:

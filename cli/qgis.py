@@ -5,35 +5,24 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import click
-
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import command, group, option
 from furrowmap.core.runtime.errors import UsageError, printable
 
 
-@click.group(
-    short_help="Install the QGIS plugin.",
-    subcommand_metavar="COMMAND ...",
-    no_args_is_help=False,
-    epilog="\b\nExample:\n  furrowmap qgis install",
-)
+@group("Install the QGIS plugin.", "furrowmap qgis install")
 def qgis() -> None:
     """The QGIS plugin that is bundled with furrowmap."""
 
 
-@qgis.command(
-    short_help="Install the plugin into a QGIS profile.",
-    epilog="\b\nExample:\n  furrowmap qgis install\n  furrowmap qgis install --profile fieldwork",
+@command(
+    "Install the plugin into a QGIS profile.",
+    "furrowmap qgis install",
+    "furrowmap qgis install --profile fieldwork",
+    group=qgis,
 )
-@click.option("--profile", metavar="NAME", help="QGIS user profile [default: the one QGIS starts with].")
-@click.option(
-    "--plugins-folder",
-    type=FILE,
-    metavar="DIR",
-    help="Plugins folder to use instead of a profile, such as one in QGIS_PLUGINPATH.",
-)
-@common_options
+@option("--profile", "NAME", "QGIS user profile [default: the one QGIS starts with].")
+@option("--plugins-folder", "DIR", "Plugins folder to use instead of a profile, such as one in QGIS_PLUGINPATH.")
 def install(console: Console, profile: str | None, plugins_folder: Path | None) -> None:
     """Install and enable the bundled plugin in a QGIS user profile. The plugin will use this installation of furrowmap.
 

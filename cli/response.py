@@ -5,35 +5,29 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import click
-
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import Paths, command, files, option, output, overwrite, settings_options
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import printable
+from furrowmap.settings import ResponseSettings
 
 
-@click.command(
-    short_help="Analyse the response of a trial to its treatments.",
-    epilog="\b\nExample:\n  furrowmap response result/parcels.csv --treatments treatments.csv -o trial",
+@command(
+    "Analyse the response of a trial to its treatments.",
+    "furrowmap response result/parcels.csv --treatments treatments.csv -o trial",
 )
-@click.argument("tables", metavar="TABLE...", nargs=-1, required=True, type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="DIR", required=True, help="Output folder.")
-@click.option("--treatments", metavar="FILE", help="CSV or spreadsheet with what each parcel or treatment was given.")
-@click.option("--dose", metavar="COLUMN", help="Column of the dose [default: the first such as n_kg_ha].")
-@click.option("--measure", metavar="COLUMN", help="Column of what responds [default: mean_height_m].")
-@click.option("--day", "days", multiple=True, metavar="DATE", help="Day of the flight, once for each TABLE.")
-@click.option("--overwrite", is_flag=True, help="Replace an earlier result in DIR.")
-@common_options
+@files("tables", "TABLE...")
+@output("DIR", "Output folder.", "Output folder", required=True)
+@option("--treatments", "FILE", "CSV or spreadsheet with what each parcel or treatment was given.")
+@settings_options(ResponseSettings)
+@overwrite("Replace an earlier result in DIR.")
 def response(
     console: Console,
-    tables: tuple[Path, ...],
+    tables: Paths,
     output: Path,
-    treatments: str | None,
-    dose: str | None,
-    measure: str | None,
-    days: tuple[str, ...],
+    treatments: Path | None,
+    settings: ResponseSettings,
     *,
     overwrite: bool,
 ) -> None:
@@ -43,7 +37,6 @@ def response(
     dose with its 95 % band and the rate beyond which nothing is gained, means by treatment and block, and, with
     several tables, growth.
     """
-    settings = furrowmap.ResponseSettings(measure, dose, days or None)
     account = furrowmap.response(tables, treatments, output, settings, overwrite=overwrite)
     console.warn_of(account)
     console.answer({"folder": output, **account}, _words(account, output))

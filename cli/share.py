@@ -8,19 +8,23 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, command, flag, output, overwrite
 from furrowmap.core.runtime.errors import printable
 
 
-@click.command(
-    short_help="Share a result as a web page, or as a project for QField.",
-    epilog="\b\nExample:\n  furrowmap share result\n  furrowmap share result --qfield --lang ja -o for_the_phone",
+@command(
+    "Share a result as a web page, or as a project for QField.",
+    "furrowmap share result",
+    "furrowmap share result --qfield --lang ja -o for_the_phone",
 )
 @click.argument("result", metavar="RESULT", type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="DIR", help="Output folder [default: beside RESULT].")
-@click.option("--qfield", is_flag=True, help="Write a QGIS project for QField instead of a web page.")
-@click.option("--overwrite", is_flag=True, help="Replace an earlier page or project in DIR.")
-@common_options
+@output("DIR", "Output folder [default: beside RESULT].", "Output folder")
+@flag(
+    "--qfield",
+    "Write a QGIS project for QField instead of a web page.",
+    label="A project for QField instead of a web page",
+)
+@overwrite("Replace an earlier page or project in DIR.")
 def share(console: Console, result: Path, output: Path | None, *, qfield: bool, overwrite: bool) -> None:
     """Write the RESULT of `furrowmap run` as a folder for people without a GIS.
 

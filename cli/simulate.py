@@ -8,19 +8,19 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, common_options
+from furrowmap.cli.options import FILE, command, output, overwrite
 from furrowmap.cli.tables import figures, table
 from furrowmap.core.runtime.errors import printable
 
 
-@click.command(
-    short_help="Simulate a recording with its ground truth.",
-    epilog="\b\nExample:\n  furrowmap simulate demo -o demo\n  furrowmap simulate my_mount.toml -o my_mount",
+@command(
+    "Simulate a recording with its ground truth.",
+    "furrowmap simulate demo -o demo",
+    "furrowmap simulate my_mount.toml -o my_mount",
 )
 @click.argument("scenario", type=FILE)
-@click.option("-o", "--output", type=FILE, metavar="DIR", required=True, help="Output folder.")
-@click.option("--overwrite", is_flag=True, help="Replace files in DIR.")
-@common_options
+@output("DIR", "Output folder.", "Output folder", required=True)
+@overwrite("Replace files in DIR.")
 def simulate(console: Console, scenario: Path, output: Path, *, overwrite: bool) -> None:
     """Simulate the recording of a tractor or an aircraft in SCENARIO: a TOML file, "demo", "road" or "flight".
 

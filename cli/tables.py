@@ -99,6 +99,18 @@ def _is_number(value: Any) -> bool:
     return bool(numbers) and all(isinstance(v, int | float) and not isinstance(v, bool) for v in numbers)
 
 
+def written(account: Mapping[str, Any], folder: Path) -> str:
+    """The folder of the products in an account, and their sizes."""
+    files = [(printable(name), file_size(folder / name)) for name in account["products"]]
+    return f"{printable(str(folder))}:\n{table(files)}"
+
+
+def surveyed(account: Mapping[str, Any], folder: Path) -> str:
+    """The figures of clouds in an account, their CRS and ground classification, and the products."""
+    shown = {**account["figures"], "crs": account["crs"], "ground": account["parameters"]["ground"]}
+    return f"{table(figures(shown))}\n{written(account, folder)}"
+
+
 def file_size(path: Path) -> str:
     """The size of a file, with its unit."""
     size = path.stat().st_size

@@ -27,6 +27,8 @@ NOT_IN_QGIS = {
 }
 """Commands that are no algorithms, and why."""
 OF_THE_CONSOLE = {"--json", "--quiet", "--verbose", "--log-file", "--lang", "--debug"}
+WRITTEN = {"--output", "--table", "--svg"}
+"""Options with files that the command writes; it reads those of all others."""
 UNITS = {"METRES": "m", "M": "m", "SECONDS": "s", "DEGREES": "°"}
 LEAST = 0.0001
 """The minimum in QGIS of a number that has to be positive: a QGIS parameter always allows its minimum."""
@@ -66,6 +68,7 @@ def _described(parameter: click.Parameter) -> dict[str, Any]:
         "required": parameter.required or None,
         "default": None if flag else default,
         "unit": UNITS.get(parameter.metavar or ""),
+        "label": getattr(parameter, "label", None) or None,
         "help": getattr(parameter, "help", None),
     }
     if isinstance(kind, click.Choice):
@@ -76,11 +79,11 @@ def _described(parameter: click.Parameter) -> dict[str, Any]:
 
 
 def _kind(parameter: click.Parameter) -> str:
-    """How the value is given; paths of options are written by the command."""
+    """How the value is given."""
     metavar = parameter.metavar or ""
     several = parameter.nargs == -1 or parameter.multiple
     if isinstance(parameter.type, click.Path):
-        if isinstance(parameter, click.Argument):
+        if _name(parameter) not in WRITTEN:
             return "files" if several else "file"
         return "new folder" if metavar == "DIR" else "new file"
     if isinstance(parameter.type, click.Choice):

@@ -78,6 +78,7 @@ MAY_IMPORT = {
         "furrowmap.core.runtime",
         "furrowmap.core.values",
         "furrowmap.process",
+        "furrowmap.settings",
         "furrowmap.workflows",
         "furrowmap!",
     ],

@@ -15,13 +15,12 @@ CHECKOUT: Final = Path(__file__).resolve().parents[1]
 HELD_BY_PAGES: Final = ("core/simulator/scenario.py", "core/simulator/flight_scenario.py")
 
 EVERY_ONE: Final = {
-    "core/pointclouds/cleaning.py Cleaning.every": 1,
+    "core/pointclouds/cleaning_steps.py Cleaning.every": 1,
     "core/pointclouds/spooled_clouds.py spool_clouds(every)": 1,
-    "app/workflows/clouds/features.py FeatureSettings.every": 1,
-    "core/pointclouds/surface_settings.py SurfaceSettings.every": 1,
+    "app/settings.py _every(default)": 1,
     "core/adjustment/clock_search.py _Trial.agreement(every)": 1,
-    "core/crops/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
-    "core/crops/plot_grid.py PlotGrid.block_size": 1,
+    "core/values/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
+    "core/values/plot_grid.py PlotGrid.block_size": 1,
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
     "core/readers/framing.py find_frames(last)": True,
     "core/readers/nmea/sentences.py scan_bytes(last)": True,
@@ -71,11 +70,12 @@ PUBLISHED: Final = {
     "core/surfaces/terrain.py hillshade(altitude_deg)": 45.0,
 }
 OWN: Final = {
-    "app/workflows/crops/canopy.py CanopySettings.ground_m": 0.2,  # the roughness of ground, and noise
-    "app/workflows/crops/canopy.py CanopySettings.layer_m": 0.5,
-    "app/workflows/season/season.py SeasonSettings.most_rows": 5_000_000,  # files of a hundred megabytes
-    "app/workflows/gnss/solve.py SolveSettings.mask_deg": 15.0,
-    "app/workflows/clouds/check.py CheckSettings.diameter_m": 0.3,
+    "app/settings.py CanopySettings.ground_m": 0.2,  # the roughness of ground, and noise
+    "app/settings.py CanopySettings.layer_m": 0.5,
+    "app/settings.py SeasonSettings.most_rows": 5_000_000,  # files of a hundred megabytes
+    "app/settings.py SolveSettings.mask_deg": 15.0,
+    "app/settings.py CheckSettings.diameter_m": 0.3,
+    "app/settings.py TrafficSettings.cell_m": 0.1,
     "core/checking/check.py check_product(diameter_m)": 0.3,
     "core/checking/cloud_at_points.py cloud_at_points(diameter_m)": 0.3,
     "core/surfaces/outliers.py radius_outliers(radius_m)": 0.5,
@@ -92,7 +92,9 @@ Default = tuple[str, float]
 
 
 def stated(name: str, node: ast.expr | None) -> Iterator[Default]:
-    """The number or truth value of a default, if it is one, and those of a tuple."""
+    """The number or truth value of a default, if it is one, and those of a tuple; of a setting, that of its call."""
+    if isinstance(node, ast.Call) and ast.unparse(node.func) == "setting":
+        node = next((word.value for word in node.keywords if word.arg == "default"), None)
     sign = -1 if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) else 1
     value = node.operand if isinstance(node, ast.UnaryOp) else node
     if isinstance(value, ast.Constant) and isinstance(value.value, int | float):
@@ -117,6 +119,9 @@ def defaults(node: ast.AST, where: str) -> Iterator[Default]:
             pairs = [*zip(reversed(plain), reversed(child.args.defaults), strict=False)]
             for one, default in [*pairs, *zip(child.args.kwonlyargs, child.args.kw_defaults, strict=True)]:
                 yield from stated(f"{where}{child.name}({one.arg})", default)
+        if isinstance(child, ast.Assign) and ast.unparse(child.value).startswith("partial(setting, "):
+            words = {word.arg: word.value for word in child.value.keywords}  # type: ignore[attr-defined]
+            yield from stated(f"{where}{ast.unparse(child.targets[0])}(default)", words.get("default"))
         if isinstance(node, ast.ClassDef) and isinstance(child, ast.AnnAssign) and not is_constant(child):
             yield from stated(f"{where}{ast.unparse(child.target)}", child.value)
         yield from defaults(child, inner)

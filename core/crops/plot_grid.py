@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 import shapely
@@ -11,46 +10,13 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.parcel import Parcel
+from furrowmap.core.values.plot_grid import PlotGrid
 
 FloatArray = NDArray[np.float64]
 
 MAX_PLOTS: Final = 100_000
 MAX_MISFIT_M: Final = 0.10
 """Corners that fit the sizes this well raise no notice."""
-
-
-@dataclass(frozen=True)
-class PlotGrid:
-    """A grid of plots.
-
-    Columns follow each other along the base line, rows beside it. A plot's length is along the base line.
-
-    Attributes:
-        length_m: of a plot along the base line; None if both ends of the base line are given.
-        width_m: of a plot across it.
-        alley_m: between columns.
-        path_m: between rows.
-        side: of the base line on which the rows lie, looking along it.
-        along: whether numbers run along "rows" (from column to column) or "columns".
-        serpentine: whether every second run of numbers goes back.
-        block: whether each so many "rows" or "columns" are a block; None for no blocks.
-        block_size: rows or columns of a block.
-        by_block: whether numbers begin anew in each block, after its number: 101, 102, … 201.
-    """
-
-    rows: int
-    columns: int
-    length_m: float | None
-    width_m: float
-    alley_m: float = 0.0
-    path_m: float = 0.0
-    side: Literal["left", "right"] = "left"
-    along: Literal["rows", "columns"] = "rows"
-    serpentine: bool = False
-    first: int = 1
-    block: Literal["rows", "columns"] | None = None
-    block_size: int = 1
-    by_block: bool = False
 
 
 def plot_grid(

@@ -27,13 +27,8 @@ from furrowmap.core.features.objects import (
 )
 from furrowmap.core.features.planes import Plane
 from furrowmap.core.features.plants import Plants, plants
-from furrowmap.core.pointclouds.cleaning import (
-    Cleaning,
-    SquareSpool,
-    blocks,
-    classified_spool,
-    squares_around,
-)
+from furrowmap.core.pointclouds.cleaning import SquareSpool, blocks, classified_spool, squares_around
+from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey

@@ -6,17 +6,17 @@ import math
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours
-from furrowmap.core.readers.las.cloud import Box, CloudFile
+from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.runtime.progress import Progress, silent
@@ -92,34 +92,6 @@ class SquareSpool(RecordSpool):
     def read_squares(self, squares: Iterable[Square]) -> RecordArray:
         """The records of squares, one square after the other."""
         return self.read(self.keys(squares))
-
-
-@dataclass(frozen=True)
-class Cleaning:
-    """Cleaning steps, in order.
-
-    Attributes:
-        box: west, south, east, north in the output CRS; None for all points.
-        without: classes to drop.
-        every: keep every n-th point, from the first.
-        outliers: detection method; outliers become noise.
-        drop_noise: drop noise, including that of the files.
-        ground: classification method: ground becomes class 2, all else but noise and machine 1; "none" to keep classes.
-        voxel_m: voxel size; keeps the point nearest to the centre of each voxel. None for all points.
-    """
-
-    box: Box | None = None
-    without: frozenset[int] = frozenset()
-    every: int = 1
-    outliers: Outliers = "none"
-    drop_noise: bool = False
-    ground: GroundMethod | Literal["none"] = "none"
-    voxel_m: float | None = None
-
-    @property
-    def uses_neighbours(self) -> bool:
-        """Whether any step needs neighbouring points."""
-        return self.outliers != "none" or self.ground != "none" or self.voxel_m is not None
 
 
 def cleaned(

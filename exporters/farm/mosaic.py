@@ -44,21 +44,6 @@ COARSER: Final = 1.5
 
 
 @dataclass(frozen=True)
-class MosaicSettings:
-    """Options of a mosaic.
-
-    Attributes:
-        crs: of the cells; None for that of the surfaces.
-        cell_m: length of a cell's sides; None for the latest surface's.
-        mean: write the mean height of all sessions and their number instead of the latest session's cells.
-    """
-
-    crs: CRS | str | None = None
-    cell_m: float | None = None
-    mean: bool = False
-
-
-@dataclass(frozen=True)
 class Mosaic:
     """A written mosaic.
 
@@ -80,11 +65,14 @@ class Mosaic:
     notices: tuple[Notice, ...]
 
 
-_DEFAULTS: Final = MosaicSettings()
-
-
 def write_mosaic(
-    paths: Sequence[Path], output: Path, settings: MosaicSettings = _DEFAULTS, progress: Progress = silent
+    paths: Sequence[Path],
+    output: Path,
+    *,
+    crs: CRS | str | None = None,
+    cell_m: float | None = None,
+    mean: bool = False,
+    progress: Progress = silent,
 ) -> Mosaic:
     """Merge surfaces into one raster.
 
@@ -96,7 +84,9 @@ def write_mosaic(
         paths: of the surfaces in the order of their sessions; the last one is on top.
         output: `.vrt` for a virtual raster, which refers to the heights of the surfaces where they lie; `.tif` for a
             cloud-optimised GeoTIFF of all bands.
-        settings: CRS, cells and the value of overlapping cells.
+        crs: of the cells; None for that of the surfaces.
+        cell_m: length of a cell's sides; None for the latest surface's.
+        mean: write the mean height of all sessions and their number instead of the latest session's cells.
         progress: receives the stage "writing the mosaic".
 
     Raises:
@@ -107,27 +97,27 @@ def write_mosaic(
     surfaces = [surface_file(path) for path in paths]
     if output.resolve() in {surface.path for surface in surfaces}:
         raise RefusedError("output-is-input.write-mosaic", output=output)
-    target, cell_m = common_crs(surfaces, optional_crs(settings.crs)), settings.cell_m or surfaces[-1].cell_m
+    target, cell_m = common_crs(surfaces, optional_crs(crs)), cell_m or surfaces[-1].cell_m
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)
     notices = [] if exact else _check_changes(surfaces, target)
-    if output.suffix == VIRTUAL and (settings.mean or not exact):
-        raise RefusedError("mosaic-virtual", output=output.name, has_mean=bool(settings.mean))
+    if output.suffix == VIRTUAL and (mean or not exact):
+        raise RefusedError("mosaic-virtual", output=output.name, has_mean=bool(mean))
     grid = _whole_grid(surfaces, target, cell_m)
-    origin = _origin(surfaces, mean=settings.mean, progress=progress)
+    origin = _origin(surfaces, mean=mean, progress=progress)
     if output.suffix == VIRTUAL:
         sources = [(s.path, s.grid, s.nodata) for s in surfaces if s.grid is not None]
         text = virtual_raster(output.resolve().parent, grid, target, surfaces[-1].bands[:1], sources, origin)
         with atomic_output(output) as unfinished:
             unfinished.write_text(text, encoding="utf-8")
     else:
-        count = 1 if settings.mean else min(len(surface.bands) for surface in surfaces)
-        bands = (*surfaces[-1].bands[:count], *([Band("sessions", "1", 0)] if settings.mean else []))
+        count = 1 if mean else min(len(surface.bands) for surface in surfaces)
+        bands = (*surfaces[-1].bands[:count], *([Band("sessions", "1", 0)] if mean else []))
         opened = _OpenSurfaces(surfaces, target, cell_m, [range(1, count + 1)] * len(surfaces))
         with closing(opened), cog_output(output, grid, target, bands, origin) as put:
             tiles = [tile for tile, _ in windows(grid, 0)]
             for i, tile in enumerate(tiles):
                 progress("writing the mosaic", i / len(tiles))
-                put(tile, _mean(opened, tile) if settings.mean else _latest(opened, tile, count))
+                put(tile, _mean(opened, tile) if mean else _latest(opened, tile, count))
     return Mosaic(output, name_of(target), cell_m, grid.columns, grid.rows, len(surfaces), tuple(notices))
 
 

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The algorithms: one for each command, with what `commands.json` does not know about it.
 
-Types, choices, defaults, limits and the help of options come from the command line. Here are ids, labels, help of
-arguments, which file is which, and what becomes of the command's JSON answer. Strings are translated where they are
-shown; `scripts/plugin_strings.py` collects them.
+Types, choices, defaults, limits, labels and the help of options come from the command line. Here are the texts of
+algorithms and of arguments, ids that are not made of the option's name, which layer may stand for a file, and what
+becomes of the command's JSON answer. Strings are translated where they are shown; `scripts/plugin_strings.py` collects
+them.
 """
 
 import json
 from pathlib import Path
 
-from .description import Algorithm, Output, parameter
+from .description import DATABASE, Algorithm, Output, parameter
 
 GROUPS = {
     "session": "Sessions",
@@ -31,49 +32,6 @@ COLOUR_FIGURES = ("images", "points_coloured", "points_not_seen")
 CHECK_FIGURES = ("rmse_vertical_m", "rmse_horizontal_m", "rmse_3d_m")
 MET = "The output MET reports whether it is met."
 LAYERS = ("trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events")
-
-SESSION = {
-    "session": parameter(
-        "SESSION",
-        "Session file",
-        "The session.toml beside the recording; 'Create a session file' writes one.",
-        filter="TOML (*.toml)",
-    )
-}
-RESULTS = parameter(
-    "RESULTS", "Results of runs", "The report.json of each run; it stands for the folder of the run.", folder_of="*"
-)
-OVERWRITE = {
-    "--overwrite": parameter(
-        "OVERWRITE", "Overwrite existing files", "Otherwise the algorithm stops if the output exists."
-    )
-}
-WITHIN = parameter(
-    "WITHIN",
-    "Within polygons",
-    "GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners, in any CRS.",
-    kind="file",
-    layers="polygons",
-)
-CLOUDS = {
-    "--bbox": parameter("EXTENT", "Extent"),
-    "--within": WITHIN,
-    "--every": parameter("EVERY", "Every n-th point"),
-    "--crs": parameter("CRS", "CRS of clouds without one"),
-}
-DATABASE = parameter(
-    "DATABASE",
-    "Farm map (PostGIS)",
-    "A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's "
-    "password file.",
-    kind="text",
-    advanced=True,
-)
-FARM_MAP = (
-    parameter("FARM_MAP", "Farm map (GeoPackage)", "The farm's GeoPackage.", kind="file", filter="GeoPackage (*.gpkg)")
-    + DATABASE
-)
-SCHEMA = {"--schema": parameter("SCHEMA", "PostGIS schema")}
 
 
 def as_json(answer):
@@ -112,26 +70,22 @@ def product(name):
     return lambda answer: str(Path(answer["folder"]) / name) if name in answer["products"] else None
 
 
-def surfaces_written(answer):
-    """The files of `surface` that are opened as layers."""
-    return [path for path in (product(name)(answer) for name in SURFACES_OPENED) if path]
+def products(*names):
+    """Takes the paths of the files in the answer's folder that were written."""
+    return lambda answer: [path for path in (product(name)(answer) for name in names) if path]
 
 
-def parcels_written(answer):
-    """The files of `parcels` that are opened as layers."""
-    return [path for path in (product(name)(answer) for name in ("parcels.gpkg", "crop_height.tif")) if path]
+def output(answer):
+    """Takes the file that the command wrote."""
+    return [answer["output"]]
 
 
-def canopy_written(answer):
-    """The files of `canopy` that are opened as layers."""
-    return [path for path in (product(name)(answer) for name in ("canopy.gpkg", "canopy_height.tif")) if path]
+def json_of(key):
+    """Takes a part of an answer as text."""
+    return lambda answer: as_json(answer[key])
 
 
-def features_written(answer):
-    """The files of `features` that are opened as layers."""
-    return [product(name)(answer) for name in ("features.gpkg", "cloud.copc.laz")]
-
-
+FOLDER = Output("FOLDER", "folder", "Output folder", item("folder"))
 FINDINGS = Output("FINDINGS", "text", "Findings (JSON)", as_json)
 
 ALGORITHMS = (
@@ -141,14 +95,11 @@ ALGORITHMS = (
         "session",
         "Reads recordings and writes a commented session.toml with everything that they contain. What they do not "
         "contain, such as the mounting of the scanner, is left as a comment and reported.",
-        basic={
-            "recordings": parameter(
-                "RECORDINGS", "Recordings", "LiDAR captures or bags, GNSS logs and trajectories of one drive."
-            ),
-            "--output": parameter("OUTPUT", "Session file", filter="TOML (*.toml)"),
-            "--machine": parameter("MACHINE", "Machine", required=False),
+        basic=("recordings", "--output", "--machine"),
+        facts={
+            "recordings": parameter(help_text="LiDAR captures or bags, GNSS logs and trajectories of one drive."),
+            "--output": parameter(filter="TOML (*.toml)"),
         },
-        advanced=OVERWRITE,
         outputs=(
             Output("SESSION", "file", "Session file", item("session")),
             Output("FOUND", "text", "Found in the recordings", texts("found")),
@@ -160,7 +111,8 @@ ALGORITHMS = (
         "Inspect recordings",
         "session",
         "Reports what recordings contain: sensor model, points, time span, clocks and their differences, fix types.",
-        basic={"files": parameter("FILES", "Recordings", "Captures, bags, GNSS logs, trajectories, point clouds.")},
+        basic=("files",),
+        facts={"files": parameter("Recordings", "Captures, bags, GNSS logs, trajectories, point clouds.")},
         outputs=(FINDINGS,),
     ),
     Algorithm(
@@ -169,29 +121,21 @@ ALGORITHMS = (
         "session",
         "Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is "
         "in the ground, and writes the worked ground, surfaces and a report.",
-        basic={
-            **SESSION,
-            "--preview": parameter("PREVIEW", "Preview only"),
-            "--output": parameter(
-                "OUTPUT", "Output folder", "Products of the same recording in it are replaced.", required=True
-            ),
-        },
-        advanced={
-            "--overwrite": parameter("OVERWRITE", "Replace the products of another recording"),
+        basic=("session", "--preview", "--output"),
+        facts={
+            "--output": parameter(help_text="Products of the same recording in it are replaced.", required=True),
+            "--overwrite": parameter(),
             "--within": parameter(
-                "WITHIN",
-                "Within polygons",
-                "Only the ground in them is mapped: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or task data.",
-                kind="file",
+                help_text="Only the ground in them is mapped: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, "
+                "or task data.",
                 layers="polygons",
             ),
         },
         outputs=(
-            Output("FOLDER", "folder", "Output folder", item("folder")),
+            FOLDER,
             Output("REPORT", "text", "Report (HTML)", product("report.html")),
             *numbers(RUN_FIGURES, "figures"),
         ),
-        opens=True,
     ),
     Algorithm(
         "calibrate",
@@ -199,8 +143,7 @@ ALGORITHMS = (
         "session",
         "Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: "
         "on average the ground is level, and ground scanned twice coincides.",
-        basic={**SESSION, "--write": parameter("WRITE", "Write the estimates into the session file")},
-        advanced={"--machine": parameter("MACHINE", "Machine", required=False)},
+        basic=("session", "--write"),
         outputs=(FINDINGS, Output("WRITTEN", "boolean", "Session file written", item("written"))),
     ),
     Algorithm(
@@ -210,36 +153,24 @@ ALGORITHMS = (
         "Computes the attitude of a mount that moves against the vehicle, such as one on dampers, from images of a "
         "chessboard: the camera is on the mount and the board on the vehicle, or the other way round. A session "
         "names the table under [mount] attitude.",
-        basic={
+        basic=("frames", "--board", "--square-m", "--output"),
+        facts={
             "frames": parameter(
-                "FRAMES",
                 "Images",
-                "A table of the images and their times (CSV: file, time_unix_s), or one of the images: it stands for "
-                "all in its folder, with their times in EXIF data.",
+                "A table of the images and their times (CSV: file, time_unix_s), or one of the images: it "
+                "stands for all in its folder, with their times in EXIF data.",
                 filter="Images (*.csv *.jpg *.jpeg *.png *.tif *.tiff)",
                 folder_of="*.[!c]*",
             ),
-            "--board": parameter("BOARD", "Inner corners of the chessboard"),
-            "--square-m": parameter("SQUARE", "Side of a square", unit="m"),
+            "--square-m": parameter(name="SQUARE"),
             "--output": parameter(
-                "OUTPUT",
-                "Attitude of the mount",
-                "Table of roll, pitch and yaw over time.",
-                required=True,
-                filter="CSV (*.csv)",
+                help_text="Table of roll, pitch and yaw over time.", required=True, filter="CSV (*.csv)"
             ),
-        },
-        advanced={
             "--camera": parameter(
-                "CAMERA",
-                "Session with the intrinsics",
-                "Its [camera] has the intrinsics. Without it they are estimated from the images.",
-                kind="file",
+                help_text="Its [camera] has the intrinsics. Without it they are estimated from the images.",
                 filter="TOML (*.toml)",
             ),
-            "--board-rpy": parameter("BOARD_RPY", "Roll, pitch and yaw of the board", count=3),
-            "--board-on": parameter("BOARD_ON", "The board is on the"),
-            **OVERWRITE,
+            "--board-rpy": parameter(count=3),
         },
         outputs=(*numbers(MOUNT_FIGURES), Output("WITH_BOARD", "number", "Images with the board", item(BOARDS))),
     ),
@@ -249,8 +180,8 @@ ALGORITHMS = (
         "session",
         "Saves the places of antenna, scanner, IMU, camera and implement that a session states, for sessions of the "
         "same machine.",
-        basic={**SESSION, "name": parameter("NAME", "Machine", "A name, or a file to pass on that ends with .toml.")},
-        advanced=OVERWRITE,
+        basic=("session", "name"),
+        facts={"name": parameter("Machine", "A name, or a file to pass on that ends with .toml.")},
         outputs=(Output("MACHINE", "file", "Machine", item("machine")),),
     ),
     Algorithm(
@@ -258,8 +189,8 @@ ALGORITHMS = (
         "List the saved machines",
         "session",
         "Lists the machines whose places of sensors and tools are saved.",
-        basic={},
-        outputs=(Output("MACHINES", "text", "Machines (JSON)", lambda answer: as_json(answer["machines"])),),
+        basic=(),
+        outputs=(Output("MACHINES", "text", "Machines (JSON)", json_of("machines")),),
     ),
     Algorithm(
         "simulate",
@@ -267,20 +198,17 @@ ALGORITHMS = (
         "session",
         "Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with "
         "the ground truth. Useful to learn furrowmap and to plan a sensor mount.",
-        basic={
+        basic=("scenario", "--output"),
+        facts={
             "scenario": parameter(
-                "SCENARIO",
-                "Scenario",
-                "Field, drive and sensors. By default a small field that is tilled for a minute.",
-                filter="TOML (*.toml)",
+                help_text="Field, drive and sensors. By default a small field that is tilled for a minute.",
                 required=False,
+                filter="TOML (*.toml)",
                 if_absent="demo",
-            ),
-            "--output": parameter("OUTPUT", "Output folder"),
+            )
         },
-        advanced=OVERWRITE,
         outputs=(
-            Output("FOLDER", "folder", "Output folder", item("folder")),
+            FOLDER,
             Output("SESSION", "file", "Session file", item("session")),
         ),
     ),
@@ -291,30 +219,15 @@ ALGORITHMS = (
         "Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), "
         "height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend "
         "on the size of the area.",
-        basic={
-            "clouds": parameter(
-                "CLOUDS", "Point clouds", "LAS, LAZ or COPC files; all go into one raster grid.", layers="cloud"
-            ),
-            "--cell": parameter("CELL", "Cell size"),
-            "--ground-method": parameter("GROUND", "Ground classification"),
-            "--fill": parameter("FILL", "Maximum gap to fill"),
-            "--output": parameter("OUTPUT", "Output folder"),
-        },
-        advanced={
-            **CLOUDS,
-            "--dst-crs": parameter("DST_CRS", "CRS of the surfaces"),
-            "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
-            "--statistic": parameter("STATISTIC", "Cell statistic"),
-            "--outliers": parameter("OUTLIERS", "Outlier detection method"),
-            "--tillage": parameter("TILLAGE", "Direction of tillage"),
-            **OVERWRITE,
+        basic=("clouds", "--cell", "--ground-method", "--fill", "--output"),
+        facts={
+            "clouds": parameter("Point clouds", "LAS, LAZ or COPC files; all go into one raster grid.", layers="cloud")
         },
         outputs=(
-            Output("FOLDER", "folder", "Output folder", item("folder")),
+            FOLDER,
             *(Output(name.upper(), "raster", name, product(f"{name}.tif")) for name in SURFACES),
         ),
-        opens=True,
-        layers=surfaces_written,
+        layers=products(*SURFACES_OPENED),
     ),
     Algorithm(
         "parcels",
@@ -322,55 +235,29 @@ ALGORITHMS = (
         "crops",
         "Measures height and volume of the crop on each parcel from LAS, LAZ or COPC point clouds of any source, with "
         "standard deviations: a layer of the parcels, a table, and a raster of crop heights.",
-        basic={
-            "clouds": parameter(
-                "CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together.", layers="cloud"
-            ),
-            "parcels_file": parameter(
-                "PARCELS",
-                "Parcels",
-                "Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.",
-                layers="polygons",
-            ),
-            "--net-inset": parameter(
-                "NET_INSET", "Net parcels: metres off each end, off each side", kind="numbers", count=2
-            ),
-            "--output": parameter("OUTPUT", "Output folder"),
-        },
-        advanced={
-            "--net": parameter("NET", "Net parcels from a file", kind="file", layers="polygons"),
-            "--treatments": parameter("TREATMENTS", "Treatments", kind="file", layers="table"),
-            "--day": parameter("DAY", "Day of the flight"),
-            "--method": parameter("METHOD", "Method for heights and volumes"),
+        basic=("clouds", "parcels_file", "--net-inset", "--output"),
+        facts={
             "--soil": parameter(
-                "SOIL",
-                "Soil below the crop",
-                "A surface through the bare soil around the parcels (default), or a plane around each.",
+                help_text="A surface through the bare soil around the parcels (default), or a plane around each.",
                 kind="choice",
-                choices=("surface", "plane"),
                 default=None,
+                choices=("surface", "plane"),
             )
             + parameter(
-                "SOIL_SURVEY",
                 "Soil of another date",
                 "A surface or terrain model (GeoTIFF), or a cloud of bare soil.",
+                name="SOIL_SURVEY",
                 kind="file",
                 layers="raster or cloud",
-            ),
-            "--compare": parameter("COMPARE", "Compute the published method, too"),
-            "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
-            "--crs": CLOUDS["--crs"],
-            "--dst-crs": parameter("DST_CRS", "CRS of the output"),
-            **OVERWRITE,
+            )
         },
         outputs=(
-            Output("FOLDER", "folder", "Output folder", item("folder")),
+            FOLDER,
             Output("TABLE", "file", "Table of the parcels", product("parcels.csv")),
             Output("CROP_HEIGHT", "raster", "Crop height", product("crop_height.tif")),
             Output("PARCELS_MEASURED", "number", "Number of parcels", count("parcels")),
         ),
-        opens=True,
-        layers=parcels_written,
+        layers=products("parcels.gpkg", "crop_height.tif"),
     ),
     Algorithm(
         "growth",
@@ -378,37 +265,18 @@ ALGORITHMS = (
         "crops",
         "Measures what the crop on each parcel grew between flights of several days, aligned in height by the bare "
         "soil that they have in common, with standard deviations: a layer coloured by growth, and a table.",
-        basic={
-            "clouds": parameter(
-                "CLOUDS", "Point clouds", "LAS, LAZ or COPC files of two days or more.", layers="cloud"
-            ),
-            "parcels_file": parameter(
-                "PARCELS",
-                "Parcels",
-                "Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.",
-                layers="polygons",
-            ),
-            "--day": parameter("DAYS", "Days of the flights", "One per line, in the order of the clouds: 2017-05-23."),
-            "--net-inset": parameter(
-                "NET_INSET", "Net parcels: metres off each end, off each side", kind="numbers", count=2
-            ),
-            "--output": parameter("OUTPUT", "Output folder"),
-        },
-        advanced={
-            "--net": parameter("NET", "Net parcels from a file", kind="file", layers="polygons"),
-            "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
-            "--crs": CLOUDS["--crs"],
-            "--dst-crs": parameter("DST_CRS", "CRS of the output"),
-            **OVERWRITE,
+        basic=("clouds", "parcels_file", "--day", "--net-inset", "--output"),
+        facts={
+            "clouds": parameter("Point clouds", "LAS, LAZ or COPC files of two days or more.", layers="cloud"),
+            "--day": parameter(help_text="One per line, in the order of the clouds: 2017-05-23.", name="DAYS"),
         },
         outputs=(
-            Output("FOLDER", "folder", "Output folder", item("folder")),
+            FOLDER,
             Output("GROWTH", "file", "Growth", product("growth.gpkg")),
             Output("TABLE", "file", "Table of the growth", product("growth.csv")),
             Output("PARCELS_MEASURED", "number", "Number of parcels", count("parcels")),
         ),
-        opens=True,
-        layers=lambda answer: [path for path in [product("growth.gpkg")(answer)] if path],
+        layers=products("growth.gpkg"),
         layer_group="Growth",
     ),
     Algorithm(
@@ -417,34 +285,15 @@ ALGORITHMS = (
         "crops",
         "Describes trees, orchards and other stands in LAS, LAZ or COPC point clouds: canopy height model, height "
         "percentiles, gap fraction and vertical profile, by square cell or by polygon.",
-        basic={
-            "clouds": parameter(
-                "CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together.", layers="cloud"
-            ),
-            "--cell": parameter("CELL", "Side of the cells"),
-            "--polygons": parameter("POLYGONS", "Polygons instead of cells", kind="file", layers="polygons"),
-            "--ground-height": parameter("GROUND_HEIGHT", "Highest return from the ground"),
-            "--output": parameter("OUTPUT", "Output folder"),
-        },
-        advanced={
-            "--pixel": parameter("PIXEL", "Pixel of the canopy height model"),
-            "--layer": parameter("LAYER", "Height of a layer of the profile"),
-            "--ground-method": parameter("GROUND", "Ground classification"),
-            "--bbox": parameter("EXTENT", "Extent"),
-            "--class": parameter("CLASSES", "Class codes to use, such as 2,9"),
-            "--crs": CLOUDS["--crs"],
-            "--dst-crs": parameter("DST_CRS", "CRS of the output"),
-            **OVERWRITE,
-        },
+        basic=("clouds", "--cell", "--polygons", "--ground-height", "--output"),
         outputs=(
-            Output("FOLDER", "folder", "Output folder", item("folder")),
+            FOLDER,
             Output("CANOPY_HEIGHT", "raster", "Canopy height", product("canopy_height.tif")),
             Output("TABLE", "file", "Table of the areas", product("canopy.csv")),
             Output("PROFILES", "file", "Table of the profiles", product("canopy_profile.csv")),
             Output("AREAS", "number", "Number of areas", item("figures", "areas")),
         ),
-        opens=True,
-        layers=canopy_written,
+        layers=products("canopy.gpkg", "canopy_height.tif"),
         layer_group="Canopy",
     ),
     Algorithm(
@@ -453,23 +302,14 @@ ALGORITHMS = (
         "surfaces",
         "Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is "
         "classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.",
-        basic={
-            "clouds": parameter("CLOUDS", "Point clouds", "LAS, LAZ or COPC files in one CRS.", layers="cloud"),
-            "--outliers": parameter("OUTLIERS", "Outlier detection method"),
-            "--drop-noise": parameter("DROP_NOISE", "Leave out noise"),
-            "--ground": parameter("GROUND", "Ground classification"),
-            "--voxel": parameter("VOXEL", "Voxel size"),
-            "--output": parameter("OUTPUT", "Clean point cloud", filter="COPC (*.copc.laz)"),
-        },
-        advanced={
-            **CLOUDS,
-            "--dst-crs": parameter("DST_CRS", "CRS of the clean point cloud"),
-            "--without-class": parameter("CLASSES", "Class codes to leave out, such as 64,65"),
-            **OVERWRITE,
+        basic=("clouds", "--outliers", "--drop-noise", "--ground", "--voxel", "--output"),
+        facts={
+            "clouds": parameter("Point clouds", "LAS, LAZ or COPC files in one CRS.", layers="cloud"),
+            "--output": parameter(filter="COPC (*.copc.laz)"),
+            "--without-class": parameter(name="CLASSES"),
         },
         outputs=(Output("POINTS", "number", "Number of points", item("figures", "points")),),
-        opens=True,
-        layers=lambda answer: [answer["output"]],
+        layers=output,
         layer_group="Clean point cloud",
     ),
     Algorithm(
@@ -478,22 +318,18 @@ ALGORITHMS = (
         "surfaces",
         "Writes a LAS, LAZ or COPC point cloud of any source in the colours of the images of a session. Each point "
         "takes the colour of the best image that sees it; points that no image sees are black.",
-        basic={
-            "cloud": parameter("CLOUD", "Point cloud", "LAS, LAZ or COPC file.", layers="cloud"),
+        basic=("cloud", "session", "--output"),
+        facts={
+            "cloud": parameter("Point cloud", "LAS, LAZ or COPC file.", layers="cloud"),
             "session": parameter(
-                "SESSION",
                 "Session file",
                 "Its [camera] names the images; GNSS and IMU give their poses. The scans are not read.",
                 filter="TOML (*.toml)",
             ),
-            "--output": parameter(
-                "OUTPUT", "Coloured point cloud", required=True, filter="COPC point cloud (*.copc.laz)"
-            ),
+            "--output": parameter(filter="COPC point cloud (*.copc.laz)"),
         },
-        advanced=OVERWRITE,
         outputs=numbers(COLOUR_FIGURES, "figures"),
-        opens=True,
-        layers=lambda answer: [answer["output"]],
+        layers=output,
         layer_group="Coloured point cloud",
     ),
     Algorithm(
@@ -503,27 +339,14 @@ ALGORITHMS = (
         "Classifies LAS, LAZ or COPC point clouds of any source by the shape and colour around each point: ground, "
         "horizontal and vertical planes, lines, vegetation. Writes the classified cloud, and layers of planes (roofs, "
         "walls), lines (poles, wires, fences) and plants. Memory use does not depend on the size of the area.",
-        basic={
-            "clouds": parameter(
-                "CLOUDS", "Point clouds", "LAS, LAZ or COPC files; they are used together.", layers="cloud"
-            ),
-            "--ground-method": parameter("GROUND", "Ground classification"),
-            "--output": parameter("OUTPUT", "Output folder"),
-        },
-        advanced={
-            **CLOUDS,
-            "--voxel": parameter("VOXEL", "Voxel size"),
-            "--dst-crs": parameter("DST_CRS", "CRS of the output"),
-            **OVERWRITE,
-        },
+        basic=("clouds", "--ground-method", "--output"),
         outputs=(
-            Output("FOLDER", "folder", "Output folder", item("folder")),
+            FOLDER,
             Output("CLOUD", "file", "Classified point cloud", product("cloud.copc.laz")),
             Output("FEATURES", "file", "Features (GeoPackage)", product("features.gpkg")),
             *numbers(FEATURE_FIGURES, "figures"),
         ),
-        opens=True,
-        layers=features_written,
+        layers=products("features.gpkg", "cloud.copc.laz"),
     ),
     Algorithm(
         "fields",
@@ -531,16 +354,15 @@ ALGORITHMS = (
         "exchange",
         "Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: "
         "passes, overlaps, missed strips and their areas.",
-        basic={
+        basic=("taskdata", "--width", "--output"),
+        facts={
             "taskdata": parameter(
-                "TASKDATA", "Task data", "TASKDATA.XML in its folder, or a .zip of the folder.", folder_of="*.xml"
+                "Task data", "TASKDATA.XML in its folder, or a .zip of the folder.", folder_of="*.xml"
             ),
-            "--width": parameter("WIDTH", "Working width"),
-            "--output": parameter("OUTPUT", "Worked ground", filter="GeoPackage (*.gpkg)", required=True),
+            "--output": parameter(required=True, filter="GeoPackage (*.gpkg)"),
         },
-        advanced={"--task": parameter("TASK", "Task"), "--crs": parameter("CRS", "CRS of the output"), **OVERWRITE},
         outputs=(
-            Output("FIELDS", "text", "Figures by field (JSON)", lambda answer: as_json(answer["fields"])),
+            Output("FIELDS", "text", "Figures by field (JSON)", json_of("fields")),
             Output(
                 "WORKED_AREA_M2",
                 "number",
@@ -548,8 +370,7 @@ ALGORITHMS = (
                 lambda answer: sum(each["worked_area_m2"] or 0.0 for each in answer["fields"]),
             ),
         ),
-        opens=True,
-        layers=lambda answer: [answer["output"]],
+        layers=output,
         layer_group="Worked ground",
     ),
     Algorithm(
@@ -558,34 +379,28 @@ ALGORITHMS = (
         "crops",
         "Makes the plots of a trial as a grid of rectangles with identifiers and blocks. Click the outer corner of the "
         "first plot, and the other end of the first row.",
-        basic={
-            "--corner": parameter("CORNER", "First corner"),
-            "--end": parameter("END", "End of the first row"),
-            "--rows": parameter("ROWS", "Rows"),
-            "--columns": parameter("COLUMNS", "Columns"),
-            "--length": parameter("LENGTH", "Length of a plot"),
-            "--width": parameter("WIDTH", "Width of a plot"),
-            "--alley": parameter("ALLEY", "Alley"),
-            "--path": parameter("PATH", "Path"),
-            "--side": parameter("SIDE", "Side"),
-            "--numbering": parameter("NUMBERING", "Numbering"),
-            "--along": parameter("ALONG", "Numbers along"),
-            "--blocks": parameter("BLOCKS", "Blocks"),
-            "--crs": parameter("CRS", "CRS of the output"),
-            "--output": parameter("OUTPUT", "Plots", filter="GeoPackage (*.gpkg);;GeoJSON (*.geojson)", required=True),
-        },
-        advanced={
-            "--azimuth": parameter(
-                "AZIMUTH", "Azimuth", "Instead of the end of the first row: its direction from north."
-            ),
-            "--first": parameter("FIRST", "First number"),
-            "--block-size": parameter("BLOCK_SIZE", "Rows or columns of a block"),
-            "--by-block": parameter("BY_BLOCK", "Number each block anew"),
-            **OVERWRITE,
+        basic=(
+            "--corner",
+            "--end",
+            "--rows",
+            "--columns",
+            "--length",
+            "--width",
+            "--alley",
+            "--path",
+            "--side",
+            "--numbering",
+            "--along",
+            "--blocks",
+            "--crs",
+            "--output",
+        ),
+        facts={
+            "--output": parameter(filter="GeoPackage (*.gpkg);;GeoJSON (*.geojson)"),
+            "--azimuth": parameter(help_text="Instead of the end of the first row: its direction from north."),
         },
         outputs=(Output("PLOTS", "number", "plots", item("plots")),),
-        opens=True,
-        layers=lambda answer: [answer["output"]],
+        layers=output,
         layer_group="Plots",
     ),
     Algorithm(
@@ -595,18 +410,10 @@ ALGORITHMS = (
         "Fits the logistic response of crop heights to a dose, finds the dose beyond which nothing is gained, analyses "
         "the variance by treatment and block, and computes growth where there are tables of several days. Writes "
         "charts, a table and response.json.",
-        basic={
-            "tables": parameter(
-                "TABLES", "Tables of parcels", "parcels.csv of runs, one for each day.", layers="table"
-            ),
-            "--treatments": parameter("TREATMENTS", "Treatments", kind="file", layers="table"),
-            "--day": parameter("DAYS", "Days of the flights", "One per line, in the order of the tables: 2017-05-23."),
-            "--output": parameter("OUTPUT", "Output folder", required=True),
-        },
-        advanced={
-            "--dose": parameter("DOSE", "Column of the dose"),
-            "--measure": parameter("MEASURE", "Column of the measure"),
-            **OVERWRITE,
+        basic=("tables", "--treatments", "--day", "--output"),
+        facts={
+            "tables": parameter("Tables of parcels", "parcels.csv of runs, one for each day.", layers="table"),
+            "--day": parameter(help_text="One per line, in the order of the tables: 2017-05-23.", name="DAYS"),
         },
         outputs=(
             Output("CHART", "file", "Chart of the response", product("response.svg")),
@@ -620,24 +427,17 @@ ALGORITHMS = (
         "Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 "
         "task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in "
         "WGS 84.",
-        basic={
-            "results": RESULTS,
+        basic=("results", "--to", "--output"),
+        facts={
             "--to": parameter(
-                "FORMAT",
-                "Format",
-                "isoxml writes task data into a folder, or into a .zip if the output's name ends in .zip. Only stac "
-                "accepts several results.",
+                help_text="isoxml writes task data into a folder, or into a .zip if the output's name ends in "
+                ".zip. Only stac accepts several results.",
+                name="FORMAT",
             ),
             "--output": parameter(
-                "TARGET",
-                "Output file or folder",
-                "By default beside the results. Formats with one layer per file need a folder.",
+                help_text="By default beside the results. Formats with one layer per file need a folder.", name="TARGET"
             ),
-        },
-        advanced={
-            "--layer": parameter("LAYERS", "Layers", "By default all layers.", kind="choices", choices=LAYERS),
-            "--dst-crs": parameter("DST_CRS", "CRS of the vectors"),
-            **OVERWRITE,
+            "--layer": parameter(help_text="By default all layers.", name="LAYERS", kind="choices", choices=LAYERS),
         },
         outputs=(
             Output("WRITTEN", "text", "File or folder written", item("target")),
@@ -650,17 +450,13 @@ ALGORITHMS = (
         "exchange",
         "Writes the result of a run as a folder for people without a GIS: a web page with map, layers, figures, point "
         "cloud in three dimensions and measuring, which opens from disk and needs no network; or a project for QField.",
-        basic={
+        basic=("result", "--qfield", "--output"),
+        facts={
             "result": parameter(
-                "RESULT",
-                "Result of a run",
-                "The report.json of the run; it stands for the folder of the run.",
-                folder_of="*",
+                "Result of a run", "The report.json of the run; it stands for the folder of the run.", folder_of="*"
             ),
-            "--qfield": parameter("QFIELD", "A project for QField instead of a web page"),
-            "--output": parameter("OUTPUT", "Output folder", required=True),
+            "--output": parameter(required=True),
         },
-        advanced=OVERWRITE,
         outputs=(
             Output("START", "file", "File to open", item("start")),
             Output("FILES", "layers", "Files written", item("files")),
@@ -673,31 +469,22 @@ ALGORITHMS = (
         "Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not "
         "exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is "
         "changed.",
-        basic={
-            "folders": RESULTS,
+        basic=("folders", "target"),
+        facts={
             "target": parameter(
-                "FARM_MAP",
                 "Farm map (GeoPackage)",
                 "The farm's GeoPackage.",
+                name="FARM_MAP",
                 kind="new file",
                 filter="GeoPackage (*.gpkg)",
-                required=False,
                 adds=True,
             )
-            + DATABASE,
-        },
-        advanced={
-            **SCHEMA,
-            "--crs": parameter("CRS", "CRS of a new farm map"),
-            "--same-crs": parameter("SAME_CRS", "Refuse sessions in another CRS"),
-            "--time-zone": parameter("TIME_ZONE", "Time zone"),
-            "--season-start": parameter("SEASON_START", "First day of a season (MM-DD)"),
+            + DATABASE
         },
         outputs=(
             *(Output(name.upper(), "number", name, count(name)) for name in ("added", "replaced", "unchanged")),
             Output("SESSIONS", "number", "sessions", item("sessions")),
         ),
-        opens=True,
         layers=lambda answer: [answer["farm_map"]] if Path(answer["farm_map"]).is_file() else [],
         layer_group="Farm map",
     ),
@@ -707,26 +494,19 @@ ALGORITHMS = (
         "farm",
         "Ties the results of one field to each other by the ground that no tool touched in between, in height, tilt "
         "and place, and measures the soil moved from each date to the next, with standard deviations.",
-        basic={
-            "results": RESULTS,
+        basic=("results", "--reference", "--reference-sigma", "--output"),
+        facts={
             "--reference": parameter(
-                "REFERENCE",
-                "Surveyed surface or points",
-                "The dates are moved onto it: GeoTIFF, or CSV or GeoPackage of points.",
-                kind="file",
+                help_text="The dates are moved onto it: GeoTIFF, or CSV or GeoPackage of points.",
                 filter="Surfaces and points (*.tif *.tiff *.csv *.txt *.tsv *.gpkg)",
-            ),
-            "--reference-sigma": parameter("REFERENCE_SIGMA", "Standard deviation of its heights"),
-            "--output": parameter("OUTPUT", "Output folder"),
+            )
         },
-        advanced=OVERWRITE,
         outputs=(
-            Output("FOLDER", "folder", "Output folder", item("folder")),
+            FOLDER,
             Output("TIES", "file", "Ties", product("tie.gpkg")),
             Output("PAGE", "file", "Page", product("tie.html")),
             Output("CHANGES", "number", "Number of changes", count("changes")),
         ),
-        opens=True,
         layers=lambda answer: [str(Path(answer["folder"], row["raster"])) for row in answer["changes"]],
         layer_group="Change between dates",
     ),
@@ -735,10 +515,9 @@ ALGORITHMS = (
         "List the sessions of the farm map",
         "farm",
         "Lists the sessions of a farm map: identifier, date, worked area, name.",
-        basic={"target": FARM_MAP},
-        advanced=SCHEMA,
+        basic=("target",),
         outputs=(
-            Output("SESSIONS", "text", "Sessions (JSON)", lambda answer: as_json(answer["sessions"])),
+            Output("SESSIONS", "text", "Sessions (JSON)", json_of("sessions")),
             Output("COUNT", "number", "Number of sessions", count("sessions")),
         ),
     ),
@@ -747,13 +526,12 @@ ALGORITHMS = (
         "Remove sessions from the farm map",
         "farm",
         "Removes sessions from a farm map. The folders of their results are not touched.",
-        basic={
-            "target": FARM_MAP,
+        basic=("target", "sessions"),
+        facts={
             "sessions": parameter(
-                "SESSION", "Sessions", "One per line: the identifier, the beginning of it, or the name."
-            ),
+                help_text="One per line: the identifier, the beginning of it, or the name.", name="SESSION"
+            )
         },
-        advanced=SCHEMA,
         outputs=(
             Output("REMOVED", "number", "Number of sessions removed", count("removed")),
             Output("SESSIONS", "number", "Number of sessions left", item("sessions")),
@@ -765,23 +543,14 @@ ALGORITHMS = (
         "farm",
         "Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is "
         "used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.",
-        basic={
-            "sources": FARM_MAP,
+        basic=("sources", "--product", "--output"),
+        facts={
             "--product": parameter(
-                "PRODUCT",
-                "Surface",
-                "dsm: after the work; dsm_before: before it; change: the difference.",
+                help_text="dsm: after the work; dsm_before: before it; change: the difference.",
                 kind="choice",
                 choices=("dsm", "dsm_before", "change"),
             ),
-            "--output": parameter("OUTPUT", "Mosaic", kind="new raster"),
-        },
-        advanced={
-            **SCHEMA,
-            "--dst-crs": parameter("DST_CRS", "CRS of the mosaic"),
-            "--cell": parameter("CELL", "Cell size"),
-            "--mean": parameter("MEAN", "Mean of all sessions"),
-            **OVERWRITE,
+            "--output": parameter(kind="new raster"),
         },
         outputs=(Output("SURFACES", "number", "Number of surfaces", item("surfaces")),),
     ),
@@ -790,12 +559,11 @@ ALGORITHMS = (
         "Fields, seasons and machines of the farm map",
         "farm",
         "Lists the work of each field and season in a farm map, and that of each machine.",
-        basic={"target": FARM_MAP},
-        advanced=SCHEMA,
+        basic=("target",),
         outputs=(
-            Output("FIELDS", "text", "Fields (JSON)", lambda answer: as_json(answer["fields"])),
-            Output("SEASONS", "text", "Seasons of fields (JSON)", lambda answer: as_json(answer["seasons"])),
-            Output("MACHINES", "text", "Machines (JSON)", lambda answer: as_json(answer["machines"])),
+            Output("FIELDS", "text", "Fields (JSON)", json_of("fields")),
+            Output("SEASONS", "text", "Seasons of fields (JSON)", json_of("seasons")),
+            Output("MACHINES", "text", "Machines (JSON)", json_of("machines")),
         ),
     ),
     Algorithm(
@@ -803,12 +571,11 @@ ALGORITHMS = (
         "History of a field",
         "farm",
         "Writes all sessions of a field in a farm map as a page with a map, or as a table (CSV).",
-        basic={
-            "target": FARM_MAP,
-            "field": parameter("FIELD", "Field", "Its name or identifier."),
-            "--output": parameter("OUTPUT", "Page or table", filter="HTML (*.html);;CSV (*.csv)"),
+        basic=("target", "field", "--output"),
+        facts={
+            "field": parameter(help_text="Its name or identifier."),
+            "--output": parameter(filter="HTML (*.html);;CSV (*.csv)"),
         },
-        advanced={**SCHEMA, **OVERWRITE},
         outputs=(Output("SESSIONS", "number", "Number of sessions", count("visits")),),
     ),
     Algorithm(
@@ -817,21 +584,12 @@ ALGORITHMS = (
         "farm",
         "Counts how often each spot was worked, when last, and how often rear wheels passed it, from the sessions of a "
         "farm map. Wheels are counted where both widths are given.",
-        basic={
-            "target": FARM_MAP,
-            "--season": parameter("SEASON", "Season", "The year in which it begins; all seasons by default."),
-            "--track-width": parameter(
-                "TRACK_WIDTH", "Track width", "Between the middles of the rear tyres, in metres."
-            ),
-            "--tyre-width": parameter("TYRE_WIDTH", "Tyre width", "Of a rear tyre, in metres."),
-            "--output": parameter("OUTPUT", "Traffic", kind="new raster"),
-        },
-        advanced={
-            **SCHEMA,
-            "--since": parameter("SINCE", "First day"),
-            "--until": parameter("UNTIL", "Last day"),
-            "--cell": parameter("CELL", "Cell size"),
-            **OVERWRITE,
+        basic=("target", "--season", "--track-width", "--tyre-width", "--output"),
+        facts={
+            "--season": parameter(help_text="The year in which it begins; all seasons by default."),
+            "--track-width": parameter(help_text="Between the middles of the rear tyres, in metres."),
+            "--tyre-width": parameter(help_text="Of a rear tyre, in metres."),
+            "--output": parameter(kind="new raster"),
         },
         outputs=(Output("PASSES", "number", "Number of passes", item("passes")),),
     ),
@@ -841,7 +599,7 @@ ALGORITHMS = (
         "accuracy",
         "Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and "
         "epoch, size of the shift, geoid height, grid convergence and scale factor. Nothing is written.",
-        basic=SESSION,
+        basic=("session",),
         outputs=(FINDINGS,),
     ),
     Algorithm(
@@ -851,7 +609,8 @@ ALGORITHMS = (
         "Shows the frames of a session: earth, map, vehicle, and each sensor with its place, its angles and the "
         "directions of its axes in words. A drawing shows them from the side and from above. The recordings are not "
         "read.",
-        basic={**SESSION, "--svg": parameter("DRAWING", "Drawing", filter="SVG (*.svg)")},
+        basic=("session", "--svg"),
+        facts={"--svg": parameter(name="DRAWING", filter="SVG (*.svg)")},
         outputs=(FINDINGS,),
     ),
     Algorithm(
@@ -860,22 +619,19 @@ ALGORITHMS = (
         "accuracy",
         "Computes the positions of a rover relative to a base station from RINEX files, with RTKLIB's program "
         "rnx2rtkp, which has to be installed. A session names the result as its GNSS log.",
-        basic={
-            "rover": parameter("ROVER", "Rover (RINEX)", "Observations of the rover."),
-            "base": parameter("BASE", "Base station (RINEX)", "Observations of the base station at the same time."),
-            "nav": parameter("NAVIGATION", "Ephemerides (RINEX)", "Navigation files of the same day."),
+        basic=("rover", "base", "nav", "--base-position", "--static", "--output"),
+        facts={
+            "rover": parameter("Rover (RINEX)", "Observations of the rover."),
+            "base": parameter("Base station (RINEX)", "Observations of the base station at the same time."),
+            "nav": parameter("Ephemerides (RINEX)", "Navigation files of the same day.", name="NAVIGATION"),
             "--base-position": parameter(
-                "POSITION",
-                "Position of the base station",
-                "Latitude, longitude and height above the ellipsoid of its antenna, separated by commas; by default "
-                "approximate, from its file.",
-                kind="numbers",
+                help_text="Latitude, longitude and height above the ellipsoid of its antenna, separated by "
+                "commas; by default approximate, from its file.",
+                name="POSITION",
                 count=3,
             ),
-            "--static": parameter("STATIC", "The rover stands still"),
-            "--output": parameter("OUTPUT", "Positions", filter="RTKLIB solution (*.pos)"),
+            "--output": parameter(filter="RTKLIB solution (*.pos)"),
         },
-        advanced={"--mask": parameter("MASK", "Elevation mask"), **OVERWRITE},
         outputs=(
             Output("EPOCHS", "number", "Epochs", item("epochs")),
             FINDINGS,
@@ -888,39 +644,25 @@ ALGORITHMS = (
         "Compares the positions of GNSS logs with a reference at the same epochs: mean, standard deviation and RMSE "
         "in 3D, 2D, X, Y and Z, for all epochs and by fix type. Several services are compared in one table, and their "
         "tracks and errors become layers.",
-        basic={
-            "test": parameter("TEST", "Logs to evaluate", "NMEA, or other logs that 'Inspect recordings' reads."),
-            "--reference": parameter(
-                "REFERENCE",
-                "Reference log",
-                "Another log of the same drive, or a trajectory.",
-                kind="file",
-                required=False,
-            )
+        basic=("test", "--reference", "--name", "--output"),
+        facts={
+            "test": parameter("Logs to evaluate", "NMEA, or other logs that 'Inspect recordings' reads."),
+            "--reference": parameter("Reference log", "Another log of the same drive, or a trajectory.", kind="file")
             + parameter(
-                "POINT",
                 "Known point",
                 "Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.",
-                kind="numbers",
+                name="POINT",
                 count=3,
-                required=False,
             ),
             "--name": parameter(
-                "NAMES", "Names", "Of the services in the tables: one per line, in the order of the logs."
+                "Names", "Of the services in the tables: one per line, in the order of the logs.", name="NAMES"
             ),
-            "--output": parameter("OUTPUT", "Output folder"),
-        },
-        advanced={
             "--antenna-offset": parameter(
-                "OFFSET",
                 "Antenna offset (m)",
-                "Forward,left,up: from the antenna of the reference to that of the log, on the same vehicle. One line "
-                "for all logs, or one for each.",
+                "Forward,left,up: from the antenna of the reference to that of the log, on the same vehicle. "
+                "One line for all logs, or one for each.",
+                name="OFFSET",
             ),
-            "--reference-fix": parameter("REFERENCE_FIX", "Epochs of the reference"),
-            "--max-gap": parameter("MAX_GAP", "Maximum interpolation gap"),
-            "--date": parameter("DATE", "Date of the first position"),
-            **OVERWRITE,
         },
         outputs=(
             FINDINGS,
@@ -931,7 +673,6 @@ ALGORITHMS = (
                 lambda answer: str(Path(answer["output"]) / "evaluation.html") if answer["output"] else None,
             ),
         ),
-        opens=True,
         layers=lambda answer: [str(Path(answer["output"]) / "evaluation.gpkg")] if answer["output"] else [],
     ),
     Algorithm(
@@ -940,22 +681,14 @@ ALGORITHMS = (
         "accuracy",
         "Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy "
         "Standards, Edition 2 (2023), and includes the accuracy of the points.",
-        basic={
-            "product": parameter(
-                "PRODUCT", "Point cloud or surface", "LAS, LAZ, COPC or GeoTIFF.", layers="raster or cloud"
-            ),
-            "points": parameter("POINTS", "Surveyed points", "CSV or GeoPackage.", layers="points"),
-            "--points-sigma": parameter("SIGMA", "Standard deviation of the survey"),
-            "--require-vertical": parameter("VERTICAL", "Required vertical RMSE", MET),
-            "--require-horizontal": parameter("HORIZONTAL", "Required horizontal RMSE", MET),
-            "--table": parameter("TABLE", "Table of errors", filter="CSV (*.csv)"),
-        },
-        advanced={
-            "--crs": parameter("CRS", "CRS of the points"),
-            "--within": WITHIN,
-            "--targets": parameter("TARGETS", "Disc targets"),
-            "--diameter": parameter("DIAMETER", "Diameter of the discs"),
-            **OVERWRITE,
+        basic=("product", "points", "--points-sigma", "--require-vertical", "--require-horizontal", "--table"),
+        facts={
+            "product": parameter("Point cloud or surface", "LAS, LAZ, COPC or GeoTIFF.", layers="raster or cloud"),
+            "points": parameter("Surveyed points", "CSV or GeoPackage.", layers="points"),
+            "--points-sigma": parameter(name="SIGMA"),
+            "--require-vertical": parameter(help_text=MET, name="VERTICAL"),
+            "--require-horizontal": parameter(help_text=MET, name="HORIZONTAL"),
+            "--table": parameter(filter="CSV (*.csv)"),
         },
         outputs=(
             FINDINGS,

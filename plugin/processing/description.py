@@ -88,11 +88,11 @@ class Algorithm:
         title: in the toolbox.
         group: id of the toolbox group.
         summary: what it does, in a paragraph.
-        basic, advanced: argument's name or option → :func:`parameter`; the sum of two where either gives the argument.
-            Options of the command that are not named here become advanced parameters.
+        basic: names of arguments and options in the order of the dialog; all others are advanced parameters.
+        facts: name → :func:`parameter`, where `commands.json` and :data:`COMMON` do not say it all; the sum of two
+            where either gives the argument.
         outputs: beside the files and folders that parameters name.
-        opens: whether the user may have the products opened.
-        layers: takes the answer, gives the files to open as layers.
+        layers: takes the answer, gives the files that the user may have opened as layers.
         layer_group: for these in the layer tree; by default the name of their folder.
     """
 
@@ -100,10 +100,9 @@ class Algorithm:
     title: str
     group: str
     summary: str
-    basic: dict
-    advanced: dict = field(default_factory=dict)
+    basic: tuple
+    facts: dict = field(default_factory=dict)
     outputs: tuple = ()
-    opens: bool = False
     layers: Callable = None
     layer_group: str = ""
 
@@ -113,24 +112,78 @@ class Algorithm:
         return self.command.replace(" ", "_")
 
     @property
+    def opens(self):
+        """Whether the user may have the products opened; `run` opens them as a group of its own."""
+        return self.layers is not None or self.command == "run"
+
+    @property
     def parameters(self):
-        """Every :class:`Parameter`: the basic ones, the advanced ones, and options that only `commands.json` has."""
+        """Every :class:`Parameter`, the basic ones first."""
         options = COMMANDS[self.command]
-        named = {**self.basic, **self.advanced}
-        rest = {option: parameter(*_derived_names(option)) for option in options if option not in named}
+        facts = {**COMMON, **self.facts}
         return [
-            Parameter(**{"option": option, "advanced": option not in self.basic, **options[option], **either, **facts})
-            for option, ways in {**named, **rest}.items()
+            Parameter(**{**_derived(option), "advanced": option not in self.basic, **options[option], **either, **way})
+            for option in (*self.basic, *(option for option in options if option not in self.basic))
+            for ways in [facts.get(option, ({},))]
             for either in [{"required": False} if len(ways) > 1 else {}]
-            for facts in ways
+            for way in ways
         ]
 
 
-def parameter(name, label, help_text="", **facts):
-    """What QGIS has to know of an option: id, label, help that replaces the command's, other facts that differ."""
-    return ({"name": name, "label": label, **({"help": help_text} if help_text else {}), **facts},)
+def parameter(label="", help_text="", **facts):
+    """What only QGIS has to know of an argument or option: label, help and other facts that differ."""
+    return ({**({"label": label} if label else {}), **({"help": help_text} if help_text else {}), **facts},)
 
 
-def _derived_names(option):
-    words = option.lstrip("-").replace("-", " ")
-    return words.upper().replace(" ", "_"), words.capitalize()
+def _derived(option):
+    words = option.lstrip("-").replace("-", " ").replace("_", " ")
+    return {"option": option, "name": words.upper().replace(" ", "_"), "label": words.capitalize()}
+
+
+_FARM_MAP = parameter(
+    "Farm map (GeoPackage)", "The farm's GeoPackage.", name="FARM_MAP", kind="file", filter="GeoPackage (*.gpkg)"
+)
+DATABASE = parameter(
+    "Farm map (PostGIS)",
+    "A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's "
+    "password file.",
+    name="DATABASE",
+    kind="text",
+    advanced=True,
+)
+_RESULTS = parameter(
+    "Results of runs",
+    "The report.json of each run; it stands for the folder of the run.",
+    name="RESULTS",
+    folder_of="*",
+)
+COMMON = {
+    "clouds": parameter("Point clouds", "LAS, LAZ or COPC files; they are used together.", layers="cloud"),
+    "folders": _RESULTS,
+    "parcels_file": parameter(
+        "Parcels",
+        "Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.",
+        name="PARCELS",
+        layers="polygons",
+    ),
+    "results": _RESULTS,
+    "session": parameter(
+        "Session file",
+        "The session.toml beside the recording; 'Create a session file' writes one.",
+        filter="TOML (*.toml)",
+    ),
+    "sources": _FARM_MAP + DATABASE,
+    "target": _FARM_MAP + DATABASE,
+    "--bbox": parameter(name="EXTENT"),
+    "--class": parameter(name="CLASSES"),
+    "--ground-method": parameter(name="GROUND"),
+    "--net": parameter(layers="polygons"),
+    "--net-inset": parameter(count=2),
+    "--overwrite": parameter("Overwrite existing files", "Otherwise the algorithm stops if the output exists."),
+    "--polygons": parameter(layers="polygons"),
+    "--treatments": parameter(layers="table"),
+    "--within": parameter(
+        help_text="GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners, in any CRS.", layers="polygons"
+    ),
+}
+"""What holds for an argument or option of any command."""

@@ -20,13 +20,13 @@ import pyproj
 import rasterio
 
 import furrowmap
-from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.simulator.scenario_file import demo_scenario
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.mosaic import write_mosaic
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
+from furrowmap.settings import SurfaceSettings
 from furrowmap.workflows.calibrate.calibrate import write_calibration
 from furrowmap.workflows.gnss.evaluate import evaluate_gnss
 from furrowmap.workflows.share.export import export

@@ -16,8 +16,8 @@ import rasterio
 
 from furrowmap.cli.main import command_line
 from furrowmap.core.checking.evaluation import evaluate
-from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.exporters.vectors.geopackage import write_field
+from furrowmap.settings import SurfaceSettings
 from tests.app.share.test_export import write_report
 from tests.core.work.drives_with_tool import FRAME
 from tests.exporters.vectors.worked_field import worked_field

@@ -17,7 +17,7 @@ import shapely
 from pyproj import CRS
 
 import furrowmap
-from furrowmap.cli.point_options import classes_of, widths_of
+from furrowmap.cli.options import value_of
 from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.crops.logistic import fit_logistic
 from furrowmap.core.crops.trial_tables import read_treatments
@@ -32,6 +32,7 @@ from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.exif import expect_pillow
 from furrowmap.core.readers.text_table import MAX_SHEET_BYTES, read_sheet
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
+from furrowmap.core.runtime.options import Option
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.trajectory.imu_mounting import check_mounting
 from furrowmap.core.values.mounting import Mounting
@@ -244,18 +245,22 @@ def test_export__of_several_results_into_one_file() -> None:
 
 @pytest.mark.parametrize("text", ["-1,2", "1,inf", "1", "1,2,3", "wide,3", "1,nan"])
 def test_options__of_two_widths(text: str) -> None:
-    assert widths_of("0.5,0", "--net") == (0.5, 0.0)
-    assert widths_of(None, "--net") == (0.0, 0.0)
+    option = Option("--net", "ENDS,SIDES")
+    assert value_of(option, "0.5,0") == (0.5, 0.0)
+    assert value_of(option, None) is None
+    assert furrowmap.ParcelSettings().net_inset_m == (0.0, 0.0)
     with pytest.raises(UsageError, match="--net"):
-        widths_of(text, "--net")
+        value_of(option, text)
 
 
 @pytest.mark.parametrize("text", ["256", "-1", "2.5", "2,x", ""])
 def test_options__of_classes(text: str) -> None:
-    assert classes_of("2,255", "--classes") == {2, 255}
-    assert classes_of(None, "--classes") is None
+    option = Option("--classes", "N,N")
+    assert value_of(option, "2,255") == {2, 255}
+    assert value_of(option, None) is None
+    assert furrowmap.ParcelSettings().classes is None
     with pytest.raises(UsageError, match="--classes"):
-        classes_of(text, "--classes")
+        value_of(option, text)
 
 
 @pytest.mark.parametrize(

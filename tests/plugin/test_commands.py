@@ -38,8 +38,7 @@ def test_every_command__is_an_algorithm_or_stands_in_a_list_with_its_reason() ->
 
 def test_algorithms__name_only_options_of_their_command() -> None:
     for algorithm in ALGORITHMS:
-        named = {**algorithm.basic, **algorithm.advanced}
-        assert set(named) <= set(COMMANDS[algorithm.command]), algorithm.command
+        assert {*algorithm.basic, *algorithm.facts} <= set(COMMANDS[algorithm.command]), algorithm.command
 
 
 def test_option__that_no_algorithm_names_becomes_an_advanced_parameter(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,6 +29,7 @@ from furrowmap.exporters.files.lease import leased, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row, write_layers, write_table
+from furrowmap.settings import BatchSettings
 from furrowmap.workflows.batch.engine import ATTEMPTS, Manner, Workforce
 from furrowmap.workflows.batch.jobs import (
     Job,
@@ -52,23 +53,6 @@ BYTES_A_SECOND: Final = 5e6
 6.6 bytes of a capture for each), where no session of the batch has been run yet."""
 _LOOKING: Final = "looking at recordings"
 _RUNNING: Final = "running sessions"
-
-
-@dataclass(frozen=True)
-class BatchSettings:
-    """How a batch is done.
-
-    Attributes:
-        machine: name or profile of the machine, for folders of recordings without a session.
-        boundaries: file with the fields by which recordings are split.
-        workers: number of workers; None for as many as the machine has cores and memory for.
-        scheduler: address of a running Dask scheduler.
-    """
-
-    machine: str | Path | None = None
-    boundaries: str | Path | None = None
-    workers: int | None = None
-    scheduler: str | None = None
 
 
 @dataclass(frozen=True)

@@ -2,48 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from furrowmap.core.checking.check import Check, check_product
-from furrowmap.core.checking.cloud_at_points import Targets
 from furrowmap.core.checking.paired_points import PairedPoints, pairs_of_files, pairs_of_product
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.reports.check_table import write_check_table, write_pairs_table
+from furrowmap.settings import CheckSettings
 
 TABLES: Final = frozenset({".csv", ".txt", ".tsv", ".gpkg"})
 """Suffixes of tables of points; anything else is a product."""
 
 if TYPE_CHECKING:
     import pyproj
-
-
-@dataclass(frozen=True)
-class CheckSettings:
-    """How a product is checked.
-
-    Attributes:
-        targets: "intensity" or "colour" to measure the horizontal error at discs around the points.
-        diameter_m: of the discs.
-        points_sigma_m: standard deviation of the survey on each axis, where the file of points states none.
-        class_m: vertical accuracy class asked for; precision beyond it is a warning.
-        within: vector file, or CSV of corners: only surveyed points in its polygons are compared.
-    """
-
-    targets: Targets = "none"
-    diameter_m: float = 0.3
-    points_sigma_m: float | None = None
-    class_m: float | None = None
-    within: str | Path | None = None
-
-    @property
-    def area_file(self) -> Path | None:
-        """The file of the polygons."""
-        return Path(self.within) if self.within is not None else None
 
 
 def check(

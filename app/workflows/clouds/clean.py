@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
+from furrowmap.core.pointclouds.cleaning import cleaned
+from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, no_points_error, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.readers.las.cloud import Box
@@ -33,6 +33,7 @@ from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
+from furrowmap.settings import CleanSettings
 from furrowmap.workflows.clouds.inputs import area_records, input_records, input_rows
 
 FINEST_M: Final = 1e-4
@@ -40,25 +41,6 @@ FINEST_M: Final = 1e-4
 USUAL_M: Final = 1e-3
 NO_TIME: Final = float(las_time_to_utc(0.0))
 """UTC of what LAS counts as 0, which stands for no time."""
-
-
-@dataclass(frozen=True)
-class CleanSettings:
-    """How clouds are cleaned.
-
-    Attributes:
-        cleaning: box, filters, thinning.
-        box_crs: CRS of the box; None for that of the cloud.
-        crs: CRS of files that state none.
-        dst_crs: CRS of the cloud; None for that of the files.
-        within: vector file, or CSV of corners, in whose polygons the points lie; None for all.
-    """
-
-    cleaning: Cleaning = field(default_factory=Cleaning)
-    box_crs: CRS | str | None = None
-    crs: CRS | str | None = None
-    dst_crs: CRS | str | None = None
-    within: str | Path | None = None
 
 
 def clean(

@@ -12,7 +12,8 @@ import numpy as np
 from furrowmap.core.images.frames import Frames, frames_along
 from furrowmap.core.pipeline.pipeline import companions, ground_scale
 from furrowmap.core.pipeline.session_aid import aided_session
-from furrowmap.core.pointclouds.cleaning import Cleaning, cleaned
+from furrowmap.core.pointclouds.cleaning import cleaned
+from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.readers.exif import expect_pillow
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError

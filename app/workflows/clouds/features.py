@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, get_args
-
-from pyproj import CRS
+from typing import Any, Literal
 
 from furrowmap.core.features.classes import Feature
 from furrowmap.core.features.cloud_features import CELLS_M, Found, density, with_features
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.pointclouds.cleaning import Cleaning
+from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
-from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.json_text import json_text, plain
@@ -30,39 +26,11 @@ from furrowmap.exporters.files.result_folder import CLOUD, FEATURE_PRODUCTS, FEA
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.vectors.feature_layers import feature_layers, write_features
 from furrowmap.exporters.vectors.field_layers import Layer
+from furrowmap.settings import FeatureSettings
 from furrowmap.workflows.clouds.clean import write_records
 from furrowmap.workflows.clouds.inputs import input_records, input_rows
 
 GroundChoice = Literal["auto", "class", "smrf", "csf"]
-
-
-@dataclass(frozen=True)
-class FeatureSettings:
-    """How features of clouds are found.
-
-    Attributes:
-        ground: ground filter; "auto" takes the files' ground class where there is one, else smrf.
-        cell_m: size of voxels, the least detail; None for the spacing of the points.
-        every: keep every n-th point, from the first.
-        box: west, south, east, north; None for all points.
-        box_crs: CRS of the box; None for that of the output.
-        crs: CRS of files that state none.
-        dst_crs: CRS of the output; None for that of the files.
-        within: vector file, or CSV of corners, in whose polygons the points lie; None for all.
-    """
-
-    ground: GroundChoice = "auto"
-    cell_m: float | None = None
-    every: int = 1
-    box: Box | None = None
-    box_crs: CRS | str | None = None
-    crs: CRS | str | None = None
-    dst_crs: CRS | str | None = None
-    within: str | Path | None = None
-
-    def __post_init__(self) -> None:
-        if self.ground not in get_args(GroundChoice):
-            raise ValueError(f"ground by {self.ground!r}")
 
 
 def features(

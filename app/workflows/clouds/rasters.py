@@ -15,7 +15,6 @@ from pyproj import CRS
 
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
-from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.pointclouds.surfaces import GroundMethod, cloud_tiles
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import Notice
@@ -39,6 +38,7 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.rasters.cog import FILLED_BAND, SURFACE_BANDS, Band, Bands, cog_output, surface_arrays
 from furrowmap.exporters.rasters.windows import common, is_last, plots_of, share, window, windows
+from furrowmap.settings import SurfaceSettings
 
 SURFACE: Final = "surface"
 """Title of the raster whose statistic the user chooses."""

@@ -13,7 +13,6 @@ from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, no_points_error, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
-from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.json_text import json_text, plain
@@ -23,6 +22,7 @@ from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.exporters.files.result_folder import DSM, SURFACE_PRODUCTS, SURFACES_REPORT, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
+from furrowmap.settings import SurfaceSettings
 from furrowmap.workflows.clouds.inputs import area_records, input_records, input_rows
 from furrowmap.workflows.clouds.rasters import CloudRasters
 

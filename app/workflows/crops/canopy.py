@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -22,7 +22,7 @@ from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, s
 from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
 from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.readers.las.cloud import Box
-from furrowmap.core.runtime.errors import Notice, UsageError
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
@@ -47,6 +47,7 @@ from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.vectors.canopy_layer import LAYER, canopy_layer, write_profiles
 from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
 from furrowmap.exporters.vectors.parcel_table import write_parcel_table
+from furrowmap.settings import CanopySettings
 from furrowmap.workflows.clouds.inputs import input_records, input_rows
 from furrowmap.workflows.clouds.surface import ground_method, no_warning
 
@@ -57,51 +58,6 @@ GROUND_REACH_M: Final = 20.0
 """Around polygons, for the ground below their edges."""
 HIGHEST: Final = Statistic.parse("max")
 _HEIGHT: Final = np.dtype([("height_m", "<f4"), ("column", "<i4"), ("row", "<i4")])
-
-
-@dataclass(frozen=True)
-class CanopySettings:
-    """How a canopy is described.
-
-    Attributes:
-        cell_m: side of the square cells that figures are of; None with polygons.
-        polygons: file with the areas that figures are of; None for cells.
-        pixel_m: side of a pixel of the canopy height model; None for the smallest round one with four points in it.
-        ground_m: returns up to this height above the ground are from the ground: what its roughness and the noise of
-            heights leave.
-        layer_m: height of a layer of the profile.
-        ground: ground filter; "auto" for the classes of the files where they have any, else "smrf".
-        box: west, south, east, north of the points used, in the CRS of the output; None for all.
-        classes: of the points used; None for all but noise and the machine.
-        crs: of clouds without one.
-        dst_crs: of the output, projected in metres; None for that of the clouds.
-
-    Raises:
-        UsageError: if there are neither cells nor polygons, or both, or a size is not above zero.
-    """
-
-    cell_m: float | None = None
-    polygons: str | Path | None = None
-    pixel_m: float | None = None
-    ground_m: float = 0.2
-    layer_m: float = 0.5
-    ground: GroundMethod | Literal["auto"] = "auto"
-    box: Box | None = None
-    classes: frozenset[int] | None = None
-    crs: str | None = None
-    dst_crs: str | None = None
-
-    def __post_init__(self) -> None:
-        sizes = [self.pixel_m, self.cell_m, self.layer_m]
-        faults = {
-            "usage.canopy-both": self.cell_m is not None and self.polygons is not None,
-            "usage.canopy-neither": self.cell_m is None and self.polygons is None,
-            "usage.canopy-size": any(size is not None and not size > 0.0 for size in sizes),
-            "usage.canopy-ground": not self.ground_m >= 0.0,
-        }
-        fault = next((key for key, given in faults.items() if given), None)
-        if fault is not None:
-            raise UsageError(fault)
 
 
 def canopy(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
@@ -41,31 +41,10 @@ from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
 from furrowmap.exporters.vectors.growth_layer import LAYER, growth_layer
 from furrowmap.exporters.vectors.parcel_table import write_parcel_table
+from furrowmap.settings import GrowthSettings
 from furrowmap.workflows.clouds.inputs import input_records, input_rows
 from furrowmap.workflows.clouds.surface import no_warning
 from furrowmap.workflows.crops.parcels import collect
-
-
-@dataclass(frozen=True)
-class GrowthSettings:
-    """How the growth of parcels is measured.
-
-    Attributes:
-        days: of the flights, one for each cloud (YYYY-MM-DD); None for those of the points, in the time of the place.
-            Clouds of the same day are used together.
-        net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
-        net: file with the net parcels, instead of an inset.
-        classes: of the points to use; None for all but noise and the machine.
-        crs: of clouds without one.
-        dst_crs: of the output, projected in metres; None for that of the clouds.
-    """
-
-    days: tuple[str, ...] | None = None
-    net_inset_m: tuple[float, float] = (0.0, 0.0)
-    net: str | Path | None = None
-    classes: frozenset[int] | None = None
-    crs: str | None = None
-    dst_crs: str | None = None
 
 
 def growth(

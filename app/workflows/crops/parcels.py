@@ -13,7 +13,7 @@ from typing import Any
 
 from pyproj import CRS
 
-from furrowmap.core.crops.measure import METHODS, MeasuredParcel, Method, measure_parcels
+from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
 from furrowmap.core.crops.site_soil import site_soil
@@ -23,7 +23,7 @@ from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
 from furrowmap.core.readers.las.survey import Survey
-from furrowmap.core.runtime.errors import Notice, UsageError
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession
@@ -45,59 +45,10 @@ from furrowmap.exporters.files.staging import recover, refuse_products, staged_f
 from furrowmap.exporters.rasters.crop_height import CropHeights
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
 from furrowmap.exporters.vectors.parcel_table import LAYER, parcel_layer, write_parcel_sheet, write_parcel_table
+from furrowmap.settings import ParcelSettings, soil_file
 from furrowmap.workflows.clouds.inputs import input_records, input_rows
 from furrowmap.workflows.clouds.surface import no_warning
-from furrowmap.workflows.crops.soil_source import expect_soil, soil_file, soil_source
-
-
-@dataclass(frozen=True)
-class ParcelSettings:
-    """How crops are measured by parcel.
-
-    Attributes:
-        net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
-        net: file with the net parcels, instead of an inset.
-        method: "canopy-top", or "christiansen2017", the published one.
-        soil: "surface" through the bare soil around the parcels, "plane" through that around each, or the survey of
-            another date: a surface or terrain model (GeoTIFF), a cloud of bare soil, or the folder of a result.
-        compare: whether the published method is computed beside the default one.
-        classes: of the points to use; None for all but noise and the machine.
-        crs: of clouds without one.
-        dst_crs: of the output, projected in metres; None for that of the clouds.
-        treatments: table with what each parcel was given; None for none.
-        day: of the flight (YYYY-MM-DD), up to which doses are summed; None for that of the points.
-
-    Raises:
-        UsageError: if there is no such method, or the day is no date.
-        InputError: if there is no such survey of the soil.
-    """
-
-    net_inset_m: tuple[float, float] = (0.0, 0.0)
-    net: str | Path | None = None
-    method: Method = "canopy-top"
-    soil: str | Path = "surface"
-    compare: bool = False
-    classes: frozenset[int] | None = None
-    crs: str | None = None
-    dst_crs: str | None = None
-    treatments: str | Path | None = None
-    day: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise UsageError("usage.post-init", method=self.method, methods=", ".join(METHODS))
-        soil_file(self.soil)
-        day_of(self.day)
-
-    @property
-    def published(self) -> bool:
-        """Whether the published method is computed."""
-        return self.compare or self.method == "christiansen2017"
-
-    @property
-    def around_m(self) -> float | None:
-        """Width of the strip around the gross parcels whose points are needed; None for the net parcels only."""
-        return PUBLISHED_STRIP_M if self.published else None
+from furrowmap.workflows.crops.soil_source import expect_soil, soil_source
 
 
 def parcels(
@@ -136,7 +87,8 @@ def parcels(
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
     _treated(areas, settings, dt.date.max)  # what is wrong with the table is told before the work
-    with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, settings.around_m) as points:
+    around_m = PUBLISHED_STRIP_M if settings.published else None
+    with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, around_m) as points:
         expect_soil(soil_file(settings.soil), opened.crs, points.box_m)
         notices, span_s = collect(opened, file, points, settings.classes, progress)
         records = _records(opened, (soil_file(settings.soil), file), progress)
@@ -195,7 +147,7 @@ def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints 
         return
     areas = read_parcels(path, opened.frame.crs, settings.net_inset_m)
     _treated(areas, settings, dt.date.max)  # what is wrong with the table is told before the work
-    with ParcelPoints(areas, folder, settings.around_m) as points:
+    with ParcelPoints(areas, folder, PUBLISHED_STRIP_M if settings.published else None) as points:
         expect_soil(soil_file(settings.soil), opened.frame.crs, points.box_m)
         yield points
 

@@ -10,11 +10,12 @@ import shapely
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from furrowmap.core.crops.plot_grid import PlotGrid, plot_grid
+from furrowmap.core.crops.plot_grid import plot_grid
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.readers.areas.placing import placed
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.parcel import Parcel
+from furrowmap.core.values.plot_grid import PlotGrid
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.vectors.parcel_layer import expect_suffix, write_parcels
 

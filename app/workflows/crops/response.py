@@ -35,25 +35,11 @@ from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.files.workbook import write_workbook
 from furrowmap.exporters.reports.trial_charts import ParcelValues, category_chart, response_chart, standalone
+from furrowmap.settings import ResponseSettings
 
 FloatArray = NDArray[np.float64]
 
 REPORT: Final = "response.json"
-
-
-@dataclass(frozen=True)
-class ResponseSettings:
-    """What responds to what.
-
-    Attributes:
-        measure: column of the quantity that responds; None for the mean height.
-        dose: column of the dose; None for the first number whose name says so, such as n_kg_ha.
-        days: of the flights, one for each table (YYYY-MM-DD); needed for doses by date and for growth.
-    """
-
-    measure: str | None = None
-    dose: str | None = None
-    days: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True)

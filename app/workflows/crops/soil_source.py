@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 from pyproj import CRS
 
@@ -15,39 +14,16 @@ from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster
 from furrowmap.core.crops.soil import SOIL_CELL_M
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.pointclouds.spooled_clouds import spool_clouds
-from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.header import SIGNATURE
-from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.parcel import SOIL_METHODS, SoilMethod
-from furrowmap.exporters.files.result_folder import CLOUD, DSM, DTM
+from furrowmap.exporters.files.result_folder import DSM, DTM
+from furrowmap.settings import SurfaceSettings, soil_file
 from furrowmap.workflows.clouds.inputs import input_records
 from furrowmap.workflows.clouds.rasters import CloudRasters
-
-IN_FOLDER: Final = (DTM, DSM, CLOUD)
-"""What is taken from a folder: the first that is there."""
-
-
-def soil_file(source: str | Path) -> Path | None:
-    """The file with the soil of another survey; None where it is that around the parcels.
-
-    Raises:
-        InputError: if there is no such file, or a folder has none.
-    """
-    if source in SOIL_METHODS:
-        return None
-    path = Path(source)
-    if path.is_dir():
-        path = next((path / name for name in IN_FOLDER if (path / name).is_file()), path)
-    if not path.is_file():
-        names = ", ".join(IN_FOLDER)
-        raise InputError(
-            "soil-missing", path=path, is_path=bool(path.is_dir()), names=names, soil_methods=", ".join(SOIL_METHODS)
-        )
-    return path
 
 
 def expect_soil(path: Path | None, target: CRS, box_m: Box) -> None:

@@ -19,7 +19,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.farm.edit import FarmEdit
 from furrowmap.exporters.farm.memory import FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import TRACKS
-from furrowmap.exporters.farm.traffic import Traffic, Wheels, write_traffic
+from furrowmap.exporters.farm.traffic import Traffic, write_traffic
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.files.provenance import Origin
@@ -27,6 +27,7 @@ from furrowmap.exporters.reports.area_units import HECTARE, filled_in
 from furrowmap.exporters.reports.history_page import history_page
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.vectors.field_layers import Layer
+from furrowmap.settings import TrafficSettings
 from furrowmap.workflows.farm.farm import DB_SCHEMA, open_edit
 
 _FIGURES: Final = (
@@ -75,36 +76,6 @@ class FieldHistory:
     field: dict[str, Any]
     seasons: list[dict[str, Any]]
     visits: list[dict[str, Any]]
-
-
-@dataclass(frozen=True)
-class TrafficSettings:
-    """What counts as traffic.
-
-    Attributes:
-        season: only its sessions; None for all.
-        since: first day of sessions that count; None for the first of all.
-        until: last day of sessions that count; None for the last of all.
-        cell_m: length of a cell's sides; None for :data:`CELL_M`.
-        wheels: of the rear axle; None leaves their band out.
-    """
-
-    season: int | None = None
-    since: dt.date | None = None
-    until: dt.date | None = None
-    cell_m: float | None = None
-    wheels: Wheels | None = None
-
-    def plain(self) -> dict[str, str]:
-        """What is stated, as texts."""
-        said: dict[str, object] = {"season": self.season, "since": self.since, "until": self.until}
-        if self.wheels is not None:
-            said |= {"track_width_m": self.wheels.track_width_m, "tyre_width_m": self.wheels.tyre_width_m}
-        return {key: str(value) for key, value in said.items() if value is not None}
-
-
-CELL_M: Final = 0.1
-_EVERYTHING: Final = TrafficSettings()
 
 
 @dataclass(frozen=True)
@@ -199,7 +170,7 @@ def field_history(
 def farm_traffic(
     farm_map: str | Path,
     out: str | Path,
-    settings: TrafficSettings = _EVERYTHING,
+    settings: TrafficSettings = TrafficSettings(),
     *,
     schema: str = DB_SCHEMA,
     overwrite: bool = False,
@@ -227,11 +198,10 @@ def farm_traffic(
         traffic = _traffic(edit, _sessions_of(edit, settings))
     if crs is None or not len(traffic.tracks):
         raise InputError("no-traffic", name=name)
-    cell_m = settings.cell_m or CELL_M
     origin = Origin("Traffic: times worked and driven on", parameters=settings.plain())
-    grid = write_traffic(target, traffic, crs, cell_m, settings.wheels, origin, progress)
+    grid = write_traffic(target, traffic, crs, settings.cell_m, settings.wheels, origin, progress)
     passes = len(traffic.passes)
-    return TrafficRaster(target, crs.to_string(), cell_m, grid.columns, grid.rows, len(traffic.tracks), passes)
+    return TrafficRaster(target, crs.to_string(), settings.cell_m, grid.columns, grid.rows, len(traffic.tracks), passes)
 
 
 def _sessions_of(edit: FarmEdit, settings: TrafficSettings) -> set[str]:

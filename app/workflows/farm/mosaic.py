@@ -11,19 +11,19 @@ from typing import Final
 
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.exporters.farm.mosaic import SUFFIXES, Mosaic, MosaicSettings, write_mosaic
+from furrowmap.exporters.farm.mosaic import SUFFIXES, Mosaic, write_mosaic
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.result_folder import open_result
+from furrowmap.settings import MosaicSettings
 from furrowmap.workflows.farm.farm import DATABASES, DB_SCHEMA, farm_map_sessions
 
 _PRODUCT: Final = re.compile(r"\w[\w-]*")
-_DEFAULTS: Final = MosaicSettings()
 
 
 def mosaic(
     sources: Sequence[str | Path],
     out: str | Path,
-    settings: MosaicSettings = _DEFAULTS,
+    settings: MosaicSettings = MosaicSettings(),
     *,
     product: str = "dsm",
     schema: str = DB_SCHEMA,
@@ -52,7 +52,7 @@ def mosaic(
         raise UsageError("usage.mosaic", output=output)
     refuse_existing(output, overwrite=overwrite)
     paths, missing = find_surfaces(sources, product, schema=schema, progress=progress)
-    made = write_mosaic(paths, output, settings, progress)
+    made = write_mosaic(paths, output, crs=settings.crs, cell_m=settings.cell_m, mean=settings.mean, progress=progress)
     return replace(made, notices=(*missing, *made.notices))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,26 +11,10 @@ from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.reports.evaluation_figures import table_rows
 from furrowmap.exporters.reports.evaluation_page import write_evaluation
+from furrowmap.settings import EvaluationSettings
 
 if TYPE_CHECKING:
     import pandas as pd
-
-
-@dataclass(frozen=True)
-class EvaluationSettings:
-    """How a log is compared with a reference.
-
-    Attributes:
-        antenna_offset_m: forward, left, up from the antenna of the reference to that of the log, on one vehicle.
-        fixed_reference_only: leave out epochs at which the reference is not fixed.
-        max_gap_s: maximum interpolation gap of the reference; None for 1.5 of its intervals.
-        date: UTC date (YYYY-MM-DD) of the first position, for logs without dates.
-    """
-
-    antenna_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    fixed_reference_only: bool = False
-    max_gap_s: float | None = None
-    date: str | None = None
 
 
 def evaluate_gnss(

@@ -18,6 +18,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
+from furrowmap.settings import SolveSettings
 
 PROGRAM: Final = "rnx2rtkp"
 SYSTEMS: Final = "G,R,E,J,C"
@@ -26,22 +27,6 @@ _KINEMATIC, _STATIC = "2", "3"
 _APPROXIMATE: Final = re.compile(rb"^(.{14})(.{14})(.{14}).{18}APPROX POSITION XYZ", re.MULTILINE)
 LEAST_RADIUS_M: Final = 6_000_000.0
 """Nearer to the earth's centre no antenna stands: the header was left at 0."""
-
-
-@dataclass(frozen=True)
-class SolveSettings:
-    """How positions are computed.
-
-    Attributes:
-        base: latitude, longitude (degrees) and ellipsoidal height (m) of the base's antenna; None for the approximate
-            position in its file.
-        static: whether the rover stands still.
-        mask_deg: satellites below this elevation are left out.
-    """
-
-    base: tuple[float, float, float] | None = None
-    static: bool = False
-    mask_deg: float = 15.0
 
 
 @dataclass(frozen=True)

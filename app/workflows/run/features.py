@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from furrowmap.core.features.cloud_features import Found, density, with_features
-from furrowmap.core.pointclouds.cleaning import Cleaning
+from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import box_in, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.runtime.errors import Notice

@@ -9,8 +9,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
-from pyproj import CRS
-
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.runtime.errors import FurrowmapError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import json_text
@@ -19,6 +17,7 @@ from furrowmap.core.values.crs_name import name_of
 from furrowmap.exporters.exchange.stac import CATALOGUE
 from furrowmap.exporters.files.atomic import remove_unfinished
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.settings import SeasonSettings
 from furrowmap.workflows.batch.engine import ATTEMPTS, Manner, Workforce
 from furrowmap.workflows.season.parts import SEASON, Planned, Record, SeasonPlan, plan_tables, plan_tiles
 from furrowmap.workflows.season.products import put_catalogue, put_virtual_mosaics
@@ -31,29 +30,6 @@ POINTS: Final = "points"
 TRAJECTORIES: Final = "trajectories"
 CONTENTS: Final = (MOSAICS, POINTS, TRAJECTORIES)
 _WRITING: Final = "writing the season"
-
-
-@dataclass(frozen=True)
-class SeasonSettings:
-    """Options of a season.
-
-    Attributes:
-        content: of "mosaics", "points" and "trajectories"; all if none is named.
-        crs: of all products; None for that of the sessions.
-        cell_m: length of the sides of the mosaics' cells; None for that of the latest surface.
-        spacing_m: point spacing that suffices: only the levels of the clouds that it needs are taken; 0 for all points.
-        most_rows: of a Parquet file.
-        workers: number of workers; None for as many as the machine has cores and memory for.
-        scheduler: address of a running Dask scheduler.
-    """
-
-    content: Sequence[str] = ()
-    crs: CRS | str | None = None
-    cell_m: float | None = None
-    spacing_m: float = 0.0
-    most_rows: int = 5_000_000
-    workers: int | None = None
-    scheduler: str | None = None
 
 
 @dataclass(frozen=True)

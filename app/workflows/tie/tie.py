@@ -43,6 +43,7 @@ from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.tie_page import tie_page
 from furrowmap.exporters.vectors.geopackage import write_layer
 from furrowmap.exporters.vectors.tie_layers import tie_layers
+from furrowmap.settings import TieSettings
 from furrowmap.workflows.clouds.surface import no_warning
 from furrowmap.workflows.tie.figures import date_rows, moved_figures, tie_rows
 from furrowmap.workflows.tie.reference import Reference, open_reference, reference_tie
@@ -56,20 +57,6 @@ CONTRADICTED: Final = 3.0
 """Tension of a tie from which on it contradicts the others."""
 UNSEEN_SHARE: Final = 0.7
 """Share of the receivers' standard deviation from which on a place counts as not seen."""
-
-
-@dataclass(frozen=True)
-class TieSettings:
-    """How dates are tied.
-
-    Attributes:
-        reference: surveyed surface (GeoTIFF) or points (CSV, GeoPackage) that the dates are moved onto; None for the
-            mean of their own positions.
-        reference_sigma_m: standard deviation of its heights, and of points that state none.
-    """
-
-    reference: str | Path | None = None
-    reference_sigma_m: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,12 @@ import rasterio
 import furrowmap
 from furrowmap.core.pointclouds.clouds import open_clouds
 from furrowmap.core.pointclouds.spooled_clouds import cell_for, spool_clouds
-from furrowmap.core.pointclouds.surface_settings import SurfaceSettings
 from furrowmap.core.pointclouds.surfaces import cloud_tiles
 from furrowmap.core.runtime.errors import Cancelled, InputError, Notice, RefusedError
 from furrowmap.core.surfaces.gaps import bridged
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
+from furrowmap.settings import SurfaceSettings
 from tests.app.told_progress import Told
 
 UTM = pyproj.CRS.from_epsg(32633)

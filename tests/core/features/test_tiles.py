@@ -12,7 +12,7 @@ import pytest
 
 from furrowmap.core.features import cloud_features
 from furrowmap.core.features.cloud_features import Found, with_features
-from furrowmap.core.pointclouds.cleaning import Cleaning
+from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import open_clouds
 
 LENGTH_M = 44.0

@@ -18,7 +18,7 @@ from rio_cogeo import cog_validate
 
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.farm.mosaic import MosaicSettings, write_mosaic
+from furrowmap.exporters.farm.mosaic import write_mosaic
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters import windows
 from furrowmap.exporters.rasters.cog import COUNT_BAND, HEIGHT_BAND, with_heights
@@ -127,7 +127,7 @@ def test_mean__is_numpys_with_the_number_of_sessions(write: Write, tmp_path: Pat
     write_mosaic(
         [write(f"s{i}", height_m) for i, height_m in enumerate(heights)],
         tmp_path / "farm.tif",
-        MosaicSettings(mean=True),
+        mean=True,
     )
     mean_m, number = read(tmp_path / "farm.tif")
     known = np.isfinite(heights).any(axis=0)
@@ -155,7 +155,7 @@ def test_other_crs__has_the_height_of_the_place(write: Write, tmp_path: Path) ->
     rows, columns = np.mgrid[0:80, 0:100]
     plane_m = (250.0 + 0.05 * columns * CELL_M - 0.02 * rows * CELL_M).astype(np.float32)
     plane_m[:, 60:64] = np.nan
-    made = write_mosaic([write("a", plane_m)], tmp_path / "farm.tif", MosaicSettings(crs=UTM))
+    made = write_mosaic([write("a", plane_m)], tmp_path / "farm.tif", crs=UTM)
     assert made.cell_m == CELL_M
     with rasterio.Env(GTIFF_REPORT_COMPD_CS=True), rasterio.open(tmp_path / "farm.tif") as raster:
         heights = raster.read(1)
@@ -176,7 +176,7 @@ def test_other_crs__has_the_height_of_the_place(write: Write, tmp_path: Path) ->
 def test_other_crs__keeps_the_ground_that_was_seen(write: Write, tmp_path: Path) -> None:
     """Of a surface full of holes neither more nor less is left than there was."""
     height_m = eighths((200, 200), 3, holes=0.4)
-    write_mosaic([write("a", height_m)], tmp_path / "farm.tif", MosaicSettings(crs=UTM))
+    write_mosaic([write("a", height_m)], tmp_path / "farm.tif", crs=UTM)
     found, number = read(tmp_path / "farm.tif")
     assert np.isfinite(found).sum() == pytest.approx(np.isfinite(height_m).sum(), rel=0.01)
     assert np.array_equal(np.isfinite(found), np.isfinite(number))
@@ -186,7 +186,7 @@ def test_other_crs__keeps_the_ground_that_was_seen(write: Write, tmp_path: Path)
 
 def test_coarser_cells__have_the_mean_of_the_seen_ones(write: Write, tmp_path: Path) -> None:
     height_m = eighths((40, 40), 5, holes=0.7)
-    write_mosaic([write("a", height_m)], tmp_path / "farm.tif", MosaicSettings(cell_m=4 * CELL_M))
+    write_mosaic([write("a", height_m)], tmp_path / "farm.tif", cell_m=4 * CELL_M)
     with np.errstate(invalid="ignore"):
         blocks = height_m.reshape(10, 4, 10, 4).transpose(0, 2, 1, 3).reshape(10, 10, 16).astype(np.float64)
         expected = np.nansum(blocks, axis=2) / np.isfinite(blocks).sum(axis=2)
@@ -195,18 +195,16 @@ def test_coarser_cells__have_the_mean_of_the_seen_ones(write: Write, tmp_path: P
 
 def test_surfaces_of_two_crs__go_into_the_one_that_is_named(write: Write, tmp_path: Path) -> None:
     here = write("here", np.full((40, 40), 250.0, np.float32))
-    write_mosaic([here], tmp_path / "there.tif", MosaicSettings(crs=UTM))
+    write_mosaic([here], tmp_path / "there.tif", crs=UTM)
     with pytest.raises(RefusedError) as refused:
         write_mosaic([here, tmp_path / "there.tif"], tmp_path / "farm.tif")
     assert refused.value.code == "mosaic-crs"
-    write_mosaic([here, tmp_path / "there.tif"], tmp_path / "farm.tif", MosaicSettings(crs=JAPAN))
+    write_mosaic([here, tmp_path / "there.tif"], tmp_path / "farm.tif", crs=JAPAN)
     np.testing.assert_allclose(read(tmp_path / "farm.tif")[0][5:35, 5:35], 250.0, atol=1e-4)
 
 
 def test_coarser_cells__are_asked_for(write: Write, tmp_path: Path) -> None:
-    made = write_mosaic(
-        [write("a", np.full((40, 40), 250.0, np.float32))], tmp_path / "farm.tif", MosaicSettings(cell_m=1.0)
-    )
+    made = write_mosaic([write("a", np.full((40, 40), 250.0, np.float32))], tmp_path / "farm.tif", cell_m=1.0)
     assert (made.cell_m, made.rows, made.columns) == (1.0, 10, 10)
     assert np.nanmax(np.abs(read(tmp_path / "farm.tif")[0] - 250.0)) == 0.0
 
@@ -214,7 +212,7 @@ def test_coarser_cells__are_asked_for(write: Write, tmp_path: Path) -> None:
 @pytest.mark.parametrize("options", [{"mean": True}, {"crs": UTM}, {"cell_m": 1.0}])
 def test_virtual_raster__computes_nothing(write: Write, tmp_path: Path, options: dict[str, object]) -> None:
     with pytest.raises(RefusedError) as refused:
-        write_mosaic([write("a", eighths((4, 4), 0))], tmp_path / "farm.vrt", MosaicSettings(**options))
+        write_mosaic([write("a", eighths((4, 4), 0))], tmp_path / "farm.vrt", **options)
     assert refused.value.code == "mosaic-virtual"
     assert not (tmp_path / "farm.vrt").exists()
 
