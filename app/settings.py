@@ -185,7 +185,7 @@ class ParcelSettings:
 
     def __post_init__(self) -> None:
         from furrowmap.core.crops.measure import METHODS
-        from furrowmap.core.crops.treatments import day_of
+        from furrowmap.core.crops.trial_tables import day_of
 
         if self.method not in METHODS:
             raise UsageError("usage.post-init", method=self.method, methods=", ".join(METHODS))
