@@ -138,7 +138,7 @@ def best_s(path: Path) -> float:
     seconds = []
     for _ in range(4):
         began = time.process_time()
-        reader = Recognised.of(path).open()
+        reader = Recognised.by_content(path).open()
         assert isinstance(reader, GivesTrack)
         track = reader.track()
         seconds.append(time.process_time() - began)
@@ -150,7 +150,7 @@ def best_s(path: Path) -> float:
 def told(path: Path, options: ReadOptions | None = None) -> tuple[str, str]:
     """A log's format, and its content or why it cannot be read; one without a date gets one."""
     try:
-        recognised = Recognised.of(path)
+        recognised = Recognised.by_content(path)
     except InputError as error:
         return "–", f"error: {error.lines[0]}"
     try:

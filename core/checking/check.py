@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 import pyproj
@@ -11,9 +13,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.checking.cloud_at_points import Targets, cloud_at_points
 from furrowmap.core.checking.internal_precision import InternalPrecision, SwathKey
-from furrowmap.core.checking.notices import accuracy_notices, precision_notices
 from furrowmap.core.checking.point_check import Box, PointCheck
-from furrowmap.core.checking.positional_accuracy import Accuracy, Component
+from furrowmap.core.checking.positional_accuracy import MIN_CHECK_POINTS, Accuracy, Component
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.readers.las.header import SIGNATURE
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions
@@ -21,6 +22,13 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent
 
 FloatArray = NDArray[np.float64]
+MAX_MEAN_HEIGHT_M: Final = 2.0
+"""A larger mean error in height comes from a geoid or a wrong point."""
+PRECISION_LABELS: Final = {
+    "within_swath_max_m": "greatest within a swath",
+    "between_swath_m": "RMS between swaths",
+    "between_swath_max_m": "greatest between swaths",
+}
 
 
 @dataclass(frozen=True)
@@ -106,6 +114,51 @@ def _accuracy(checks: tuple[PointCheck, ...], sigma_m: FloatArray, swath_key: Sw
     parts: list[Component | None] = []
     for axis in range(3):
         known = np.isfinite(error[:, axis])
-        parts.append(Component.of(error[known, axis], sigma_m[known, axis]) if known.any() else None)
-    precision = InternalPrecision.of((check.swaths for check in checks), swath_key)
+        parts.append(Component.from_errors(error[known, axis], sigma_m[known, axis]) if known.any() else None)
+    precision = InternalPrecision.over_places((check.swaths for check in checks), swath_key)
     return Accuracy(vertical=parts[2], easting=parts[0], northing=parts[1], precision=precision)
+
+
+def precision_notices(precision: InternalPrecision, class_m: float | None) -> list[Notice]:
+    """Notices about internal precision."""
+    if precision.swath_key == "nothing":
+        return [Notice("check-swaths-unknown")]
+    if not precision.swath_pairs:
+        return [Notice("check-swaths-single")]
+    beyond = [
+        f"{PRECISION_LABELS[name]} {verdict['found_m']:.3f} m of {verdict['limit_m']:.3g} m"
+        for name, verdict in (precision.verdicts(class_m) if class_m is not None else {}).items()
+        if verdict["met"] is False
+    ]
+    if not beyond or class_m is None:
+        return []
+    return [Notice("check-precision", class_m=100 * class_m, beyond=", ".join(beyond))]
+
+
+def accuracy_notices(
+    checks: Sequence[PointCheck], accuracy: Accuracy, class_m: float | None, *, targets: bool
+) -> list[Notice]:
+    """Notices about the errors at the points."""
+    assert accuracy.vertical is not None
+    notices = []
+    unused = [check for check in checks if check.why_not]
+    if unused:
+        reasons = "; ".join(f"{check.name} {check.why_not}" for check in unused[:3])
+        notices.append(
+            Notice("check-unused", unused=len(unused), checks=len(checks), reasons=reasons, more=len(unused) > 3)
+        )
+    if accuracy.vertical.n < MIN_CHECK_POINTS:
+        notices.append(Notice("check-few", n=accuracy.vertical.n, fewest=MIN_CHECK_POINTS))
+    if not np.isfinite(accuracy.vertical.survey_m):
+        notices.append(Notice("check-survey-unknown"))
+    elif class_m is not None and accuracy.vertical.survey_m > 0.5 * class_m:
+        notices.append(Notice("check-survey-coarse", survey_m=accuracy.vertical.survey_m, class_m=100 * class_m))
+    for name, part in (("height", accuracy.vertical), ("easting", accuracy.easting), ("northing", accuracy.northing)):
+        if part is not None and part.biased:
+            geoid = name == "height" and abs(part.mean_m) > MAX_MEAN_HEIGHT_M
+            notices.append(Notice("check-bias", name=name, mean_m=part.mean_m, geoid=geoid))
+    if targets:
+        found = sum(bool(np.isfinite(check.found_m[0])) for check in checks)
+        if found < len(checks):
+            notices.append(Notice("check-targets", checks=len(checks) - found, checks_count=len(checks)))
+    return notices

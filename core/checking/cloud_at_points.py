@@ -12,8 +12,7 @@ import pyproj
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, SwathKey, find_swath_key, swath_numbers
-from furrowmap.core.checking.local_plane import local_plane
+from furrowmap.core.checking.internal_precision import NO_SWATHS, SwathHeights, SwathKey, find_swath_key, swath_numbers
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
 from furrowmap.core.checking.target_discs import find_disc
 from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours, open_clouds
@@ -26,10 +25,15 @@ from furrowmap.core.runtime.progress import Progress, silent
 FloatArray = NDArray[np.float64]
 Targets = Literal["none", "intensity", "colour"]
 
-RADIUS_M: Final = 0.25
+PLANE_RADIUS_M: Final = 0.25
 """Radius of the returns to which the plane at a point is fitted."""
-STEEPEST: Final = 0.5
+MAX_PLANE_SLOPE: Final = 0.5
 """A steeper plane is an edge, where the height depends on the position."""
+MIN_PLANE_RETURNS: Final = 6
+PLANE_OUTLIER_SIGMAS: Final = 3.5
+"""Outlier threshold, in robust standard deviations."""
+SPACINGS: Final = 2.0
+"""Side of the cells in which returns are compared, in mean point spacings."""
 SEARCH_DIAMETERS: Final = 3.0
 """Search radius of a target, in its diameters."""
 LUMINANCE: Final = np.array([0.299, 0.587, 0.114])
@@ -60,7 +64,7 @@ def cloud_at_points(
     """
     clouds = _opened(path, options.crs)
     survey = survey_of(points_file, clouds.crs, options)
-    reach_m = max(RADIUS_M, (SEARCH_DIAMETERS + 1.0) * diameter_m if targets != "none" else 0.0)
+    reach_m = max(PLANE_RADIUS_M, (SEARCH_DIAMETERS + 1.0) * diameter_m if targets != "none" else 0.0)
     (cloud,) = clouds.files
     own = is_ours(cloud)
     near = _near(clouds, survey, reach_m, progress, own=own)
@@ -140,7 +144,7 @@ def _seconds(near: list[CloudBatch]) -> FloatArray | None:
 
 
 @dataclass(frozen=True)
-class _Around:
+class _ReturnsAround:
     """The returns around a point, n of them.
 
     Attributes:
@@ -156,10 +160,10 @@ class _Around:
 
 def _by_point(
     near: list[CloudBatch], survey: SurveyedPoints, reach_m: float, targets: Targets, swath_key: SwathKey, *, own: bool
-) -> Iterator[_Around]:
+) -> Iterator[_ReturnsAround]:
     """The returns around each point."""
     if not near:
-        yield from [_Around(np.empty((0, 3)), None, np.empty(0, np.int64))] * len(survey)
+        yield from [_ReturnsAround(np.empty((0, 3)), None, np.empty(0, np.int64))] * len(survey)
         return
     xyz = np.concatenate([part.xyz_m for part in near])
     source, t_s = np.concatenate([part.point_source_id for part in near]), _seconds(near)
@@ -167,7 +171,7 @@ def _by_point(
     tree = cKDTree(xyz[:, :2])
     for place in survey.xyz_m:
         index = tree.query_ball_point(place[:2], reach_m)
-        yield _Around(
+        yield _ReturnsAround(
             xyz[index] - place,
             light[index] if light is not None else None,
             swath_numbers(source[index], t_s[index] if t_s is not None else None, swath_key, own=own),
@@ -187,20 +191,20 @@ def _light(near: list[CloudBatch], targets: Targets) -> FloatArray | None:
     return light
 
 
-def _point_check(name: str, place: tuple[float, float, float], around: _Around, diameter_m: float) -> PointCheck:
+def _point_check(name: str, place: tuple[float, float, float], around: _ReturnsAround, diameter_m: float) -> PointCheck:
     """Comparison of a point with the returns around it."""
     middle = None
     if around.light is not None and len(around.light):
         middle = find_disc(around.xyz_m[:, :2], around.light, diameter_m, SEARCH_DIAMETERS * diameter_m)
     east, north = (place[0] + middle[0], place[1] + middle[1]) if middle is not None else (np.nan, np.nan)
     at = middle if middle is not None else np.zeros(2)
-    close = np.hypot(*(around.xyz_m[:, :2] - at).T) <= RADIUS_M
+    close = np.hypot(*(around.xyz_m[:, :2] - at).T) <= PLANE_RADIUS_M
     xyz, swath = around.xyz_m[close] - np.array([*at, 0.0]), around.swath[close]
     plane = local_plane(xyz)
     if plane is None:
-        why = f"has {len(xyz)} returns within {RADIUS_M:g} m" + (", too few on all sides" if len(xyz) else "")
+        why = f"has {len(xyz)} returns within {PLANE_RADIUS_M:g} m" + (", too few on all sides" if len(xyz) else "")
         return PointCheck(name, place, (east, north, np.nan), len(xyz), why_not=why)
-    if plane.steepness > STEEPEST:
+    if plane.steepness > MAX_PLANE_SLOPE:
         found, why = (east, north, np.nan), "lies on an edge or a steep slope"
         return PointCheck(name, place, found, len(xyz), plane.steepness, why_not=why)
     found = (east, north, place[2] + plane.height_m)
@@ -212,7 +216,7 @@ def _swath_heights(xyz_m: FloatArray, swath: NDArray[np.int64], base_m: float) -
     planes = [(number, local_plane(xyz_m[swath == number])) for number in np.unique(swath).tolist()]
     known = [(number, plane) for number, plane in planes if plane is not None]
     if not known:
-        return UNSEEN
+        return NO_SWATHS
     freedom = sum(plane.freedom for _, plane in known)
     squares = sum(float(np.sum(plane.above_m**2)) for _, plane in known)
     return SwathHeights(
@@ -220,3 +224,62 @@ def _swath_heights(xyz_m: FloatArray, swath: NDArray[np.int64], base_m: float) -
         float(np.sqrt(squares / freedom)) if freedom > 0 else float("nan"),
         max(plane.range_m for _, plane in known),
     )
+
+
+@dataclass(frozen=True)
+class LocalPlane:
+    """A plane through n returns.
+
+    Attributes:
+        height_m: at the point.
+        slope: rise to the east and north.
+        xy_m: (n, 2) returns relative to the point.
+        above_m: (n,) residuals.
+    """
+
+    height_m: float
+    slope: tuple[float, float]
+    xy_m: FloatArray
+    above_m: FloatArray
+
+    @property
+    def steepness(self) -> float:
+        """Slope as a ratio."""
+        return float(np.hypot(*self.slope))
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the fit."""
+        return len(self.above_m) - 3
+
+    @property
+    def range_m(self) -> float:
+        """Greatest difference of residuals within a cell of two mean point spacings, where relief is negligible."""
+        radius_m = float(np.hypot(*self.xy_m.T).max())
+        side_m = SPACINGS * radius_m * np.sqrt(np.pi / len(self.above_m))
+        column, row = np.floor(self.xy_m / side_m).astype(np.int64).T
+        cell = np.unique(column * (1 << 32) + row, return_inverse=True)[1]
+        low, high = np.full(cell.max() + 1, np.inf), np.full(cell.max() + 1, -np.inf)
+        np.minimum.at(low, cell, self.above_m)
+        np.maximum.at(high, cell, self.above_m)
+        return float((high - low).max())
+
+
+def local_plane(xyz_m: FloatArray) -> LocalPlane | None:
+    """Plane through returns (n, 3) around 0, 0, refitted once without outliers.
+
+    None with too few returns, or where they do not lie on all sides.
+    """
+    keep = np.ones(len(xyz_m), bool)
+    for _ in range(2):
+        if keep.sum() < MIN_PLANE_RETURNS:
+            return None
+        x, y, z = xyz_m[keep].T
+        (height, east, north), _, rank, _ = np.linalg.lstsq(np.column_stack([np.ones(len(x)), x, y]), z, rcond=1e-6)
+        if rank < 3 or min(x.max(), -x.min(), y.max(), -y.min()) <= 0.0:
+            return None
+        above = xyz_m[:, 2] - height - east * xyz_m[:, 0] - north * xyz_m[:, 1]
+        used = keep
+        scatter = 1.4826 * float(np.median(np.abs(above[keep])))
+        keep = np.abs(above) <= max(PLANE_OUTLIER_SIGMAS * scatter, 1e-3)
+    return LocalPlane(float(height), (float(east), float(north)), xyz_m[used, :2], above[used])

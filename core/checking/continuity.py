@@ -7,14 +7,14 @@ from typing import Final
 
 import numpy as np
 
+from furrowmap.core.readers.facts import GAP_INTERVALS
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
-GAP_INTERVALS: Final = 1.5
-MOST_GAPS_LISTED: Final = 50
+MAX_GAPS_LISTED: Final = 50
 
 
 @dataclass(frozen=True)
-class Gap:
+class LogGap:
     """A gap between two positions, from the UTC of the last one before it."""
 
     begin_s: float
@@ -58,18 +58,18 @@ class Continuity:
     gaps: int
     longest_gap_s: float
     all_gaps_s: float
-    gap_list: tuple[Gap, ...]
+    gap_list: tuple[LogGap, ...]
     age: Age | None
 
     @classmethod
-    def of(cls, track: GnssTrack) -> Continuity:
+    def from_track(cls, track: GnssTrack) -> Continuity:
         """Of a track with at least one position."""
         steps = np.diff(track.t_s)
         interval = float(np.median(steps)) if len(steps) else 0.0
         wide = np.flatnonzero(steps > GAP_INTERVALS * interval)
         span = float(track.t_s[-1] - track.t_s[0])
         kinds = [Fix(int(code)) for code in np.unique(track.fix)]
-        listed = np.sort(wide[np.argsort(-steps[wide], kind="stable")[:MOST_GAPS_LISTED]])
+        listed = np.sort(wide[np.argsort(-steps[wide], kind="stable")[:MAX_GAPS_LISTED]])
         age = track.age_s[np.isfinite(track.age_s) & (track.fix != Fix.SINGLE)]
         return cls(
             epochs=len(track),
@@ -84,6 +84,6 @@ class Continuity:
             gaps=len(wide),
             longest_gap_s=float(steps[wide].max()) if len(wide) else 0.0,
             all_gaps_s=float(steps[wide].sum()),
-            gap_list=tuple(Gap(float(track.t_s[k]), float(steps[k])) for k in listed.tolist()),
+            gap_list=tuple(LogGap(float(track.t_s[k]), float(steps[k])) for k in listed.tolist()),
             age=Age(len(age), *(float(v) for v in (*np.quantile(age, (0.5, 0.95)), age.max()))) if len(age) else None,
         )

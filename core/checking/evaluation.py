@@ -8,15 +8,26 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.checking.constant_offsets import offset_notices
 from furrowmap.core.checking.continuity import Continuity
-from furrowmap.core.checking.matching import Matched, match
-from furrowmap.core.checking.statistics import Table, outliers, table, time_ahead_s, within_sigmas
+from furrowmap.core.checking.matching import MatchedEpochs, match
+from furrowmap.core.checking.statistics import ErrorTable, outliers, table, time_ahead_s, within_sigmas
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.values.compass import compass_direction
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
-FEW: Final = 30
+MIN_EPOCHS: Final = 30
 """Fewer epochs than this raise a notice."""
+MAX_SAME_PLACE_M: Final = 100.0
+"""A median distance beyond this means that the two logs are of different places."""
+MIN_CONSTANT_OFFSET_M: Final = 0.05
+CONSTANT_SIGMAS: Final = 3.0
+"""A mean this many times its standard deviation counts as constant."""
+MIN_GEOID_OFFSET_M: Final = 5.0
+"""A larger constant difference in height is that of a geoid."""
+_BY_EPOCH: Final = (
+    *("t_s", "error_m", "along_m", "across_m", "speed_mps", "test_m", "reference_m", "epoch"),
+    *("reference_fix", "interpolated"),
+)
 
 
 @dataclass(frozen=True)
@@ -48,11 +59,11 @@ class Evaluation:
     service: str
     reference_service: str
     antenna_offset_m: tuple[float, float, float]
-    matched: Matched
+    matched: MatchedEpochs
     fix: NDArray[np.int8]
     lon_deg: NDArray[np.float64]
     lat_deg: NDArray[np.float64]
-    tables: dict[str, Table]
+    tables: dict[str, ErrorTable]
     outlier: NDArray[np.bool_]
     sigma_m: NDArray[np.float64]
     age_s: NDArray[np.float64]
@@ -93,12 +104,17 @@ def evaluate(
     left_out = int(np.sum(~kept))
     if not kept.any():
         raise InputError("nothing-to-compare.unmatched", source=test.source, unfixed=left_out > 0)
-    found = _part(found, kept)
+    arrays = {name: value[kept] for name, value in vars(found).items() if name in _BY_EPOCH}
+    found = replace(found, **arrays)
     fix, error = test.fix[found.epoch], found.error_m
     outlier = outliers(error, fix)
     # Errors of poor fixes drift and would be taken for a clock offset.
     steady = ~outlier & ((fix == Fix.FIXED) | ~np.any(fix == Fix.FIXED))
     sigma = np.column_stack([test.sigma_e_m, test.sigma_n_m, test.sigma_h_m])[found.epoch]
+    tables = {"all": table(found.error_m, found.along_m, found.across_m)}
+    for kind in np.unique(fix).tolist():
+        mine = fix == kind
+        tables[Fix(kind).label] = table(found.error_m[mine], found.along_m[mine], found.across_m[mine])
     return Evaluation(
         test=test.source,
         reference=reference.source,
@@ -109,39 +125,22 @@ def evaluate(
         fix=fix,
         lon_deg=test.lon_deg[found.epoch],
         lat_deg=test.lat_deg[found.epoch],
-        tables=_tables(found, fix),
+        tables=tables,
         outlier=outlier,
         sigma_m=sigma,
         age_s=test.age_s[found.epoch],
         within_sigmas=within_sigmas(error, sigma),
         time_ahead_s=time_ahead_s(found.along_m[steady], found.speed_mps[steady]),
-        continuity=Continuity.of(test),
-        reference_share_by_fix=_share_by_fix(found.reference_fix),
+        continuity=Continuity.from_track(test),
+        reference_share_by_fix={
+            Fix(kind).label: float(np.mean(found.reference_fix == kind)) for kind in np.unique(found.reference_fix)
+        },
         left_out_by_reference_fix=left_out,
         notices=tuple(_notices(test, reference, found, certain[kept])),
     )
 
 
-def _tables(found: Matched, fix: NDArray[np.int8]) -> dict[str, Table]:
-    tables = {"all": table(found.error_m, found.along_m, found.across_m)}
-    for kind in np.unique(fix).tolist():
-        mine = fix == kind
-        tables[Fix(kind).label] = table(found.error_m[mine], found.along_m[mine], found.across_m[mine])
-    return tables
-
-
-def _share_by_fix(fix: NDArray[np.int8]) -> dict[str, float]:
-    return {Fix(kind).label: float(np.mean(fix == kind)) for kind in np.unique(fix)}
-
-
-def _part(found: Matched, kept: NDArray[np.bool_]) -> Matched:
-    """The epochs to keep."""
-    arrays = ("t_s", "error_m", "along_m", "across_m", "speed_mps", "test_m", "reference_m", "epoch")
-    more = ("reference_fix", "interpolated")
-    return replace(found, **{name: getattr(found, name)[kept] for name in (*arrays, *more)})
-
-
-def _notices(test: GnssTrack, reference: GnssTrack, found: Matched, certain: NDArray[np.bool_]) -> list[Notice]:
+def _notices(test: GnssTrack, reference: GnssTrack, found: MatchedEpochs, certain: NDArray[np.bool_]) -> list[Notice]:
     notices = []
     if not certain.all():
         notices.append(Notice("reference-not-fixed", source=reference.source, certain=np.mean(~certain)))
@@ -159,7 +158,7 @@ def _notices(test: GnssTrack, reference: GnssTrack, found: Matched, certain: NDA
                 error_m=error_m,
             )
         )
-    if len(found) < FEW:
+    if len(found) < MIN_EPOCHS:
         notices.append(Notice("few-epochs", found=len(found)))
     notices += offset_notices(found.error_m, test.source, reference.source)
     covered = len(found) / len(test)
@@ -167,4 +166,29 @@ def _notices(test: GnssTrack, reference: GnssTrack, found: Matched, certain: NDA
         notices.append(
             Notice("half-compared", covered=covered, source=test.source, outside=found.outside, in_gaps=found.in_gaps)
         )
+    return notices
+
+
+FloatArray = NDArray[np.float64]
+
+
+def offset_notices(error_m: FloatArray, test: str, reference: str) -> list[Notice]:
+    """Notices about constant parts of differences (n, 3) east, north and up; heights may be nan."""
+    horizontal = error_m[:, :2]
+    distance = float(np.median(np.hypot(*horizontal.T)))
+    if distance > MAX_SAME_PLACE_M:
+        return [Notice("not-the-same-place", test=test, distance=distance, reference=reference)]
+    if not error_m[np.isfinite(error_m)].any():
+        return [Notice("same-positions", test=test, reference=reference)]
+    notices = []
+    east, north = horizontal.mean(axis=0)
+    length, scatter = float(np.hypot(east, north)), float(np.hypot(*horizontal.std(axis=0)))
+    if length > max(MIN_CONSTANT_OFFSET_M, CONSTANT_SIGMAS * scatter):
+        way = compass_direction(float(east), float(north))
+        notices.append(
+            Notice("constant-offset", test=test, length=length, way=way, reference=reference, scatter=scatter)
+        )
+    up = error_m[np.isfinite(error_m[:, 2]), 2]
+    if len(up) and abs(up.mean()) > max(MIN_GEOID_OFFSET_M, CONSTANT_SIGMAS * up.std()):
+        notices.append(Notice("heights-apart", test=test, reference=reference, up=up.mean()))
     return notices

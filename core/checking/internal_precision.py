@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 SwathKey = Literal["times", "sources", "nothing"]
 
-APART_S: Final = 20.0
+MIN_VISIT_GAP_S: Final = 20.0
 """A place not seen for this long is seen again by another swath."""
-LIMITS: Final = {"within_swath_max_m": 0.60, "between_swath_m": 0.80, "between_swath_max_m": 1.60}
+CLASS_SHARES: Final = {"within_swath_max_m": 0.60, "between_swath_m": 0.80, "between_swath_max_m": 1.60}
 """Limit of each figure as a share of the RMSE of a class."""
 
 
@@ -42,7 +42,7 @@ class SwathHeights:
         return [a - b for i, a in enumerate(heights) for b in heights[:i]]
 
 
-UNSEEN: Final = SwathHeights()
+NO_SWATHS: Final = SwathHeights()
 """A place that no swath covers."""
 
 
@@ -66,7 +66,7 @@ class InternalPrecision:
     swath_key: SwathKey
 
     @classmethod
-    def of(cls, places: Iterable[SwathHeights], swath_key: SwathKey) -> InternalPrecision:
+    def over_places(cls, places: Iterable[SwathHeights], swath_key: SwathKey) -> InternalPrecision:
         """Over all places; nan where nothing separates the swaths."""
         seen = list(places) if swath_key != "nothing" else []
         spread = np.array([place.spread_m for place in seen])
@@ -84,7 +84,7 @@ class InternalPrecision:
     def verdicts(self, class_m: float) -> dict[str, dict[str, Any]]:
         """Each figure against its limit for a vertical accuracy class; `met` is None where unknown."""
         out: dict[str, dict[str, Any]] = {}
-        for name, share in LIMITS.items():
+        for name, share in CLASS_SHARES.items():
             found, limit = float(getattr(self, name)), share * class_m
             known = bool(np.isfinite(found))
             out[name] = {
@@ -115,9 +115,14 @@ def swath_numbers(
     number = np.zeros(len(source), np.int64)
     if swath_key == "times" and t_s is not None and len(t_s):
         order = np.argsort(t_s)
-        visit = np.cumsum(np.diff(t_s[order], prepend=t_s[order[0]]) > APART_S)
+        visit = np.cumsum(np.diff(t_s[order], prepend=t_s[order[0]]) > MIN_VISIT_GAP_S)
         number[order] = visit
     return number if own else number + (source.astype(np.int64) << 32)
+
+
+def rounded(value: float | None, digits: int) -> float | None:
+    """A number for JSON; None where it is unknown."""
+    return round(float(value), digits) if value is not None and np.isfinite(value) else None
 
 
 def _rms(values: FloatArray) -> float:

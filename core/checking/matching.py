@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.facts import GAP_INTERVALS
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.earth import earth_centred_m, east_north_up
@@ -21,23 +22,22 @@ FloatArray = NDArray[np.float64]
 
 EQUAL_S: Final = 1e-6
 """Times closer than this are equal."""
-BEYOND_S: Final = 1e-3
+MAX_EXTRAPOLATION_S: Final = 1e-3
 """A reference is extrapolated by this much at both ends, as stamps are rounded to milliseconds."""
-GAP_INTERVALS: Final = 1.5
-MOVING_MPS: Final = 0.5
+MIN_MOVING_MPS: Final = 0.5
 """Below this speed positions give no direction of travel."""
 BASELINE_S: Final = 0.5
 """Direction of travel is that between the positions this long before and after."""
 
 
 @dataclass(frozen=True)
-class Matched:
+class MatchedEpochs:
     """The n epochs of a test that a reference covers.
 
     Attributes:
         t_s: (n,) UTC.
         error_m: (n, 3) test minus reference: east, north, up; up is nan where either height is unknown.
-        along_m: (n,) horizontal error in the direction of travel; nan below :data:`MOVING_MPS`.
+        along_m: (n,) horizontal error in the direction of travel; nan below :data:`MIN_MOVING_MPS`.
         across_m: (n,) to the left of it.
         speed_mps: (n,) of the reference.
         test_m: (n, 3) test positions, east, north, up of the first matched reference position.
@@ -100,7 +100,7 @@ def match(
     *,
     antenna_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
     max_gap_s: float | None = None,
-) -> Matched:
+) -> MatchedEpochs:
     """Pair the epochs of a test with a reference.
 
     Args:
@@ -127,7 +127,7 @@ def match(
     velocity = np.einsum("nij,nj->ni", turn, curve.velocity(t_s))
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     with np.errstate(invalid="ignore", divide="ignore"):
-        ahead = np.where((speed >= MOVING_MPS)[:, None], velocity[:, :2] / speed[:, None], np.nan)
+        ahead = np.where((speed >= MIN_MOVING_MPS)[:, None], velocity[:, :2] / speed[:, None], np.nan)
     offset = _offset(antenna_offset_m, ahead, test, reference, t_s)
     epoch = np.flatnonzero(covered)
     place = place + np.einsum("nji,nj->ni", turn, np.nan_to_num(offset))
@@ -136,7 +136,7 @@ def match(
     error[~heights, 2] = np.nan
     kept = np.isfinite(offset).all(axis=1)
     local = east_north_up(*_directions(reference, t_s[:1]))[0]
-    return Matched(
+    return MatchedEpochs(
         t_s=t_s[kept],
         error_m=error[kept],
         along_m=np.sum(error[kept, :2] * ahead[kept], axis=1),
@@ -230,7 +230,7 @@ class _Curve:
 
     def covers(self, t_s: FloatArray) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which times lie within an interval that is no gap; and which lie within the time span at all."""
-        near = np.abs(_nearest(self.t_s, t_s) - t_s) <= BEYOND_S
+        near = np.abs(_nearest(self.t_s, t_s) - t_s) <= MAX_EXTRAPOLATION_S
         inside = near | ((t_s >= self.t_s[0]) & (t_s <= self.t_s[-1]))
         if len(self.t_s) < 2:
             return near, near
@@ -287,8 +287,8 @@ class _Curve:
         """Fix type of the epoch at each time; between two epochs, the one that is not FIXED."""
         k = self._step(t_s)
         behind = np.minimum(k + 1, len(fix) - 1)
-        at_first = np.abs(t_s - self.t_s[k]) <= BEYOND_S
-        at_second = np.abs(self.t_s[behind] - t_s) <= BEYOND_S
+        at_first = np.abs(t_s - self.t_s[k]) <= MAX_EXTRAPOLATION_S
+        at_second = np.abs(self.t_s[behind] - t_s) <= MAX_EXTRAPOLATION_S
         around = np.where(fix[k] != Fix.FIXED, fix[k], fix[behind])
         found: NDArray[np.int8] = np.where(at_first, fix[k], np.where(at_second, fix[behind], around)).astype(np.int8)
         return found

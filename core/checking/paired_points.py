@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -12,6 +12,7 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
+from furrowmap.core.checking.internal_precision import rounded
 from furrowmap.core.checking.point_check import PointCheck
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, in_degrees, read_points, survey_of
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -19,7 +20,7 @@ from furrowmap.core.runtime.errors import InputError, Notice
 FloatArray = NDArray[np.float64]
 
 AXES: Final = ("x", "y", "z")
-COLUMNS: Final = (
+PAIR_COLUMNS: Final = (
     "name", *(f"measured_{axis}_m" for axis in AXES), *(f"surveyed_{axis}_m" for axis in AXES),
     *(f"difference_{axis}_m" for axis in AXES),
 )  # fmt: skip
@@ -64,7 +65,7 @@ class PairedPoints:
         """A row a point; None where something was not measured."""
         numbers = np.column_stack([self.measured_m, self.surveyed_m, self.difference_m])
         return [
-            dict(zip(COLUMNS, (name, *map(_known, row)), strict=True))
+            dict(zip(PAIR_COLUMNS, (name, *_rounded(row)), strict=True))
             for name, row in zip(self.name, numbers.tolist(), strict=True)
         ]
 
@@ -73,8 +74,8 @@ class PairedPoints:
         count = np.isfinite(self.difference_m).sum(axis=0).tolist()
         return {
             "pairs": dict(zip(AXES, count, strict=True)),
-            "mean_m": dict(zip(AXES, map(_known, self.mean_m.tolist()), strict=True)),
-            "rms_m": dict(zip(AXES, map(_known, self.rms_m.tolist()), strict=True)),
+            "mean_m": dict(zip(AXES, _rounded(self.mean_m), strict=True)),
+            "rms_m": dict(zip(AXES, _rounded(self.rms_m), strict=True)),
             "points": self.rows(),
             "unpaired": list(self.unpaired),
         }
@@ -85,7 +86,7 @@ class PairedPoints:
         horizontal = float(np.hypot(east, north))
         values = (up, horizontal, float(np.hypot(horizontal, up)))
         names = ("rmse_vertical_m", "rmse_horizontal_m", "rmse_3d_m")
-        return dict(zip(names, map(_known, values), strict=True))
+        return dict(zip(names, _rounded(values), strict=True))
 
     def _over_points(self, values: FloatArray) -> FloatArray:
         known = np.isfinite(values)
@@ -153,5 +154,5 @@ def pairs_of_product(points: Sequence[PointCheck], notices: tuple[Notice, ...]) 
     )
 
 
-def _known(value: float) -> float | None:
-    return round(value, 4) if np.isfinite(value) else None
+def _rounded(values: Iterable[float]) -> list[float | None]:
+    return [rounded(value, 4) for value in values]

@@ -9,14 +9,14 @@ import numpy as np
 import pyproj
 from numpy.typing import NDArray
 
-from furrowmap.core.checking.internal_precision import UNSEEN, SwathHeights, SwathKey
+from furrowmap.core.checking.internal_precision import NO_SWATHS, SwathHeights, SwathKey, rounded
 from furrowmap.core.readers.surveyed_points import SurveyedPoints
 from furrowmap.core.runtime.errors import Notice
 
 FloatArray = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 """West, south, east, north."""
-COLUMNS: Final = (
+CHECK_COLUMNS: Final = (
     "name", "e_m", "n_m", "h_m", "error_e_m", "error_n_m", "error_h_m", "returns", "slope", "spread_m", "swaths",
     "why_not",
 )  # fmt: skip
@@ -40,7 +40,7 @@ class PointCheck:
     found_m: tuple[float, float, float]
     returns: int = 0
     slope: float = float("nan")
-    swaths: SwathHeights = UNSEEN
+    swaths: SwathHeights = NO_SWATHS
     why_not: str = ""
 
     @property
@@ -50,12 +50,12 @@ class PointCheck:
 
     def row(self) -> dict[str, Any]:
         """The point as a row of a table; None where something is unknown."""
-        error = [_known(value, 4) for value in self.error_m.tolist()]
+        error = [rounded(value, 4) for value in self.error_m.tolist()]
         values = (
-            self.name, *(round(value, 4) for value in self.surveyed_m), *error, self.returns, _known(self.slope, 3),
-            _known(self.swaths.spread_m, 4), len(self.swaths.height_m), self.why_not,
+            self.name, *(round(value, 4) for value in self.surveyed_m), *error, self.returns, rounded(self.slope, 3),
+            rounded(self.swaths.spread_m, 4), len(self.swaths.height_m), self.why_not,
         )  # fmt: skip
-        return dict(zip(COLUMNS, values, strict=True))
+        return dict(zip(CHECK_COLUMNS, values, strict=True))
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,3 @@ class ProductAtPoints:
 def three(xyz: FloatArray) -> tuple[float, float, float]:
     """Coordinates (3,) as a tuple."""
     return float(xyz[0]), float(xyz[1]), float(xyz[2])
-
-
-def _known(value: float, digits: int) -> float | None:
-    return round(value, digits) if np.isfinite(value) else None

@@ -12,11 +12,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.checking.internal_precision import InternalPrecision
+from furrowmap.core.checking.internal_precision import InternalPrecision, rounded
 
 FloatArray = NDArray[np.float64]
 
-FEWEST: Final = 30
+MIN_CHECK_POINTS: Final = 30
 """Edition 2's minimum of check points for a statement of accuracy."""
 BIAS_SHARE: Final = 0.25
 """A mean error above this share of the RMSE is a bias."""
@@ -46,7 +46,7 @@ class Component:
     greatest_m: float
 
     @classmethod
-    def of(cls, error_m: FloatArray, survey_sigma_m: FloatArray) -> Component:
+    def from_errors(cls, error_m: FloatArray, survey_sigma_m: FloatArray) -> Component:
         """From errors (n,), n at least 1, and standard deviations of the survey (n,), nan where unstated."""
         known = survey_sigma_m[np.isfinite(survey_sigma_m)]
         survey = float(np.sqrt(np.mean(known**2))) if len(known) else float("nan")
@@ -72,7 +72,7 @@ class Component:
 
     def plain(self) -> dict[str, Any]:
         """For JSON; null where unknown."""
-        return {name: value if isinstance(value, int) else _rounded(value) for name, value in vars(self).items()}
+        return {name: value if isinstance(value, int) else rounded(value, 5) for name, value in vars(self).items()}
 
 
 @dataclass(frozen=True)
@@ -109,17 +109,13 @@ class Accuracy:
         parts = {"vertical": self.vertical, "easting": self.easting, "northing": self.northing}
         return {
             **{name: part.plain() if part is not None else None for name, part in parts.items()},
-            "rmse_vertical_m": _rounded(self.vertical.rmse_m) if self.vertical is not None else None,
-            "rmse_horizontal_m": _rounded(self.horizontal_m),
-            "rmse_3d_m": _rounded(self.spatial_m),
-            "within_swath_m": _rounded(self.precision.within_swath_m),
-            "within_swath_max_m": _rounded(self.precision.within_swath_max_m),
-            "between_swath_m": _rounded(self.precision.between_swath_m),
-            "between_swath_max_m": _rounded(self.precision.between_swath_max_m),
+            "rmse_vertical_m": rounded(self.vertical.rmse_m, 5) if self.vertical is not None else None,
+            "rmse_horizontal_m": rounded(self.horizontal_m, 5),
+            "rmse_3d_m": rounded(self.spatial_m, 5),
+            "within_swath_m": rounded(self.precision.within_swath_m, 5),
+            "within_swath_max_m": rounded(self.precision.within_swath_max_m, 5),
+            "between_swath_m": rounded(self.precision.between_swath_m, 5),
+            "between_swath_max_m": rounded(self.precision.between_swath_max_m, 5),
             "swath_pairs": self.precision.swath_pairs,
             "swaths_told_by": self.precision.swath_key,
         }
-
-
-def _rounded(value: float | None) -> float | None:
-    return round(float(value), 5) if value is not None and np.isfinite(value) else None

@@ -16,11 +16,10 @@ from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions, o
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.pose_track import PoseTrack
 
-PLACE: Final = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*,\s*([-+]?\d+(?:\.\d*)?)\s*,\s*([-+]?\d+(?:\.\d*)?)\s*")
+PLACE_PATTERN: Final = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*,\s*([-+]?\d+(?:\.\d*)?)\s*,\s*([-+]?\d+(?:\.\d*)?)\s*")
 """LAT,LON,HEIGHT of a stationary antenna."""
-NUMBERS: Final = re.compile(r"[-+\d.,;\s]+")
+PLACE_CHARACTERS: Final = re.compile(r"[-+\d.,;\s]+")
 """A reference of these characters only is meant as a place."""
 
 
@@ -82,9 +81,9 @@ def evaluate_logs(
 
 def _place(text: str) -> tuple[float, float, float] | None:
     """Latitude, longitude and height; None where the text is not meant to be a place."""
-    if not NUMBERS.fullmatch(text):
+    if not PLACE_CHARACTERS.fullmatch(text):
         return None
-    found = PLACE.fullmatch(text)
+    found = PLACE_PATTERN.fullmatch(text)
     if found is None:
         raise InputError("bad-place", text=text)
     lat, lon, height = (float(number) for number in found.groups())
@@ -106,23 +105,23 @@ def _track(paths: Sequence[Path], options: ReadOptions) -> tuple[GnssTrack, list
     if isinstance(reader, GivesTrack):
         return reader.track(), reader.notices
     if isinstance(reader, GivesPoses):
-        return _of_poses(reader.poses()), reader.notices
+        poses = reader.poses()
+        if poses.projected:
+            raise InputError("trajectory-projected", source=poses.source)
+        lon_deg, lat_deg, height_m = poses.position.T
+        sigma_e_m, sigma_n_m, sigma_h_m = poses.sigma[:, :3].T
+        track = GnssTrack.build(
+            poses.t_s,
+            source=poses.source,
+            service="",
+            lon_deg=lon_deg,
+            lat_deg=lat_deg,
+            height_m=height_m,
+            fix=np.full(len(poses), Fix.MANUAL, np.int8),
+            sigma_e_m=sigma_e_m,
+            sigma_n_m=sigma_n_m,
+            sigma_h_m=sigma_h_m,
+            heading_deg=poses.heading_deg % 360.0,
+        )
+        return track, reader.notices
     raise InputError("no-positions", paths=paths[0], title=reader.title)
-
-
-def _of_poses(poses: PoseTrack) -> GnssTrack:
-    if poses.projected:
-        raise InputError("trajectory-projected", source=poses.source)
-    return GnssTrack.build(
-        poses.t_s,
-        source=poses.source,
-        service="",
-        lon_deg=poses.position[:, 0],
-        lat_deg=poses.position[:, 1],
-        height_m=poses.position[:, 2],
-        fix=np.full(len(poses), Fix.MANUAL, np.int8),
-        sigma_e_m=poses.sigma[:, 0],
-        sigma_n_m=poses.sigma[:, 1],
-        sigma_h_m=poses.sigma[:, 2],
-        heading_deg=poses.heading_deg % 360.0,
-    )

@@ -31,14 +31,14 @@ DEFINITIONS: Final = {
     "kind of fix (Iglewicz and Hoaglin 1993)",
 }
 QUANTILES: Final = (0.50, 0.68, 0.90, 0.95, 0.99)
-OUTLIER: Final = 3.5
+OUTLIER_MADS: Final = 3.5
 MAD_TO_SIGMA: Final = 1.4826
-LEAST_SPREAD_M: Final = 1e-3
+MIN_SPREAD_M: Final = 1e-3
 """Least spread for outlier detection: below it differences are rounding."""
 
 
 @dataclass(frozen=True)
-class Row:
+class ErrorStatistics:
     """Statistics of one quantity.
 
     Attributes:
@@ -56,7 +56,7 @@ class Row:
     greatest_m: float
 
     @classmethod
-    def of(cls, values: FloatArray) -> Row:
+    def from_values(cls, values: FloatArray) -> ErrorStatistics:
         """Of the values (n,) that are known."""
         known = values[np.isfinite(values)]
         if not len(known):
@@ -73,19 +73,19 @@ class Row:
         )
 
 
-Table = dict[str, Row]
+ErrorTable = dict[str, ErrorStatistics]
 
 
-def table(error_m: FloatArray, along_m: FloatArray, across_m: FloatArray) -> Table:
+def table(error_m: FloatArray, along_m: FloatArray, across_m: FloatArray) -> ErrorTable:
     """Statistics of errors (n, 3) and of their components along and across the track (n,)."""
     return {
-        "3D": Row.of(np.sqrt(np.sum(error_m**2, axis=1))),
-        "2D": Row.of(np.hypot(error_m[:, 0], error_m[:, 1])),
-        "X": Row.of(error_m[:, 0]),
-        "Y": Row.of(error_m[:, 1]),
-        "Z": Row.of(error_m[:, 2]),
-        "along": Row.of(along_m),
-        "across": Row.of(across_m),
+        "3D": ErrorStatistics.from_values(np.sqrt(np.sum(error_m**2, axis=1))),
+        "2D": ErrorStatistics.from_values(np.hypot(error_m[:, 0], error_m[:, 1])),
+        "X": ErrorStatistics.from_values(error_m[:, 0]),
+        "Y": ErrorStatistics.from_values(error_m[:, 1]),
+        "Z": ErrorStatistics.from_values(error_m[:, 2]),
+        "along": ErrorStatistics.from_values(along_m),
+        "across": ErrorStatistics.from_values(across_m),
     }
 
 
@@ -100,8 +100,8 @@ def outliers(error_m: FloatArray, kind: NDArray[np.int8]) -> NDArray[np.bool_]:
             if known.sum() < 3:
                 continue
             away = np.abs(values - np.median(values[known]))
-            spread_m = max(MAD_TO_SIGMA * float(np.median(away[known])), LEAST_SPREAD_M)
-            found[mine[known & (away > OUTLIER * spread_m)]] = True
+            spread_m = max(MAD_TO_SIGMA * float(np.median(away[known])), MIN_SPREAD_M)
+            found[mine[known & (away > OUTLIER_MADS * spread_m)]] = True
     return found
 
 

@@ -11,10 +11,10 @@ FloatArray = NDArray[np.float64]
 
 STEP_SHARE: Final = 0.15
 """Spacing of the search grid, in disc diameters."""
-FEWEST_RETURNS: Final = 8
-SURE: Final = 6.0
+MIN_DISC_RETURNS: Final = 8
+MIN_CONTRAST_ERRORS: Final = 6.0
 """Least contrast of a disc, in standard errors from the variation of the ground."""
-CONTRAST: Final = 2.0
+MIN_CONTRAST_SIGMAS: Final = 2.0
 """And in standard deviations of the brightness of the ground."""
 FINE_SHARE: Final = 0.6
 FINE_STEPS: Final = 61
@@ -35,7 +35,7 @@ def find_disc(xy_m: FloatArray, brightness: FloatArray, diameter_m: float, searc
     steps = np.arange(-search_m, search_m + 1e-9, STEP_SHARE * diameter_m)
     places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     places = places[np.hypot(*places.T) <= search_m]
-    best, surest = None, SURE
+    best, surest = None, MIN_CONTRAST_ERRORS
     for place in places:
         contrast = _contrast(np.hypot(*(xy_m - place).T), brightness, radius)
         if contrast is not None and abs(contrast) > surest:
@@ -47,11 +47,11 @@ def _contrast(distance_m: FloatArray, brightness: FloatArray, radius_m: float) -
     """Difference of the means of disc and ring in standard errors; None with too few returns or too little contrast."""
     inside = brightness[distance_m < 0.9 * radius_m]
     around = brightness[(distance_m > 1.1 * radius_m) & (distance_m < 2.0 * radius_m)]
-    if min(len(inside), len(around)) < FEWEST_RETURNS:
+    if min(len(inside), len(around)) < MIN_DISC_RETURNS:
         return None
     difference = float(inside.mean() - around.mean())
     uneven = float(around.std()) + 1e-9 * (1.0 + abs(float(around.mean())))
-    if abs(difference) < CONTRAST * uneven:
+    if abs(difference) < MIN_CONTRAST_SIGMAS * uneven:
         return None
     return difference / (uneven * float(np.sqrt(1.0 / len(inside) + 1.0 / len(around))))
 

@@ -17,11 +17,11 @@ FLETCHER, CRC = 0, 1
 """Checksums: Fletcher's of 8 bits (RFC 1145), which ends a frame and covers all behind its synchronisation; CRC-CCITT
 (polynomial 1021 hexadecimal, initial value 0), which follows the synchronisation and covers all behind itself."""
 _POLYNOMIAL: Final = 0x1021
-_LONGEST: Final = 1 << 15
+_MAX_CRC_BYTES: Final = 1 << 15
 """Bytes that a CRC covers at most, in any framing."""
 _RTCM: Final = 0xD3
 """First byte of a message of RTCM 3: six zero bits, ten bits of length, the content and three bytes of CRC follow."""
-_LONGEST_RTCM: Final = 1029
+_MAX_RTCM_BYTES: Final = 1029
 
 
 class Framing(NamedTuple):
@@ -100,7 +100,7 @@ def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True)
     begins = at - framing.content_at
     ends = begins + framing.extra + length
     behind = int(ends[-1]) if n else 0
-    if not last and used - behind < _LONGEST_RTCM:
+    if not last and used - behind < _MAX_RTCM_BYTES:
         used = behind  # the next piece may complete an RTCM message
     foreign = _foreign(data, np.append(0, ends), np.append(begins, max(used, behind)))
     return FoundFrames(kind, at, length, bad, cut, int((ends - begins).sum()), foreign, used)
@@ -227,9 +227,9 @@ def _running_crc(data: Any, table: Any) -> Any:
 @njit(cache=True, nogil=True)
 def _crc_shift(table: Any) -> Any:
     """X to the power of 8 n modulo the polynomial, for each n up to the longest frame: appends n bytes to a CRC."""
-    shift = np.zeros(_LONGEST + 1, np.int64)
+    shift = np.zeros(_MAX_CRC_BYTES + 1, np.int64)
     shift[0] = 1
-    for n in range(_LONGEST):
+    for n in range(_MAX_CRC_BYTES):
         shift[n + 1] = ((shift[n] << 8) & 0xFFFF) ^ table[shift[n] >> 8]
     return shift
 

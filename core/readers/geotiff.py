@@ -13,7 +13,7 @@ from pyproj.exceptions import CRSError, ProjError
 from furrowmap.core.runtime.allowances import expect_memory
 from furrowmap.core.runtime.errors import InputError
 
-HEIGHT_BAND: Final = "height"
+HEIGHT_BAND_NAME: Final = "height"
 """Name of the first band of furrowmap's surfaces, and of none of its other rasters."""
 
 
@@ -56,5 +56,5 @@ def expect_heights(raster: Any, path: Path, unusable: Callable[[Path, str], Inpu
     if raster.crs is None:
         raise unusable(path, "has no CRS")
     band = raster.descriptions[0]
-    if raster.tags().get("TIFFTAG_SOFTWARE", "").startswith("furrowmap") and band != HEIGHT_BAND:
+    if raster.tags().get("TIFFTAG_SOFTWARE", "").startswith("furrowmap") and band != HEIGHT_BAND_NAME:
         raise unusable(path, f"holds {band!r} and no heights above a datum")

@@ -234,7 +234,7 @@ class Recognised:
         return self.open(options).inspect()
 
     @classmethod
-    def of(cls, path: Path) -> Self:
+    def by_content(cls, path: Path) -> Self:
         """The reader of a file.
 
         Raises:
@@ -253,7 +253,7 @@ def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
     Raises:
         InputError: if the format of a file is unknown, or the files differ in format.
     """
-    found = [Recognised.of(path) for path in paths]
+    found = [Recognised.by_content(path) for path in paths]
     for other in found[1:]:
         if other.reader is not found[0].reader:
             raise InputError(

@@ -18,7 +18,7 @@ from furrowmap.core.values.clock import LAST_S, iso_utc
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 MAX_STATES_BYTES: Final = 50_000_000
-_STATES: Final = {state.label: state for state in ToolState}
+_STATE_WORDS: Final = {state.label: state for state in ToolState}
 
 
 class StatesCsv(FileReader):
@@ -97,7 +97,7 @@ def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState,
         # No state is the beginning of another, so a row that ends with one is complete.
         names, separator = split_header(lines[0] if lines else last)
         cells = [cell.strip('" ').lower() for cell in last.decode("utf-8", "replace").split(separator)]
-        if fault or not ((len(cells) == len(names) and cells[-1] in _STATES) or is_whole(last, lines[1:])):
+        if fault or not ((len(cells) == len(names) and cells[-1] in _STATE_WORDS) or is_whole(last, lines[1:])):
             notices.append(Notice("last-line-cut", path=path))
             data = b"\n".join(lines)
     for number, row in text_rows(data)[1]:
@@ -105,14 +105,14 @@ def _rows(path: Path, notices: list[Notice]) -> Iterator[tuple[float, ToolState,
             continue
         where = f"{path}, line {number}"
         word = row.get("state", "").lower()
-        if word not in _STATES:
+        if word not in _STATE_WORDS:
             raise _bad(f"{where}: the state is {word[:40]!r}")
         sigma_s = _number(row, "sigma_s", where, math.nan)
         confidence, common = (
             min(max(_number(row, name, where, default), 0.0), 1.0)
             for name, default in (("confidence", 1.0), ("common_share", 0.0))
         )
-        yield _time_s(row, where), _STATES[word], sigma_s, confidence, common, where
+        yield _time_s(row, where), _STATE_WORDS[word], sigma_s, confidence, common, where
 
 
 def _time_s(row: dict[str, str], where: str) -> float:

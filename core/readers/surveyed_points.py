@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.areas.area import nothing_within, read_area
+from furrowmap.core.readers.areas.polygon_file import horizontal_part
 from furrowmap.core.readers.text_table import read_table
 from furrowmap.core.readers.vector_file import named_by_content
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
 FloatArray = NDArray[np.float64]
 
-LARGEST_BYTES: Final = 50_000_000
-_NAMES: Final = {
+MAX_SURVEY_BYTES: Final = 50_000_000
+_SURVEY_COLUMNS: Final = {
     "name": ("name", "id", "point", "point_id", "label", "点名"),
     "x": ("e_m", "easting", "e", "x", "east", "y座標", "lon_deg", "lon", "longitude"),
     "y": ("n_m", "northing", "n", "y", "north", "x座標", "lat_deg", "lat", "latitude"),
@@ -30,7 +31,7 @@ _NAMES: Final = {
     "sigma_h": ("sigma_h_m", "sigma_h", "sd_h"),
 }
 """Accepted column names, in any case, without units in brackets. X is the easting, unlike in Japanese surveying."""
-_DEGREES: Final = ("lon_deg", "lon", "longitude")
+_DEGREE_COLUMNS: Final = ("lon_deg", "lon", "longitude")
 
 
 @dataclass(frozen=True)
@@ -101,13 +102,13 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     """
     if not path.is_file():
         raise _unreadable(path, "is a folder" if path.is_dir() else "is not there")
-    if path.stat().st_size > LARGEST_BYTES:
+    if path.stat().st_size > MAX_SURVEY_BYTES:
         raise _unreadable(path, f"has {path.stat().st_size:,} bytes: too many for a survey")
     if path.read_bytes()[:16].startswith(b"SQLite format 3"):
         columns, stated = _from_geopackage(path)
     else:
         columns, degrees = _from_csv(path)
-        stated = _flat(target).geodetic_crs if degrees and crs is None else None
+        stated = horizontal_part(target).geodetic_crs if degrees and crs is None else None
     source = stated or crs or target
     xyz = np.column_stack([columns["x"], columns["y"], columns["h"]])
     whole = np.isfinite(xyz).all(axis=1)
@@ -118,7 +119,7 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     kept, sigma = np.flatnonzero(whole), np.column_stack([columns[f"sigma_{k}"] for k in "xyh"])[whole]
     names = tuple(str(columns["name"][k]) for k in kept)
     _expect_same_heights(path, source, target)
-    flat, wanted = _flat(source), _flat(target)
+    flat, wanted = horizontal_part(source), horizontal_part(target)
     if not flat.equals(wanted, ignore_axis_order=True):
         low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
         change = crs_change(flat, wanted, (float(low[0]), float(low[1]), float(high[0]), float(high[1])))
@@ -136,14 +137,14 @@ def in_degrees(path: Path) -> bool:
         table = read_table(path, partial(_unreadable, path))
     except (InputError, OSError):
         return False
-    return table.find(_NAMES["x"]) in _DEGREES
+    return table.find(_SURVEY_COLUMNS["x"]) in _DEGREE_COLUMNS
 
 
 def _from_csv(path: Path) -> tuple[dict[str, Any], bool]:
     """The columns, and whether they are longitudes and latitudes."""
     table = read_table(path, lambda why: _unreadable(path, f"is no table: {why}"))
-    found = {key: table.find(names) for key, names in _NAMES.items()}
-    missing = [_NAMES[key][0] for key in "xyh" if found[key] is None]
+    found = {key: table.find(names) for key, names in _SURVEY_COLUMNS.items()}
+    missing = [_SURVEY_COLUMNS[key][0] for key in "xyh" if found[key] is None]
     if missing:
         raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {table.names})")
     n = len(table.lines)
@@ -152,7 +153,7 @@ def _from_csv(path: Path) -> tuple[dict[str, Any], bool]:
         for key, column in found.items()
         if key != "name"
     }
-    name, degrees = found["name"], found["x"] in _DEGREES
+    name, degrees = found["name"], found["x"] in _DEGREE_COLUMNS
     columns["name"] = np.array(table.columns[name], object) if name is not None else np.arange(1, n + 1).astype(str)
     if not all(np.isfinite(columns[key]).any() for key in "xyh"):
         faults = [(column, table.first_fault(column)) for key in "xyh" if (column := found[key]) is not None]
@@ -181,7 +182,7 @@ def _from_geopackage(path: Path) -> tuple[dict[str, Any], pyproj.CRS | None]:
         raise _unreadable(path, "holds other geometries than points in its first layer")
     attributes = table.drop(columns=table.geometry.name)
     attributes.columns = [str(column).strip().casefold() for column in attributes.columns]
-    found = {key: next((n for n in names if n in attributes.columns), None) for key, names in _NAMES.items()}
+    found = {key: next((n for n in names if n in attributes.columns), None) for key, names in _SURVEY_COLUMNS.items()}
     columns = _columns(attributes, found)
     columns["x"], columns["y"] = shapely.get_x(shapes), shapely.get_y(shapes)
     z = shapely.get_z(shapes)
@@ -212,10 +213,6 @@ def _expect_same_heights(path: Path, source: pyproj.CRS, target: pyproj.CRS) -> 
     if None in kinds or kinds[0] == kinds[1]:
         return
     raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
-
-
-def _flat(crs: pyproj.CRS) -> pyproj.CRS:
-    return crs.sub_crs_list[0].to_2d() if crs.is_compound else crs.to_2d()
 
 
 def _unreadable(path: Path, why: str) -> InputError:

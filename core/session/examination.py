@@ -42,7 +42,7 @@ class Examined:
         Raises:
             InputError: if its format is unknown, or it cannot be read.
         """
-        reader = Recognised.of(path).open()
+        reader = Recognised.by_content(path).open()
         return cls(reader.inspect(), reader)
 
     @property

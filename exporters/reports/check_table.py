@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from furrowmap.core.checking.check import Check
-from furrowmap.core.checking.paired_points import COLUMNS as PAIR_COLUMNS
+from furrowmap.core.checking.paired_points import PAIR_COLUMNS as PAIR_COLUMNS
 from furrowmap.core.checking.paired_points import PairedPoints
-from furrowmap.core.checking.point_check import COLUMNS
+from furrowmap.core.checking.point_check import CHECK_COLUMNS
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.csv_cells import cell
 
@@ -21,7 +21,7 @@ def write_check_table(path: Path, check: Check) -> None:
     Raises:
         OSError: if it cannot be written.
     """
-    _write(path, COLUMNS, [point.row() for point in check.points])
+    _write(path, CHECK_COLUMNS, [point.row() for point in check.points])
 
 
 def write_pairs_table(path: Path, pairs: PairedPoints) -> None:

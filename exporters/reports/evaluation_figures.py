@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.checking.evaluation import Evaluation
-from furrowmap.core.checking.statistics import DEFINITIONS, QUANTILES, Row
+from furrowmap.core.checking.statistics import DEFINITIONS, QUANTILES, ErrorStatistics
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.files.csv_cells import cell
@@ -155,7 +155,7 @@ def _cell(value: float) -> str:
     return f"{value:.4f}" if math.isfinite(value) else ""
 
 
-def _row(row: Row) -> dict[str, Any]:
+def _row(row: ErrorStatistics) -> dict[str, Any]:
     return {
         "n": row.n,
         "average_m": _metres(row.average_m),

@@ -9,7 +9,7 @@ from typing import Final
 from zoneinfo import ZoneInfo
 
 from furrowmap.core.checking.evaluation import Evaluation
-from furrowmap.core.checking.statistics import DEFINITIONS, QUANTILES, Table
+from furrowmap.core.checking.statistics import DEFINITIONS, QUANTILES, ErrorTable
 from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
@@ -96,7 +96,7 @@ def _fix_name(kind: str) -> str:
     return kind.upper() if kind in ("ppp", "dgps", "pps") else kind.capitalize()
 
 
-def _statistics(rows: Table, names: Sequence[str], shares: Sequence[float], greatest: bool) -> Iterator[list[str]]:
+def _statistics(rows: ErrorTable, names: Sequence[str], shares: Sequence[float], greatest: bool) -> Iterator[list[str]]:
     """The rows of the table of the paper, with percentiles."""
     shown = [rows[name] for name in names]
     lines = {

@@ -20,7 +20,7 @@ from furrowmap.core.checking.continuity import Age, Continuity
 from furrowmap.core.checking.internal_precision import InternalPrecision
 from furrowmap.core.checking.paired_points import PairedPoints
 from furrowmap.core.checking.positional_accuracy import Accuracy, Component
-from furrowmap.core.checking.statistics import Row
+from furrowmap.core.checking.statistics import ErrorStatistics
 from furrowmap.core.values.machine import Calibrated, Machine, MachineCamera, MachineImplement, MachineImu
 from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.session import Antenna, Lidar
@@ -255,8 +255,10 @@ def test_response__tells_the_curve_and_the_analysis_of_each_flight() -> None:
     ]
 
 
-def statistics(base: float) -> Row:
-    return Row(12_345, base + 0.1, base + 0.2, base + 0.3, tuple(base + 0.01 * k for k in range(5)), base + 0.4)
+def statistics(base: float) -> ErrorStatistics:
+    return ErrorStatistics(
+        12_345, base + 0.1, base + 0.2, base + 0.3, tuple(base + 0.01 * k for k in range(5)), base + 0.4
+    )
 
 
 def log_of(first_by_fix_s: dict[str, float], age: Age | None) -> Continuity:
@@ -266,7 +268,7 @@ def log_of(first_by_fix_s: dict[str, float], age: Age | None) -> Continuity:
 
 def test_evaluation__tells_each_figure_under_its_name() -> None:
     table = {axis: statistics(k) for k, axis in enumerate(("3D", "2D", "X", "Y", "Z", "along"))}
-    table["across"] = Row(0, *[math.nan] * 3, (math.nan,) * 5, math.nan)
+    table["across"] = ErrorStatistics(0, *[math.nan] * 3, (math.nan,) * 5, math.nan)
     found: Any = SimpleNamespace(
         test="walk.pos", service="MADOCA", reference="base.pos", reference_service="", matched=range(12_345),
         tables={"all": table}, outlier=np.arange(8) == 3, within_sigmas={"1": 0.61, "2": 0.92, "3": 0.99},

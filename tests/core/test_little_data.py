@@ -9,7 +9,7 @@ import pytest
 import rasterio
 from pyproj import CRS
 
-from furrowmap.core.checking.local_plane import local_plane
+from furrowmap.core.checking.cloud_at_points import local_plane
 from furrowmap.core.checking.positional_accuracy import Component
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.geodesy.datum_guard import check_datum
@@ -32,9 +32,9 @@ def test_plane__of_returns_on_a_line_or_on_one_side_is_none() -> None:
 
 def test_bias__of_one_point_or_of_no_error_is_none() -> None:
     unstated = np.full(1, np.nan)
-    assert not Component.of(np.array([0.5]), unstated).biased
-    assert not Component.of(np.zeros(9), unstated).biased
-    assert Component.of(np.full(9, 0.5) + np.linspace(-0.1, 0.1, 9), unstated).biased
+    assert not Component.from_errors(np.array([0.5]), unstated).biased
+    assert not Component.from_errors(np.zeros(9), unstated).biased
+    assert Component.from_errors(np.full(9, 0.5) + np.linspace(-0.1, 0.1, 9), unstated).biased
 
 
 def test_jumps__of_fewer_than_seven_positions_are_not_looked_for() -> None:

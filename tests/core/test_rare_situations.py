@@ -272,7 +272,7 @@ def test_points__of_a_cloud_that_nothing_is_left_of(tmp_path: Path) -> None:
 
 def test_a_bag__of_a_folder_without_its_files(tmp_path: Path) -> None:
     (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information:\n  version: 5\n  relative_file_paths: []\n")
-    assert code_of(lambda: Recognised.of(tmp_path).inspect()) == "bag-folder-empty"
+    assert code_of(lambda: Recognised.by_content(tmp_path).inspect()) == "bag-folder-empty"
 
 
 def test_sbf__with_fixes_in_two_dimensions(tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def test_parameters__of_an_earthquake_are_told_by_their_columns(
 def test_files__too_large_for_what_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bounds are lowered, so that the files are small; the rule is the same."""
     monkeypatch.setattr(parameter_file, "LARGEST_BYTES", 60)
-    monkeypatch.setattr(surveyed_points, "LARGEST_BYTES", 60)
+    monkeypatch.setattr(surveyed_points, "MAX_SURVEY_BYTES", 60)
     monkeypatch.setattr(vector_file, "MAX_VECTOR_BYTES", 60)
     with refusal("parameters-unreadable", "it has [0-9,]+ bytes"):
         read_parameters(par(tmp_path, 16, COLUMNS, "54401205   0.10000   0.20000"))

@@ -56,7 +56,7 @@ def bags(folder: Path) -> list[dict[str, bytes]]:
 
 def read_bag(path: Path) -> None:
     """Images, camera and pixels, as a session with `camera.topic` does."""
-    reader: Any = Recognised.of(path).open()
+    reader: Any = Recognised.by_content(path).open()
     images = reader.images()
     for image in images.paths:
         try:

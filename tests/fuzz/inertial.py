@@ -29,7 +29,7 @@ def bag_seeds(folder: Path) -> list[Files]:
 
 def read_bag(path: Path) -> None:
     """All but scans, of which it has none."""
-    found = Recognised.of(path)
+    found = Recognised.by_content(path)
     json.dumps(plain(_value(found.inspect(OPTIONS))), allow_nan=False)
     reader = found.open(OPTIONS)
     for give in ("inertial", "track"):
@@ -56,7 +56,7 @@ def line_seeds(folder: Path) -> list[Files]:
 
 def read_line(path: Path) -> None:
     """The sweeps, and what `inspect` reports."""
-    found = Recognised.of(path)
+    found = Recognised.by_content(path)
     json.dumps(plain(_value(found.inspect(OPTIONS))), allow_nan=False)
     reader = found.open(OPTIONS)
     if hasattr(reader, "scans"):

@@ -29,7 +29,7 @@ OPTIONS = ReadOptions(date="2026-06-11", week=2422)
 
 def read_recording(path: Path) -> None:
     """Inspect a file as `furrowmap inspect` does, and read what it gives."""
-    found = Recognised.of(path)
+    found = Recognised.by_content(path)
     refused = None
     try:
         inspection = found.inspect(OPTIONS)

@@ -12,7 +12,7 @@ from pyproj.exceptions import CRSError
 
 from furrowmap.core.crops.plot_grid import plot_grid
 from furrowmap.core.geodesy.projection import scale_at
-from furrowmap.core.readers.areas.placing import placed
+from furrowmap.core.readers.areas.polygon_file import placed
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.core.values.plot_grid import PlotGrid

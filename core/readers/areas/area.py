@@ -20,7 +20,7 @@ from furrowmap.core.runtime.errors import InputError
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-MANY: Final = 50
+MANY_POLYGONS: Final = 50
 """Polygons from which on a grid of them finds the right one faster than an index of all their edges."""
 
 
@@ -46,7 +46,7 @@ class Area:
         west, south, east, north = self.bounds_m
         x, y = xy_m[:, 0], xy_m[:, 1]
         inside = (x >= west) & (y >= south) & (x <= east) & (y <= north)
-        if len(self.polygons) < MANY:
+        if len(self.polygons) < MANY_POLYGONS:
             inside[inside] = shapely.contains_xy(self._prepared, x[inside], y[inside])
         else:
             inside[inside] = ring_at(self._rings, x[inside] - west, y[inside] - south) >= 0

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import shapely
 from pyproj import CRS
 
-from furrowmap.core.readers.text_table import TextTable, read_table
+from furrowmap.core.readers.text_table import number_or_text, read_table
 from furrowmap.core.readers.vector_file import MAX_VECTOR_BYTES, Polygons, Unreadable
 
 IDS: Final = ("id", "parcel", "parcel_id", "plot", "plot_id", "plot_no", "name", "nr", "no")
 """Accepted names of the column of identifiers, in any case."""
-_MAP: Final = (("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", "y"), ("east", "north"))
-_DEGREES: Final = (("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"))
+_MAP_PAIRS: Final = (("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", "y"), ("east", "north"))
+_DEGREE_PAIRS: Final = (("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"))
 
 
 def is_corner_table(path: Path) -> bool:
@@ -33,7 +32,7 @@ def is_corner_table(path: Path) -> bool:
         word.strip().strip('"').casefold()
         for word in first.decode("latin-1").replace(";", ",").replace("\t", ",").split(",")
     }
-    return any(x in words and y in words for x, y in (*_MAP, *_DEGREES))
+    return any(x in words and y in words for x, y in (*_MAP_PAIRS, *_DEGREE_PAIRS))
 
 
 def corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:
@@ -48,7 +47,7 @@ def corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygons
     if size > MAX_VECTOR_BYTES:
         raise unreadable(f"{size:,} bytes is too large for a table of corners")
     table = read_table(path, unreadable)
-    names = next((pair for pair in (*_MAP, *_DEGREES) if set(pair) <= set(table.columns)), None)
+    names = next((pair for pair in (*_MAP_PAIRS, *_DEGREE_PAIRS) if set(pair) <= set(table.columns)), None)
     column = table.find(IDS)
     if names is None or column is None or not table.lines:
         raise unreadable(f"no rows with an identifier and two coordinates (its columns: {table.names})")
@@ -60,27 +59,15 @@ def corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygons
     if not np.isfinite(xy).all():
         row = int(np.flatnonzero(~np.isfinite(xy).all(axis=1))[0])
         raise unreadable(f"line {table.lines[row]} has a coordinate that is empty or not finite")
-    return _grouped(table, (column, *names), xy, target if names in _MAP else target.geodetic_crs or target, unreadable)
-
-
-def _grouped(
-    table: TextTable, used: Sequence[str], xy: np.ndarray[Any, np.dtype[np.float64]], crs: CRS, unreadable: Unreadable
-) -> Polygons:
     rows: dict[str, list[int]] = {}
-    for k, name in enumerate(table.columns[used[0]]):
+    for k, name in enumerate(table.columns[column]):
         rows.setdefault(name.strip(), []).append(k)
+    others = {key: cells for key, cells in table.columns.items() if key not in (column, *names)}
     shapes, attributes = [], []
     for name, members in rows.items():
         if len(members) < 3:
             raise unreadable(f"parcel {name!r} has {len(members)} corners, and a polygon has three or more")
         shapes.append(shapely.Polygon(xy[members]))
-        others = {key: cells[members[0]].strip() for key, cells in table.columns.items() if key not in used}
-        attributes.append({used[0]: name, **{key: _value(text) for key, text in others.items()}})
+        attributes.append({column: name, **{key: number_or_text(cells[members[0]]) for key, cells in others.items()}})
+    crs = target if names in _MAP_PAIRS else target.geodetic_crs or target
     return Polygons(tuple(shapes), tuple(attributes), crs, 0)
-
-
-def _value(text: str) -> str | float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return text or None

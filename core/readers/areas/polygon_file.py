@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import shapely
-from pyproj import CRS
+from numpy.typing import NDArray
+from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.areas.corner_table import corner_polygons, is_corner_table
-from furrowmap.core.readers.areas.placing import placed
 from furrowmap.core.readers.vector_file import Unreadable, read_polygons
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,12 @@ def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> MapPolyg
     table = is_corner_table(path)
     polygons = corner_polygons(path, target, unreadable) if table else read_polygons(path, unreadable)
     try:
-        shapes = placed([_single(shape) for shape in polygons.shapes], polygons.crs, target, f"{path}")
+        # A polygon of one part instead of a multipolygon of one.
+        single = [
+            shape.geoms[0] if isinstance(shape, shapely.MultiPolygon) and len(shape.geoms) == 1 else shape
+            for shape in polygons.shapes
+        ]
+        shapes = placed(single, polygons.crs, target, f"{path}")
     except InputError:
         raise
     except Exception as error:  # noqa: BLE001 the errors of GEOS and PROJ have no family of their own
@@ -52,6 +59,41 @@ def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> MapPolyg
     return MapPolygons(tuple(shapes), polygons.attributes)
 
 
-def _single(shape: BaseGeometry) -> BaseGeometry:
-    """A polygon of one part instead of a multipolygon of one."""
-    return shape.geoms[0] if isinstance(shape, shapely.MultiPolygon) and len(shape.geoms) == 1 else shape
+def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) -> NDArray[Any]:
+    """Geometries (n,) of one CRS in another, both horizontal or the horizontal part of a compound one.
+
+    Args:
+        shapes: n geometries.
+        source: their CRS.
+        target: that of the map.
+        what: where they are from, to begin the message of an error.
+
+    Raises:
+        InputError: if one of the CRS is on a historical datum and the other is not, or a geometry lies outside the
+            domain of the map.
+    """
+    given = np.array(shapes, object)
+    flat, source = horizontal_part(target), horizontal_part(source)
+    if source.equals(flat, ignore_axis_order=True):
+        return given
+    base, map_base = source.geodetic_crs, flat.geodetic_crs
+    if base is None or map_base is None:
+        raise InputError("polygons-crs", what=what, source=source.name, flat=flat.name)
+    to_base = Transformer.from_crs(source, base.to_2d(), always_xy=True)
+    to_map = Transformer.from_crs(map_base.to_2d(), flat, always_xy=True)
+    round_earth = shapely.transform(given, lambda xy: np.column_stack(to_base.transform(*xy.T)))
+    lon, lat = np.median(shapely.get_coordinates(round_earth), axis=0)
+    if not base.to_2d().equals(map_base.to_2d(), ignore_axis_order=True):
+        for crs in (base, map_base):
+            shift_m = datum_shift_m(crs, round(float(lon), 1), round(float(lat), 1))
+            if shift_m is not None and shift_m > LARGEST_DATUM_SHIFT_M:
+                raise InputError("polygons-datum", what=what, base=crs.name, shift_m=shift_m)
+    moved = shapely.transform(round_earth, lambda xy: np.column_stack(to_map.transform(*xy.T)))
+    if not np.isfinite(shapely.get_coordinates(moved)).all():
+        raise InputError("polygons-elsewhere", what=what, lat=lat, lon=lon, flat=flat.name)
+    return np.asarray(moved, object)
+
+
+def horizontal_part(crs: CRS) -> CRS:
+    """The two-dimensional CRS of a map, without that of heights."""
+    return crs.sub_crs_list[0].to_2d() if crs.is_compound else crs.to_2d()

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_CELL_M: Final = 0.5
-_MOST_CELLS: Final = 1_000_000
+_RING_CELL_M: Final = 0.5
+_MAX_RING_CELLS: Final = 1_000_000
 
 
 class PixelGrid(Protocol):
@@ -53,7 +53,7 @@ def rings_of(shapes: Sequence[shapely.Polygon], origin_m: tuple[float, float]) -
     boxes = np.array([[*np.nanmin(ring, axis=0), *np.nanmax(ring, axis=0)] for ring in rings])
     west, south = boxes[:, :2].min(axis=0)
     east, north = boxes[:, 2:].max(axis=0)
-    side = max(_CELL_M, math.sqrt((east - west) * (north - south) / _MOST_CELLS))
+    side = max(_RING_CELL_M, math.sqrt((east - west) * (north - south) / _MAX_RING_CELLS))
     columns, rows = int((east - west) / side) + 1, int((north - south) / side) + 1
     low = ((boxes[:, :2] - (west, south)) / side).astype(np.int64)
     high = ((boxes[:, 2:] - (west, south)) / side).astype(np.int64)

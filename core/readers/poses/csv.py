@@ -20,8 +20,17 @@ from furrowmap.core.runtime.errors import InputError
 PROJECTED_COLUMNS: Final = ("e_m", "n_m", "h_m")
 GEOGRAPHIC_COLUMNS: Final = ("lon_deg", "lat_deg", "h_m")
 ATTITUDE_COLUMNS: Final = ("roll_deg", "pitch_deg", "heading_deg")
-SIGMA_COLUMNS: Final = ("sigma_e_m", "sigma_n_m", "sigma_h_m", "sigma_roll_deg", "sigma_pitch_deg", "sigma_heading_deg")
-KNOWN_COLUMNS: Final = frozenset((*TIMES, *PROJECTED_COLUMNS, *GEOGRAPHIC_COLUMNS, *ATTITUDE_COLUMNS, *SIGMA_COLUMNS))
+POSE_SIGMA_COLUMNS: Final = (
+    "sigma_e_m",
+    "sigma_n_m",
+    "sigma_h_m",
+    "sigma_roll_deg",
+    "sigma_pitch_deg",
+    "sigma_heading_deg",
+)
+POSE_COLUMNS: Final = frozenset(
+    (*TIMES, *PROJECTED_COLUMNS, *GEOGRAPHIC_COLUMNS, *ATTITUDE_COLUMNS, *POSE_SIGMA_COLUMNS)
+)
 NEEDED: Final = 7
 """Number of required columns: time, three of position, three of attitude."""
 
@@ -37,7 +46,7 @@ POSE_RANGES: Final = {
 
 
 class PoseCsv(PoseFile):
-    """Poses from CSV files with the columns of :data:`KNOWN_COLUMNS`.
+    """Poses from CSV files with the columns of :data:`POSE_COLUMNS`.
 
     `time_unix_s` is UTC in POSIX seconds. `time_gps_s` is GPS time since 1980-01-06, or seconds of the GPS week given
     by `ReadOptions.week` or `ReadOptions.near_s`. Positions are easting, northing and height in the session's map
@@ -52,7 +61,7 @@ class PoseCsv(PoseFile):
     def recognise(cls, head: Head) -> float:
         """Certain with columns of time, attitude and position; possible if any column names contain roll and pitch."""
         names = set(head_columns(head))
-        known = names & KNOWN_COLUMNS
+        known = names & POSE_COLUMNS
         if known & set(TIMES) and known & set(ATTITUDE_COLUMNS):
             return 1.0 if any(map(names_a_position, names)) else 0.6
         if len(known) >= 3:
@@ -79,7 +88,7 @@ class PoseCsv(PoseFile):
             columns = _columns(file)
             _expect_once(file, columns)
             schema = [Column({name: 1.0}, POSE_RANGES.get(name, (-np.inf, np.inf))) for name in columns[:NEEDED]]
-            schema += [Column({name: 1.0}, optional=True, sparse=True) for name in SIGMA_COLUMNS]
+            schema += [Column({name: 1.0}, optional=True, sparse=True) for name in POSE_SIGMA_COLUMNS]
             rows = file.rows(schema, outside_key="value-out-of-range.poses")
         if len(rows) < 2:
             raise InputError("no-poses", path=path, found=f"{len(rows)} complete rows below the header")
@@ -104,7 +113,7 @@ def _columns(file: CsvFile) -> list[str]:
     """
     names = set(file.names)
     projected = names >= {"e_m", "n_m"} or not {"lon_deg", "lat_deg"} & names
-    sigmas = [name for name in SIGMA_COLUMNS if name in names]
+    sigmas = [name for name in POSE_SIGMA_COLUMNS if name in names]
     return [
         file.find(TIMES) or "time_unix_s",
         *(PROJECTED_COLUMNS if projected else GEOGRAPHIC_COLUMNS),
@@ -134,7 +143,7 @@ def _nearest(wanted: str, names: Sequence[str]) -> str:
     word = {"time_unix_s": "time|tow|epoch", "e_m": "east|^x$", "n_m": "north|^y$", "h_m": "height|alt|^z$"}.get(
         wanted, wanted.split("_")[0]
     )
-    strangers = [name for name in names if name not in KNOWN_COLUMNS]
+    strangers = [name for name in names if name not in POSE_COLUMNS]
     same = [name for name in strangers if re.search(word, name.lower())]
     return next(iter(same + difflib.get_close_matches(wanted, strangers, 1, 0.5)), "")
 

@@ -421,11 +421,11 @@ def test_points__that_are_none_end_in_three_lines(tmp_path: Path, text: str | No
 def test_component__obeys_the_identities_of_the_standard(errors: list[float], survey: float) -> None:
     error = np.array(errors)
     n = len(error)
-    part = Component.of(error, np.full(n, survey))
+    part = Component.from_errors(error, np.full(n, survey))
     assert part.fit_m**2 == pytest.approx(part.mean_m**2 + part.sigma_m**2 * (n - 1) / n, abs=1e-12)
     assert part.rmse_m**2 == pytest.approx(part.fit_m**2 + survey**2, abs=1e-12)
     assert part.fit_m <= part.greatest_m + 1e-12
-    assert Component.of(error, np.full(n, np.nan)).rmse_m == part.fit_m
+    assert Component.from_errors(error, np.full(n, np.nan)).rmse_m == part.fit_m
 
 
 def cli(*arguments: object) -> int:

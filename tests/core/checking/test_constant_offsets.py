@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.checking.constant_offsets import offset_notices
+from furrowmap.core.checking.evaluation import offset_notices
 from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.compass import compass_direction

@@ -18,7 +18,7 @@ from furrowmap.core.checking.continuity import Continuity
 from furrowmap.core.checking.evaluation import Evaluation, evaluate
 from furrowmap.core.checking.matching import match
 from furrowmap.core.checking.receivers import evaluate_logs
-from furrowmap.core.checking.statistics import Row, outliers, table
+from furrowmap.core.checking.statistics import ErrorStatistics, outliers, table
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
@@ -286,7 +286,7 @@ def test_continuity() -> None:
     t = np.delete(np.arange(0.0, 100.0), np.arange(50, 60))
     fix = np.where(t < 7, Fix.SINGLE, np.where(t < 20, Fix.FLOAT, Fix.FIXED)).astype(np.int8)
     age = np.where(fix == Fix.SINGLE, np.nan, 1.0)
-    found = Continuity.of(track(T0 + t, np.zeros((90, 3)), fix=fix, age_s=age))
+    found = Continuity.from_track(track(T0 + t, np.zeros((90, 3)), fix=fix, age_s=age))
     assert found.first_by_fix_s == {"single": 0.0, "float": 7.0, "fixed": 20.0}
     assert found.share_by_fix == pytest.approx({"single": 7 / 90, "float": 13 / 90, "fixed": 70 / 90})
     assert (found.gaps, found.longest_gap_s, found.availability) == (1, 11.0, 0.9)
@@ -419,7 +419,7 @@ def test_two_logs_of_one_drive__agree_within_their_rounding(shared_data: Path) -
 
 
 def test_rows_of_nothing__say_so() -> None:
-    row = Row.of(np.full(3, np.nan))
+    row = ErrorStatistics.from_values(np.full(3, np.nan))
     assert row.n == 0
     assert np.isnan(row.rmse_m)
 

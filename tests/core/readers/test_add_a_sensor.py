@@ -29,7 +29,7 @@ try:
     reader = open_recording(paths, ReadOptions())
     assert isinstance(reader, GivesScans)
     scans = [[s.number, len(s), s.whole, s.t_s[0], s.xyz_m[-1].tolist()] for s in reader.scans()]
-    inspection = Recognised.of(paths[0]).inspect()
+    inspection = Recognised.by_content(paths[0]).inspect()
     clock = reader.clocks[0]
     print(json.dumps({
         "scans": scans, "share": reader.share_read, "notices": [n.code for n in reader.notices],

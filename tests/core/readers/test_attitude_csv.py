@@ -35,7 +35,7 @@ def read(tmp_path: Path, head: str = HEAD, rows: list[str] = ROWS) -> AttitudeCs
 def test_columns__are_read(tmp_path: Path) -> None:
     reader = read(tmp_path)
     track = reader.attitude()
-    assert Recognised.of(tmp_path / "ahrs.csv").reader is AttitudeCsv
+    assert Recognised.by_content(tmp_path / "ahrs.csv").reader is AttitudeCsv
     assert track.north == "true"
     assert track.t_s == pytest.approx(1779529271.8 + 0.02 * np.arange(8))
     assert (track.roll_deg[3], track.pitch_deg[3], track.heading_deg[3]) == (3.0, -0.5, 359.0)
@@ -60,7 +60,7 @@ def test_half_a_log__has_the_other_half_unknown(tmp_path: Path) -> None:
 def test_columns_beside_measurements__are_read_as_well(tmp_path: Path) -> None:
     path = tmp_path / "imu.csv"
     path.write_text("\n".join([f"{IMU_HEAD},roll_deg,pitch_deg", *(f"{row},1.5,-2" for row in IMU_ROWS), ""]))
-    found = Recognised.of(path)
+    found = Recognised.by_content(path)
     assert found.reader is ImuCsv
     reader = ImuCsv([path], ReadOptions())
     assert set(reader.attitude().pitch_deg) == {-2.0}
@@ -69,7 +69,7 @@ def test_columns_beside_measurements__are_read_as_well(tmp_path: Path) -> None:
 
 def test_trajectories__are_no_attitude_logs(tmp_path: Path) -> None:
     read(tmp_path, "time_unix_s,east,north,h_m,roll_deg,pitch_deg,heading_deg", ["1779529271.8,1,2,3,0,0,0"] * 2)
-    assert Recognised.of(tmp_path / "ahrs.csv").reader is PoseCsv
+    assert Recognised.by_content(tmp_path / "ahrs.csv").reader is PoseCsv
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ def samples(folder: str) -> list[Path]:
 
 def inspected(path: Path) -> Inspection | InputError:
     try:
-        return Recognised.of(path).inspect()
+        return Recognised.by_content(path).inspect()
     except InputError as error:
         return error
 

@@ -25,7 +25,7 @@ def read(tmp_path: Path, text: str) -> tuple[ImuCsv, Path]:
 def test_columns__are_turned_into_radians_and_metres(tmp_path: Path) -> None:
     reader, path = read(tmp_path, "\n".join([HEAD, *ROWS, ""]))
     track = reader.inertial()
-    assert Recognised.of(path).reader is ImuCsv
+    assert Recognised.by_content(path).reader is ImuCsv
     assert track.t_s == pytest.approx(1779529271.8 + 0.005 * np.arange(8))
     assert track.rate_radps[3] == pytest.approx(np.radians([3.0, 0.5, -1.0]))
     assert track.force_mps2[3] == pytest.approx([0.1, 0.2, 9.3])
@@ -92,7 +92,7 @@ def test_empty_fields__are_dropped_with_a_notice(tmp_path: Path) -> None:
 
 
 def test_sample__is_inspected(shared_data: Path) -> None:
-    inspection = Recognised.of(shared_data / "uav_wheat" / "imu.csv").inspect()
+    inspection = Recognised.by_content(shared_data / "uav_wheat" / "imu.csv").inspect()
     assert inspection.format == "imu-csv"
     assert inspection.facts["measurements"] == 22_196
     assert inspection.facts["rate_hz"] == pytest.approx(200.0, abs=0.1)

@@ -26,7 +26,7 @@ def files(folder: Path) -> list[Path]:
 def refused(path: Path) -> InputError:
     """The error with which a file is refused."""
     with pytest.raises(InputError) as error:
-        Recognised.of(path).inspect()
+        Recognised.by_content(path).inspect()
     assert all(error.value.lines), path
     assert path.name in error.value.what
     return error.value
@@ -44,7 +44,7 @@ def test_gnss_samples__are_reported_or_refused(shared_data: Path) -> None:
     assert len(nmea) == 21 + 2 + 1 + 2
     for path in files(folder):
         if path in nmea or path.suffix in OWN:
-            assert Recognised.of(path).reader.format == OWN.get(path.suffix, "nmea"), path
+            assert Recognised.by_content(path).reader.format == OWN.get(path.suffix, "nmea"), path
         else:
             assert refused(path).code in ("unknown-format", "missing-column"), path
 
@@ -58,7 +58,7 @@ def test_samples_of_other_kinds__are_refused(folder: str, shared_data: Path) -> 
 def test_binary_logs__with_a_stray_sentence_are_no_nmea(shared_data: Path) -> None:
     for name in ("ubx/mixed_ubx_nmea_rtcm3.ubx", "ubx/mixed_many_messages.ubx", "sbf/mixed.sbf"):
         assert b"$GN" in (shared_data / "gnss" / name).read_bytes()
-        assert Recognised.of(shared_data / "gnss" / name).reader.format == name[:3]
+        assert Recognised.by_content(shared_data / "gnss" / name).reader.format == name[:3]
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_binary_logs__with_a_stray_sentence_are_no_nmea(shared_data: Path) -> No
     ],
 )
 def test_receivers_own_formats__have_their_readers(name: str, format_: str, shared_data: Path) -> None:
-    assert Recognised.of(shared_data / name).reader.format == format_
+    assert Recognised.by_content(shared_data / name).reader.format == format_
 
 
 @pytest.mark.parametrize(("start", "words"), [(b"\xb5\x62", "UBX"), (b"$@", "SBF")])
@@ -115,7 +115,7 @@ def test_promise_02__content_decides_and_not_the_name(
     for suffix in ("", ".dat", ".pcap", ".nmea", ".csv"):
         copy = tmp_path / f"recording{suffix}"
         shutil.copyfile(shared_data / name, copy)
-        assert Recognised.of(copy).reader.format == format_
+        assert Recognised.by_content(copy).reader.format == format_
         copy.unlink()
 
 

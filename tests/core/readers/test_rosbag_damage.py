@@ -55,7 +55,7 @@ def bag_codes(inspection: Any) -> set[str]:
 
 
 def counts(path: Path) -> dict[str, int]:
-    return {topic: facts["messages"] for topic, facts in Recognised.of(path).inspect().facts["topics"].items()}
+    return {topic: facts["messages"] for topic, facts in Recognised.by_content(path).inspect().facts["topics"].items()}
 
 
 WHOLE = {"/points": 3, "/fix": 6, "/imu": 1}
@@ -66,7 +66,7 @@ WHOLE = {"/points": 3, "/fix": 6, "/imu": 1}
 def test_compressed_bags_are_read_as_they_are(tmp_path: Path, kind: str, pack: Callable[[bytes], bytes]) -> None:
     packed = tmp_path / "recording.packed"
     packed.write_bytes(pack(KINDS[kind](tmp_path).read_bytes()))
-    inspection = Recognised.of(packed).inspect()
+    inspection = Recognised.by_content(packed).inspect()
     assert {topic: facts["messages"] for topic, facts in inspection.facts["topics"].items()} == WHOLE
     assert inspection.facts["scans"]["points"] == 3 * 64
     assert inspection.facts["positions"]["epochs"] == 6
@@ -87,9 +87,9 @@ def test_a_compression_that_is_none__is_damage_by_its_name() -> None:
 
 def test_promise_06__a_folder_is_read_with_and_without_its_metadata(tmp_path: Path) -> None:
     folder = write_bag2(tmp_path / "bag", mixed())
-    with_metadata = Recognised.of(folder).inspect()
+    with_metadata = Recognised.by_content(folder).inspect()
     (folder / "metadata.yaml").unlink()
-    without = Recognised.of(folder).inspect()
+    without = Recognised.by_content(folder).inspect()
     assert with_metadata.facts == without.facts
     assert bag_codes(without) == {"bag-no-metadata"}
 
@@ -116,7 +116,7 @@ def test_a_missing_part_and_an_empty_part_are_reported(tmp_path: Path) -> None:
     for change, code in (("  - gone.mcap\n", "bag-file-missing"), ("  - empty.mcap\n", "empty-file")):
         (folder / "empty.mcap").touch()
         metadata.write_text(text.replace("  relative_file_paths:\n", f"  relative_file_paths:\n{change}"))
-        inspection = Recognised.of(folder).inspect()
+        inspection = Recognised.by_content(folder).inspect()
         assert inspection.facts["messages"] == 10
         assert code in codes(inspection)
 
@@ -127,7 +127,7 @@ def test_nothing_outside_a_bag_s_folder_is_read(tmp_path: Path) -> None:
     metadata = folder / "metadata.yaml"
     for name in (str(outside), "../outside.mcap"):
         metadata.write_text(metadata.read_text().replace("- bag.mcap", f"- {name}"))
-        assert "bag-file-missing" in codes(Recognised.of(folder).inspect())
+        assert "bag-file-missing" in codes(Recognised.by_content(folder).inspect())
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_nothing_outside_a_bag_s_folder_is_read(tmp_path: Path) -> None:
 def test_damaged_metadata_are_reported_and_ignored(tmp_path: Path, text: str) -> None:
     folder = write_bag2(tmp_path / "bag", mixed())
     (folder / "metadata.yaml").write_text(text)
-    inspection = Recognised.of(folder).inspect()
+    inspection = Recognised.by_content(folder).inspect()
     assert inspection.facts["messages"] == 10
     assert bag_codes(inspection) == {"bag-metadata-damaged"}
 
@@ -145,7 +145,7 @@ def test_metadata_that_count_other_messages_are_reported(tmp_path: Path) -> None
     folder = write_bag2(tmp_path / "bag", mixed())
     metadata = folder / "metadata.yaml"
     metadata.write_text(metadata.read_text().replace("\n  message_count: 10\n", "\n  message_count: 12\n"))
-    assert "bag-count" in codes(Recognised.of(folder).inspect())
+    assert "bag-count" in codes(Recognised.by_content(folder).inspect())
 
 
 @pytest.mark.parametrize("name", ["50 % #1?.db3", "圃場 'a'.db3", "-rf.db3", "a?mode=memory.db3"])
@@ -175,7 +175,7 @@ def test_promise_06__a_killed_recorder_s_journal_is_taken_in_and_left_as_it_was(
         shutil.copy(file, killed / file.name)
     writer.close()
     before = {file.name: file.read_bytes() for file in killed.iterdir()}
-    inspection = Recognised.of(killed / database.name).inspect()
+    inspection = Recognised.by_content(killed / database.name).inspect()
     assert inspection.facts["messages"] == (20 if mode == "wal" else 10)
     assert "bag-unclosed" in codes(inspection)
     assert {file.name: file.read_bytes() for file in killed.iterdir()} == before
@@ -223,7 +223,7 @@ def test_a_chunk_with_a_wrong_checksum_is_not_used(tmp_path: Path) -> None:
     data[chunk + 9 + 24 : chunk + 9 + 28] = struct.pack("<I", 12345)
     path.write_bytes(data)
     with pytest.raises(InputError, match="checksum is wrong"):
-        Recognised.of(path).inspect()
+        Recognised.by_content(path).inspect()
 
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
@@ -271,7 +271,7 @@ def test_garbled_bags_are_read_in_part_or_refused_in_three_sentences(tmp_path: P
     for _ in range(60):
         garbled.write_bytes(mutated(data, dice))
         try:
-            reader = Recognised.of(garbled).open()
+            reader = Recognised.by_content(garbled).open()
             reader.inspect()
             for read in (reader.track, lambda reader=reader: list(reader.scans())):
                 read()
@@ -361,12 +361,12 @@ def test_promise_07__an_old_bag_and_an_encrypted_one_are_refused(tmp_path: Path)
     path = tmp_path / "a.bag"
     path.write_bytes(b"#ROSBAG V1.2\n" + bytes(100))
     with pytest.raises(InputError, match=r"version 1\.2"):
-        Recognised.of(path).inspect()
+        Recognised.by_content(path).inspect()
     fields = [b"op=\x03", b"index_pos=" + bytes(8), b"encryptor=rosbag/AesCbcEncryptor"]
     header = b"".join(struct.pack("<I", len(field)) + field for field in fields)
     path.write_bytes(b"#ROSBAG V2.0\n" + struct.pack("<I", len(header)) + header + bytes(4))
     with pytest.raises(InputError, match="encrypted"):
-        Recognised.of(path).inspect()
+        Recognised.by_content(path).inspect()
 
 
 def test_another_database_is_no_bag(tmp_path: Path) -> None:
@@ -374,7 +374,7 @@ def test_another_database_is_no_bag(tmp_path: Path) -> None:
     with sqlite3.connect(path) as database:
         database.execute("CREATE TABLE things (id INTEGER)")
     with pytest.raises(InputError, match="SQLite"):
-        Recognised.of(path)
+        Recognised.by_content(path)
 
 
 def test_packets_that_are_none__are_left_out_and_counted(tmp_path: Path) -> None:
@@ -389,7 +389,7 @@ def test_packets_that_are_none__are_left_out_and_counted(tmp_path: Path) -> None
         )
         for k in range(2)
     ]
-    found = Recognised.of(write_bag2(tmp_path / "bag", recorded)).inspect()
+    found = Recognised.by_content(write_bag2(tmp_path / "bag", recorded)).inspect()
     (notice,) = (notice for notice in found.notices if notice.code == "packets-damaged")
     assert "2 packets" in notice.text
 
@@ -531,7 +531,7 @@ def test_inspect__says_how_long_after_their_stamps_positions_were_received(
         for at_ns, late in zip(stamps_ns, late_ms, strict=True)
     ]
     path = write_bag1(tmp_path / "a.bag", recorded) if store is ROS1 else write_bag2(tmp_path / "bag", recorded)
-    (clock,) = (clock for clock in Recognised.of(path).inspect().clocks if clock.clock is Clock.GNSS)
+    (clock,) = (clock for clock in Recognised.by_content(path).inspect().clocks if clock.clock is Clock.GNSS)
     assert f"received {late_ms[1] / 1000.0:.3f} s later (median)" in clock.note
 
 

@@ -164,7 +164,7 @@ def test_gns__is_read_as_gga(tmp_path: Path, mode: bytes, fix: Fix) -> None:
     (tmp_path / "gga.nmea").write_bytes(nmea())
     (tmp_path / "gns.nmea").write_bytes(as_gns(nmea(), mode))
     truth = open_recording([tmp_path / "gga.nmea"], ReadOptions()).track()  # type: ignore[attr-defined]
-    found = Recognised.of(tmp_path / "gns.nmea").open()
+    found = Recognised.by_content(tmp_path / "gns.nmea").open()
     ours = found.track()  # type: ignore[attr-defined]
     assert set(ours.fix) == {fix}
     for name in set(truth.columns()) - {"fix"}:

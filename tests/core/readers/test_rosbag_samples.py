@@ -55,7 +55,7 @@ WHOLE = sorted(HELD)
 
 
 def inspected(path: Path) -> Inspection:
-    return Recognised.of(path).inspect()
+    return Recognised.by_content(path).inspect()
 
 
 @contextmanager

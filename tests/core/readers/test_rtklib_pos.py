@@ -60,7 +60,7 @@ def written(folder: Path, text: str) -> Path:
 def test_inspect__reports_the_content_of_the_sample(name: str, shared_data: Path) -> None:
     fixes, first, last, service = HELD[name]
     path = shared_data / "gnss" / name
-    facts = Recognised.of(path).inspect().facts
+    facts = Recognised.by_content(path).inspect().facts
     assert facts["epochs_by_fix"] == fixes
     assert (facts["first"], facts["last"]) == (first, last)
     assert facts["lines_damaged"] == 0

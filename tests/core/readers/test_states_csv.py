@@ -24,7 +24,7 @@ BEGIN_S = 1_781_164_800.0
 def read(folder: Path, text: str) -> ToolStates:
     path = folder / "states.csv"
     path.write_text(text, encoding="utf-8")
-    assert Recognised.of(path).reader is StatesCsv
+    assert Recognised.by_content(path).reader is StatesCsv
     return StatesCsv([path], ReadOptions()).states()
 
 
@@ -64,5 +64,5 @@ def test_a_bad_row__is_reported_with_its_line(tmp_path: Path, row: str, code: st
 def test_inspect__reports_times_of_each_state(tmp_path: Path) -> None:
     path = tmp_path / "states.csv"
     path.write_text(TABLE)
-    facts = Recognised.of(path).inspect().facts
+    facts = Recognised.by_content(path).inspect().facts
     assert (facts["down_s"], facts["up_s"], facts["intervals"]) == (49.5, 10.5, 3)

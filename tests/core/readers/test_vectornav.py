@@ -53,7 +53,7 @@ def test_sentences_of_real_sensors__are_intact() -> None:
 def test_binary__gives_what_was_written(tmp_path: Path) -> None:
     noise = b"\xfa\x01\x00\x02hello\xfa"
     path = written(tmp_path, noise + b"".join(common(int(k)) + noise[: k % 9] for k in K))
-    found = Recognised.of(path)
+    found = Recognised.by_content(path)
     assert found.reader is VectorNavBinary
     track = VectorNavBinary([path], ReadOptions()).inertial()
     assert track.t_s == pytest.approx(BEGIN_S + 0.01 * K, abs=1e-6)
@@ -83,7 +83,7 @@ def test_binary__damaged_messages_are_counted(tmp_path: Path) -> None:
 
 def test_ascii__times_of_a_logger(tmp_path: Path) -> None:
     path = written(tmp_path, b"".join(f"{BEGIN_S + 0.01 * k:.3f},".encode() + vnimu(int(k)) for k in K))
-    found = Recognised.of(path)
+    found = Recognised.by_content(path)
     assert found.reader is VectorNavAscii
     track = VectorNavAscii([path], ReadOptions()).inertial()
     assert track.t_s == pytest.approx(BEGIN_S + 0.01 * K, abs=1e-6)

@@ -75,7 +75,7 @@ SAMPLES: list[tuple[str, tuple[Any, ...], Clock, list[str]]] = [
 def test_inspect__reports_what_is_in_each_sample(
     shared_data: Path, name: str, facts: tuple[Any, ...], clock: Clock, notices: list[str]
 ) -> None:
-    found = Recognised.of(shared_data / "velodyne" / name).inspect()
+    found = Recognised.by_content(shared_data / "velodyne" / name).inspect()
     names = ("model", "return_mode", "data_packets", "position_packets", "points", "rpm", "revolutions")
     assert tuple(found.facts[n] for n in names) == facts
     assert found.clocks[0].clock is clock
@@ -209,7 +209,7 @@ def test_scans__of_compressed_captures_are_the_same(tmp_path: Path, suffix: str,
     packed = tmp_path / f"a.pcap{suffix}"
     packed.write_bytes(pack(path.read_bytes()))
     np.testing.assert_array_equal(read(packed), read(path))
-    assert Recognised.of(packed).reader is VelodynePcap
+    assert Recognised.by_content(packed).reader is VelodynePcap
 
 
 def test_scans__of_a_split_recording_run_on(tmp_path: Path) -> None:

@@ -84,7 +84,7 @@ def test_promise_25__exported_table_is_harmless_in_cells_and_header(
 
 def test_promise_25__table_of_surveyed_points_shows_hostile_names_as_text(tmp_path: Path) -> None:
     point = PointCheck("=HYPERLINK(1)\x1b[2J", (-1.5, 2.0, 3.0), (-1.25, 2.0, 2.5))
-    nothing = Accuracy(None, None, None, InternalPrecision.of((), "nothing"))
+    nothing = Accuracy(None, None, None, InternalPrecision.over_places((), "nothing"))
     write_check_table(tmp_path / "a.csv", Check("cloud", CRS("EPSG:6677"), (point,), nothing, ()))
     with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
         (row,) = csv.DictReader(file)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pyproj import CRS
 from shapely import affinity
 
-from furrowmap.core.readers.areas.area import MANY, Area, read_area
+from furrowmap.core.readers.areas.area import MANY_POLYGONS, Area, read_area
 from furrowmap.core.readers.areas.rings import pixels_in, ring_at, rings_of
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
@@ -34,7 +34,7 @@ def corner(shape: shapely.Polygon) -> np.ndarray:
 
 
 @settings(max_examples=40, deadline=None)
-@given(places=places, copies=st.sampled_from([1, MANY]))
+@given(places=places, copies=st.sampled_from([1, MANY_POLYGONS]))
 def test_area__holds_what_lies_in_a_polygon_and_in_none_of_its_holes(
     places: list[tuple[int, int]], copies: int
 ) -> None:

@@ -150,7 +150,7 @@ def test_damaged_archive__is_read_and_its_damage_reported(shared_data: Path) -> 
 )
 def test_hostile__is_refused_by_name(shared_data: Path, name: str, code: str, word: str) -> None:
     with pytest.raises(InputError) as error:
-        Recognised.of(shared_data / "isoxml" / name).inspect()
+        Recognised.by_content(shared_data / "isoxml" / name).inspect()
     assert error.value.code == code
     assert word in error.value.what
 
@@ -159,7 +159,7 @@ def test_every_sample__is_inspected_or_refused(shared_data: Path) -> None:
     refused, read = [], 0
     for path in [shared_data / HARVEST, *sorted((shared_data / "isoxml").rglob("*.zip"))]:
         try:
-            answer = Recognised.of(path).inspect()
+            answer = Recognised.by_content(path).inspect()
         except InputError as error:
             refused.append((path.stem, error.lines))
             continue

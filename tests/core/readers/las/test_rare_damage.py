@@ -63,7 +63,7 @@ def test_a_cloud__in_a_compressed_stream_is_refused(tmp_path: Path) -> None:
     packed = tmp_path / "a.las.gz"
     packed.write_bytes(gzip.compress(cloud(tmp_path).read_bytes()))
     with pytest.raises(InputError) as refused:
-        Recognised.of(packed).inspect()
+        Recognised.by_content(packed).inspect()
     assert refused.value.code == "cloud-in-archive"
 
 
