@@ -8,16 +8,11 @@ import os
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache
-from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
-from types import ModuleType
 from typing import Any, Final
-
-from furrowmap.core.runtime.threads import threads
 
 VARIABLE: Final = "NUMBA_CACHE_DIR"
 _M_TRIM_THRESHOLD: Final = -1
@@ -93,27 +88,6 @@ def importing() -> Iterator[None]:
     finally:
         if was_enabled:
             gc.enable()
-
-
-@contextmanager
-def importing_beside(name: str) -> Iterator[Callable[[], ModuleType]]:
-    """A function that gives the module of that name, which a thread imports beside the body of the context.
-
-    Where the body computes with kernels, which leave the interpreter to others, the import takes no time of its own.
-    With a single thread the module is imported when it is asked for.
-    """
-
-    def module() -> ModuleType:
-        if name in sys.modules:  # by an earlier run in this process, whose objects must not stay to the end
-            return import_module(name)
-        with importing():
-            return import_module(name)
-
-    if threads() < 2:
-        yield module
-        return
-    with ThreadPoolExecutor(1, "importing") as pool:
-        yield pool.submit(module).result
 
 
 @contextmanager

@@ -47,9 +47,15 @@ class Collected:
         self.origin_m = (0.0, 0.0, 0.0)
         self.wkt = ""
 
-    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+    def __call__(
+        self,
+        frame: MapFrame,
+        origin_m: tuple[float, float, float],
+        frames: object,  # noqa: ARG002
+    ) -> Callable[[PlacedScan], None]:
         """Note where the points are."""
         self.origin_m, self.wkt = origin_m, frame.crs.to_wkt("WKT1_GDAL")
+        return self.add
 
     def add(self, placed: PlacedScan) -> None:
         """Keep the points of a scan."""

@@ -36,9 +36,12 @@ class Gathered:
     def __init__(self) -> None:
         self.parts: list[tuple[np.ndarray, ...]] = []
 
-    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+    def __call__(
+        self, frame: MapFrame, origin_m: tuple[float, float, float], frames: object
+    ) -> Callable[[PlacedScan], None]:
         assert frame.crs.is_projected
         self.origin = np.asarray(origin_m)
+        return self.add
 
     def add(self, placed: PlacedScan) -> None:
         scan = placed.scan

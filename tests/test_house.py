@@ -14,9 +14,10 @@ import tarfile
 import tomllib
 import zipfile
 from functools import cache
-from graphlib import CycleError
+from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
 from importlib.metadata import packages_distributions
+from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any
 
@@ -164,6 +165,22 @@ def test_imports__go_one_way(module: str) -> None:
     ours = {name for name in imports(module_files()[module]) if name.startswith((".", "furrowmap"))}
     against = {name for name in ours if not within(name, MAY_IMPORT[part])}
     assert against == set(), f"{module} may import only {MAY_IMPORT[part]}"
+
+
+def test_imports__make_no_circle() -> None:
+    """Imports in functions and for type checkers count, too; the plugin's are relative."""
+    plugin = {
+        ".".join(("furrowmap", *path.relative_to(CHECKOUT).with_suffix("").parts)): path
+        for path in sorted((CHECKOUT / "plugin").rglob("*.py"))
+    }
+    files = {name.removesuffix(".__init__"): path for name, path in {**module_files(), **plugin}.items()}
+    graph = {}
+    for module, path in files.items():
+        package = module if path.stem == "__init__" else module.rpartition(".")[0]
+        names = {resolve_name(name, package) for name in imports(path)}
+        graph[module] = {name.rstrip(".") for name in names} & files.keys() - {module}
+    assert sum(map(len, graph.values())) > len(files)
+    TopologicalSorter(graph).prepare()  # raises an error that names the modules of a circle
 
 
 def test_imports__of_libraries_that_read_foreign_files_are_in_one_module_of_each_format() -> None:

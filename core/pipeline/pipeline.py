@@ -8,7 +8,7 @@ from functools import partial
 from importlib.util import find_spec
 from itertools import zip_longest
 from time import perf_counter
-from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Final, Protocol
 
 import msgspec
 import numpy as np
@@ -59,8 +59,6 @@ if TYPE_CHECKING:
     from furrowmap.core.images.aiding import ImageAid
     from furrowmap.core.images.frames import Frames
 
-_Origin: TypeAlias = tuple[float, float, float]
-
 TURNED_DEG: Final = 20.0
 """A mounting whose yaw differs by more sees the implement elsewhere."""
 ORIGIN_STEP_M: Final = 100.0
@@ -73,23 +71,19 @@ PREVIEW_LENGTH_S: Final = 0.12
 """Time for which scans are read at each."""
 
 
-class PointSink(Protocol):
-    """Takes the points of a run as they are placed."""
+class OpenSink(Protocol):
+    """Opens what takes the points of a run: a function of each scan's points, as they are placed."""
 
-    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
-        """Before the first scan: the map frame, and the local origin of the coordinates to come."""
-        ...
+    def __call__(
+        self, frame: MapFrame, origin_m: tuple[float, float, float], frames: Frames | None
+    ) -> Callable[[PlacedScan], None]:
+        """The sink, before the first scan.
 
-    def add(self, placed: PlacedScan) -> None:
-        """The points of one scan."""
-        ...
-
-
-class FrameSink(Protocol):
-    """Takes the frames of a run's camera, before the points are placed."""
-
-    def take(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
-        """The frames that have a pose, and the local origin of the points' coordinates."""
+        Args:
+            frame: of the map.
+            origin_m: local origin of the points' coordinates.
+            frames: of the camera, where the session has one and some frames have a pose.
+        """
         ...
 
 
@@ -107,21 +101,19 @@ class Checkpoint(Protocol):
 
 def run(
     opened: OpenSession,
-    sink: PointSink,
+    open_sink: OpenSink,
     progress: Progress = silent,
     checkpoint: Checkpoint | None = None,
-    frame_sink: FrameSink | None = None,
 ) -> RunResult:
-    """Place every point of a session's recording, hand them to `sink` scan by scan, and find the ground worked.
+    """Place every point of a session's recording, hand them to a sink scan by scan, and find the ground worked.
 
-    A session without a scanner's recording gives the ground worked alone, and `sink` gets nothing.
+    A session without a scanner's recording gives the ground worked alone, and opens no sink.
 
     Args:
         opened: the session.
-        sink: takes the points.
+        open_sink: is called before the first scan.
         progress: is called with each stage and its share.
         checkpoint: keeps what matching finds; an earlier run's is used instead of matching again.
-        frame_sink: takes the frames of the camera, where the session has one and some frames have a pose.
 
     Raises:
         FurrowmapError: if the session's files do not make a cloud, or no trajectory with tool states.
@@ -133,27 +125,28 @@ def run(
     guess, survey = _first_guess(opened, positions, progress)
     watch.lap("positions")
     image_notices: list[Notice] = []
-    guess, aid = _aided_by_images(opened, guess, image_notices, progress)
+    guess, aid = _aid_by_images(opened, guess, image_notices, progress)
     watch.lap("images")
-    boundary, field_notices = _boundary(opened, guess.trajectory)
-    states, state_notices = _external_states(opened, guess.trajectory)
+    boundary, field_notices = _read_boundary(opened, guess.trajectory)
+    states, state_notices = _read_external_states(opened, guess.trajectory)
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
-    lidar, located, matched, flown, implement = _calibrated(opened, guess, survey, carrier, progress, checkpoint)
+    lidar, located, matched, flown, implement = _calibrate(opened, guess, survey, carrier, progress, checkpoint)
     if located.trajectory is not guess.trajectory:
-        carrier, mount_notices = _carrier(opened, located, flown.strip_adjustment)
+        carrier, mount_notices = _carrier_trajectory(opened, located, flown.strip_adjustment)
     watch.lap("matching")
     machine = implement.learn(located.trajectory)
     watch.lap("implement")
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
     scale = ground_scale(frame, located.trajectory) if matched is None else 1.0
     placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
-    frame_sink = _sound(image_notices, frame_sink)
-    image_notices += _give_frames(opened, located.trajectory, placer.origin_m, aid, frame_sink)
-    sink.begin(frame, placer.origin_m)
-    moving = ahead(implement.following(_corrected(lidar, matched)), SCANS_AHEAD)
+    frames = None
+    if not any(notice.code == CONTRADICTING for notice in image_notices):
+        frames = _camera_frames(opened, located.trajectory, aid, image_notices)
+    sink = open_sink(frame, placer.origin_m, frames)
+    moving = ahead(implement.following(_correct_ranges(lidar, matched)), SCANS_AHEAD)
     scans = watched(moving, lidar, progress, "placing points")
-    with behind(sink.add, SCANS_AHEAD) as add:
-        placement = _placed(opened, scans, placer, add, classifier(machine))
+    with behind(sink, SCANS_AHEAD) as add:
+        placement = _place(opened, scans, placer, add, classifier(machine))
     watch.lap("placing")
     refuse_empty(placement, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, states)
@@ -163,11 +156,11 @@ def run(
     notices += [*placement_notices(placement), *field_notices, *state_notices, *work.notices]
     if located.source == "imu" and matched is None:
         notices += boresight_notices(flown.boresight, session.lidar.mounting)
-    found = _result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
+    found = _run_result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
     return replace(found, image_aid=aid, **vars(flown))
 
 
-def _placed(
+def _place(
     opened: OpenSession,
     scans: Iterator[Scan],
     placer: Placer,
@@ -185,7 +178,7 @@ def _placed(
     return placement
 
 
-def _aided_by_images(
+def _aid_by_images(
     opened: OpenSession, located: Located, notices: list[Notice], progress: Progress
 ) -> tuple[Located, ImageAid | None]:
     """The trajectory aided by the images of the session's camera, where it has one."""
@@ -196,33 +189,25 @@ def _aided_by_images(
     return aided_session(opened, located, ground_scale(opened.frame, located.trajectory), notices, progress)
 
 
-def _sound(notices: list[Notice], sink: FrameSink | None) -> FrameSink | None:
-    """What takes the frames; None where they contradict GNSS and IMU."""
-    return None if any(notice.code == CONTRADICTING for notice in notices) else sink
-
-
-def _give_frames(
-    opened: OpenSession, trajectory: Trajectory, origin_m: _Origin, aid: ImageAid | None, sink: FrameSink | None
-) -> list[Notice]:
-    """Hand the frames that have a pose to `sink`, the camera as they show it, else as stated; notices about them."""
-    notices: list[Notice] = []
-    camera = opened.session.camera
-    if camera is None or sink is None:
-        return notices
+def _camera_frames(
+    opened: OpenSession, trajectory: Trajectory, aid: ImageAid | None, notices: list[Notice]
+) -> Frames | None:
+    """The frames that have a pose, with the camera as they show it, else as stated."""
+    if opened.session.camera is None:
+        return None
     if find_spec("PIL") is None:
-        return [Notice("images-unused")]
+        notices.append(Notice("images-unused"))
+        return None
     images = opened.images(notices)
-    if images:
-        from furrowmap.core.images.frames import frames_along
+    if not images:
+        return None
+    from furrowmap.core.images.frames import frames_along
 
-        scale = ground_scale(opened.frame, trajectory)
-        frames = frames_along(images, aid.camera if aid is not None else opened.camera(), trajectory, scale, notices)
-        if frames is not None:
-            sink.take(frames, origin_m)
-    return notices
+    scale = ground_scale(opened.frame, trajectory)
+    return frames_along(images, aid.camera if aid is not None else opened.camera(), trajectory, scale, notices)
 
 
-def _boundary(opened: OpenSession, trajectory: Trajectory) -> tuple[BaseGeometry | None, list[Notice]]:
+def _read_boundary(opened: OpenSession, trajectory: Trajectory) -> tuple[BaseGeometry | None, list[Notice]]:
     """The boundary of the field, None where the session names none, and notices about it."""
     file = opened.inputs.boundary
     if file is None:
@@ -230,7 +215,7 @@ def _boundary(opened: OpenSession, trajectory: Trajectory) -> tuple[BaseGeometry
     return field_boundary(file, opened.frame, opened.session.field.name, trajectory.xyz_m)
 
 
-def _external_states(opened: OpenSession, trajectory: Trajectory) -> tuple[list[ToolStates | None], list[Notice]]:
+def _read_external_states(opened: OpenSession, trajectory: Trajectory) -> tuple[list[ToolStates | None], list[Notice]]:
     """The states of each implement from files, None where the session names none, and notices about them."""
     task = opened.session.recording.task
     states: list[ToolStates | None] = []
@@ -242,7 +227,7 @@ def _external_states(opened: OpenSession, trajectory: Trajectory) -> tuple[list[
     return states, notices
 
 
-def _as_stated(located: Located, session: Session) -> Located:
+def _drop_unstated_accuracy(located: Located, session: Session) -> Located:
     """The trajectory without standard deviations where the session leaves out a place that the cloud rests on.
 
     Nobody knows how wrong an assumed place is; the noise of the positions says nothing of it.
@@ -284,12 +269,12 @@ def _first_guess(opened: OpenSession, positions: Reader, progress: Progress) -> 
 
     if session.imu is None or session.implement is not None or session.trajectory is not None:
         return guess(), None
-    with beside(partial(_surveyed, opened), progress) as survey:
+    with beside(partial(_read_survey, opened), progress) as survey:
         located = guess()
     return located, survey.result()
 
 
-def _surveyed(opened: OpenSession, progress: Progress) -> _Survey:
+def _read_survey(opened: OpenSession, progress: Progress) -> _Survey:
     """Read a flight's scans before its trajectory is known; the positions themselves say when it was."""
     positions = opened.positions()
     assert isinstance(positions, GivesTrack)
@@ -300,22 +285,23 @@ def _surveyed(opened: OpenSession, progress: Progress) -> _Survey:
     return _Survey(lidar, thinned_returns(scans, span_s), implement)
 
 
-def _calibrated(
+def _calibrate(
     opened: OpenSession,
     guess: Located,
     survey: _Survey | None,
     carrier: Trajectory | None,
     progress: Progress,
     checkpoint: Checkpoint | None,
-) -> tuple[LidarRecording, Located, Matched | None, _Flown, ImplementTracker]:
+) -> tuple[LidarRecording, Located, Matched | None, _FlightCalibration, ImplementTracker]:
     """Match the scans to the ground, or those of a flight to each other; the recording gets the clock that is found."""
     if survey is None:
         lidar = opened.lidar(float(np.mean(guess.trajectory.span_s)))
         located, matched, implement = _match(opened, guess, lidar, progress, checkpoint)
-        return _by_used_clock(lidar, matched), _as_stated(located, opened.session), matched, _Flown(), implement
+        located = _drop_unstated_accuracy(located, opened.session)
+        return _correct_clock(lidar, matched), located, matched, _FlightCalibration(), implement
     returns = survey.returns.posed(guess.trajectory if carrier is None else carrier)
-    located, flown = _flown(opened, guess, returns, carrier)
-    located = _as_stated(located, opened.session)
+    located, flown = _calibrate_flight(opened, guess, returns, carrier)
+    located = _drop_unstated_accuracy(located, opened.session)
     return survey.lidar.ahead_by(-flown.clock_used_s), located, None, flown, survey.implement
 
 
@@ -348,15 +334,16 @@ def _match(
     late = matched is not None and matched.clock_used_s != 0.0
     if matched is not None and (turned or late):
         # The implement was looked for on another side of the vehicle, or at other times.
-        implement = ImplementTracker(_with_mounting(session, matched.mounting) if turned else session, earlier)
+        mounted = msgspec.structs.replace(session.lidar, rpy_deg=matched.mounting.rpy_deg) if turned else session.lidar
+        implement = ImplementTracker(msgspec.structs.replace(session, lidar=mounted), earlier)
     if turned or late or kept is not None or guess.antenna is None:
-        for scan in watched(_by_used_clock(lidar, matched).scans(), lidar, progress, "reading scans"):
+        for scan in watched(_correct_clock(lidar, matched).scans(), lidar, progress, "reading scans"):
             implement.add_scan(scan)
     return located, matched, implement
 
 
 @dataclass(frozen=True)
-class _Flown:
+class _FlightCalibration:
     """What the ground that a flight sees several times shows: fields of :class:`RunResult`."""
 
     boresight: Boresight | None = None
@@ -370,7 +357,7 @@ class _Flown:
         return self.boresight.clock_used_s if self.boresight is not None and self.boresight.certain else 0.0
 
 
-def _carrier(
+def _carrier_trajectory(
     opened: OpenSession, located: Located, adjusted: StripAdjustment | None
 ) -> tuple[Trajectory | None, list[Notice]]:
     """The trajectory of the frame that carries the scanner, None for the vehicle's, and notices about its file."""
@@ -381,28 +368,28 @@ def _carrier(
     return turned.carrier if carrier is None else carrier, notices
 
 
-def _flown(
+def _calibrate_flight(
     opened: OpenSession, guess: Located, returns: StripReturns, carrier: Trajectory | None
-) -> tuple[Located, _Flown]:
+) -> tuple[Located, _FlightCalibration]:
     """Boresight, strips and their differences; the trajectory adjusted by the strips."""
     stated, located = opened.session.lidar.mounting, guess
     walk = opened.session.lidar.rpy_walk_deg_rts
     found, returns, adjusted = calibrated_flight(returns, guess, stated, carrier, walk)
     if adjusted is not None:
         located = replace(guess, trajectory=adjusted.trajectory)
-        carrier = _carrier(opened, located, adjusted)[0]
+        carrier = _carrier_trajectory(opened, located, adjusted)[0]
         returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, 0.0)
     strips = find_strips(located.trajectory)
     differences = strip_differences(returns, strips, stated, _mounting(opened.session, None, found))
-    return located, _Flown(found, strips, differences, adjusted)
+    return located, _FlightCalibration(found, strips, differences, adjusted)
 
 
-def _by_used_clock(lidar: LidarRecording, matched: Matched | None) -> LidarRecording:
+def _correct_clock(lidar: LidarRecording, matched: Matched | None) -> LidarRecording:
     """The recording with the offset of the clocks that matching found."""
     return lidar.ahead_by(matched.clock_used_s) if matched is not None else lidar
 
 
-def _corrected(lidar: LidarRecording, matched: Matched | None) -> Iterator[Scan]:
+def _correct_ranges(lidar: LidarRecording, matched: Matched | None) -> Iterator[Scan]:
     """The scans without the range offsets of their lasers, where matching found these."""
     if matched is None or matched.ranges is None:
         return lidar.scans()
@@ -416,9 +403,9 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     positions = opened.positions()
     located = located_without_lidar(positions, session, opened.frame, companions(opened))
     aid_notices: list[Notice] = []
-    located, aid = _aided_by_images(opened, located, aid_notices, progress)
-    boundary, field_notices = _boundary(opened, located.trajectory)
-    states, state_notices = _external_states(opened, located.trajectory)
+    located, aid = _aid_by_images(opened, located, aid_notices, progress)
+    boundary, field_notices = _read_boundary(opened, located.trajectory)
+    states, state_notices = _read_external_states(opened, located.trajectory)
     watch.lap("positions")
     progress("work", 0.0)
     tools = session.implements or (None,)
@@ -431,18 +418,18 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     placement = Placement.without_scans(located.trajectory)
     notices = [*positions.notices, *located.notices, *quality_notices(placement.poses), *aid_notices]
     notices += [*field_notices, *state_notices, *work.notices]
-    found = _result(opened, located, placement, work, (), notices, watch)
+    found = _run_result(opened, located, placement, work, (), notices, watch)
     return replace(found, image_aid=aid)
 
 
-def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -> RunResult:
+def preview(opened: OpenSession, open_sink: OpenSink, progress: Progress = silent) -> RunResult:
     """A run with few scans, in seconds: neither matched to the ground nor searched for the implement.
 
     An error that would stop a run before its work, such as clocks without a common time, stops a preview.
 
     Args:
         opened: the session.
-        sink: takes the points of these scans; not called where the session names no scanner's recording.
+        open_sink: is called before the first of these scans, where the session names a scanner's recording.
         progress: is called with each stage.
 
     Raises:
@@ -453,15 +440,15 @@ def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -
     positions = opened.positions()
     clocks: tuple[ClockReading, ...] = ()
     if session.recording.lidar:
-        located = _as_stated(locate(positions, session, opened.frame, companions(opened)), session)
+        located = _drop_unstated_accuracy(locate(positions, session, opened.frame, companions(opened)), session)
         carrier, mount_notices = carrier_of(located, session, opened.inputs.mount)
         begin_s, end_s = located.trajectory.span_s
         period_s = max(PREVIEW_PERIOD_S, (end_s - begin_s) / PREVIEW_SCANS)
         lidar = opened.lidar(0.5 * (begin_s + end_s), period_s)
         placer = placer_of(located, session.lidar.mounting, carrier)
-        sink.begin(opened.frame, placer.origin_m)
+        sink = open_sink(opened.frame, placer.origin_m, None)
         scans = watched(preview_scans(lidar.scans(), period_s), lidar, progress, "looking at scans")
-        placement = place_scans(scans, placer, standing=True, sink=sink.add, classify=classifier(None))
+        placement = place_scans(scans, placer, standing=True, sink=sink, classify=classifier(None))
         refuse_empty(placement, located.trajectory, session)
         clocks = lidar.clocks
         assumed = [*mount_notices, *session_notices(session, located, matched=False)]
@@ -470,7 +457,7 @@ def preview(opened: OpenSession, sink: PointSink, progress: Progress = silent) -
         placement, assumed = Placement.without_scans(located.trajectory), []
     watch.lap("preview")
     notices = [*positions.notices, *located.notices, *assumed]
-    return _result(opened, located, placement, FieldWork(), clocks, notices, watch)
+    return _run_result(opened, located, placement, FieldWork(), clocks, notices, watch)
 
 
 def preview_scans(scans: Iterator[Scan], period_s: float) -> Iterator[Scan]:
@@ -507,12 +494,7 @@ def _yaw_differs(used: Mounting, stated: Mounting) -> bool:
     return bool(forward[0] @ forward[1] < np.cos(np.radians(TURNED_DEG)))
 
 
-def _with_mounting(session: Session, mounting: Mounting) -> Session:
-    lidar = msgspec.structs.replace(session.lidar, rpy_deg=mounting.rpy_deg)
-    return msgspec.structs.replace(session, lidar=lidar)
-
-
-def _result(
+def _run_result(
     opened: OpenSession,
     located: Located,
     placement: Placement,

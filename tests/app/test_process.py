@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.core.runtime.threads import using_threads
-from furrowmap.process import COMPILING, VARIABLE, importing, importing_beside, keep_blas_single, keep_kernels
+from furrowmap.process import COMPILING, VARIABLE, importing, keep_blas_single, keep_kernels
 
 CODE = """
 import os, sys
@@ -121,21 +120,5 @@ def test_imports__leave_garbage_collection_as_it_was() -> None:
     assert gc.get_freeze_count() > 0
     with pytest.raises(ImportError), importing():
         raise ImportError
-    assert gc.isenabled()
-    gc.unfreeze()
-
-
-@pytest.mark.parametrize("count", [1, 2])
-def test_import_beside__gives_the_module_and_its_error_where_it_is_asked_for(tmp_path: Path, count: int) -> None:
-    (tmp_path / f"good_{count}.py").write_text("value = 3\n")
-    (tmp_path / f"bad_{count}.py").write_text("import no_such_library\n")
-    sys.path.insert(0, str(tmp_path))
-    try:
-        with using_threads(count), importing_beside(f"good_{count}") as good, importing_beside(f"bad_{count}") as bad:
-            assert good().value == 3
-            with pytest.raises(ModuleNotFoundError, match="no_such_library"):
-                bad()
-    finally:
-        sys.path.remove(str(tmp_path))
     assert gc.isenabled()
     gc.unfreeze()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -14,7 +14,7 @@ from typing import Final
 
 import msgspec
 
-from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, as_furrowmap_error
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.batch_state import (
     STATE,
@@ -30,21 +30,20 @@ from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row, write_layers, write_table
 from furrowmap.settings import BatchSettings
-from furrowmap.workflows.batch.engine import ATTEMPTS, Manner, Workforce
+from furrowmap.workflows.batch.engine import ATTEMPTS
 from furrowmap.workflows.batch.jobs import (
     Job,
     Prepared,
-    Request,
     identity,
     key_of,
     open_job,
     own_version,
     prepare,
-    result_or_failure,
 )
 from furrowmap.workflows.batch.places import Store, find_remote, is_url, scratch
 from furrowmap.workflows.batch.sources import Source, find_sources, named, stamp
 from furrowmap.workflows.batch.task import input_stamps, run_job
+from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
 from furrowmap.workflows.session.machines import machine_file
 
 START_S: Final = 2.0
@@ -80,15 +79,7 @@ class Batch:
 
 @dataclass(frozen=True)
 class _Plan:
-    """What is to be done.
-
-    Attributes:
-        jobs: all runs, by name.
-        due: names of those to run.
-        failures: of sources that give no run, by name.
-        bytes_due: size of the inputs of those to run.
-        notices: for the user.
-    """
+    """The runs by name, those that are due with the size of their inputs, and the sources that give none."""
 
     jobs: dict[str, Job] = field(default_factory=dict)
     due: list[str] = field(default_factory=list)
@@ -133,8 +124,22 @@ def batch(
         sources = find_sources([Path(folder) for folder in folders if not is_url(folder)], target)
         sources += [source for url in remote for source in find_remote(url)]
         url = str(results).rstrip("/") if is_url(results) else ""
-        runs = _Batch(target, settings, overwrite=overwrite, progress=progress, say=say, url=url)
-        return runs.call(sources, dry_run=dry_run)
+        runs, path = _Batch(target, settings, overwrite, progress, say, url), target / STATE
+        if url and (content := Store(url).read(STATE)) is not None:
+            path.write_bytes(content)
+        if dry_run:
+            return runs.estimate(sources, stack.enter_context(batch_state(path if path.is_file() else None)))
+        target.mkdir(parents=True, exist_ok=True)
+        own = stack.enter_context(leased(target))
+        state = stack.enter_context(batch_state(path))
+        for ended in refuse_leased(target, own):  # of batches that were killed
+            shutil.rmtree(ended, ignore_errors=True)
+        try:
+            return runs.run(sources, state)
+        finally:
+            if url:
+                state.save_as(target / "copy")
+                Store(url).write(STATE, (target / "copy").read_bytes())
 
 
 @dataclass(frozen=True)
@@ -148,30 +153,11 @@ class _Batch:
     say: Callable[[str], None]
     url: str
 
-    def call(self, sources: Sequence[Source], *, dry_run: bool) -> Batch:
-        """Plan or do the batch, with the state of the folder of results."""
-        store, path = Store(self.url), self.results / STATE
-        if self.url and (content := store.read(STATE)) is not None:
-            path.write_bytes(content)
-        if dry_run:
-            with batch_state(path if path.is_file() else None) as state:
-                return self.planned(sources, state)
-        self.results.mkdir(parents=True, exist_ok=True)
-        with leased(self.results) as own, batch_state(path) as state:
-            for ended in refuse_leased(self.results, own):  # of batches that were killed
-                shutil.rmtree(ended, ignore_errors=True)
-            try:
-                return self.done(sources, state)
-            finally:
-                if self.url:
-                    state.save_as(self.results / "copy")
-                    store.write(STATE, (self.results / "copy").read_bytes())
-
-    def planned(self, sources: Sequence[Source], state: BatchState) -> Batch:
-        """What would be done."""
+    def estimate(self, sources: Sequence[Source], state: BatchState) -> Batch:
+        """What would be done, and how long it would take."""
         outcomes = state.outcomes()
         force = Workforce(self.settings.workers, self.settings.scheduler, self.say)
-        plan = self._plan(sources, state, outcomes, force, keep=False)
+        plan = self._plan(sources, state, outcomes, force, dry_run=True)
         rates = [
             outcome.processor_s / size
             for outcome in outcomes.values()
@@ -179,30 +165,27 @@ class _Batch:
         ]
         each = (statistics.median(rates), 0.0) if rates else (1.0 / BYTES_A_SECOND, START_S)
         estimate_s = sum(each[0] * plan.bytes_due.get(name, 0) + each[1] for name in plan.due) / force.cores
-        return self._told(plan, outcomes, run=plan.due, estimate_s=estimate_s)
+        return self._summary(plan, outcomes, estimate_s)
 
-    def done(self, sources: Sequence[Source], state: BatchState) -> Batch:
-        """What was done."""
+    def run(self, sources: Sequence[Source], state: BatchState) -> Batch:
+        """Run what is due, the longest first, and write the tables."""
         outcomes = state.outcomes()
         with Workforce(self.settings.workers, self.settings.scheduler, self.say) as force:
-            plan = self._plan(sources, state, outcomes, force, keep=True)
-            for name, outcome in self._run(plan, force):
-                outcomes[name] = outcome
-                state.keep(name, outcome)
+            plan = self._plan(sources, state, outcomes, force, dry_run=False)
+            items = [(name, plan.jobs[name]) for name in sorted(plan.due, key=lambda name: -plan.bytes_due[name])]
+            for name, found in force.each(run_job, items, _RUNNING, self.progress):
+                outcomes[name] = found if isinstance(found, SessionOutcome) else SessionOutcome("", failure=_lost(name))
+                state.keep(name, outcomes[name])
         for name, (_, failure) in plan.failures.items():
             outcomes[name] = SessionOutcome("", failure=failure)
-        told = self._told(plan, outcomes, run=plan.due)
-        if (
-            plan.due
-            or plan.failures
-            or not all((self.results / name).is_file() for name in (TABLE, LAYERS, BATCH_PAGE))
-        ):
-            write_table(self.results, told.sessions)
-            write_layers(self.results, told.sessions)
-            write_batch_page(self.results, told.sessions)
-            for name in (TABLE, LAYERS, BATCH_PAGE) if self.url else ():
+        summary, tables = self._summary(plan, outcomes), (TABLE, LAYERS, BATCH_PAGE)
+        if plan.due or plan.failures or not all((self.results / name).is_file() for name in tables):
+            write_table(self.results, summary.sessions)
+            write_layers(self.results, summary.sessions)
+            write_batch_page(self.results, summary.sessions)
+            for name in tables if self.url else ():
                 Store(self.url).write(name, (self.results / name).read_bytes())
-        return told
+        return summary
 
     def _plan(
         self,
@@ -211,10 +194,10 @@ class _Batch:
         outcomes: dict[str, SessionOutcome],
         force: Workforce,
         *,
-        keep: bool,
+        dry_run: bool,
     ) -> _Plan:
         plan = _Plan()
-        prepared = self._prepared(sources, state, force, plan, keep=keep)
+        prepared = self._prepare(sources, state, force, plan, dry_run=dry_run)
         wanted, made = [], {}
         for source in sources:
             found = prepared.get(source.place)
@@ -225,9 +208,9 @@ class _Batch:
                 wanted.append((key, (*source.parts, visit.name) if visit is not None else source.parts))
                 made[key] = (source, found, visit)
         names = named(wanted, state.sources())
-        if keep:
+        if not dry_run:
             state.keep_names(names)
-        manner = Manner.of_user(force.threads)
+        process = ProcessSettings.of_this_process(force.threads)
         for key, (source, found, visit) in made.items():
             if found.failure is not None:
                 plan.failures[names[key]] = (source.place, found.failure)
@@ -237,7 +220,7 @@ class _Batch:
                 file=source.place,
                 text=found.text,
                 results=str(self.results.resolve()),
-                manner=manner,
+                process=process,
                 visit=visit,
                 overwrite=self.overwrite or names[key] in outcomes,
                 url=source.url,
@@ -248,33 +231,40 @@ class _Batch:
         self._choose(plan, outcomes)
         return plan
 
-    def _prepared(
-        self, sources: Sequence[Source], state: BatchState, force: Workforce, plan: _Plan, *, keep: bool
+    def _prepare(
+        self, sources: Sequence[Source], state: BatchState, force: Workforce, plan: _Plan, *, dry_run: bool
     ) -> dict[str, Prepared]:
-        """What each source holds, by its file."""
+        """The session and the visits of each source, by its file."""
         machine = str(machine_file(self.settings.machine).resolve()) if self.settings.machine is not None else ""
         boundaries = str(Path(self.settings.boundaries).resolve()) if self.settings.boundaries is not None else ""
         without = [source for source in sources if source.made and not machine]
         if without:
-            plan.notices.append(_no_session(without))
-        taken = [source for source in sources if machine or not source.made]
-        if not taken:
-            raise _nothing(without)
+            shown = ", ".join(source.url or str(source.file.parent) for source in without[:3])
+            plan.notices.append(
+                Notice("batch-no-session", without=len(without), shown=shown, is_without=len(without) > 3)
+            )
+        usable = [source for source in sources if machine or not source.made]
+        if not usable:
+            raise InputError("batch-nothing", without_count=len(without) if without else None)
         decisive = [stamp(Path(path)) for path in (machine, boundaries) if path]
-        keys = {one.place: _prepared_key(one, decisive) for one in taken}
-        found, asked = dict[str, Prepared](), list[tuple[str, Request]]()
-        for source in taken:
-            name = source.place
+        found, due, keys = dict[str, Prepared](), list[tuple[str, Source]](), dict[str, str]()
+        for source in usable:
+            content = msgspec.json.encode([own_version(), source.stamps, decisive])
+            key = keys[source.place] = hashlib.sha256(content).hexdigest()
             if not source.made and not boundaries:
-                found[name] = _as_it_is(source)
-            elif (kept := state.prepared(name, keys[name])) is not None:
-                found[name] = msgspec.json.decode(kept, type=Prepared)
+                found[source.place] = _read_session(source)
+            elif (kept := state.prepared(source.place, key)) is not None:
+                found[source.place] = msgspec.json.decode(kept, type=Prepared)
             else:
-                asked.append((name, _request(source, machine, boundaries)))
-        looked = force.each(prepare, asked, _LOOKING, self.progress) if keep else _here(asked)
-        for name, result in looked:
+                due.append((source.place, source))
+        work = partial(prepare, machine=machine, boundaries=boundaries)
+        for name, result in (
+            ((name, work(source)) for name, source in due)
+            if dry_run
+            else force.each(work, due, _LOOKING, self.progress)
+        ):
             found[name] = result if isinstance(result, Prepared) else Prepared(failure=_lost(name))
-            if keep and found[name].failure is None:
+            if not dry_run and found[name].failure is None:
                 state.keep_prepared(name, keys[name], msgspec.json.encode(found[name]))
         return found
 
@@ -282,89 +272,47 @@ class _Batch:
         """Choose the jobs whose settings or inputs have changed, or that failed for a reason that may have passed."""
         whole = Store(self.url).complete() if self.url else None
         for name, job in plan.jobs.items():
-            looked = result_or_failure(partial(_key_and_stamps, job))
-            if isinstance(looked, Failure):
-                plan.failures[name] = (job.file, looked)
+            try:
+                key, stamps = key_of(job), job.stamps if job.url else input_stamps(open_job(job))
+            except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
+                plan.failures[name] = (job.file, Failure.of(as_furrowmap_error(error)))
                 continue
-            before, (key, stamps) = outcomes.get(name), looked
             plan.bytes_due[name] = _size(stamps)
-            same = before is not None and before.key == key and same_files(before.inputs, stamps)
-            if before is None or not same or not _is_settled(before, job, whole):
+            before = outcomes.get(name)
+            if before is None or before.key != key or not same_files(before.inputs, stamps):
+                plan.due.append(name)
+            elif before.failure is not None:
+                if before.failure.exit_status != InputError.exit_status:  # not the fault of the inputs themselves
+                    plan.due.append(name)
+            elif name not in whole if whole is not None else not (job.folder / REPORT).is_file():
                 plan.due.append(name)
 
-    def _run(self, plan: _Plan, force: Workforce) -> Iterator[tuple[str, SessionOutcome]]:
-        longest_first = sorted(plan.due, key=lambda name: -plan.bytes_due[name])
-        items = [(name, plan.jobs[name]) for name in longest_first]
-        for name, found in force.each(run_job, items, _RUNNING, self.progress):
-            yield name, found if isinstance(found, SessionOutcome) else SessionOutcome("", failure=_lost(name))
-
-    def _told(
-        self, plan: _Plan, outcomes: dict[str, SessionOutcome], *, run: Sequence[str], estimate_s: float | None = None
-    ) -> Batch:
+    def _summary(self, plan: _Plan, outcomes: dict[str, SessionOutcome], estimate_s: float | None = None) -> Batch:
         of = {name: (job.file, job.visit.name if job.visit is not None else "") for name, job in plan.jobs.items()}
         of |= {name: (file, "") for name, (file, _) in plan.failures.items()}
         rows = tuple(Row(name, *of[name], outcomes[name]) for name in sorted(of) if name in outcomes)
         return Batch(
             self.url or str(self.results),
             rows,
-            tuple(run),
-            tuple(sorted(set(plan.jobs) - set(run) - set(plan.failures))),
+            tuple(plan.due),
+            tuple(sorted(set(plan.jobs) - set(plan.due) - set(plan.failures))),
             tuple(row.name for row in rows if row.outcome.failure is not None),
             estimate_s,
             tuple(plan.notices),
         )
 
 
-def _request(source: Source, machine: str, boundaries: str) -> Request:
-    stamps = source.stamps if source.url else ()
-    return Request(source.place, source.made, machine, boundaries, source.url, stamps)
-
-
-def _here(asked: Sequence[tuple[str, Request]]) -> Iterator[tuple[str, Prepared]]:
-    """Look at sources in this process."""
-    for name, request in asked:
-        yield name, prepare(request)
-
-
-def _as_it_is(source: Source) -> Prepared:
-    text = result_or_failure(partial(_text_of, source))
-    return Prepared(failure=text) if isinstance(text, Failure) else Prepared(text)
-
-
-def _text_of(source: Source) -> str:
-    if source.url:
-        return (Store(source.url).read(source.file.name) or b"").decode()
-    return source.file.read_text(encoding="utf-8")
-
-
-def _key_and_stamps(job: Job) -> tuple[str, tuple[Stamp, ...]]:
-    return key_of(job), job.stamps if job.url else input_stamps(open_job(job))
-
-
-def _prepared_key(source: Source, decisive: Sequence[Stamp]) -> str:
-    """A hash of what decides on what a source holds."""
-    content = msgspec.json.encode([own_version(), source.stamps, decisive])
-    return hashlib.sha256(content).hexdigest()
+def _read_session(source: Source) -> Prepared:
+    try:
+        if source.url:
+            return Prepared((Store(source.url).read(source.file.name) or b"").decode())
+        return Prepared(source.file.read_text(encoding="utf-8"))
+    except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
+        return Prepared(failure=Failure.of(as_furrowmap_error(error)))
 
 
 def _size(stamps: Sequence[Stamp]) -> int:
     return sum(one.bytes for one in stamps)
-
-
-def _no_session(without: Sequence[Source]) -> Notice:
-    shown = ", ".join(source.url or str(source.file.parent) for source in without[:3])
-    return Notice("batch-no-session", without=len(without), shown=shown, is_without=len(without) > 3)
-
-
-def _nothing(without: Sequence[Source]) -> InputError:
-    return InputError("batch-nothing", without_count=len(without) if without else None)
-
-
-def _is_settled(before: SessionOutcome, job: Job, whole: set[str] | None) -> bool:
-    """Whether the same inputs would give the same: there is a result, or the inputs themselves are at fault."""
-    if before.failure is None:
-        return job.name in whole if whole is not None else (job.folder / REPORT).is_file()
-    return before.failure.exit_status == InputError.exit_status
 
 
 def _lost(name: str) -> Failure:

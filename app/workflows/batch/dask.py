@@ -8,7 +8,7 @@ from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from secrets import token_hex
 from time import monotonic
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from dask import config
 from distributed import Client, LocalCluster, WorkerPlugin, wait
@@ -16,10 +16,7 @@ from distributed.scheduler import KilledWorker
 
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.process import prepare_process
-from furrowmap.workflows.batch.engine import ATTEMPTS, Lost
-
-Item = TypeVar("Item")
-Found = TypeVar("Found")
+from furrowmap.workflows.batch.engine import ATTEMPTS, Found, Item, WorkerDied
 
 IN_HAND: Final = 4
 """Items for each worker that the scheduler has at a time: more would only take its memory."""
@@ -39,7 +36,7 @@ _QUIET: Final = {
 """Dask's watching of tasks of some milliseconds: in a run of seconds it only takes the interpreter from it."""
 
 
-class Prepared(WorkerPlugin):
+class WorkerSetup(WorkerPlugin):
     """Sets up each worker before it imports what a run needs."""
 
     name = "furrowmap"
@@ -56,29 +53,21 @@ class DaskWorkers:
 
     A worker that is lost costs no item: the scheduler gives it to another one, three times. Where the scheduler is
     lost, the items without an answer are handed to the next one at the same address.
-
-    Args:
-        connect: makes a client of the scheduler.
     """
 
     def __init__(self, connect: Callable[[], Client]) -> None:
         self._connect = connect
-        self._client = self._connected()
-
-    @property
-    def dashboard(self) -> str:
-        """Address of the page on which one can watch the workers."""
-        return str(self._client.dashboard_link)
+        self.client = self._connected()
 
     def close(self) -> None:
         """Disconnect; what still runs on workers is given up."""
         with suppress(Exception):
-            self._client.close(timeout=_CONNECT_S)
+            self.client.close(timeout=_CONNECT_S)
 
     def each(
         self, work: Callable[[Item], Found], items: Sequence[tuple[str, Item]], tick: Callable[[], None]
-    ) -> Iterator[tuple[str, Found | Lost]]:
-        """As :meth:`~.batch_engine.Engine.each`, in the order in which they are done."""
+    ) -> Iterator[tuple[str, Found | WorkerDied]]:
+        """As :meth:`~.engine.Engine.each`, in the order in which they are done."""
         waiting = list(reversed(items))
         in_hand: dict[Any, tuple[str, Item]] = {}
         try:
@@ -86,12 +75,14 @@ class DaskWorkers:
                 tick()
                 try:
                     self._hand_out(work, waiting, in_hand)
-                    done = self._some_done(in_hand)
+                    with suppress(TimeoutError, CancelledError):  # what a lost scheduler had is cancelled
+                        wait(list(in_hand), timeout=_TICK_S, return_when="FIRST_COMPLETED")
+                    done = [future for future in in_hand if future.status != "pending"]
                 except (OSError, TimeoutError, RuntimeError, ValueError) as error:
-                    if self._is_connected():
+                    if self.client.status == "running":
                         raise _unusable(error) from error
                     done = []
-                if not self._is_connected():
+                if self.client.status != "running":
                     waiting += reversed(list(in_hand.values()))
                     in_hand.clear()
                     self._reconnect(tick)
@@ -99,35 +90,27 @@ class DaskWorkers:
                 for future in done:
                     name, item = in_hand.pop(future)
                     try:
-                        found = _found(future)
+                        found = _result(future)
                     except (OSError, TimeoutError, CancelledError):
                         waiting.append((name, item))
                     else:
                         yield name, found
         finally:
             with suppress(Exception):
-                self._client.cancel(list(in_hand), force=True)
+                self.client.cancel(list(in_hand), force=True)
 
     def _hand_out(
         self, work: Callable[[Item], Found], waiting: list[tuple[str, Item]], in_hand: dict[Any, tuple[str, Item]]
     ) -> None:
-        room = IN_HAND * max(1, len(self._client.scheduler_info(n_workers=-1)["workers"]))
+        room = IN_HAND * max(1, len(self.client.scheduler_info(n_workers=-1)["workers"]))
         while waiting and len(in_hand) < room:
             name, item = waiting[-1]
-            future = self._client.submit(work, item, key=f"{name}-{token_hex(4)}", pure=False)
+            future = self.client.submit(work, item, key=f"{name}-{token_hex(4)}", pure=False)
             in_hand[future] = waiting.pop()
-
-    def _some_done(self, in_hand: dict[Any, tuple[str, Item]]) -> list[Any]:
-        with suppress(TimeoutError, CancelledError):  # what a lost scheduler had is cancelled
-            wait(list(in_hand), timeout=_TICK_S, return_when="FIRST_COMPLETED")
-        return [future for future in in_hand if future.status != "pending"]
-
-    def _is_connected(self) -> bool:
-        return self._client.status == "running"
 
     def _connected(self) -> Client:
         client = self._connect()
-        client.register_plugin(Prepared())
+        client.register_plugin(WorkerSetup())
         return client
 
     def _reconnect(self, tick: Callable[[], None]) -> None:
@@ -136,7 +119,7 @@ class DaskWorkers:
         while True:
             tick()
             try:
-                self._client = self._connected()
+                self.client = self._connected()
             except (OSError, TimeoutError, RuntimeError, CancelledError):
                 if monotonic() > until:
                     raise _lost_scheduler() from None
@@ -149,15 +132,14 @@ def local_cluster(workers: int, say: Callable[[str], None]) -> Iterator[DaskWork
     """Workers that are processes of this machine, and end with it; its memory is divided among them."""
     with ExitStack() as stack:
         stack.enter_context(config.set(_QUIET))
-        cluster = stack.enter_context(_processes(workers))
+        cluster = stack.enter_context(_worker_processes(workers))
         say(f"{workers} workers; dashboard: {cluster.dashboard_link}")
         engine = DaskWorkers(lambda: Client(cluster, timeout=_CONNECT_S))
         stack.callback(engine.close)
         yield engine
 
 
-def _processes(workers: int) -> LocalCluster:
-    """Workers of this machine."""
+def _worker_processes(workers: int) -> LocalCluster:
     for left in reversed(range(ATTEMPTS)):
         try:
             return LocalCluster(
@@ -181,21 +163,20 @@ def cluster_of_scheduler(address: str, say: Callable[[str], None]) -> Iterator[D
     except (OSError, TimeoutError, ValueError) as error:
         raise FurrowmapError("no-scheduler", address=address, error=error) from None
     try:
-        say(f"Dashboard: {engine.dashboard}")
+        say(f"Dashboard: {engine.client.dashboard_link}")
         yield engine
     finally:
         engine.close()
 
 
-def _found(future: Any) -> Any:
-    """What came of an item."""
+def _result(future: Any) -> Any:
     if future.status in ("cancelled", "lost"):
         raise CancelledError
     if future.status == "finished":
         return future.result(RECONNECT_S)
     error = future.exception(RECONNECT_S)
     if isinstance(error, KilledWorker):
-        return Lost()
+        return WorkerDied()
     raise _unusable(error)
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import msgspec
 import numpy as np
@@ -32,11 +33,10 @@ from furrowmap.core.values.time_span import poses_within, track_within
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.exporters.files.atomic import atomic_output, relative_path
 from furrowmap.exporters.files.batch_state import Failure, Stamp
-from furrowmap.workflows.batch.engine import Manner
 from furrowmap.workflows.batch.places import scratch, staged
+from furrowmap.workflows.batch.sources import Source
+from furrowmap.workflows.batch.workforce import ProcessSettings
 from furrowmap.workflows.session.init import proposed
-
-Found = TypeVar("Found")
 
 FIELDS: Final = ".batch-fields"
 """Folder of the outlines that runs take as the boundary of their field."""
@@ -48,14 +48,6 @@ _GAP_S: Final = 10.0
 """Longer gaps between positions do not count as time in a field."""
 
 
-def result_or_failure(work: Callable[[], Found]) -> Found | Failure:
-    """What `work` returns, or the error that ended it: one session of a batch must not stop the others."""
-    try:
-        return work()
-    except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
-        return Failure.of(as_furrowmap_error(error))
-
-
 @dataclass(frozen=True)
 class Visit:
     """A part of a recording in one field.
@@ -63,7 +55,6 @@ class Visit:
     Attributes:
         name: of the field, with a number from its second visit on.
         outline: its polygons in longitude and latitude, as GeoJSON.
-        span_s: first and last UTC to use.
     """
 
     name: str
@@ -72,35 +63,8 @@ class Visit:
 
 
 @dataclass(frozen=True)
-class Request:
-    """What a source is looked at for.
-
-    Attributes:
-        file: session file.
-        made: whether it is made from the recordings in its folder.
-        machine: profile for a session that is made; empty for none.
-        boundaries: file with fields; empty for none.
-        url: of the folder of the session, if it is in a store.
-        stamps: the files there.
-    """
-
-    file: str
-    made: bool
-    machine: str = ""
-    boundaries: str = ""
-    url: str = ""
-    stamps: tuple[Stamp, ...] = ()
-
-
-@dataclass(frozen=True)
 class Prepared:
-    """What a source holds.
-
-    Attributes:
-        text: of the session file.
-        visits: of fields; empty for a recording that is run as a whole.
-        failure: why nothing can be run.
-    """
+    """What a source holds."""
 
     text: str = ""
     visits: tuple[Visit, ...] = ()
@@ -112,15 +76,8 @@ class Job:
     """A run.
 
     Attributes:
-        name: of the result folder.
         file: of the session; a session that is made from recordings is not written there.
-        text: its content.
-        results: folder of all results.
-        manner: what the user has chosen for the run.
-        visit: the part of the recording to run; None for all.
-        overwrite: replace products of other recordings in the result folder.
         url: of the folder of the session, if it is in a store; `file` is then the address of the session file.
-        stamps: the files there.
         results_url: of the folder of all results, if that is in a store.
     """
 
@@ -128,7 +85,7 @@ class Job:
     file: str
     text: str
     results: str
-    manner: Manner
+    process: ProcessSettings
     visit: Visit | None = None
     overwrite: bool = False
     url: str = ""
@@ -139,11 +96,6 @@ class Job:
     def folder(self) -> Path:
         """The result folder."""
         return Path(self.results) / self.name
-
-    @property
-    def identity(self) -> str:
-        """What the job is made from, whatever is in it."""
-        return identity(self.file, self.visit)
 
 
 def identity(file: str, visit: Visit | None) -> str:
@@ -163,13 +115,31 @@ def _parsed(text: str, file: str) -> Session:
     return parse_session(text, file)
 
 
-def prepare(request: Request) -> Prepared:
-    """Look at a source: propose a session for its recordings, and find the fields that they enter.
+def prepare(source: Source, machine: str, boundaries: str) -> Prepared:
+    """Propose a session for the recordings of a source, and find the fields that they enter.
 
     Errors are returned, because one source must not stop the others.
+
+    Args:
+        machine: profile for a session that is made; empty for none.
+        boundaries: file with fields; empty for none.
     """
-    found = result_or_failure(partial(_fetched_and_prepared, request))
-    return Prepared(failure=found) if isinstance(found, Failure) else found
+    try:
+        with ExitStack() as stack:
+            file = source.file
+            if source.url:
+                file = staged(source.url, source.stamps, Path(stack.enter_context(scratch())))
+            text = (
+                proposed([file.parent], file.parent, machine or None)[0].text
+                if source.made
+                else file.read_text(encoding="utf-8")
+            )
+            session = parse_session(text, str(file))
+            if not boundaries or session.field.boundary is not None:
+                return Prepared(text)
+            return Prepared(text, tuple(_visits(file, session, read_fields(Path(boundaries)))))
+    except Exception as error:  # noqa: BLE001 whatever is wrong with one source is a row of the table
+        return Prepared(failure=Failure.of(as_furrowmap_error(error)))
 
 
 def open_job(job: Job) -> OpenSession:
@@ -198,7 +168,7 @@ def key_of(job: Job) -> str:
     """
     session = msgspec.to_builtins(_parsed(job.text, job.file))
     visit = msgspec.to_builtins(job.visit)
-    decisive = [own_version(), session, visit, job.manner.language, sorted(job.manner.allowed)]
+    decisive = [own_version(), session, visit, job.process.language, sorted(job.process.allowed)]
     return hashlib.sha256(json.dumps(decisive, default=str, sort_keys=True).encode()).hexdigest()
 
 
@@ -241,27 +211,6 @@ def visits_of(
     return kept
 
 
-def _fetched_and_prepared(request: Request) -> Prepared:
-    if not request.url:
-        return _prepared(request)
-    with scratch() as folder:
-        file = staged(request.url, request.stamps, Path(folder))
-        return _prepared(replace(request, file=str(file)))
-
-
-def _prepared(request: Request) -> Prepared:
-    file = Path(request.file)
-    if request.made:
-        proposal, _ = proposed([file.parent], file.parent, request.machine or None)
-        text = proposal.text
-    else:
-        text = file.read_text(encoding="utf-8")
-    session = parse_session(text, request.file)
-    if not request.boundaries or session.field.boundary is not None:
-        return Prepared(text)
-    return Prepared(text, tuple(_visits(file, session, read_fields(Path(request.boundaries)))))
-
-
 def _visits(file: Path, session: Session, fields: Sequence[FieldOutline]) -> list[Visit]:
     inputs = Inputs.of(file, session)
     opened = OpenSession(file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
@@ -276,7 +225,10 @@ def _visits(file: Path, session: Session, fields: Sequence[FieldOutline]) -> lis
         name = near[k].names[0] if near[k].names else f"field {fields.index(near[k]) + 1}"
         again = 1 + sum(earlier == k for earlier, *_ in found[:n])
         name = f"{name} ({again})" if again > 1 else name
-        visits.append(Visit(name, _geojson(near[k].outline, name), (math.floor(span[0]), math.ceil(span[1]))))
+        shape = json.loads(shapely.to_geojson(near[k].outline))
+        feature = {"type": "Feature", "properties": {"name": name}, "geometry": shape}
+        outline = json.dumps({"type": "FeatureCollection", "features": [feature]}, ensure_ascii=False)
+        visits.append(Visit(name, outline, (math.floor(span[0]), math.ceil(span[1]))))
     return visits
 
 
@@ -300,12 +252,6 @@ def _near(field: FieldOutline, opened: OpenSession, xy_m: NDArray[np.float64]) -
     beyond = 0.001
     inside = (lon >= west - beyond) & (lon <= east + beyond) & (lat >= south - beyond) & (lat <= north + beyond)
     return bool(inside.any())
-
-
-def _geojson(outline: BaseGeometry, name: str) -> str:
-    shape = json.loads(shapely.to_geojson(outline))
-    feature = {"type": "Feature", "properties": {"name": name}, "geometry": shape}
-    return json.dumps({"type": "FeatureCollection", "features": [feature]}, ensure_ascii=False)
 
 
 def _outline_file(folder: Path, outline: str) -> Path:

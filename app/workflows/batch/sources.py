@@ -48,10 +48,6 @@ def find_sources(folders: Sequence[Path], results: Path) -> list[Source]:
 
     Results of runs, hidden folders and the folder of the batch's own results are left out.
 
-    Args:
-        folders: folders, or session files.
-        results: of the batch.
-
     Raises:
         InputError: if there is no such folder or file.
     """
@@ -86,7 +82,6 @@ def named(sources: Iterable[tuple[str, Sequence[str]]], known: Mapping[str, str]
 
     Args:
         sources: an identity and the names of the folders of each.
-        known: names by identity.
     """
     wanted = dict(sources)
     names = {identity: known[identity] for identity in wanted if identity in known}

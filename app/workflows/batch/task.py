@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from time import monotonic, perf_counter, process_time, sleep
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
@@ -21,7 +19,7 @@ from furrowmap.exporters.files.file_records import file_records, files_in
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.vectors.batch_table import FIGURES, outlines
 from furrowmap.results import Result, open_result
-from furrowmap.workflows.batch.jobs import Job, key_of, open_job, result_or_failure
+from furrowmap.workflows.batch.jobs import Job, key_of, open_job
 from furrowmap.workflows.batch.places import earlier_in_store, put_result, scratch, staged, store_failure
 from furrowmap.workflows.batch.sources import stamp
 from furrowmap.workflows.run.run import run_opened
@@ -31,20 +29,6 @@ PATIENCE_S: Final = 3600.0
 _LOOK_S: Final = 1.0
 
 
-@dataclass(frozen=True)
-class _Spent:
-    """What a job has taken so far."""
-
-    wall_s: float
-    processor_s: float
-
-    @classmethod
-    def begin(cls) -> Callable[[], _Spent]:
-        """Start to count."""
-        wall_s, processor_s = perf_counter(), process_time()
-        return lambda: cls(perf_counter() - wall_s, process_time() - processor_s)
-
-
 def run_job(job: Job) -> SessionOutcome:
     """Run a session into its folder, unless the result of the same inputs, settings and version is there.
 
@@ -52,18 +36,20 @@ def run_job(job: Job) -> SessionOutcome:
     """
     if job.url or job.results_url:
         return _run_with_store(job)
-    spent = _Spent.begin()
-    looked = result_or_failure(partial(_looked_at, job))
-    if isinstance(looked, Failure):
-        outcome = SessionOutcome("", failure=looked)
-    else:
-        ran = result_or_failure(partial(_ran, job, *looked))
-        outcome = SessionOutcome(*looked[:2], ran) if isinstance(ran, Failure) else ran
-    took = spent()
+    wall_s, processor_s = perf_counter(), process_time()
+    key, stamps = "", tuple[Stamp, ...]()
+    try:
+        with job.process.applied():
+            opened = open_job(job)
+            key, stamps = key_of(job), input_stamps(opened)
+            result, repeated = _result(job, opened)
+            outcome = replace(_outcome(key, stamps, result, opened), repeated=repeated)
+    except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
+        outcome = SessionOutcome(key, stamps, Failure.of(as_furrowmap_error(error)))
     return replace(
         outcome,
-        seconds=round(took.wall_s, 3),
-        processor_s=round(took.processor_s, 3),
+        seconds=round(perf_counter() - wall_s, 3),
+        processor_s=round(process_time() - processor_s, 3),
         peak_mb=round(peak_memory_mb(), 1),
     )
 
@@ -106,20 +92,6 @@ def peak_memory_mb() -> float:
     return peak / 1e6 if sys.platform == "darwin" else peak / 1e3
 
 
-def _looked_at(job: Job) -> tuple[str, tuple[Stamp, ...], OpenSession]:
-    """The key of a job, the files of its session, and that."""
-    with job.manner.applied():
-        opened = open_job(job)
-        return key_of(job), input_stamps(opened), opened
-
-
-def _ran(job: Job, key: str, stamps: tuple[Stamp, ...], opened: OpenSession) -> SessionOutcome:
-    """What became of a job that could be opened."""
-    with job.manner.applied():
-        result, repeated = _result(job, opened)
-        return replace(_finished(key, stamps, result, opened), repeated=repeated)
-
-
 def _result(job: Job, opened: OpenSession) -> tuple[Result, bool]:
     """The result, and whether it was there."""
     until = monotonic() + PATIENCE_S
@@ -144,14 +116,11 @@ def _earlier(folder: Path, opened: OpenSession) -> Result | None:
     if report["furrowmap"] != version("furrowmap") or report["session"] != plain(msgspec.to_builtins(opened.session)):
         return None
     records = plain(file_records(opened.inputs.all, opened.file.resolve().parent))
-    return result if _contents(report["inputs"]) == _contents(records) else None
+    had, have = (sorted((file["name"], file["sha256"]) for file in files) for files in (report["inputs"], records))
+    return result if had == have else None
 
 
-def _contents(records: Any) -> list[tuple[str, str]]:
-    return sorted((record["name"], record["sha256"]) for record in records)
-
-
-def _finished(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenSession) -> SessionOutcome:
+def _outcome(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenSession) -> SessionOutcome:
     report = result.report
     root = opened.file.resolve().parent
     digests = {(root / record["name"]).resolve(): record["sha256"] for record in report["inputs"]}

@@ -122,11 +122,8 @@ def write_records(
     """Write points of clouds, in batches, into a COPC file.
 
     Args:
-        clouds: that they are from.
         points: records of :data:`~furrowmap.core.pointclouds.cleaning.POINT`.
-        box: in which they were selected, for the error where there is none.
         origin: what they are, the files they are from, and the parameters, for the file's description.
-        progress: receives the stages of the writer.
 
     Returns:
         A summary of the file, and warnings about attributes that it does not keep.
@@ -162,13 +159,7 @@ def write_records(
 
 @dataclass
 class _Lost:
-    """Counts of what points lose in the file.
-
-    Attributes:
-        timeless: those without a time that is UTC.
-        unnumbered: those whose return number or number of returns was 0.
-        span_s: earliest and latest time.
-    """
+    """Counts of what points lose in the file."""
 
     points: int = 0
     timeless: int = 0

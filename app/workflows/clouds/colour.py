@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -66,9 +67,8 @@ def colour(
     opened = open_session(Path(session))
     clouds = open_clouds([source], None, opened.frame.crs)
     target.parent.mkdir(parents=True, exist_ok=True)
-    with scratch_in(target.parent), RunColours() as colours:
-        frames = _frames(opened, notices, progress)
-        figures = _write(clouds, frames, colours, target, progress)
+    with scratch_in(target.parent):
+        figures = _write(clouds, _frames(opened, notices, progress), target, progress)
     told = [*notices, *clouds.notices, *figures.notices]
     return dict(plain({"cloud": source.name, "figures": figures.plain(), "warnings": list(dict.fromkeys(told))}))
 
@@ -98,30 +98,29 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
     return frames
 
 
-def _write(clouds: Clouds, frames: Frames, colours: RunColours, target: Path, progress: Progress) -> ColourFigures:
+def _write(clouds: Clouds, frames: Frames, target: Path, progress: Progress) -> ColourFigures:
     """Read the cloud twice: for what hides what, and to write it."""
-    origin_m: tuple[float, float, float] | None = None
-    for records in _points(clouds, target.parent, progress):
-        if origin_m is None:
-            east, north, up = (np.floor(records["xyz_m"][0] / 1000.0) * 1000.0).tolist()
-            origin_m = east, north, up
-            colours.take(frames, origin_m)
-        colours.add_points(records["xyz_m"] - origin_m, records["classification"])
-    if origin_m is None:
-        raise no_points_error(clouds, None)
-    colours.finish(progress)
-    scale_m = scale_of(clouds)
-    kind = CopcFormat(las_wkt(clouds.crs), origin_m, scale_m, colour=True, week_time=clouds.week_times)
-    no_time = 0.0 if clouds.week_times else NO_TIME
-    inputs = [(record.name, record.sha256) for record in input_records(clouds, progress)]
-    with CopcWriter(target, kind) as writer:
+    with ExitStack() as stack:
+        colours: RunColours | None = None
         for records in _points(clouds, target.parent, progress):
-            writer.append(batch_of(records, origin_m, no_time, coloured=True))
-        text = Origin("points of a cloud, coloured by images", inputs=inputs).text
-        writer.close(progress, lambda points: colours.paint(points, scale_m), text)
-    figures = colours.figures()
-    assert figures is not None
-    return figures
+            if colours is None:
+                east, north, up = (np.floor(records["xyz_m"][0] / 1000.0) * 1000.0).tolist()
+                origin_m = east, north, up
+                colours = stack.enter_context(RunColours(frames, origin_m))
+            colours.add_points(records["xyz_m"] - origin_m, records["classification"])
+        if colours is None:
+            raise no_points_error(clouds, None)
+        colours.finish(progress)
+        scale_m = scale_of(clouds)
+        kind = CopcFormat(las_wkt(clouds.crs), origin_m, scale_m, colour=True, week_time=clouds.week_times)
+        no_time = 0.0 if clouds.week_times else NO_TIME
+        inputs = [(record.name, record.sha256) for record in input_records(clouds, progress)]
+        with CopcWriter(target, kind) as writer:
+            for records in _points(clouds, target.parent, progress):
+                writer.append(batch_of(records, origin_m, no_time, coloured=True))
+            text = Origin("points of a cloud, coloured by images", inputs=inputs).text
+            writer.close(progress, partial(colours.paint, scale_m=scale_m), text)
+        return colours.figures()
 
 
 def _points(clouds: Clouds, folder: Path, progress: Progress) -> Iterator[RecordArray]:

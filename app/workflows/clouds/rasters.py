@@ -11,7 +11,6 @@ from typing import Any, Final
 import numpy as np
 import rasterio
 from numpy.typing import NDArray
-from pyproj import CRS
 
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
@@ -55,11 +54,7 @@ class CloudRasters:
     """Computes and writes the rasters of clouds.
 
     Attributes:
-        clouds: their points.
-        grid: of all surfaces.
-        settings: as given by the user.
         box: of the points, in the CRS of the surfaces; None for all.
-        method: classification of the ground.
         span_s: earliest and latest UTC of the points; None where unknown.
     """
 
@@ -150,7 +145,11 @@ class CloudRasters:
 
     def _origin(self, title: str) -> Origin:
         """Provenance of a raster."""
-        stated = {name: _text(value) for name, value in self.parameters.items() if value is not None}
+        stated = {
+            name: (",".join(f"{part:.10g}" for part in value) if isinstance(value, list) else str(value))
+            for name, value in self.parameters.items()
+            if value is not None
+        }
         statistic = self.settings.cell_statistic if title == SURFACE or self.method == "none" else MEDIAN
         parameters = {**stated, "statistic": statistic.name, "heights_unit_m": f"{self.clouds.unit_m:.10g}"}
         if self.clouds.crs.is_compound:
@@ -220,7 +219,20 @@ class CloudRasters:
         with cog_output(self.folder / LOW_SPOTS, coarse, self.clouds.crs, [Band("depth of water")], origin) as put:
             put(coarse, [spots.depth_m])
         if len(spots):
-            _write_outlines(self.folder / LOW_SPOT_OUTLINES, spots, self.clouds.crs, origin)
+            path = self.folder / LOW_SPOT_OUTLINES
+            import geopandas
+
+            frame = geopandas.GeoDataFrame(
+                {
+                    "level_m": spots.level_m,
+                    "depth_m": spots.greatest_depth_m,
+                    "area_m2": spots.area_m2,
+                    "volume_m3": spots.volume_m3,
+                },
+                geometry=spots.polygons(),
+                crs=self.clouds.crs,
+            )
+            frame.to_file(path, layer="low_spots", driver="GPKG", engine="pyogrio", dataset_metadata=origin.metadata)
         if factor == 1:
             return spots, None
         return spots, Notice("low-spots-coarser", cell_m=coarse.cell_m, factor=factor)
@@ -248,24 +260,3 @@ class CloudRasters:
 def _unfilled(name: str, settings: SurfaceSettings) -> str:
     """File of a surface before gaps are filled."""
     return f"unfilled_{name}" if settings.fill_m > 0 else name
-
-
-def _write_outlines(path: Path, spots: Depressions, crs: CRS, origin: Origin) -> None:
-    import geopandas
-
-    frame = geopandas.GeoDataFrame(
-        {
-            "level_m": spots.level_m,
-            "depth_m": spots.greatest_depth_m,
-            "area_m2": spots.area_m2,
-            "volume_m3": spots.volume_m3,
-        },
-        geometry=spots.polygons(),
-        crs=crs,
-    )
-    frame.to_file(path, layer="low_spots", driver="GPKG", engine="pyogrio", dataset_metadata=origin.metadata)
-
-
-def _text(value: object) -> str:
-    """A parameter as a raster's metadata have it."""
-    return ",".join(f"{part:.10g}" for part in value) if isinstance(value, list) else str(value)

@@ -137,14 +137,7 @@ def _box(
 
 @dataclass(frozen=True)
 class _Made:
-    """Products being made.
-
-    Attributes:
-        settings: of the figures.
-        areas: the polygons; none for cells.
-        records: of the input files.
-        method: of the ground.
-    """
+    """Products being made."""
 
     clouds: Clouds
     settings: CanopySettings
@@ -204,13 +197,7 @@ class _Made:
 
 @dataclass(frozen=True)
 class _Index:
-    """Which area a position belongs to.
-
-    Attributes:
-        cell_m: side of cells; None for polygons.
-        rings: the polygons; None for cells.
-        origin_m: of the rings.
-    """
+    """Which area a position belongs to."""
 
     cell_m: float | None
     rings: Rings | None

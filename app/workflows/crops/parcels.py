@@ -182,12 +182,7 @@ def collect(
 
 @dataclass(frozen=True)
 class WrittenParcels:
-    """Parcels that were measured and written.
-
-    Attributes:
-        account: parameters, soil, and a row per parcel, for JSON.
-        notices: warnings.
-    """
+    """Parcels that were measured and written."""
 
     found: list[MeasuredParcel]
     account: dict[str, Any]
@@ -197,14 +192,7 @@ class WrittenParcels:
 def write_parcels(
     folder: Path, points: ParcelPoints, settings: ParcelSettings, crs: CRS, origin: Origin, progress: Progress
 ) -> WrittenParcels:
-    """Measure the parcels and write their table and the raster of crop heights.
-
-    Args:
-        settings: of the measurement.
-        crs: of the map.
-        origin: provenance.
-        progress: receives the stage "measuring parcels".
-    """
+    """Measure the parcels and write their table and the raster of crop heights."""
     found: list[MeasuredParcel] = []
     place = points.parcels[0].net.centroid
     with soil_source(settings.soil, crs, points.box_m, folder.parent, progress) as source:

@@ -47,12 +47,7 @@ class _Flight:
     """A trial on a day.
 
     Attributes:
-        day: of the flight, where it is known.
-        parcels: with their treatments.
-        table: as read.
         dose: (n,) of each parcel, nan where unknown; None without doses.
-        response: to the dose.
-        variance: by treatment; None where it cannot be analysed.
     """
 
     day: dt.date | None
@@ -112,7 +107,15 @@ def response(
             (staging / name).write_text(standalone(chart), encoding="utf-8")
         _write_csv(staging / "trial.csv", rows)
         if find_spec("openpyxl") is not None:
-            write_workbook(staging / "trial.xlsx", _sheets(rows, last))
+            sheets = {"parcels": rows}
+            if last.variance is not None:
+                sheets["treatments"] = [asdict(mean) for mean in last.variance.means]
+                sheets["variance"] = [asdict(row) for row in last.variance.rows]
+            curve = last.response.curve if last.response is not None else None
+            if curve is not None:
+                names = ("lower", "rise", "gradient", "midpoint", "plateau")
+                sheets["curve"] = [{"parameter": name, **asdict(getattr(curve, name))} for name in names]
+            write_workbook(staging / "trial.xlsx", sheets)
         products = sorted(path.name for path in staging.iterdir())
         answer: dict[str, Any] = plain({**account, "products": [*products, REPORT]})
         (staging / REPORT).write_text(json_text(answer), encoding="utf-8")
@@ -213,18 +216,6 @@ def _rows(flights: Sequence[_Flight], measure: str, growth: Sequence[Growth]) ->
             row["growth_sigma_m_day"] = own.sigma_m_day if own is not None else None
         rows.append(row)
     return rows
-
-
-def _sheets(rows: list[dict[str, Any]], last: _Flight) -> dict[str, list[dict[str, Any]]]:
-    sheets = {"parcels": rows}
-    if last.variance is not None:
-        sheets["treatments"] = [asdict(mean) for mean in last.variance.means]
-        sheets["variance"] = [asdict(row) for row in last.variance.rows]
-    curve = last.response.curve if last.response is not None else None
-    if curve is not None:
-        names = ("lower", "rise", "gradient", "midpoint", "plateau")
-        sheets["curve"] = [{"parameter": name, **asdict(getattr(curve, name))} for name in names]
-    return sheets
 
 
 def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:

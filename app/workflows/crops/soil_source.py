@@ -51,10 +51,7 @@ def soil_source(
 
     Args:
         source: "surface", "plane", or a GeoTIFF, a cloud or a result folder of another survey.
-        target: CRS of the map.
         box_m: west, south, east, north of the parcels and what surrounds them.
-        folder: for temporary files.
-        progress: receives the stages of the gridding.
 
     Raises:
         InputError: if the survey cannot be read, or has nothing in the box.

@@ -80,9 +80,6 @@ def open_edit(
 
     Args:
         farm_map: path of a GeoPackage, or a PostgreSQL connection string (`postgresql://…`).
-        create: whether to create a missing one.
-        schema: of the tables in a database.
-        progress: receives the stage of waiting for other processes.
 
     Raises:
         FurrowmapError: if it cannot be opened.

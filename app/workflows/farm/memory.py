@@ -195,25 +195,21 @@ def farm_traffic(
     refuse_existing(target, overwrite=overwrite)
     with open_edit(farm_map, schema=schema, progress=progress) as edit:
         name, crs = edit.name(), edit.crs()
-        traffic = _traffic(edit, _sessions_of(edit, settings))
+        visits = edit.read(VISITS, ("session", "season"))
+        of_season = set(visits.columns["session"][visits.columns["season"] == settings.season].tolist())
+        first, last = settings.since or dt.date.min, settings.until or dt.date.max
+        sessions_of = {
+            s.session
+            for s in edit.sessions()
+            if first <= s.date <= last and (settings.season is None or s.session in of_season)
+        }
+        traffic = _traffic(edit, sessions_of)
     if crs is None or not len(traffic.tracks):
         raise InputError("no-traffic", name=name)
     origin = Origin("Traffic: times worked and driven on", parameters=settings.plain())
     grid = write_traffic(target, traffic, crs, settings.cell_m, settings.wheels, origin, progress)
     passes = len(traffic.passes)
     return TrafficRaster(target, crs.to_string(), settings.cell_m, grid.columns, grid.rows, len(traffic.tracks), passes)
-
-
-def _sessions_of(edit: FarmEdit, settings: TrafficSettings) -> set[str]:
-    """The sessions of a time."""
-    visits = edit.read(VISITS, ("session", "season"))
-    of_season = set(visits.columns["session"][visits.columns["season"] == settings.season].tolist())
-    first, last = settings.since or dt.date.min, settings.until or dt.date.max
-    return {
-        s.session
-        for s in edit.sessions()
-        if first <= s.date <= last and (settings.season is None or s.session in of_season)
-    }
 
 
 def _traffic(edit: FarmEdit, wanted: set[str]) -> Traffic:

@@ -81,13 +81,22 @@ def solve_gnss(
         raise FurrowmapError("no-rtklib")
     rover, base = Path(rover), Path(base)
     for path, kind in ((rover, "O"), (base, "O"), *((Path(name), "NGLHPJC") for name in navigation)):
-        _expect_rinex(path, kind)
+        line = look(path).data.partition(b"\n")[0].decode("latin-1").rstrip("\r")
+        wanted = "observations" if kind == "O" else "navigation messages"
+        if line[60:].startswith("CRINEX VERS"):
+            raise InputError("not-rinex.hatanaka", path=path, name=path.name, program=PROGRAM, wanted=wanted)
+        if not line[60:].startswith("RINEX VERSION"):
+            raise InputError("not-rinex.other", path=path, program=PROGRAM, wanted=wanted)
+        if line[20:21].upper() not in kind:
+            raise InputError("not-rinex.order", path=path, program=PROGRAM, wanted=wanted)
     target = Path(out) if out is not None else rover.with_suffix(".pos")
     refuse_existing(target, overwrite=overwrite)
     place, notices = _base_position(base, settings)
     progress("solving positions", 0.0)
     with atomic_output(target) as unfinished:
-        done = _run([program, *_options(settings), *place], unfinished, [rover, base, *map(Path, navigation)])
+        mode = _STATIC if settings.static else _KINEMATIC
+        options = ["-p", mode, "-c", "-t", "-m", f"{settings.mask_deg:g}", "-sys", SYSTEMS]
+        done = _run([program, *options, *place], unfinished, [rover, base, *map(Path, navigation)])
         track = _solution(unfinished, done, rover)
     progress("solving positions", 1.0)
     by_fix = {fix.label: int((track.fix == fix).sum()) for fix in Fix}
@@ -101,27 +110,10 @@ def solve_gnss(
     )
 
 
-def _options(settings: SolveSettings) -> list[str]:
-    mode = _STATIC if settings.static else _KINEMATIC
-    return ["-p", mode, "-c", "-t", "-m", f"{settings.mask_deg:g}", "-sys", SYSTEMS]
-
-
 def _run(command: list[str], out: Path, files: Sequence[Path]) -> subprocess.CompletedProcess[bytes]:
     """Run RTKLIB; it was found in PATH, and every path is absolute, so that none is read as an option."""
     paths = [str(path.resolve()) for path in (out, *files)]
     return subprocess.run([*command, "-o", *paths], capture_output=True, check=False)  # noqa: S603
-
-
-def _expect_rinex(path: Path, kinds: str) -> None:
-    """Raise InputError if a file is not RINEX of one of the kinds (letters of its first line)."""
-    line = look(path).data.partition(b"\n")[0].decode("latin-1").rstrip("\r")
-    wanted = "observations" if kinds == "O" else "navigation messages"
-    if line[60:].startswith("CRINEX VERS"):
-        raise InputError("not-rinex.hatanaka", path=path, name=path.name, program=PROGRAM, wanted=wanted)
-    if not line[60:].startswith("RINEX VERSION"):
-        raise InputError("not-rinex.other", path=path, program=PROGRAM, wanted=wanted)
-    if line[20:21].upper() not in kinds:
-        raise InputError("not-rinex.order", path=path, program=PROGRAM, wanted=wanted)
 
 
 def _base_position(base: Path, settings: SolveSettings) -> tuple[list[str], tuple[Notice, ...]]:

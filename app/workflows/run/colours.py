@@ -36,14 +36,10 @@ class ColourFigures:
     """Figures of the colours for the report.
 
     Attributes:
-        coloured: points with a colour.
         unseen: points that no frame sees.
         left_out: points of the machine and noise.
-        reduction: of the images.
-        ortho_m2: area of the orthophoto.
         corner: share of the light that is lost in the corners of the images.
         gain: standard deviation of the logarithms of the frames' exposures.
-        notices: about the images.
     """
 
     frames: int
@@ -73,15 +69,17 @@ class ColourFigures:
 class RunColours:
     """Depth maps of the frames in a thread beside the run; then colours for the points of its cloud."""
 
-    def __init__(self) -> None:
-        self._maker: ColourMaker | None = None
+    def __init__(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
+        self._maker: ColourMaker | None = ColourMaker(frames, origin_m)
         self._working = ExitStack()
-        self._origin_m = (0.0, 0.0, 0.0)
+        self._origin_m = origin_m
         self._lock, self._counts, self._notices = Lock(), np.zeros(3, np.int64), list[Notice]()
         self._ortho_m2 = 0.0
-        self.colours: Colours | None = None
+        self._colours: Colours | None = None
 
     def __enter__(self) -> Self:
+        assert self._maker is not None
+        self._add = self._working.enter_context(behind(self._maker.add, SCANS_BEHIND))
         return self
 
     def __exit__(
@@ -89,39 +87,23 @@ class RunColours:
     ) -> None:
         self._working.__exit__(kind, error, trace)
 
-    @property
-    def has_frames(self) -> bool:
-        """Whether there are frames."""
-        return self._maker is not None or self.colours is not None
-
-    def take(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
-        """Take the frames of the run."""
-        maker, self._origin_m = ColourMaker(frames, origin_m), origin_m
-        self._maker = maker
-        self._add = self._working.enter_context(behind(maker.add, SCANS_BEHIND))
-
     def add(self, placed: PlacedScan) -> None:
         """Take the points of a scan."""
-        if self._maker is not None:
-            self._add(placed.xyz_m[placed.kept])
+        self._add(placed.xyz_m[placed.kept])
 
     def add_points(self, xyz_m: NDArray[np.float64], classification: NDArray[np.uint8]) -> None:
         """Take points (n, 3), against the local origin, with their classes (n,)."""
-        if self._maker is not None:
-            self._add(xyz_m[~np.isin(classification, NOT_COLOURED)])
+        self._add(xyz_m[~np.isin(classification, NOT_COLOURED)])
 
     def finish(self, progress: Progress) -> None:
         """Read the images, now that all points are known.
 
-        Args:
-            progress: receives the stage "reading images".
-
         Raises:
             OSError: if the disk has no room for them.
         """
-        if self._maker is not None:
-            self._working.close()
-            self.colours, self._maker = self._maker.finish(self._notices, progress), None
+        assert self._maker is not None
+        self._working.close()
+        self._colours, self._maker = self._maker.finish(self._notices, progress), None
 
     def paint(self, points: Columns, scale_m: float) -> None:
         """Colour points of the cloud in place; called from several threads.
@@ -130,11 +112,11 @@ class RunColours:
             points: with coordinates against the local origin.
             scale_m: of their coordinates.
         """
-        if self.colours is None or points.rgb is None:
-            return
+        assert self._colours is not None
+        assert points.rgb is not None
         wanted = np.flatnonzero(~np.isin(points.classification, NOT_COLOURED))
         xyz = np.column_stack([axis[wanted] * scale_m for axis in (points.x, points.y, points.z)])
-        rgb, frame = self.colours.of_points(xyz, las_time_to_utc(points.gps_time[wanted]))
+        rgb, frame = self._colours.of_points(xyz, las_time_to_utc(points.gps_time[wanted]))
         points.rgb[:, wanted] = rgb
         unseen = int(np.count_nonzero(frame == NO_FRAME))
         with self._lock:
@@ -146,20 +128,20 @@ class RunColours:
         Raises:
             OSError: if they cannot be written.
         """
-        if self.colours is None or not (folder / DSM).exists():
+        assert self._colours is not None
+        if not (folder / DSM).exists():
             return
         photo = folder / ORTHOPHOTO
-        self._ortho_m2 = write_orthophoto(photo, folder / DSM, self.colours, self._origin_m, origin, progress)
+        self._ortho_m2 = write_orthophoto(photo, folder / DSM, self._colours, self._origin_m, origin, progress)
         if not self._ortho_m2:
             photo.unlink()
             return
         (folder / style_of(ORTHOPHOTO)).write_text(packaged_style("orthophoto.qml"), encoding="utf-8")
 
-    def figures(self) -> ColourFigures | None:
-        """Figures of the cloud's colours, when it is written; None without frames."""
-        if self.colours is None:
-            return None
-        pixels, balance = self.colours.pixels, self.colours.balance
+    def figures(self) -> ColourFigures:
+        """Figures of the cloud's colours, when it is written."""
+        assert self._colours is not None
+        pixels, balance = self._colours.pixels, self._colours.balance
         coloured, unseen, left_out = self._counts.tolist()
         if coloured + unseen and not coloured:
             self._notices.append(Notice("nothing-coloured"))

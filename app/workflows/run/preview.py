@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +11,7 @@ from typing import Any, Final
 import msgspec
 
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline import pipeline
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import PlacedScan
@@ -60,14 +61,26 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
     opened = open_session(file)
     with staged_folder(folder) as staging, using_threads(opened.session.run.threads, by_default=True):
         with FieldPoints(staging, CELL_M) as land:
-            found = pipeline.preview(opened, _Sink(land), progress)
+
+            def open_sink(
+                frame: MapFrame,  # noqa: ARG001
+                origin_m: tuple[float, float, float],
+                frames: Frames | None,  # noqa: ARG001
+            ) -> Callable[[PlacedScan], None]:
+                land.begin(origin_m)
+                return land.add
+
+            found = pipeline.preview(opened, open_sink, progress)
             progress("writing the preview", 0.0)
             origin = run_origin(found, ())
             figures = _figures(found)
             if found.session.lidar.xyz_m is not None:
                 figures |= _write_surface(staging, land, found, origin)
         frame = found.frame
-        write_field(staging / PREVIEW_TRACK, _track(found), frame.wkt, words=frame.words, origin=origin)
+        knots = ScanPoses.at_knots(found.located.trajectory)
+        some = slice(None, None, max(1, math.ceil(len(knots) / MOST_KNOTS)))
+        track = ScanPoses(**{name: values[some] for name, values in vars(knots).items()})
+        write_field(staging / PREVIEW_TRACK, track, frame.wkt, words=frame.words, origin=origin)
         account = {
             "preview": True,
             "session": msgspec.to_builtins(found.session),
@@ -80,28 +93,6 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
         }
         (staging / PREVIEW_REPORT).write_text(json_text(account), encoding="utf-8")
     return account
-
-
-class _Sink:
-    """Keeps the points of the scans that are looked at."""
-
-    def __init__(self, land: FieldPoints) -> None:
-        self._land = land
-
-    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:  # noqa: ARG002 (a sink's)
-        """Take the local origin."""
-        self._land.begin(origin_m)
-
-    def add(self, placed: PlacedScan) -> None:
-        """Take the points of a scan."""
-        self._land.add(placed)
-
-
-def _track(found: RunResult) -> ScanPoses:
-    """The trajectory's knots, evenly fewer where there are very many."""
-    knots = ScanPoses.at_knots(found.located.trajectory)
-    some = slice(None, None, max(1, math.ceil(len(knots) / MOST_KNOTS)))
-    return ScanPoses(**{name: values[some] for name, values in vars(knots).items()})
 
 
 def _figures(found: RunResult) -> dict[str, Any]:

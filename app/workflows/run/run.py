@@ -2,40 +2,44 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path, PurePosixPath
 from time import perf_counter
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
+import numpy as np
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline import pipeline
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.errors import RefusedError
-from furrowmap.core.runtime.json_text import plain
+from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.packed import packed, unpacked
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.scratch import release, scratch_in
-from furrowmap.core.runtime.threads import using_threads
+from furrowmap.core.runtime.threads import threads, using_threads
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.work.boundary import ground_to_map
+from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.result_folder import REPORT, RUN_PRODUCTS
 from furrowmap.exporters.files.staging import kept, recover, staged_folder
-from furrowmap.process import importing_beside
-from furrowmap.workflows.run.kept_matching import KeptMatching
+from furrowmap.process import importing
 
 if TYPE_CHECKING:
+    from furrowmap.core.adjustment.session_match import MatchedSession
     from furrowmap.results import Result
     from furrowmap.workflows.run.products import RunProducts
 
-PRODUCTS: Final = "furrowmap.workflows.run.products"
-"""The module that writes products, with the libraries that do: imported while the trajectory is computed."""
 SPACE: Final = 2
 """Bytes of temporary files and products for each byte of a capture, at least: 10 bytes a point for surfaces and 5 for
 the cloud, where half of the 384 firings in a packet of 1264 bytes return."""
@@ -83,80 +87,91 @@ def run_opened(
     start = perf_counter()
     if opened.inputs.within is not None:
         ground_to_map(opened.inputs.within, opened.frame)  # what is wrong with the polygons is told before the work
-    _refuse_original(folder, opened.file)
+    if opened.file.resolve() in {(folder / name).resolve() for name in RUN_PRODUCTS}:
+        raise RefusedError("output-is-input.refuse-original", folder=folder, session_file=opened.file.name)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
-    _expect_space(folder, opened)
-    with (
-        staged_folder(folder, resume=resume) as staging,
-        scratch_in(staging),
-        using_threads(opened.session.run.threads, by_default=True),
-        importing_beside(PRODUCTS) as module,
-    ):
-        inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
-        with _LateProducts(lambda: module().RunProducts(opened, staging)) as products:
-            if opened.session.parcels is not None:
-                products.ready()  # what is wrong with the parcels is told before the work
-            checkpoint = KeptMatching(kept(staging), opened, inputs)
-            found = pipeline.run(opened, products, progress, checkpoint, products)
-            made = products.ready().made(found, inputs, progress)
-        release()
-        module().write_products(made, opened, folder, staging, start, progress)
-    from furrowmap.results import open_result
-
-    return open_result(folder)
-
-
-class _LateProducts:
-    """Hands the points and frames of a run to its products, whose module is imported when the first come."""
-
-    def __init__(self, make: Callable[[], RunProducts]) -> None:
-        self._make, self._stack = make, ExitStack()
-        self._made: RunProducts | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._stack.__exit__(kind, error, trace)
-
-    def ready(self) -> RunProducts:
-        """The products; the first call makes them, and raises what is wrong with their settings."""
-        if self._made is None:
-            self._made = self._stack.enter_context(self._make())
-        return self._made
-
-    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
-        """Pass the local origin on."""
-        self.ready().points.begin(frame, origin_m)
-
-    def add(self, placed: PlacedScan) -> None:
-        """Pass the points of a scan on."""
-        self.ready().points.add(placed)
-
-    def take(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
-        """Pass the frames of the camera on."""
-        self.ready().frames.take(frames, origin_m)
-
-
-def _expect_space(folder: Path, opened: OpenSession) -> None:
-    """Check, before hours of work, that the disk has room for what a capture becomes.
-
-    Files that may hold other data than packets of a scanner, such as ROS bags, are not counted.
-    """
     captures = [path for path in opened.inputs.lidar if path.is_file() and _BAGS.isdisjoint(path.suffixes)]
     needed = SPACE * sum(path.stat().st_size for path in captures)
     there = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())
     free = shutil.disk_usage(there).free
     if needed > free:
         raise RefusedError("disk-space", folder=folder, free=free / 1e9, needed=needed / 1e9)
+    with (
+        staged_folder(folder, resume=resume) as staging,
+        scratch_in(staging),
+        using_threads(opened.session.run.threads, by_default=True),
+        ThreadPoolExecutor(1, "importing") as pool,
+    ):
+        if threads() > 1:
+            pool.submit(_import_products)  # while the trajectory is computed by kernels, which leave it the interpreter
+        inputs = inputs or file_records(opened.inputs.all, opened.file.resolve().parent, progress)
+        with ExitStack() as stack:
+            parcels = None
+            products: list[RunProducts] = []
+            if opened.session.parcels is not None:
+                from furrowmap.workflows.crops.parcels import session_parcels
+
+                # What is wrong with the parcels is an error before the work.
+                parcels = stack.enter_context(session_parcels(opened, staging))
+
+            def open_sink(
+                frame: MapFrame, origin_m: tuple[float, float, float], frames: Frames | None
+            ) -> Callable[[PlacedScan], None]:
+                _import_products()
+                from furrowmap.workflows.run.products import open_products
+
+                products.append(stack.enter_context(open_products(opened, staging, frame, origin_m, frames, parcels)))
+                return products[0].add
+
+            checkpoint = KeptMatching(kept(staging), opened, inputs)
+            found = pipeline.run(opened, open_sink, progress, checkpoint)
+            from furrowmap.workflows.run.products import Made, write_products
+
+            made = products[0].finish(found, inputs, progress) if products else Made(found, inputs)
+        release()
+        write_products(made, opened, folder, staging, start, progress)
+    from furrowmap.results import open_result
+
+    return open_result(folder)
 
 
-def _refuse_original(folder: Path, session_file: Path) -> None:
-    """Refuse a folder in which a product would overwrite the user's session file."""
-    if session_file.resolve() in {(folder / name).resolve() for name in RUN_PRODUCTS}:
-        raise RefusedError("output-is-input.refuse-original", folder=folder, session_file=session_file.name)
+@cache
+def _import_products() -> None:
+    """Import what writes products with its libraries; once, as objects of an earlier run must not be frozen."""
+    with importing():
+        import furrowmap.workflows.run.products  # noqa: F401
+
+
+class KeptMatching:
+    """A checkpoint in a file, valid for one version of furrowmap, one session and one set of recordings."""
+
+    def __init__(self, path: Path, opened: OpenSession, inputs: Sequence[FileRecord]) -> None:
+        known = {"furrowmap": version("furrowmap"), "session": msgspec.to_builtins(opened.session), "inputs": inputs}
+        self._path, self._key = path, hashlib.sha256(json_text(known).encode()).digest()
+
+    def load(self) -> MatchedSession | None:
+        """What an earlier run kept; None for nothing, or that of another session."""
+        if not self._path.is_file():
+            return None
+        from furrowmap.core.adjustment.session_match import MatchedSession
+
+        try:
+            data = np.memmap(self._path, np.uint8, "r").data
+            if data[: len(self._key)] != self._key:
+                return None
+            return unpacked(data[len(self._key) :], MatchedSession)
+        except (ValueError, TypeError, MemoryError):  # damaged
+            return None
+
+    def save(self, found: MatchedSession) -> None:
+        """Keep what matching found.
+
+        Raises:
+            OSError: if the disk is full.
+        """
+        with atomic_output(self._path) as unfinished, unfinished.open("wb") as file:
+            file.write(self._key)
+            file.writelines(packed(found))
 
 
 def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> list[FileRecord] | None:

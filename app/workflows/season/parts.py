@@ -22,7 +22,7 @@ from furrowmap.exporters.farm.traffic import WORKED
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, result_origin
 from furrowmap.exporters.rasters.cog import Band
-from furrowmap.workflows.batch.engine import Manner
+from furrowmap.workflows.batch.workforce import ProcessSettings
 from furrowmap.workflows.season.sources import SeasonSession
 from furrowmap.workflows.season.tasks import Part, Tables, Tile
 
@@ -42,17 +42,15 @@ class SeasonPlan:
     """What all parts share.
 
     Attributes:
-        staging: folder to write to, absolute.
         sessions: in the order of their times.
         crs: of the season, without heights.
-        manner: how parts are made.
         bands: of each mosaic, known when its tiles are planned.
     """
 
     staging: Path
     sessions: Sequence[SeasonSession]
     crs: CRS
-    manner: Manner
+    process: ProcessSettings
     bands: dict[str, tuple[Band, ...]] = field(default_factory=dict)
 
 
@@ -61,14 +59,10 @@ class Planned:
     """A part of a season.
 
     Attributes:
-        part: for a worker.
         kind: "dsm", "change", "coverage", "points" or "trajectories".
         place: of its files, relative to the season's folder.
         key: of all that decides its content.
-        date: it belongs to.
-        span: of its sessions.
         tile: column and row of a tile; None for a table.
-        grid: of a tile; None for a table.
     """
 
     part: Part
@@ -147,7 +141,6 @@ def plan_tables(plan: SeasonPlan, kind: str, most_rows: int, spacing_m: float = 
     """The points or the trajectory of each session, by name.
 
     Args:
-        plan: of the season.
         kind: "points" or "trajectories".
         spacing_m: of the points that suffices; 0 for all.
     """
@@ -160,7 +153,7 @@ def plan_tables(plan: SeasonPlan, kind: str, most_rows: int, spacing_m: float = 
         origin = result_origin(dict(session.report), session.name)
         wkt, own = plan.crs.to_wkt(), session.crs.to_wkt()
         out = plan.staging / place
-        part = Tables(out, session.name, source, wkt, own, spacing_m, most_rows, origin, plan.manner)
+        part = Tables(out, session.name, source, wkt, own, spacing_m, most_rows, origin, plan.process)
         key = _key(wkt, spacing_m, most_rows, place, [_source_key(session, file)])
         found[f"{place}/{session.name}"] = Planned(part, kind, place, key, session.date, session.span)
     return found
@@ -187,7 +180,7 @@ def _planned_tile(
     bands = tuple(band.description for band in plan.bands[kind]) if kind != COVERAGE else ()
     wkt = (crs if kind != COVERAGE else plan.crs).to_wkt()
     sources = tuple(source for _, source in members)
-    tile = Tile(plan.staging / place / name, grid, wkt, bands, sources, origin, plan.manner)
+    tile = Tile(plan.staging / place / name, grid, wkt, bands, sources, origin, plan.process)
     files = [source / FIELD if kind == COVERAGE else source for source in sources]
     decisive = [_source_key(session, file) for session, file in zip(sessions, files, strict=True)]
     key = _key(wkt, [grid.cell_m, grid.west, grid.north, *grid.shape], bands, decisive)

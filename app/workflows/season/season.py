@@ -18,7 +18,8 @@ from furrowmap.exporters.exchange.stac import CATALOGUE
 from furrowmap.exporters.files.atomic import remove_unfinished
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.settings import SeasonSettings
-from furrowmap.workflows.batch.engine import ATTEMPTS, Manner, Workforce
+from furrowmap.workflows.batch.engine import ATTEMPTS
+from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
 from furrowmap.workflows.season.parts import SEASON, Planned, Record, SeasonPlan, plan_tables, plan_tiles
 from furrowmap.workflows.season.products import put_catalogue, put_virtual_mosaics
 from furrowmap.workflows.season.sources import find_sessions, season_crs
@@ -91,12 +92,15 @@ def season(
         OSError: if the folder cannot be written to.
     """
     folder, content = Path(out), _content(settings)
-    _refuse_occupied(folder, overwrite=overwrite)
+    recover(folder)
+    refuse_result(folder)
+    if not (folder / SEASON).is_file():
+        refuse_products(folder, (CATALOGUE,), overwrite=overwrite)
     sessions, notices = find_sessions([Path(result) for result in results], folder)
     crs, changes = season_crs(sessions, optional_crs(settings.crs))
     force = Workforce(settings.workers, settings.scheduler, say)
     with staged_folder(folder) as staging, force:
-        plan = SeasonPlan(staging.resolve(), sessions, crs, Manner.of_user(force.threads))
+        plan = SeasonPlan(staging.resolve(), sessions, crs, ProcessSettings.of_this_process(force.threads))
         parts: dict[str, Planned] = {}
         if MOSAICS in content:
             parts |= plan_tiles(plan, settings.cell_m)
@@ -129,14 +133,6 @@ def _content(settings: SeasonSettings) -> tuple[str, ...]:
     if content != (MOSAICS,) and find_spec("pyarrow") is None:
         raise RefusedError("extra-missing")
     return content
-
-
-def _refuse_occupied(folder: Path, *, overwrite: bool) -> None:
-    """Check that a folder holds no catalogue but that of a season, and no result."""
-    recover(folder)
-    refuse_result(folder)
-    if not (folder / SEASON).is_file():
-        refuse_products(folder, (CATALOGUE,), overwrite=overwrite)
 
 
 def _make(due: Sequence[tuple[str, Any]], told: dict[str, Any], force: Workforce, progress: Progress) -> None:

@@ -46,16 +46,11 @@ class SeasonSession:
 
     Attributes:
         name: its identifier, also in names of files.
-        folder: of the products, absolute.
-        report: content of `report.json`.
         digest: SHA-256 of `report.json`.
         date: the day at the place where it began.
-        span: start and end.
         crs: of all its coordinates, without heights.
-        heights: name of the height system.
         surfaces: the file of each surface that it has, by product.
         passes: bounds of the worked ground in its CRS; None where none is known.
-        cloud: its points; None without.
     """
 
     name: str

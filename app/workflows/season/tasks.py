@@ -21,7 +21,7 @@ from furrowmap.exporters.farm.surface_file import same_map, surface_file
 from furrowmap.exporters.farm.traffic import write_worked
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, TRAJECTORY, open_result, reading_result
-from furrowmap.workflows.batch.engine import Manner
+from furrowmap.workflows.batch.workforce import ProcessSettings
 from furrowmap.workflows.season.sources import PASSES
 
 if TYPE_CHECKING:
@@ -35,13 +35,9 @@ class Tile:
     """A tile of a mosaic to be written.
 
     Attributes:
-        out: of the raster.
-        grid: of its cells.
         crs: of the mosaic as WKT, with heights where its values are heights.
         bands: to write, by their descriptions; empty for the coverage.
         sources: surfaces, or results with worked ground, in the order of their sessions.
-        origin: provenance.
-        manner: how it is made.
     """
 
     out: Path
@@ -50,7 +46,7 @@ class Tile:
     bands: tuple[str, ...]
     sources: tuple[Path, ...]
     origin: Origin
-    manner: Manner
+    process: ProcessSettings
 
 
 @dataclass(frozen=True)
@@ -59,13 +55,10 @@ class Tables:
 
     Attributes:
         out: folder of the date.
-        name: of the session.
         source: its cloud, or its result for the trajectory.
         crs: of the season as WKT, without heights.
         own_crs: of the session, likewise.
         spacing_m: of the points that suffices; 0 for all.
-        origin: provenance.
-        manner: how they are made.
     """
 
     out: Path
@@ -76,7 +69,7 @@ class Tables:
     spacing_m: float
     most_rows: int
     origin: Origin
-    manner: Manner
+    process: ProcessSettings
 
 
 Part = Tile | Tables
@@ -87,7 +80,7 @@ Told = dict[str, Any]
 def write_part(part: Part) -> Told | FurrowmapError:
     """Write a part; an error that ends it is what comes of it."""
     try:
-        with part.manner.applied():
+        with part.process.applied():
             if isinstance(part, Tables):
                 return _tables(part)
             return _surface(part) if part.bands else _coverage(part)
@@ -132,27 +125,23 @@ def _tables(tables: Tables) -> Told:
     crs = CRS.from_wkt(tables.crs)
     with Partition(tables.out, tables.name, schema, crs, tables.origin, tables.most_rows) as partition:
         if is_cloud:
-            _write_points(tables, partition)
+            resolution = tables.spacing_m or None
+            for batch in open_cloud(tables.source).batches(resolution=resolution, batch_points=BATCH_POINTS):
+                points = batch.where(~batch.withheld)
+                if not len(points):
+                    continue
+                colours = points.rgb.T if points.rgb is not None else (None, None, None)
+                columns = {
+                    "session": np.full(len(points), tables.name, object),
+                    "time": points.t_s,
+                    **dict(zip(("red", "green", "blue"), colours, strict=True)),
+                }
+                names = ("intensity", "return_number", "returns", "classification", "point_source_id")
+                columns |= {name: getattr(points, name) for name in names}
+                partition.write(_moved(points.xyz_m, tables), columns)
         else:
             _write_poses(tables, partition)
     return {"files": [list(one) for one in partition.files], "bounds_m": partition.bounds_m.tolist()}
-
-
-def _write_points(tables: Tables, partition: Partition) -> None:
-    resolution = tables.spacing_m or None
-    for batch in open_cloud(tables.source).batches(resolution=resolution, batch_points=BATCH_POINTS):
-        points = batch.where(~batch.withheld)
-        if not len(points):
-            continue
-        colours = points.rgb.T if points.rgb is not None else (None, None, None)
-        columns = {
-            "session": np.full(len(points), tables.name, object),
-            "time": points.t_s,
-            **dict(zip(("red", "green", "blue"), colours, strict=True)),
-        }
-        names = ("intensity", "return_number", "returns", "classification", "point_source_id")
-        columns |= {name: getattr(points, name) for name in names}
-        partition.write(_moved(points.xyz_m, tables), columns)
 
 
 def _write_poses(tables: Tables, partition: Partition) -> None:

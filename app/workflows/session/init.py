@@ -62,7 +62,10 @@ def propose_session(
     target = (
         Path(session_file)
         if session_file is not None
-        else common_folder([_home(path) for path in paths]) / "session.toml"
+        else common_folder(
+            [(path if not path.is_dir() or is_recording(path) else path / "session.toml") for path in paths]
+        )
+        / "session.toml"
     )
     if target.exists() and not overwrite:
         raise RefusedError("exists", target=target)
@@ -86,11 +89,6 @@ def proposed(
         progress(f"Reading {printable(path.name)}", 0.0)
         examined += _examined(path, skipped)
     return proposal_of(examined, folder, profile), skipped
-
-
-def _home(path: Path) -> Path:
-    """A path whose folder is that of the session: the first file of a folder of recordings, else the path itself."""
-    return path if not path.is_dir() or is_recording(path) else path / "session.toml"
 
 
 def _examined(path: Path, skipped: list[Notice]) -> list[Examined]:

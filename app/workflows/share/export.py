@@ -18,7 +18,7 @@ from furrowmap.exporters.exchange.textured_mesh import MESH, write_textured_mesh
 from furrowmap.exporters.exchange.trajectories import SUFFIXES, TRAJECTORIES, write_trajectory
 from furrowmap.exporters.exchange.vectors import FORMATS, Layers, changed_crs, write_vectors
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.files.result_folder import REPORT, ResultFolder, open_result, reading_result
+from furrowmap.exporters.files.result_folder import REPORT, open_result, reading_result
 from furrowmap.exporters.files.staging import staged_folder
 
 TASK_DATA: Final = "isoxml"
@@ -80,7 +80,10 @@ def export(
     _refuse_existing(target, overwrite=overwrite)
     with reading_result(folders[0]):
         if to == STAC:
-            return _exported_catalogue(opened, target)
+            with staged_folder(target) as staging:
+                write_collection(staging, opened, target)
+                names = sorted(path.name for path in staging.iterdir())
+            return Exported(target, tuple(target / name for name in names), ())
         if to in TRAJECTORIES:
             write_trajectory(target, to, opened[0])
             return Exported(target, (target,), ())
@@ -96,13 +99,6 @@ def export(
             files, lost = write_vectors(chosen, target, found, result.origin, result.zone)
             notices += lost
     return Exported(target, tuple(files), tuple(notices))
-
-
-def _exported_catalogue(opened: Sequence[ResultFolder], target: Path) -> Exported:
-    with staged_folder(target) as staging:
-        write_collection(staging, opened, target)
-        names = sorted(path.name for path in staging.iterdir())
-    return Exported(target, tuple(target / name for name in names), ())
 
 
 def _default(folder: Path, to: str) -> Path:

@@ -57,9 +57,7 @@ def open_reference(
 
     Args:
         path: a table of points (.csv, .txt, .tsv, .gpkg) or a GeoTIFF of heights.
-        dates: to be tied to it.
         sigma_m: standard deviation of its heights.
-        stack: closes it.
 
     Raises:
         InputError: if it cannot be read.

@@ -121,7 +121,7 @@ def tie(
         work = _opened(dates, settings, stack)
         _find_ties(work, progress)
         if not work.ties:
-            raise _nothing_common(dates)
+            raise InputError("tie-nothing-common", dates=len(dates))
         prior = np.array([*([work.reference.sigma] if work.reference else []), *[date.sigma for date in dates]])
         net = adjust_network(work.ties, prior)
         notices = list(_notices(work, net, prior))
@@ -305,7 +305,3 @@ def _moved(shape: BaseGeometry, mover: Mover) -> BaseGeometry:
     """Ground that a tool worked, moved in place with the surface: two centimetres are a percent of a lane."""
     moved: BaseGeometry = shapely.transform(shape, lambda xy: move_places(xy, mover.move, mover.middle_m))
     return moved
-
-
-def _nothing_common(dates: Sequence[DatedSurface]) -> InputError:
-    return InputError("tie-nothing-common", dates=len(dates))

@@ -26,7 +26,6 @@ def what_stands(cloud: Path, bounds_m: tuple[float, float, float, float]) -> Upr
     """Walls and posts of a result, tile by tile, of some tiles where there are many; none without a cloud.
 
     Args:
-        cloud: of the result.
         bounds_m: west, south, east, north of its surface.
 
     Raises:

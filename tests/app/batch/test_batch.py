@@ -18,12 +18,13 @@ import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.exporters.files.batch_state import STATE, batch_state
-from furrowmap.workflows.batch import engine as engine_module
+from furrowmap.workflows.batch import workforce
 from furrowmap.workflows.batch.batch import _lost
 from furrowmap.workflows.batch.dask import _lost_scheduler, _not_started, _unusable, cluster_of_scheduler, local_cluster
-from furrowmap.workflows.batch.engine import Lost, Manner, OneProcess, Workforce
-from furrowmap.workflows.batch.jobs import Job, Request, open_job, prepare, visits_of
-from furrowmap.workflows.batch.sources import find_sources, holds_scans, named
+from furrowmap.workflows.batch.engine import Engine, OneProcess, WorkerDied
+from furrowmap.workflows.batch.jobs import Job, open_job, prepare, visits_of
+from furrowmap.workflows.batch.sources import Source, find_sources, holds_scans, named
+from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
 from tests.app.ending_workers import end_worker, variable
 
 ONE = furrowmap.BatchSettings(workers=1)
@@ -135,12 +136,20 @@ def test_recordings_of_a_machine__get_a_session_and_are_split_by_fields(shared_d
     ]
     fields = tmp_path / "fields.gpkg"
     gpd.GeoDataFrame({"name": ["West", "Far"]}, geometry=halves, crs="EPSG:4326").to_file(fields)
-    found = prepare(Request(str(home / "session.toml"), True, str(tmp_path / "machine.toml"), str(fields)))
+    source = Source(home / "session.toml", ("card",), made=True, stamps=())
+    found = prepare(source, str(tmp_path / "machine.toml"), str(fields))
     assert found.failure is None
     assert not (home / "session.toml").exists()
     assert {visit.name.partition(" (")[0] for visit in found.visits} == {"West"}
     opened = open_job(
-        Job("card", str(home / "session.toml"), found.text, str(tmp_path), Manner(None, (), ""), found.visits[0])
+        Job(
+            "card",
+            str(home / "session.toml"),
+            found.text,
+            str(tmp_path),
+            ProcessSettings(None, (), ""),
+            found.visits[0],
+        )
     )
     assert opened.session.recording.span_s == found.visits[0].span_s
     assert opened.session.name == "card, West"
@@ -198,7 +207,7 @@ def test_names__are_unique_and_stay(sources: list[tuple[str, list[str]]]) -> Non
     assert named([*sources, ("another", ["x"])], names).items() >= names.items()
 
 
-def work_through(engine: engine_module.Engine, tmp_path: Path, **kills_of: int) -> dict[str, object]:
+def work_through(engine: Engine, tmp_path: Path, **kills_of: int) -> dict[str, object]:
     items = []
     for name, kills in kills_of.items():
         (tmp_path / name).mkdir()
@@ -208,7 +217,7 @@ def work_through(engine: engine_module.Engine, tmp_path: Path, **kills_of: int) 
 
 def test_one_process__is_replaced_and_gives_up_on_what_ends_it(tmp_path: Path) -> None:
     found = work_through(OneProcess(), tmp_path, sound=0, killed=2, deadly=99)
-    assert isinstance(found["deadly"], Lost)
+    assert isinstance(found["deadly"], WorkerDied)
     assert isinstance(found["sound"], int)
     assert isinstance(found["killed"], int)
     assert len({os.getpid(), found["sound"], found["killed"]}) == 3
@@ -227,7 +236,7 @@ def test_lost_dask_worker__is_replaced_and_its_item_repeated(tmp_path: Path) -> 
 
 
 def test_workforce__without_dask_is_one_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(engine_module, "find_spec", lambda _: None)
+    monkeypatch.setattr(workforce, "find_spec", lambda _: None)
     assert Workforce(None, None, print).workers == 1
     with pytest.raises(RefusedError) as refused:
         Workforce(2, None, print)

@@ -14,7 +14,7 @@ from furrowmap.core.pointclouds.clouds import open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.values.session import FeatureSearch
-from furrowmap.workflows.run.features import run_features
+from furrowmap.workflows.run.products import run_features
 from tests.app.told_progress import Told
 
 

@@ -21,12 +21,12 @@ from furrowmap.core.pipeline import pipeline
 from furrowmap.core.session.opened import open_session
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.lease import leases
-from furrowmap.workflows.run.kept_matching import KeptMatching
+from furrowmap.workflows.run.run import KeptMatching
 
 KILLED_AFTER_MATCHING = """
 import os, sys
 import furrowmap
-from furrowmap.workflows.run.kept_matching import KeptMatching
+from furrowmap.workflows.run.run import KeptMatching
 save = KeptMatching.save
 def last(self, found):
     save(self, found)

@@ -11,6 +11,7 @@ import pytest
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline import pipeline
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.point_classes import PointClass
 from furrowmap.core.values.scan import Scan
@@ -36,17 +37,13 @@ def coloured(frames: Frames) -> tuple[Columns, ColourFigures]:
     whole = np.concatenate([ground, board])
     classes = np.full(len(whole), PointClass.OTHER, np.uint8)
     classes[::10] = PointClass.VEHICLE
-    with RunColours() as colours:
-        assert not colours.has_frames
-        colours.take(frames, ORIGIN_M)
+    with RunColours(frames, ORIGIN_M) as colours:
         scan = Scan.__new__(Scan)  # its points alone matter
         colours.add(PlacedScan(scan, whole, classes))
         colours.finish(lambda *_: None)
-        assert colours.has_frames
         points = columns(whole, classes)
         colours.paint(points, SCALE_M)
         figures = colours.figures()
-    assert figures is not None
     return points, figures
 
 
@@ -81,5 +78,6 @@ def test_run__without_pillow_goes_on(monkeypatch: pytest.MonkeyPatch, shared_dat
 
     opened: OpenSession = open_session(shared_data / "uav_wheat" / "session.toml")
     monkeypatch.setattr(pipeline, "find_spec", lambda _: None)
-    notices = pipeline._give_frames(opened, None, ORIGIN_M, None, RunColours())  # type: ignore[arg-type]
+    notices: list[Notice] = []
+    assert pipeline._camera_frames(opened, None, None, notices) is None  # type: ignore[arg-type]
     assert [notice.code for notice in notices] == ["images-unused"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pyogrio
@@ -35,7 +36,9 @@ states = ["{states}"]
 class NoSink:
     """Takes no points, because there are none."""
 
-    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+    def __call__(
+        self, frame: MapFrame, origin_m: tuple[float, float, float], frames: object
+    ) -> Callable[[PlacedScan], None]:
         pytest.fail("a session without scans has no points")
 
     def add(self, placed: PlacedScan) -> None:

@@ -177,8 +177,11 @@ def test_promise_13__common_offsets_are_named(offset_s: float, named: str) -> No
 class NoSink:
     """Takes no points."""
 
-    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
+    def __call__(
+        self, frame: MapFrame, origin_m: tuple[float, float, float], frames: object
+    ) -> Callable[[PlacedScan], None]:
         """Nothing."""
+        return self.add
 
     def add(self, placed: PlacedScan) -> None:
         """Nothing."""

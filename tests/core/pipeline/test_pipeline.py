@@ -7,6 +7,7 @@ import gzip
 import operator
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -30,8 +31,10 @@ map = "EPSG:6677"
 class Counting:
     points = 0
 
-    def begin(self, frame: MapFrame, origin_m: tuple[float, float, float]) -> None:
-        pass
+    def __call__(
+        self, frame: MapFrame, origin_m: tuple[float, float, float], frames: object
+    ) -> Callable[[PlacedScan], None]:
+        return self.add
 
     def add(self, placed: PlacedScan) -> None:
         self.points += len(placed.scan.t_s)

@@ -1,0 +1,117 @@
+"""The workers of a batch, and the settings that they take over from this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
+from types import TracebackType
+from typing import Final, Self
+
+from furrowmap.core.runtime.allowances import ALL, allowing, allows, free_memory_bytes
+from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.languages.choice import language_of_user, using_language
+from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.runtime.threads import asked_threads, available_processors, using_threads
+from furrowmap.workflows.batch.engine import Engine, Found, Item, OneProcess, WorkerDied
+
+BYTES_A_WORKER: Final = 3 << 30
+"""Free memory for each worker: a run of 77 million points takes 1.3 GB (docs/development/benchmarks.md)."""
+
+
+@dataclass(frozen=True)
+class ProcessSettings:
+    """Settings of the whole process that the user has chosen, for the processes of workers.
+
+    Attributes:
+        allowed: what is allowed (`core/runtime/allowances.py`).
+    """
+
+    threads: int | None
+    allowed: tuple[str, ...]
+    language: str
+
+    @classmethod
+    def of_this_process(cls, threads: int | None) -> Self:
+        """The settings of this process."""
+        return cls(threads, tuple(what for what in ALL if allows(what)), language_of_user())
+
+    @contextmanager
+    def applied(self) -> Iterator[None]:
+        """Within it, this process has these settings."""
+        with ExitStack() as stack:
+            stack.enter_context(using_threads(self.threads))
+            stack.enter_context(allowing(*(what for what in ALL if what in self.allowed)))
+            if self.language:
+                stack.enter_context(using_language(self.language))
+            yield
+
+
+class Workforce:
+    """The engine of a batch, started when there is work for it, and what each run may use.
+
+    Without a scheduler, workers are processes of this machine: as many as are asked for, else one for each core as far
+    as the memory suffices. Several need Dask; a single one does not.
+
+    Raises:
+        RefusedError: if Dask is needed and not installed.
+    """
+
+    def __init__(self, workers: int | None, scheduler: str | None, say: Callable[[str], None]) -> None:
+        has_dask = find_spec("distributed") is not None
+        if not has_dask and (scheduler is not None or (workers or 1) > 1):
+            raise RefusedError("no-dask")
+        fitting = max(1, min(available_processors(), free_memory_bytes() // BYTES_A_WORKER)) if has_dask else 1
+        self.workers = workers or fitting
+        self._scheduler, self._say = scheduler, say
+        self._stack = ExitStack()
+        self._engine: Engine | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stack.__exit__(kind, error, trace)
+
+    @property
+    def threads(self) -> int | None:
+        """Threads of each run: as asked for, else an even share of the cores; None for the default of a cluster."""
+        asked = asked_threads()
+        if asked is not None or self._scheduler is not None:
+            return asked
+        return max(1, available_processors() // self.workers)
+
+    @property
+    def cores(self) -> int:
+        """Cores that work at a time, as far as is known before."""
+        return self.workers if self._scheduler is not None else self.workers * (self.threads or 1)
+
+    def each(
+        self, work: Callable[[Item], Found], items: Sequence[tuple[str, Item]], stage: str, progress: Progress
+    ) -> Iterator[tuple[str, Found | WorkerDied]]:
+        """As :meth:`Engine.each`, with the share that is done as the progress of a stage."""
+        if not items:
+            return
+        if self._engine is None:
+            if self._scheduler is None and self.workers == 1:
+                self._engine = OneProcess()
+            else:
+                from furrowmap.workflows.batch.dask import cluster_of_scheduler, local_cluster
+
+                if self._scheduler is not None:
+                    cluster = cluster_of_scheduler(self._scheduler, self._say)
+                else:
+                    cluster = local_cluster(self.workers, self._say)
+                self._engine = self._stack.enter_context(cluster)
+        done = 0
+
+        def tick() -> None:
+            progress(stage, done / len(items))
+
+        for name, found in self._engine.each(work, items, tick):
+            done += 1
+            tick()
+            yield name, found
