@@ -11,6 +11,7 @@ import click
 import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, command, option, output, overwrite
+from furrowmap.cli.tables import aligned
 from furrowmap.core.runtime.errors import printable
 
 _COLUMNS = (
@@ -53,17 +54,8 @@ def fields(console: Console, taskdata: Path, output: Path | None, **options: Any
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> str:
-    cells = [[name for _, name, _ in _COLUMNS]]
-    cells += [[_cell(row[key], unit) for key, _, unit in _COLUMNS] for row in rows]
-    widths = [max(len(line[k]) for line in cells) for k in range(len(_COLUMNS))]
-    left = 2
-    return "\n".join(
-        "  ".join(
-            cell.ljust(width) if k < left else cell.rjust(width)
-            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
-        ).rstrip()
-        for line in cells
-    )
+    lines = [[name for _, name, _ in _COLUMNS]]
+    return aligned(lines + [[_cell(row[key], unit) for key, _, unit in _COLUMNS] for row in rows], left=2)
 
 
 def _cell(value: Any, unit: str) -> str:

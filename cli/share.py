@@ -34,7 +34,4 @@ def share(console: Console, result: Path, output: Path | None, *, qfield: bool, 
     """
     with console.work() as progress:
         done = furrowmap.share(result, output, qfield=qfield, overwrite=overwrite, progress=progress)
-    console.answer(
-        {"folder": done.folder, "start": done.start, "files": done.files, "size_bytes": done.size_bytes},
-        f"{printable(str(done.start))}  {done.size_bytes / 1e6:.1f} MB",
-    )
+    console.answer(done, f"{printable(str(done.start))}  {done.size_bytes / 1e6:.1f} MB")

@@ -41,6 +41,18 @@ def table(rows: Iterable[tuple[str, str]]) -> str:
     return "\n".join(lines)
 
 
+def aligned(lines: Sequence[Sequence[str]], left: int = 0) -> str:
+    """Cells in columns, the first `left` of them aligned to the left."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.ljust(width) if k < left else cell.rjust(width)
+            for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+        )
+        for line in lines
+    )
+
+
 def parcel_table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], whole: str) -> str:
     """Some columns of a table of parcels, right-aligned under their names.
 
@@ -50,9 +62,7 @@ def parcel_table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], whol
         whole: the file with all rows and columns, named where rows are left out.
     """
     lines = [["id", *columns], *([printable(str(row["id"])), *(_short(row[name]) for name in columns)] for row in rows)]
-    shown = lines[: 1 + MOST_PARCELS]
-    widths = [max(len(line[k]) for line in shown) for k in range(len(lines[0]))]
-    text = "\n".join("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in shown)
+    text = aligned(lines[: 1 + MOST_PARCELS])
     return f"{text}\n… {len(rows) - MOST_PARCELS} more in {whole}" if len(rows) > MOST_PARCELS else text
 
 

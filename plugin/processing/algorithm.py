@@ -23,8 +23,7 @@ from ..previews import open_preview
 from ..results import open_results
 from ..stages import stage_name
 from ..worker import WorkerCancelled, WorkerError, run_command
-from .algorithms import GROUPS
-from .description import COMMANDS
+from .description import COMMANDS, GROUPS
 from .layer_files import first_unknown, layer_files
 from .loading import load_when_done
 from .parameters import qgis_output, qgis_parameter
@@ -70,7 +69,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
 
     def group(self):
         """Its group as the toolbox shows it."""
-        return translated(GROUPS[self.description.group])
+        return translated(GROUPS[self.description.group][0])
 
     def icon(self):
         """The plugin's icon."""

@@ -12,16 +12,6 @@ from pathlib import Path
 
 from .description import DATABASE, Algorithm, Output, parameter
 
-GROUPS = {
-    "session": "Sessions",
-    "surfaces": "Surfaces and point clouds",
-    "crops": "Crops and trials",
-    "farm": "Farm map",
-    "exchange": "Data exchange",
-    "accuracy": "Accuracy",
-}
-"""Id → as the toolbox shows it."""
-
 SURFACES = ("dsm", "dtm", "height_above_ground", "hillshade", "slope", "roughness", "low_spots")
 SURFACES_OPENED = ("low_spots.gpkg", "dsm.tif", "dtm.tif", "height_above_ground.tif", "slope.tif", "roughness.tif")
 RUN_FIGURES = ("worked_area_m2", "overlap_area_m2", "missed_area_m2", "passes", "points")
@@ -92,7 +82,6 @@ ALGORITHMS = (
     Algorithm(
         "init",
         "Create a session file",
-        "session",
         "Reads recordings and writes a commented session.toml with everything that they contain. What they do not "
         "contain, such as the mounting of the scanner, is left as a comment and reported.",
         basic=("recordings", "--output", "--machine"),
@@ -109,7 +98,6 @@ ALGORITHMS = (
     Algorithm(
         "inspect",
         "Inspect recordings",
-        "session",
         "Reports what recordings contain: sensor model, points, time span, clocks and their differences, fix types.",
         basic=("files",),
         facts={"files": parameter("Recordings", "Captures, bags, GNSS logs, trajectories, point clouds.")},
@@ -118,7 +106,6 @@ ALGORITHMS = (
     Algorithm(
         "run",
         "Run a session",
-        "session",
         "Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is "
         "in the ground, and writes the worked ground, surfaces and a report.",
         basic=("session", "--preview", "--output"),
@@ -140,7 +127,6 @@ ALGORITHMS = (
     Algorithm(
         "calibrate",
         "Calibrate the mounting",
-        "session",
         "Estimates the scanner's mounting and the offset between its clock and the GNSS receiver's from the recording: "
         "on average the ground is level, and ground scanned twice coincides.",
         basic=("session", "--write"),
@@ -149,7 +135,6 @@ ALGORITHMS = (
     Algorithm(
         "calibrate mount",
         "Attitude of a mount from images of a chessboard",
-        "session",
         "Computes the attitude of a mount that moves against the vehicle, such as one on dampers, from images of a "
         "chessboard: the camera is on the mount and the board on the vehicle, or the other way round. A session "
         "names the table under [mount] attitude.",
@@ -177,7 +162,6 @@ ALGORITHMS = (
     Algorithm(
         "machine save",
         "Save the machine of a session",
-        "session",
         "Saves the places of antenna, scanner, IMU, camera and implement that a session states, for sessions of the "
         "same machine.",
         basic=("session", "name"),
@@ -187,7 +171,6 @@ ALGORITHMS = (
     Algorithm(
         "machine list",
         "List the saved machines",
-        "session",
         "Lists the machines whose places of sensors and tools are saved.",
         basic=(),
         outputs=(Output("MACHINES", "text", "Machines (JSON)", json_of("machines")),),
@@ -195,7 +178,6 @@ ALGORITHMS = (
     Algorithm(
         "simulate",
         "Simulate a recording",
-        "session",
         "Writes a simulated tractor recording: LiDAR packets, a GNSS log, a session file and the field boundary, with "
         "the ground truth. Useful to learn furrowmap and to plan a sensor mount.",
         basic=("scenario", "--output"),
@@ -215,7 +197,6 @@ ALGORITHMS = (
     Algorithm(
         "surface",
         "Surfaces from point clouds",
-        "surfaces",
         "Computes rasters from LAS, LAZ or COPC point clouds of any source: surface model (DSM), terrain model (DTM), "
         "height above ground, hillshade, slope, roughness, and low spots that hold water. Memory use does not depend "
         "on the size of the area.",
@@ -232,7 +213,6 @@ ALGORITHMS = (
     Algorithm(
         "parcels",
         "Crops by parcel",
-        "crops",
         "Measures height and volume of the crop on each parcel from LAS, LAZ or COPC point clouds of any source, with "
         "standard deviations: a layer of the parcels, a table, and a raster of crop heights.",
         basic=("clouds", "parcels_file", "--net-inset", "--output"),
@@ -262,7 +242,6 @@ ALGORITHMS = (
     Algorithm(
         "growth",
         "Growth of crops by parcel",
-        "crops",
         "Measures what the crop on each parcel grew between flights of several days, aligned in height by the bare "
         "soil that they have in common, with standard deviations: a layer coloured by growth, and a table.",
         basic=("clouds", "parcels_file", "--day", "--net-inset", "--output"),
@@ -282,7 +261,6 @@ ALGORITHMS = (
     Algorithm(
         "canopy",
         "Stands by cell or polygon",
-        "crops",
         "Describes trees, orchards and other stands in LAS, LAZ or COPC point clouds: canopy height model, height "
         "percentiles, gap fraction and vertical profile, by square cell or by polygon.",
         basic=("clouds", "--cell", "--polygons", "--ground-height", "--output"),
@@ -299,7 +277,6 @@ ALGORITHMS = (
     Algorithm(
         "cloud",
         "Clean point clouds",
-        "surfaces",
         "Writes one COPC file from LAS, LAZ or COPC point clouds of any source: outliers become noise, ground is "
         "classified, and the cloud is thinned, each if asked for. Memory use does not depend on the size of the area.",
         basic=("clouds", "--outliers", "--drop-noise", "--ground", "--voxel", "--output"),
@@ -315,7 +292,6 @@ ALGORITHMS = (
     Algorithm(
         "colour",
         "Colour a point cloud by images",
-        "surfaces",
         "Writes a LAS, LAZ or COPC point cloud of any source in the colours of the images of a session. Each point "
         "takes the colour of the best image that sees it; points that no image sees are black.",
         basic=("cloud", "session", "--output"),
@@ -335,7 +311,6 @@ ALGORITHMS = (
     Algorithm(
         "features",
         "Features of point clouds",
-        "surfaces",
         "Classifies LAS, LAZ or COPC point clouds of any source by the shape and colour around each point: ground, "
         "horizontal and vertical planes, lines, vegetation. Writes the classified cloud, and layers of planes (roofs, "
         "walls), lines (poles, wires, fences) and plants. Memory use does not depend on the size of the area.",
@@ -351,7 +326,6 @@ ALGORITHMS = (
     Algorithm(
         "fields",
         "Worked ground from task data (ISOXML)",
-        "exchange",
         "Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: "
         "passes, overlaps, missed strips and their areas.",
         basic=("taskdata", "--width", "--output"),
@@ -376,7 +350,6 @@ ALGORITHMS = (
     Algorithm(
         "plots",
         "Lay out the plots of a trial",
-        "crops",
         "Makes the plots of a trial as a grid of rectangles with identifiers and blocks. Click the outer corner of the "
         "first plot, and the other end of the first row.",
         basic=(
@@ -406,7 +379,6 @@ ALGORITHMS = (
     Algorithm(
         "response",
         "Analyse the response of a trial",
-        "crops",
         "Fits the logistic response of crop heights to a dose, finds the dose beyond which nothing is gained, analyses "
         "the variance by treatment and block, and computes growth where there are tables of several days. Writes "
         "charts, a table and response.json.",
@@ -423,7 +395,6 @@ ALGORITHMS = (
     Algorithm(
         "export",
         "Export results",
-        "exchange",
         "Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 "
         "task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in "
         "WGS 84.",
@@ -447,7 +418,6 @@ ALGORITHMS = (
     Algorithm(
         "share",
         "Share a result",
-        "exchange",
         "Writes the result of a run as a folder for people without a GIS: a web page with map, layers, figures, point "
         "cloud in three dimensions and measuring, which opens from disk and needs no network; or a project for QField.",
         basic=("result", "--qfield", "--output"),
@@ -465,7 +435,6 @@ ALGORITHMS = (
     Algorithm(
         "farm add",
         "Add results to the farm map",
-        "farm",
         "Adds the results of runs to a farm map, a GeoPackage or a PostGIS database, which is created if it does not "
         "exist. Sessions that the farm map contains are replaced by the new result. If one of them fails, nothing is "
         "changed.",
@@ -491,7 +460,6 @@ ALGORITHMS = (
     Algorithm(
         "tie",
         "Change between dates of one field",
-        "farm",
         "Ties the results of one field to each other by the ground that no tool touched in between, in height, tilt "
         "and place, and measures the soil moved from each date to the next, with standard deviations.",
         basic=("results", "--reference", "--reference-sigma", "--output"),
@@ -513,7 +481,6 @@ ALGORITHMS = (
     Algorithm(
         "farm list",
         "List the sessions of the farm map",
-        "farm",
         "Lists the sessions of a farm map: identifier, date, worked area, name.",
         basic=("target",),
         outputs=(
@@ -524,7 +491,6 @@ ALGORITHMS = (
     Algorithm(
         "farm remove",
         "Remove sessions from the farm map",
-        "farm",
         "Removes sessions from a farm map. The folders of their results are not touched.",
         basic=("target", "sessions"),
         facts={
@@ -540,7 +506,6 @@ ALGORITHMS = (
     Algorithm(
         "farm mosaic",
         "Mosaic of the farm map's surfaces",
-        "farm",
         "Combines the surfaces of a farm map's sessions into one raster. Where they overlap, the latest session is "
         "used. A .vrt is a small file that refers to the surfaces; a .tif is a cloud-optimised GeoTIFF with all bands.",
         basic=("sources", "--product", "--output"),
@@ -557,7 +522,6 @@ ALGORITHMS = (
     Algorithm(
         "farm fields",
         "Fields, seasons and machines of the farm map",
-        "farm",
         "Lists the work of each field and season in a farm map, and that of each machine.",
         basic=("target",),
         outputs=(
@@ -569,7 +533,6 @@ ALGORITHMS = (
     Algorithm(
         "farm history",
         "History of a field",
-        "farm",
         "Writes all sessions of a field in a farm map as a page with a map, or as a table (CSV).",
         basic=("target", "field", "--output"),
         facts={
@@ -581,7 +544,6 @@ ALGORITHMS = (
     Algorithm(
         "farm traffic",
         "Traffic: how often each spot was worked and driven on",
-        "farm",
         "Counts how often each spot was worked, when last, and how often rear wheels passed it, from the sessions of a "
         "farm map. Wheels are counted where both widths are given.",
         basic=("target", "--season", "--track-width", "--tyre-width", "--output"),
@@ -596,7 +558,6 @@ ALGORITHMS = (
     Algorithm(
         "crs",
         "Coordinate transformations of a session",
-        "accuracy",
         "Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and "
         "epoch, size of the shift, geoid height, grid convergence and scale factor. Nothing is written.",
         basic=("session",),
@@ -605,7 +566,6 @@ ALGORITHMS = (
     Algorithm(
         "frames",
         "Frames of a session",
-        "session",
         "Shows the frames of a session: earth, map, vehicle, and each sensor with its place, its angles and the "
         "directions of its axes in words. A drawing shows them from the side and from above. The recordings are not "
         "read.",
@@ -616,7 +576,6 @@ ALGORITHMS = (
     Algorithm(
         "gnss solve",
         "Positions from RINEX files",
-        "accuracy",
         "Computes the positions of a rover relative to a base station from RINEX files, with RTKLIB's program "
         "rnx2rtkp, which has to be installed. A session names the result as its GNSS log.",
         basic=("rover", "base", "nav", "--base-position", "--static", "--output"),
@@ -640,7 +599,6 @@ ALGORITHMS = (
     Algorithm(
         "gnss evaluate",
         "Evaluate GNSS logs",
-        "accuracy",
         "Compares the positions of GNSS logs with a reference at the same epochs: mean, standard deviation and RMSE "
         "in 3D, 2D, X, Y and Z, for all epochs and by fix type. Several services are compared in one table, and their "
         "tracks and errors become layers.",
@@ -678,7 +636,6 @@ ALGORITHMS = (
     Algorithm(
         "check",
         "Check against surveyed points",
-        "accuracy",
         "Compares a point cloud or a surface with surveyed points. The RMSE follows the ASPRS Positional Accuracy "
         "Standards, Edition 2 (2023), and includes the accuracy of the points.",
         basic=("product", "points", "--points-sigma", "--require-vertical", "--require-horizontal", "--table"),

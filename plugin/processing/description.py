@@ -11,6 +11,15 @@ from pathlib import Path
 
 COMMANDS = json.loads(Path(__file__).with_name("commands.json").read_text(encoding="utf-8"))
 """Command → argument's name or option → its facts. Written by `scripts/plugin_commands.py`."""
+GROUPS = {
+    "session": ("Sessions", "init inspect run calibrate machine simulate frames"),
+    "surfaces": ("Surfaces and point clouds", "surface cloud colour features"),
+    "crops": ("Crops and trials", "parcels growth canopy plots response"),
+    "farm": ("Farm map", "farm tie"),
+    "exchange": ("Data exchange", "fields export share"),
+    "accuracy": ("Accuracy", "crs gnss check"),
+}
+"""Id of a group in the toolbox → its title, and the first words of its commands."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +95,6 @@ class Algorithm:
     Attributes:
         command: its words, such as "farm add"; the algorithm's id is made of them.
         title: in the toolbox.
-        group: id of the toolbox group.
         summary: what it does, in a paragraph.
         basic: names of arguments and options in the order of the dialog; all others are advanced parameters.
         facts: name → :func:`parameter`, where `commands.json` and :data:`COMMON` do not say it all; the sum of two
@@ -98,7 +106,6 @@ class Algorithm:
 
     command: str
     title: str
-    group: str
     summary: str
     basic: tuple
     facts: dict = field(default_factory=dict)
@@ -110,6 +117,11 @@ class Algorithm:
     def id(self):
         """Within the provider."""
         return self.command.replace(" ", "_")
+
+    @property
+    def group(self):
+        """Id of the group in the toolbox."""
+        return next(group for group, (_, words) in GROUPS.items() if self.command.split()[0] in words.split())
 
     @property
     def opens(self):
