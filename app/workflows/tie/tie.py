@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from itertools import islice, product
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,14 +18,16 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.dates.moved_surface import move_places
-from furrowmap.core.dates.network import Network, adjust_network, interpolate_left_error
+from furrowmap.core.dates.network import MOVE_SIZE, Network, adjust_network, interpolate_left_error
 from furrowmap.core.dates.pair_tie import PLACE, PairTie, tie_pair
-from furrowmap.core.dates.upright import Upright, tie_uprights
+from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights
+from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.point_classes import PointClass
 from furrowmap.exporters.farm.surface_file import heights_of, same_map
 from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
@@ -32,6 +36,7 @@ from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.rasters.dated_surface import THROWN_SOIL_M, DatedSurface, OpenSurface, dated_surface, opened
 from furrowmap.exporters.rasters.tied_surfaces import (
     ChangedGround,
+    ChangeFigures,
     Mover,
     ground_pairs,
     union,
@@ -45,9 +50,7 @@ from furrowmap.exporters.vectors.geopackage import write_layer
 from furrowmap.exporters.vectors.tie_layers import tie_layers
 from furrowmap.settings import TieSettings
 from furrowmap.workflows.clouds.surface import no_warning
-from furrowmap.workflows.tie.figures import date_rows, moved_figures, tie_rows
 from furrowmap.workflows.tie.reference import Reference, open_reference, reference_tie
-from furrowmap.workflows.tie.upright import outside, what_stands
 
 FloatArray = NDArray[np.float64]
 
@@ -57,6 +60,18 @@ CONTRADICTED: Final = 3.0
 """Tension of a tie from which on it contradicts the others."""
 UNSEEN_SHARE: Final = 0.7
 """Share of the receivers' standard deviation from which on a place counts as not seen."""
+
+
+FloatArray = NDArray[np.float64]
+_FIELDS: Final = ("east_m", "north_m", "height_m", "tilt_east_deg", "tilt_north_deg", "turn_deg")
+_UNITS: Final = np.array([1.0, 1.0, 1.0, *3 * (math.degrees(1.0),)])
+
+TILE_M: Final = 30.0
+MARGIN_M: Final = 1.0
+MOST_TILES: Final = 64
+SPACING_M: Final = 0.03
+"""Point spacing that is sufficient."""
+_NOT_STANDING: Final = (PointClass.NOISE, PointClass.VEHICLE, PointClass.IMPLEMENT)
 
 
 @dataclass(frozen=True)
@@ -305,3 +320,111 @@ def _moved(shape: BaseGeometry, mover: Mover) -> BaseGeometry:
     """Ground that a tool worked, moved in place with the surface: two centimetres are a percent of a lane."""
     moved: BaseGeometry = shapely.transform(shape, lambda xy: move_places(xy, mover.move, mover.middle_m))
     return moved
+
+
+def date_rows(dates: Sequence[DatedSurface], net: Network, first: int, tied: Sequence[bool]) -> list[dict[str, Any]]:
+    """Each date with what moves it."""
+    rows = []
+    for k, date in enumerate(dates):
+        own = slice(MOVE_SIZE * (first + k), MOVE_SIZE * (first + k + 1))
+        sigma = np.sqrt(np.diag(net.covariance[own, own]))
+        rows.append(
+            {
+                "date": k + 1,
+                "name": date.name,
+                "start": date.start.isoformat(),
+                "start_local": date.start.astimezone(date.zone).isoformat(),
+                "time_zone": date.zone.key,
+                "folder": str(date.folder),
+                "tied": tied[k],
+                "group": int(net.group[first + k]),
+                "surface": f"dsm_{k + 1:02d}.tif" if tied[k] else "",
+                **_values(net.moves[first + k], sigma, known=tied[k]),
+            }
+        )
+    return rows
+
+
+def tie_rows(ties: Mapping[tuple[int, int], PairTie], net: Network, first: int) -> list[dict[str, Any]]:
+    """Each tie: what moves the second date onto the first after the adjustment; date 0 is the reference."""
+    rows = []
+    for (one, other), tie in ties.items():
+        move, covariance = net.between(one, other)
+        rows.append(
+            {
+                "date_a": one + 1 - first,
+                "date_b": other + 1 - first,
+                **_values(move, np.sqrt(np.maximum(np.diag(covariance), 0.0)), known=True),
+                "cells": tie.cells,
+                "patches": tie.patches,
+                "upright": 0 if tie.upright is None else len(tie.upright.used_m),
+                "departures_m": round(tie.departure.relief_m, 5),
+                "range_m": round(tie.departure.range_m, 2),
+                "scatter_m": round(tie.scatter_m, 5),
+                "tension": round(net.tension[one, other], 2),
+            }
+        )
+    return rows
+
+
+def moved_figures(found: ChangeFigures, left: tuple[float, float]) -> dict[str, Any]:
+    """Soil moved between two dates: the mean change of what both saw, for all ground worked."""
+    off_m, sigma_m = left
+    mean, sigma = found.mean_m - off_m, math.hypot(sigma_m, found.noise_m, found.unseen_m, found.hidden_m)
+    still = found.untouched_m
+    median = float(np.median(still)) if len(still) else math.nan
+    spread = 1.4826 * float(np.median(np.abs(still - median))) if len(still) else math.nan
+    figures = {
+        "worked_m2": found.worked_m2,
+        "compared_m2": found.compared_m2,
+        "mean_change_m": mean,
+        "mean_change_sigma_m": sigma,
+        "volume_m3": mean * found.worked_m2,
+        "volume_sigma_m3": sigma * found.worked_m2,
+        "bend_m": off_m,
+        "untouched_median_m": median,
+        "untouched_spread_m": spread,
+    }
+    return {name: round(value, 5) if math.isfinite(value) else None for name, value in figures.items()}
+
+
+def _values(move: FloatArray, sigma: FloatArray, *, known: bool) -> dict[str, float | None]:
+    values: dict[str, float | None] = {}
+    for name, value, one_sigma in zip(_FIELDS, move * _UNITS, sigma * _UNITS, strict=True):
+        values[name] = round(float(value), 5) if known else None
+        values[f"{name}_sigma"] = round(float(one_sigma), 5) if known else None
+    return values
+
+
+def what_stands(cloud: Path, bounds_m: tuple[float, float, float, float]) -> Upright:
+    """Walls and posts of a result, tile by tile, of some tiles where there are many; none without a cloud.
+
+    Args:
+        bounds_m: west, south, east, north of its surface.
+
+    Raises:
+        InputError: if the cloud is damaged.
+    """
+    if not cloud.is_file():
+        return join_uprights([])
+    file = open_cloud(cloud)
+    west, south, east, north = bounds_m
+    tiles = list(product(np.arange(west, east, TILE_M).tolist(), np.arange(south, north, TILE_M).tolist()))
+    return join_uprights([_of_tile(file, *corner) for corner in islice(tiles, 0, None, -(-len(tiles) // MOST_TILES))])
+
+
+def _of_tile(file: CloudFile, west: float, south: float) -> Upright:
+    box = (west - MARGIN_M, south - MARGIN_M, west + TILE_M + MARGIN_M, south + TILE_M + MARGIN_M)
+    xyz, ground = [np.zeros((0, 3))], [np.zeros(0, bool)]
+    for batch in file.batches(box, SPACING_M):
+        kept = ~np.isin(batch.classification, _NOT_STANDING) & ~batch.withheld
+        xyz.append(batch.xyz_m[kept])
+        ground.append(batch.classification[kept] == PointClass.GROUND)
+    found = find_uprights(np.concatenate(xyz), np.concatenate(ground))
+    within = (found.xy_m >= (west, south)) & (found.xy_m < (west + TILE_M, south + TILE_M))
+    return found.at(np.flatnonzero(within.all(axis=1)))
+
+
+def outside(touched: BaseGeometry, things: Upright) -> Upright:
+    """Those that do not stand on ground that a tool touched."""
+    return things.at(np.flatnonzero(~shapely.contains_xy(touched, things.xy_m[:, 0], things.xy_m[:, 1])))

@@ -21,8 +21,7 @@ from furrowmap.core.runtime.errors import FurrowmapError, UsageError
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.parcel import SOIL_METHODS, SoilMethod
-from furrowmap.workflows.crops.parcels import parcel_settings
-from furrowmap.workflows.crops.soil_source import soil_source
+from furrowmap.workflows.crops.parcels import parcel_settings, soil_source
 from tests.app.told_progress import Told
 
 CRS = "EPSG:25832"
