@@ -22,7 +22,7 @@ from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.runtime.file_names import inside
 from furrowmap.exporters.exchange.kml import write_kml
-from furrowmap.exporters.files.atomic import atomic_output, naming
+from furrowmap.exporters.files.atomic import atomic_output, name_failed_file
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.provenance import Origin
@@ -84,7 +84,7 @@ def write_vectors(
         with atomic_output(target) as unfinished:
             return [target], chosen.write_all(unfinished, layers, origin, zone)
     assert chosen.write_one is not None
-    with staged_folder(target) as staging, naming(target):
+    with staged_folder(target) as staging, name_failed_file(target):
         for path, layer in zip(_layer_files(staging, list(layers), chosen.suffix), layers.values(), strict=True):
             chosen.write_one(path, layer)
         origin.write_beside(staging)

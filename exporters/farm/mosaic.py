@@ -31,7 +31,7 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
-from furrowmap.exporters.rasters.windows import common, window, windows
+from furrowmap.exporters.rasters.windows import shared_cells, window, windows
 
 VIRTUAL: Final = ".vrt"
 SUFFIXES: Final = (VIRTUAL, ".tif", ".tiff")
@@ -250,7 +250,7 @@ class _Source:
 
     def read(self, tile: Grid) -> tuple[tuple[slice, slice], NDArray[np.float32]] | None:
         """Rows and columns of the tile that it covers, and its bands (bands, rows, columns) there; nan is nodata."""
-        shared = common(tile, self.grid)
+        shared = shared_cells(tile, self.grid)
         if shared is None:
             return None
         part = window(shared, self.grid)

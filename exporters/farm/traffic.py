@@ -19,7 +19,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.work.wheel_traffic import wheel_passages
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
-from furrowmap.exporters.rasters.windows import share, windows
+from furrowmap.exporters.rasters.windows import share_done, windows
 
 ShapeArray = NDArray[np.object_]
 
@@ -105,7 +105,7 @@ def write_traffic(
                 driven = np.sort(trees[1].query(near))
                 arrays.append(_driven(tile, near, traffic.tracks[driven], wheels))
             put(tile, arrays)
-            progress("counting traffic", share(tile, grid))
+            progress("counting traffic", share_done(tile, grid))
     return grid
 
 

@@ -43,7 +43,7 @@ def atomic_output(path: Path) -> Iterator[Path]:
     remove_abandoned(path.parent)
     unfinished = path.with_name(f".furrowmap-{Owner.here().words()}-{secrets.token_hex(4)}{path.suffix[:16]}")
     try:
-        with naming(path):
+        with name_failed_file(path):
             yield unfinished
             staged = is_staged(path)
             if not staged:
@@ -59,7 +59,7 @@ def atomic_output(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
+def name_failed_file(path: Path) -> Iterator[None]:
     """Let the errors of a full disk name the file or folder that is being written; few libraries do.
 
     Raises:
@@ -100,7 +100,7 @@ def remove_abandoned(folder: Path) -> None:
     """Remove the unfinished files in `folder` whose process, on this machine, has ended."""
     for left in folder.iterdir():
         match = _UNFINISHED.fullmatch(left.name)
-        owner = Owner.of(match[1]) if match else None
+        owner = Owner.parse(match[1]) if match else None
         if owner is None or owner.machine != machine() or owner == Owner.here():
             continue
         # Windows does not show whether a process runs, but it does not remove open files either.

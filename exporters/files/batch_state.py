@@ -59,7 +59,7 @@ class Failure:
     exit_status: int
 
     @classmethod
-    def of(cls, error: FurrowmapError) -> Self:
+    def from_error(cls, error: FurrowmapError) -> Self:
         """From an error."""
         return cls(error.code, error.lines, error.exit_status)
 

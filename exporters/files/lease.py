@@ -41,7 +41,7 @@ _MAX_SMALL_BYTES: Final = 16 << 20
 
 
 @contextmanager
-def leased(folder: Path) -> Iterator[Path]:
+def hold_lease(folder: Path) -> Iterator[Path]:
     """Keep other runs from writing to `folder`.
 
     Yields:
@@ -134,8 +134,7 @@ def _is_alive(lease: Path) -> bool:
     """Whether the run of a lease still exists; one that does not is marked."""
     if (lease / _ENDED).exists():
         return False
-    match = _NAME.fullmatch(lease.name)
-    owner = Owner.of(match[1]) if match else None
+    owner = _owner(lease)
     running = owner.is_running() if owner is not None else None
     if running is None:
         running = _beats(lease)
@@ -173,8 +172,12 @@ def _beat(file: Path, stopped: threading.Event) -> None:
 
 def _busy(folder: Path, lease: Path) -> RefusedError:
     host = printable(read_small(lease / _HEARTBEAT)[10:].decode(errors="replace"))
+    owner = _owner(lease)
+    process = owner.process if owner is not None else None
+    return RefusedError("output-busy", folder=folder, process=process, host=host or None)
+
+
+def _owner(lease: Path) -> Owner | None:
+    """The process of a lease."""
     match = _NAME.fullmatch(lease.name)
-    owner = Owner.of(match[1]) if match else None
-    return RefusedError(
-        "output-busy", folder=folder, process=owner.process if owner is not None else None, host=host or None
-    )
+    return Owner.parse(match[1]) if match else None

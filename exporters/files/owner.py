@@ -37,7 +37,7 @@ class Owner:
         return cls(machine(), os.getpid(), _started(os.getpid()))
 
     @classmethod
-    def of(cls, words: str) -> Self | None:
+    def parse(cls, words: str) -> Self | None:
         """The owner that :meth:`words` describes; None for other text."""
         match = _OWNER.fullmatch(words)
         return None if match is None else cls(match["machine"], int(match["process"]), int(match["started"]))

@@ -16,9 +16,9 @@ from furrowmap.core.runtime.file_names import is_relative_name
 from furrowmap.exporters.files.atomic import flush, flush_folder, flush_together
 from furrowmap.exporters.files.lease import (
     STAGED_PRODUCTS,
+    hold_lease,
     is_real_folder,
     is_revoked,
-    leased,
     read_small,
     refuse_leased,
 )
@@ -62,7 +62,7 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
         with ExitStack() as stack:
             try:
                 folder.mkdir(parents=True, exist_ok=True)
-                lease = stack.enter_context(leased(folder))
+                lease = stack.enter_context(hold_lease(folder))
                 _finish_ended(folder, lease, resume=resume)
                 products = lease / STAGED_PRODUCTS
                 products.mkdir()
@@ -73,7 +73,7 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
                 _commit(lease, folder)
             except OSError:
                 if is_revoked(lease):
-                    raise _lost(folder) from None
+                    raise RefusedError("output-lost", folder=folder) from None
                 raise
     except BaseException:
         if created:
@@ -116,15 +116,21 @@ def _commit(lease: Path, folder: Path) -> None:
     staging = lease / STAGED_PRODUCTS
     products = _products(staging)
     names = {path.as_posix() for path in products}
-    _refuse_taken(folder, products)
+    for path in products:
+        if (folder / path).is_dir():
+            raise InputError("output-is-folder.refuse-taken", place=folder / path)
+        for inner in (folder / part for part in _folders(path)):
+            if os.path.lexists(inner) and not is_real_folder(inner):
+                raise InputError("output-no-folder", inner=inner)
     flush_together([staging / path for path in products])
-    stays = names | _listed(staging, names)
-    content = json.dumps({"products": sorted(names), "gone": sorted(_earlier(folder, names) - stays)})
+    earlier = {name for name in _listed(folder, names) if _is_product(folder, name)}
+    gone = sorted(earlier - names - _listed(staging, names))
+    content = json.dumps({"products": sorted(names), "gone": gone})
     unfinished = lease / f"{_COMPLETE}.part"
     unfinished.write_text(content, encoding="utf-8")
     flush(unfinished)
     if is_revoked(lease):
-        raise _lost(folder)
+        raise RefusedError("output-lost", folder=folder)
     unfinished.replace(lease / _COMPLETE)
     flush_folder(lease)
     _put_in_place(lease, folder)
@@ -146,7 +152,9 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
         if isinstance(name, str) and _is_product(folder, name):
             with suppress(FileNotFoundError):
                 (folder / name).replace(leaving / secrets.token_hex(8))
-            _remove_empty(folder, Path(name))
+            for part in _folders(Path(name)):
+                with suppress(OSError):  # not empty
+                    (folder / part).rmdir()
     staging = lease / STAGED_PRODUCTS
     for path in _products(staging):
         if all(_made(folder / part) for part in reversed(_folders(path))):
@@ -176,28 +184,6 @@ def _is_product(folder: Path, name: str) -> bool:
     )
 
 
-def _remove_empty(folder: Path, path: Path) -> None:
-    """Remove the folders that a product has left empty."""
-    for part in _folders(path):
-        with suppress(OSError):  # not empty
-            (folder / part).rmdir()
-
-
-def _refuse_taken(folder: Path, products: Iterable[Path]) -> None:
-    for path in products:
-        place = folder / path
-        if place.is_dir():
-            raise InputError("output-is-folder.refuse-taken", place=place)
-        for inner in (folder / part for part in _folders(path)):
-            if os.path.lexists(inner) and not is_real_folder(inner):
-                raise InputError("output-no-folder", inner=inner)
-
-
-def _earlier(folder: Path, names: set[str]) -> set[str]:
-    """The products that an earlier report with the name of a new one lists under "products"."""
-    return {name for name in _listed(folder, names) if _is_product(folder, name)}
-
-
 def _listed(folder: Path, names: set[str]) -> set[str]:
     """What the reports of these names in a folder list under "products"."""
     reports = [_read(folder / name) for name in names if name.endswith(".json") and "/" not in name]
@@ -216,10 +202,6 @@ def _products(staging: Path) -> list[Path]:
 
 def _is_regular_file(path: Path) -> bool:
     return path.is_file() and not path.is_symlink()
-
-
-def _lost(folder: Path) -> RefusedError:
-    return RefusedError("output-lost", folder=folder)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from furrowmap.core.runtime.threads import threads
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.windows import common
+from furrowmap.exporters.rasters.windows import shared_cells
 
 Bands = Sequence[NDArray[Any]]
 """An array for each band, of the grid's shape; written as float32, nan where unknown."""
@@ -69,6 +69,7 @@ SPREAD_BAND: Final = Band("spread")
 STANDARD_ERROR_BAND: Final = Band("standard error")
 FILLED_BAND: Final = Band("filled", "1", 0)
 """1 where the height is interpolated, else 0."""
+CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR_BAND)
 SURFACE_BANDS: Final = (HEIGHT_BAND, COUNT_BAND, SPREAD_BAND, STANDARD_ERROR_BAND)
 """The bands of :func:`surface_arrays`."""
 
@@ -122,7 +123,7 @@ def cog_output(
             sums = [_Statistics() for _ in bands]
 
             def write(tile: Grid, arrays: Bands) -> None:
-                shared = common(tile, grid)
+                shared = shared_cells(tile, grid)
                 if shared is not None:
                     part, place = shared.window_in(tile), shared.window_in(grid)
                     values = [_rounded(a[part], band, counts=counts) for a, band in zip(arrays, bands, strict=True)]

@@ -23,15 +23,14 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.work.field_surfaces import BESIDE_M
 from furrowmap.exporters.farm.surface_file import SurfaceFile, horizontal, surface_file, unusable
 from furrowmap.exporters.files.result_folder import DSM, DSM_BEFORE, ResultFolder
-from furrowmap.exporters.rasters.windows import common, window
+from furrowmap.exporters.rasters.windows import shared_cells, window
 
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
-THROWN_SOIL_M: Final = 0.5
-"""Width beside the line of the tool in which soil may be thrown."""
 MIN_MOVE_SIGMA: Final = np.array([0.01, 0.01, 0.02, 1e-3, 1e-3, 2e-3])
 """Standard deviations of a session's move before any tie at least: east, north, height (m), tilts, turn (rad)."""
 _SIGMA_COLUMNS: Final = (
@@ -43,8 +42,10 @@ _SIGMA_COLUMNS: Final = (
     "sigma_heading_deg",
 )
 _UNKNOWN_SIGMA: Final = np.array([0.05, 0.05, 0.1, 5e-3, 5e-3, 1e-2])
-_SPREAD: Final = 3
-_STANDARD_ERROR: Final = 4
+HEIGHTS: Final = 1
+SPREADS: Final = 3
+STANDARD_ERRORS: Final = 4
+"""Bands of a surface's file, as :data:`~furrowmap.exporters.rasters.cog.SURFACE_BANDS`."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class DatedSurface:
     @property
     def touched(self) -> BaseGeometry:
         """Ground where the tool worked or threw soil."""
-        return self.worked.buffer(THROWN_SOIL_M)
+        return self.worked.buffer(BESIDE_M)
 
 
 def dated_surface(result: ResultFolder) -> DatedSurface:
@@ -118,19 +119,15 @@ class OpenSurface:
     raster: Any
     grid: Grid
 
-    def read(self, part: Grid) -> Float32Array:
-        """Heights on the cells of `part`; nan beside the raster.
+    def read(self, part: Grid, band: int = HEIGHTS) -> Float32Array:
+        """A band on the cells of `part`: nan beside the raster, and everywhere where the file has no such band.
 
         Raises:
             InputError: if the file is damaged there.
         """
-        return self._band(part, 1)
-
-    def _band(self, part: Grid, band: int) -> Float32Array:
-        """A band on the cells of `part`; nan beside the raster."""
         out = np.full(part.shape, np.nan, np.float32)
-        shared = common(part, self.grid)
-        if shared is not None:
+        shared = shared_cells(part, self.grid)
+        if shared is not None and band <= self.raster.count:
             try:
                 values = self.raster.read(band, window=window(shared, self.grid), masked=True, out_dtype="float32")
             except RasterioError as error:
@@ -138,22 +135,9 @@ class OpenSurface:
             out[shared.window_in(part)] = values.filled(np.nan)
         return out
 
-    def standard_error(self, part: Grid) -> Float32Array:
-        """Standard error of the heights; nan where the file has none."""
-        return self._figures(part, _STANDARD_ERROR)
-
-    def spread(self, part: Grid) -> Float32Array:
-        """Standard deviation of the heights of a cell's returns; nan where the file has none."""
-        return self._figures(part, _SPREAD)
-
-    def _figures(self, part: Grid, band: int) -> Float32Array:
-        if self.raster.count < band:
-            return np.full(part.shape, np.nan, np.float32)
-        return self._band(part, band)
-
 
 @contextmanager
-def opened(file: SurfaceFile) -> Iterator[OpenSurface]:
+def open_surface(file: SurfaceFile) -> Iterator[OpenSurface]:
     """Open a surface whose cells are anchored.
 
     Raises:
@@ -165,7 +149,7 @@ def opened(file: SurfaceFile) -> Iterator[OpenSurface]:
 
 
 @contextmanager
-def resampled(file: SurfaceFile, grid: Grid) -> Iterator[OpenSurface]:
+def resample_surface(file: SurfaceFile, grid: Grid) -> Iterator[OpenSurface]:
     """Open a surface on other cells of its CRS, bilinear.
 
     Raises:
@@ -190,7 +174,7 @@ def resampled(file: SurfaceFile, grid: Grid) -> Iterator[OpenSurface]:
         yield OpenSurface(file.path, warped, grid)
 
 
-def inside(shape: BaseGeometry, grid: Grid, *, touched: bool) -> NDArray[np.bool_]:
+def cells_inside(shape: BaseGeometry, grid: Grid, *, touched: bool) -> NDArray[np.bool_]:
     """Which cells lie in a shape: by their middles, or all that it touches."""
     if shape.is_empty or not shape.intersects(shapely.box(*grid.bounds_m)):
         return np.zeros(grid.shape, np.bool_)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -33,7 +32,7 @@ from furrowmap.exporters.files.result_folder import (
     style_of,
 )
 from furrowmap.exporters.rasters.cog import (
-    STANDARD_ERROR_BAND,
+    CHANGE_BANDS,
     SURFACE_BANDS,
     Band,
     Bands,
@@ -52,7 +51,6 @@ STYLES: Final = {
     DENSITY: "density.qml",
     STRIP_OVERLAP: "strip_overlap.qml",
 }
-CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR_BAND)
 SWATH_BANDS: Final = (Band("difference of swaths"),)
 DENSITY_BANDS: Final = (Band("points a square metre", "1/m2", 0),)
 OVERLAP_BANDS: Final = (Band("strips", "1", 0),)
@@ -94,8 +92,9 @@ class RasterFigures:
         if self.moved is None:
             return figures
         passes = [{"pass": number, **_moved(moved)} for number, moved in self.moved.passes.items()]
-        beside = {"area_m2": round(self.moved.beside.area_m2, 2), "mean_change_m": _rounded(self.moved.beside.mean_m)}
-        return figures | {"soil_moved": {**_moved(self.moved.worked), "beside_passes": beside, "passes": passes}}
+        beside = _moved(self.moved.beside)
+        shown = {name: beside[name] for name in ("area_m2", "mean_change_m")}
+        return figures | {"soil_moved": {**_moved(self.moved.worked), "beside_passes": shown, "passes": passes}}
 
 
 def write_rasters(
@@ -126,10 +125,10 @@ def write_rasters(
     sums, swaths, outlines, seen = SoilSums(), SwathSums(), StripOutlines(), 0
     with ExitStack() as stack:
         write = {
-            name: stack.enter_context(cog_output(folder / name, cells, crs, bands, _of(origin, name)))
+            name: stack.enter_context(cog_output(folder / name, cells, crs, bands, _raster_origin(origin, name)))
             for name, (cells, bands) in kinds.items()
         }
-        for tile in _with_progress(land, land.tiles(passages, MEDIAN, found.strips), progress):
+        for number, tile in enumerate(land.tiles(passages, MEDIAN, found.strips), start=1):
             for name, put in write.items():
                 put(*_arrays(tile, name))
             sums.add(tile)
@@ -137,6 +136,7 @@ def write_rasters(
             if tile.coverage is not None:
                 outlines.add(tile.coverage)
             seen += int(tile.after.seen.sum())
+            progress("making surfaces", number / max(land.tile_count, 1))
     if found.strips:
         _write_ground(folder, land, crs, origin)
     differences = swaths.differences()
@@ -155,7 +155,7 @@ def _write_ground(folder: Path, land: FieldPoints, crs: CRS, origin: Origin) -> 
     assert land.grid is not None
     with ExitStack() as stack:
         put = [
-            stack.enter_context(cog_output(folder / name, land.grid, crs, bands, _of(origin, name)))
+            stack.enter_context(cog_output(folder / name, land.grid, crs, bands, _raster_origin(origin, name)))
             for name, bands in _GROUND.items()
         ]
         for tile in cloud_tiles(land.spooled, "smrf"):
@@ -177,27 +177,15 @@ def _arrays(tile: FieldTile, name: str) -> tuple[Grid, Bands]:
     return tile.grid, surface_arrays(tile.after if name == DSM else tile.before)
 
 
-def _with_progress(land: FieldPoints, tiles: Iterator[FieldTile], progress: Progress) -> Iterator[FieldTile]:
-    """The tiles, with their progress."""
-    count = max(land.tile_count, 1)
-    for number, tile in enumerate(tiles, start=1):
-        yield tile
-        progress("making surfaces", number / count)
-
-
-def _of(origin: Origin, name: str) -> Origin:
+def _raster_origin(origin: Origin, name: str) -> Origin:
     statistic = _RASTER_STATISTICS.get(name, MEDIAN.name)
     return replace(origin, title=_RASTER_TITLES[name], parameters={**origin.parameters, "statistic": statistic})
 
 
 def _moved(moved: Moved) -> dict[str, float | None]:
     return {
-        "volume_m3": _rounded(moved.volume_m3),
-        "mean_change_m": _rounded(moved.mean_m),
+        "volume_m3": round(moved.volume_m3, 4) if moved.volume_m3 == moved.volume_m3 else None,
+        "mean_change_m": round(moved.mean_m, 4) if moved.mean_m == moved.mean_m else None,
         "area_m2": round(moved.area_m2, 2),
         "compared_m2": round(moved.compared_m2, 2),
     }
-
-
-def _rounded(value: float) -> float | None:
-    return round(value, 4) if value == value else None

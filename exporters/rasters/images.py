@@ -13,7 +13,7 @@ from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 
 
-def encoded(pixels: NDArray[np.uint8], driver: str, **options: str) -> bytes:
+def encode_image(pixels: NDArray[np.uint8], driver: str, **options: str) -> bytes:
     """An image (rows, columns, channels), first row on top, as a file of a driver of GDAL such as "PNG" or "WEBP"."""
     rows, columns, channels = pixels.shape
     profile: dict[str, Any] = {"width": columns, "height": rows, "count": channels, "dtype": "uint8"}
@@ -26,4 +26,4 @@ def encoded(pixels: NDArray[np.uint8], driver: str, **options: str) -> bytes:
 
 def data_uri(pixels: NDArray[np.uint8]) -> str:
     """An image (rows, columns, channels) with 1 to 4 channels, first row on top, as a PNG in a data URI."""
-    return "data:image/png;base64," + base64.b64encode(encoded(pixels, "PNG", ZLEVEL="9")).decode("ascii")
+    return "data:image/png;base64," + base64.b64encode(encode_image(pixels, "PNG", ZLEVEL="9")).decode("ascii")

@@ -17,9 +17,9 @@ from furrowmap.core.dates.ground_pair import GroundPair
 from furrowmap.core.dates.moved_surface import move_surface, reach_cells
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.rasters.cog import HEIGHT_BAND, STANDARD_ERROR_BAND, Band, cog_output
-from furrowmap.exporters.rasters.dated_surface import OpenSurface, inside
-from furrowmap.exporters.rasters.windows import common, windows
+from furrowmap.exporters.rasters.cog import CHANGE_BANDS, HEIGHT_BAND, STANDARD_ERROR_BAND, cog_output
+from furrowmap.exporters.rasters.dated_surface import SPREADS, STANDARD_ERRORS, OpenSurface, cells_inside
+from furrowmap.exporters.rasters.windows import shared_cells, windows
 
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
@@ -30,35 +30,30 @@ MAX_PIECES: Final = 64
 """Four hectares show a tie as well as forty do."""
 HIDDEN_SHARE: Final = 0.06
 """Tops of clods are seen more than what lies between: heights are off by this share of the relief within cells."""
-CHANGE_BANDS: Final = (Band("change"), STANDARD_ERROR_BAND)
 
 
 def ground_pairs(one: OpenSurface, other: OpenSurface, touched: BaseGeometry) -> Iterator[GroundPair]:
     """The ground that two dates have in common, where no tool touched it, in pieces; some where there are many."""
-    shared = common(one.grid, other.grid)
+    shared = shared_cells(one.grid, other.grid)
     if shared is None:
         return
-    pieces = [
-        Grid(shared.cell_m, shared.west + column, shared.north - row, (rows, columns))
-        for row in range(0, shared.rows, PIECE_CELLS)
-        for column in range(0, shared.columns, PIECE_CELLS)
-        for rows, columns in [(min(PIECE_CELLS, shared.rows - row), min(PIECE_CELLS, shared.columns - column))]
+    corners = [
+        (row, column) for row in range(0, shared.rows, PIECE_CELLS) for column in range(0, shared.columns, PIECE_CELLS)
     ]
+    tried = np.linspace(0, len(corners) - 1, min(len(corners), 2 * MAX_PIECES)).round().astype(np.intp).tolist()
+    if len(corners) > MAX_PIECES:
+        tried = [*tried[::2], *tried[1::2]]  # evenly chosen ones, then those between them
     count = 0
-    for piece in (pieces[k] for k in _tried(len(pieces))):
+    for row, column in (corners[k] for k in tried):
+        shape = min(PIECE_CELLS, shared.rows - row), min(PIECE_CELLS, shared.columns - column)
+        piece = Grid(shared.cell_m, shared.west + column, shared.north - row, shape)
         first, second = one.read(piece), other.read(piece)
-        off = inside(touched, piece, touched=True)
+        off = cells_inside(touched, piece, touched=True)
         first[off] = second[off] = np.nan
         if (np.isfinite(first) & np.isfinite(second)).any() and count < MAX_PIECES:
             west, _, _, north = piece.bounds_m
             count += 1
             yield GroundPair(west, north, piece.cell_m, first, second)
-
-
-def _tried(pieces: int) -> list[int]:
-    """Numbers of the pieces in the order in which they are read: all, or evenly chosen ones and those between them."""
-    tried = np.linspace(0, pieces - 1, min(pieces, 2 * MAX_PIECES)).round().astype(np.intp).tolist()
-    return tried if pieces <= MAX_PIECES else [*tried[::2], *tried[1::2]]
 
 
 @dataclass(frozen=True)
@@ -92,7 +87,7 @@ def write_moved(path: Path, mover: Mover, grid: Grid, crs: CRS, origin: Origin) 
     """
     with cog_output(path, grid, crs, (HEIGHT_BAND, STANDARD_ERROR_BAND), origin) as put:
         for part, _ in windows(grid, 0):
-            put(part, (mover.heights(part), mover.surface.standard_error(part)))
+            put(part, (mover.heights(part), mover.surface.read(part, STANDARD_ERRORS)))
 
 
 @dataclass(frozen=True)
@@ -153,30 +148,33 @@ def write_change(
         OSError: if the file cannot be written.
     """
     one, other = pair
-    grid = common(one.surface.grid, other.surface.grid)
+    grid = shared_cells(one.surface.grid, other.surface.grid)
     if grid is None:
         return None
     sums, places, calm = np.zeros((2, 6)), [np.zeros((0, 2))], [np.zeros(0, np.float32)]
     with cog_output(path, grid, crs, CHANGE_BANDS, origin) as put:
         for part, _ in windows(grid, 0):
             change = other.heights(part) - one.heights(part)
-            error = np.hypot(other.surface.standard_error(part), one.surface.standard_error(part))
+            error = np.hypot(other.surface.read(part, STANDARD_ERRORS), one.surface.read(part, STANDARD_ERRORS))
             put(part, (change, np.where(np.isfinite(change), error, np.float32(np.nan))))
-            relief = np.hypot(other.surface.spread(part), one.surface.spread(part))
-            now, again = inside(ground.worked, part, touched=False), inside(ground.before, part, touched=False)
+            relief = np.hypot(other.surface.read(part, SPREADS), one.surface.read(part, SPREADS))
+            now, again = (
+                cells_inside(ground.worked, part, touched=False),
+                cells_inside(ground.before, part, touched=False),
+            )
             for kind, of_kind in zip(sums, (now & ~again, now & again), strict=True):
                 seen = of_kind & np.isfinite(change)
                 moved_m, noise = change[seen].astype(np.float64), error[seen].astype(np.float64)
                 kind[:5] += of_kind.sum(), len(moved_m), moved_m.sum(), (moved_m**2).sum(), np.nansum(noise**2)
                 kind[5] += np.nansum(relief[seen].astype(np.float64) ** 2)
             places.append(part.positions_m()[(now & np.isfinite(change)).ravel()][::20])
-            still = np.isfinite(change) & ~inside(ground.touched, part, touched=True)
+            still = np.isfinite(change) & ~cells_inside(ground.touched, part, touched=True)
             calm.append(change[still][::5])
     still_m = np.concatenate(calm).astype(np.float64)
-    return ChangeFigures(*_by_kind(sums, grid.cell_area_m2), np.concatenate(places), still_m)
+    return ChangeFigures(*_weight_by_kind(sums, grid.cell_area_m2), np.concatenate(places), still_m)
 
 
-def _by_kind(sums: FloatArray, area_m2: float) -> tuple[float, float, float, float, float, float]:
+def _weight_by_kind(sums: FloatArray, area_m2: float) -> tuple[float, float, float, float, float, float]:
     """The first six of :class:`ChangeFigures`.
 
     Args:
@@ -200,6 +198,6 @@ def _by_kind(sums: FloatArray, area_m2: float) -> tuple[float, float, float, flo
     return worked, compared, float(share @ mean), float(off_noise), float(off_unseen), hidden
 
 
-def union(shapes: Sequence[BaseGeometry]) -> BaseGeometry:
+def union_shapes(shapes: Sequence[BaseGeometry]) -> BaseGeometry:
     """Ground in any of the shapes."""
     return shapely.union_all(np.asarray([*shapes, shapely.Polygon()], object))

@@ -30,7 +30,7 @@ def window(part: Grid, whole: Grid) -> Window:
     return Window(part.west - whole.west, whole.north - part.north, part.columns, part.rows)
 
 
-def share(inner: Grid, whole: Grid) -> float:
+def share_done(inner: Grid, whole: Grid) -> float:
     """Share of the work that is done after a window (0 to 1)."""
     return (whole.north - inner.north + inner.rows) / whole.rows
 
@@ -52,7 +52,7 @@ def plots_of(inner: Grid, plots: Grid, last: tuple[bool, bool]) -> Grid | None:
     return Grid(plots.cell_m, west, north, (north - south, east - west)) if north > south and east > west else None
 
 
-def common(one: Grid, other: Grid) -> Grid | None:
+def shared_cells(one: Grid, other: Grid) -> Grid | None:
     """The cells that two grids share; None for no cell.
 
     Raises:

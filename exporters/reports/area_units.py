@@ -17,8 +17,8 @@ ACRE: Final = "acre"
 AREA_UNITS: Final = (HECTARE, TEN_ARES, ACRE)
 ACRE_M2: Final = 4046.8564224
 """The international acre, 1959."""
-_ARE_M2: Final = 100.0
-_HECTARE_M2: Final = 10_000.0
+_UNITS: Final = {HECTARE: (10_000.0, 3, "ha"), TEN_ARES: (100.0, 2, "a"), ACRE: (ACRE_M2, 3, "acres")}
+"""Size, decimals and name."""
 _FINE_M2: Final = 10.0
 _SMALL_M2: Final = {HECTARE: 1_000.0, TEN_ARES: 100.0, ACRE: 100.0}
 """Smaller areas are shown in square metres."""
@@ -28,7 +28,7 @@ _AREA_ELEMENT: Final = re.compile(rf'<data class="(area|rate)" value="({_VALUE})
 
 
 def area(area_m2: float) -> str:
-    """An area in a text of a page; :func:`filled_in` puts it into the page."""
+    """An area in a text of a page; :func:`in_area_unit` puts it into the page."""
     return f"⟦area {area_m2:.6g}⟧" if math.isfinite(area_m2) else "unknown"
 
 
@@ -37,7 +37,7 @@ def work_rate(rate_ha_h: float) -> str:
     return f"⟦rate {rate_ha_h:.6g}⟧" if math.isfinite(rate_ha_h) else "unknown"
 
 
-def filled_in(page: str, unit: str) -> str:
+def in_area_unit(page: str, unit: str) -> str:
     """A page with its areas and work rates in a unit, whatever unit they were in.
 
     Args:
@@ -55,16 +55,16 @@ def area_words(area_m2: float, unit: str) -> str:
     """An area as text: "0.542 ha", "54.2 a", "1.340 acres"; small ones in square metres."""
     if abs(area_m2) < _SMALL_M2[unit]:
         return f"{area_m2:.{1 if abs(area_m2) >= _FINE_M2 else 2}f} m²"
-    if unit == TEN_ARES:
-        return f"{area_m2 / _ARE_M2:.2f} a"
-    return f"{area_m2 / ACRE_M2:.3f} acres" if unit == ACRE else f"{area_m2 / _HECTARE_M2:.3f} ha"
+    unit_m2, digits, name = _UNITS[unit]
+    return f"{area_m2 / unit_m2:.{digits}f} {name}"
 
 
 def rate_words(rate_ha_h: float, unit: str) -> str:
     """A work rate as text; for 10 a as the minutes that they take, as Japanese records of work have it."""
     if unit == TEN_ARES:
         return f"{6.0 / rate_ha_h:.1f} min/10 a" if rate_ha_h > 0.0 else "unknown"
-    return f"{rate_ha_h * _HECTARE_M2 / ACRE_M2:.2f} acres/h" if unit == ACRE else f"{rate_ha_h:.2f} ha/h"
+    unit_m2, _, name = _UNITS[unit]
+    return f"{rate_ha_h * 10_000.0 / unit_m2:.2f} {name}/h"
 
 
 _SAYS: Final[Mapping[str, Callable[[float, str], str]]] = {"area": area_words, "rate": rate_words}

@@ -10,7 +10,7 @@ from typing import Final
 from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import REPORT_PAGE
-from furrowmap.exporters.reports.area_units import HECTARE, filled_in
+from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.pages import days_words, render
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row
@@ -26,7 +26,7 @@ def write_batch_page(folder: Path, rows: Sequence[Row]) -> None:
     Raises:
         OSError: if it cannot be written.
     """
-    text = in_language(filled_in(page(rows), HECTARE), language_of_user())
+    text = in_language(in_area_unit(page(rows), HECTARE), language_of_user())
     with atomic_output(folder / BATCH_PAGE) as unfinished:
         unfinished.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
 

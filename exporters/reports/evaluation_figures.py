@@ -95,10 +95,10 @@ def _figures(found: Evaluation) -> dict[str, Any]:
         },
         "interpolation": {
             "longest_step_s": round(matched.max_gap_s, 3),
-            "every_other_epoch_median_m": _metres(matched.interpolation_m[0]),
-            "every_other_epoch_p95_m": _metres(matched.interpolation_m[1]),
+            "every_other_epoch_median_m": round(float(matched.interpolation_m[0]), 4),
+            "every_other_epoch_p95_m": round(float(matched.interpolation_m[1]), 4),
         },
-        "tables": {kind: {name: _row(row) for name, row in rows.items()} for kind, rows in found.tables.items()},
+        "tables": {kind: {name: _statistics(row) for name, row in rows.items()} for kind, rows in found.tables.items()},
         "stated_sigmas": _rounded(found.within_sigmas) if found.within_sigmas else None,
         "test_ahead_s": (
             {"estimate": round(found.time_ahead_s[0], 4), "standard_error": round(found.time_ahead_s[1], 4)}
@@ -136,39 +136,31 @@ def write_epochs(path: Path, evaluations: Mapping[str, Evaluation]) -> None:
 
 
 def _epochs(found: Evaluation) -> Iterator[list[Any]]:
-    matched = found.matched
-    error = matched.error_m
-    columns = [
-        error[:, 0], error[:, 1], error[:, 2], np.hypot(error[:, 0], error[:, 1]), np.sqrt(np.sum(error**2, axis=1)),
-        matched.along_m, matched.across_m, matched.speed_mps,
-    ]  # fmt: skip
-    numbers = [[_cell(value) for value in column.tolist()] for column in columns]
-    sigmas = [[_cell(value) for value in found.sigma_m[:, axis].tolist()] for axis in range(3)]
+    matched, error = found.matched, found.matched.error_m
+    lengths = np.column_stack([error, np.hypot(error[:, 0], error[:, 1]), np.sqrt(np.sum(error**2, axis=1)),
+                               matched.along_m, matched.across_m, matched.speed_mps])  # fmt: skip
     labels = {int(fix): fix.label for fix in Fix}
     for k, t_s in enumerate(matched.t_s.tolist()):
         fixes = labels[int(found.fix[k])], labels[int(matched.reference_fix[k])], int(matched.interpolated[k])
-        last = *(column[k] for column in sigmas), _cell(float(found.age_s[k])), int(found.outlier[k])
-        yield [iso_utc(t_s), repr(t_s), *(column[k] for column in numbers), *fixes, *last]
+        sigmas = map(_cell, [*found.sigma_m[k, :3].tolist(), float(found.age_s[k])])
+        yield [iso_utc(t_s), repr(t_s), *map(_cell, lengths[k].tolist()), *fixes, *sigmas, int(found.outlier[k])]
 
 
 def _cell(value: float) -> str:
     return f"{value:.4f}" if math.isfinite(value) else ""
 
 
-def _row(row: ErrorStatistics) -> dict[str, Any]:
-    return {
-        "n": row.n,
-        "average_m": _metres(row.average_m),
-        "standard_deviation_m": _metres(row.standard_deviation_m),
-        "rmse_m": _metres(row.rmse_m),
-        **{f"p{100 * q:.0f}_m": _metres(value) for q, value in zip(QUANTILES, row.percentiles_m, strict=True)},
-        "greatest_m": _metres(row.greatest_m),
-    }
-
-
-def _metres(value: float) -> float:
-    return round(float(value), 4)
-
-
 def _rounded(values: dict[str, float], digits: int = 4) -> dict[str, float]:
-    return {name: round(value, digits) for name, value in values.items()}
+    return {name: round(float(value), digits) for name, value in values.items()}
+
+
+def _statistics(row: ErrorStatistics) -> dict[str, Any]:
+    percentiles = {f"p{100 * q:.0f}_m": value for q, value in zip(QUANTILES, row.percentiles_m, strict=True)}
+    metres = {
+        "average_m": row.average_m,
+        "standard_deviation_m": row.standard_deviation_m,
+        "rmse_m": row.rmse_m,
+        **percentiles,
+        "greatest_m": row.greatest_m,
+    }
+    return {"n": row.n, **_rounded(metres)}

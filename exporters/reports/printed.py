@@ -53,28 +53,24 @@ def write_pdf(path: Path, page: str) -> None:
     program = browser()
     if program is None:
         raise RefusedError("browser-missing")
+    confined = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # root cannot have one
     with tempfile.TemporaryDirectory(prefix="furrowmap-print-") as folder, atomic_output(path) as unfinished:
         source, printed = Path(folder, "page.html"), Path(folder, "page.pdf")
         source.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
-        failure = _print(program, source, printed, Path(folder, "profile"))
+        arguments = [
+            program, "--headless", *confined, "--disable-gpu", "--no-first-run",
+            f"--user-data-dir={Path(folder, 'profile')}", "--no-pdf-header-footer", f"--print-to-pdf={printed}",
+            source.as_uri(),
+        ]  # fmt: skip
+        failure = ""
+        try:
+            done = subprocess.run(arguments, capture_output=True, timeout=MAX_PRINT_S, check=False)  # noqa: S603 (no shell)
+            if not printed.is_file() or not printed.read_bytes().startswith(b"%PDF"):
+                failure = f"exit status {done.returncode}"
+        except subprocess.TimeoutExpired:
+            failure = f"no end after {MAX_PRINT_S:.0f} s"
+        except OSError as error:
+            failure = error.strerror or type(error).__name__
         if failure:
             raise RefusedError("browser-missing.write-pdf", program=program, failure=failure)
         shutil.copyfile(printed, unfinished)
-
-
-def _print(program: str, source: Path, printed: Path, profile: Path) -> str:
-    """Run the browser; what went wrong, or nothing."""
-    confined = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # root cannot have one
-    arguments = [
-        program, "--headless", *confined, "--disable-gpu", "--no-first-run", f"--user-data-dir={profile}",
-        "--no-pdf-header-footer", f"--print-to-pdf={printed}", source.as_uri(),
-    ]  # fmt: skip
-    try:
-        done = subprocess.run(arguments, capture_output=True, timeout=MAX_PRINT_S, check=False)  # noqa: S603 (no shell)
-    except subprocess.TimeoutExpired:
-        return f"no end after {MAX_PRINT_S:.0f} s"
-    except OSError as error:
-        return error.strerror or type(error).__name__
-    if not printed.is_file() or not printed.read_bytes().startswith(b"%PDF"):
-        return f"exit status {done.returncode}"
-    return ""

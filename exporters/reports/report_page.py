@@ -22,7 +22,7 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
 from furrowmap.exporters.rasters.relief import shaded_ground
 from furrowmap.exporters.reports import drawings
-from furrowmap.exporters.reports.area_units import filled_in
+from furrowmap.exporters.reports.area_units import in_area_unit
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.reports.parcel_section import parcel_sections
@@ -106,7 +106,7 @@ def write_page(
         max_rows=MAX_ROWS,
     )
     report = found.session.report
-    page = in_language(filled_in(page, report.area_unit), language_of_user(report.language))
+    page = in_language(in_area_unit(page, report.area_unit), language_of_user(report.language))
     with atomic_output(path) as unfinished:
         unfinished.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.boresight import NAMES, Boresight
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
-from furrowmap.core.images.aiding import ImageAid
 from furrowmap.core.pipeline.position_notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
@@ -32,7 +31,7 @@ from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMAS
 from furrowmap.core.work.external_states import NEAR_S
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import Area, FieldFigures, WorkedGround
+from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
@@ -63,6 +62,8 @@ def run_report(
         timings_s: seconds of each stage.
         products: names of the files written.
     """
+    calibration = {"lidar": _scanner_mounting(found.boresight)} if found.boresight is not None else {}
+    calibration |= {"camera": found.image_aid.calibration()} if found.image_aid is not None else {}
     return {
         "session_file": session_file,
         "verdict": verdict(found),
@@ -73,7 +74,7 @@ def run_report(
         "accuracy": _accuracy(found) | {"swaths": rasters.swaths.plain() if rasters and rasters.swaths else None},
         "observability": _observability(found),
         "inertial": found.located.inertial,
-        "calibration": _calibration(found.boresight, found.image_aid),
+        "calibration": calibration or None,
         "strips": [_strip(ground) for ground in rasters.strips] if rasters is not None else [],
         "strip_differences": found.strip_differences.plain() if found.strip_differences is not None else None,
         "image_adjustment": found.image_aid.plain() if found.image_aid is not None else None,
@@ -85,14 +86,8 @@ def run_report(
     }
 
 
-def _calibration(found: Boresight | None, aid: ImageAid | None) -> dict[str, Any] | None:
-    """What the recording shows of the mounting of scanner and camera; None where it shows nothing."""
-    shown = {"lidar": _of_scanner(found)} if found is not None else {}
-    return shown | ({"camera": aid.calibration()} if aid is not None else {}) or None
-
-
-def _of_scanner(found: Boresight) -> dict[str, Any]:
-    """The mounting of the scanner."""
+def _scanner_mounting(found: Boresight) -> dict[str, Any]:
+    """What the recording shows of the mounting of the scanner."""
     return {
         "rpy_deg": [round(angle, 5) for angle in found.mounting.rpy_deg],
         "sigma_deg": [round(sigma, 5) for sigma in found.sigma_deg],
@@ -114,7 +109,6 @@ def _of_scanner(found: Boresight) -> dict[str, Any]:
 
 
 def _strip(ground: StripGround) -> dict[str, Any]:
-    """A strip of a flight."""
     strip = ground.strip
     return {
         "strip": strip.number,
@@ -153,15 +147,11 @@ def verdict(found: RunResult) -> dict[str, Any]:
     text = next((in_local_time(n.text, found.zone) for n in found.notices if n.code == CONTRADICTION), None)
     seen = found.matched.seen.plain() if found.matched is not None else {}
     doubts = [in_local_time(notice.text, found.zone) for notice in found.notices if notice.code in AT_TOP]
-    told = {
-        key: value
-        for language in LANGUAGES[1:]
-        for key, value in (
-            (f"text_{language}", translated(text, language, CONTRADICTION) if text else None),
-            (f"doubts_{language}", [translated(doubt, language) for doubt in doubts]),
-        )
-    }
-    return {"consistent": False if text else None, **seen, "text": text, "doubts": doubts, **told}
+    others = {}
+    for language in LANGUAGES[1:]:
+        others[f"text_{language}"] = translated(text, language, CONTRADICTION) if text else None
+        others[f"doubts_{language}"] = [translated(doubt, language) for doubt in doubts]
+    return {"consistent": False if text else None, **seen, "text": text, "doubts": doubts, **others}
 
 
 def in_all_languages(notice: Notice, zone: ZoneInfo) -> dict[str, str]:
@@ -213,6 +203,10 @@ def run_origin(found: RunResult, inputs: Sequence[FileRecord]) -> Origin:
 def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
     """Counts, times and lengths."""
     placement = found.placement
+    xyz_m = placement.poses.xyz_m
+    bounds_m = (
+        (cloud.low_m, cloud.high_m) if cloud is not None else (xyz_m.min(axis=0).tolist(), xyz_m.max(axis=0).tolist())
+    )
     distance_m, standing_s = distance_and_standing(found.located.trajectory, placement.first_s, placement.last_s)
     return {
         "points": placement.points,
@@ -235,30 +229,25 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
         "fix": fix_shares(placement.poses),
         "crs": found.frame.name,
         "heights": found.session.crs.heights,
-        "bounds_m": [[round(v, 3) for v in corner] for corner in _bounds(found, cloud)],
+        "bounds_m": [[round(v, 3) for v in corner] for corner in bounds_m],
         "implement": _implement(found.work),
-        **(_worked(found.work.ground) if found.work.ground is not None else {}),
-        **({"tools": [_tool(work) for work in found.work.each]} if found.work.others else {}),
+        **_worked(found.work.ground),
+        **(
+            {
+                "tools": [
+                    {"name": work.tool, "implement": _implement(work), **_worked(work.ground)}
+                    for work in found.work.each
+                ]
+            }
+            if found.work.others
+            else {}
+        ),
     }
-
-
-def _tool(work: FieldWork) -> dict[str, Any]:
-    """Figures of one of several tools; those of the first are among the figures of the run as well."""
-    worked = _worked(work.ground) if work.ground is not None else {}
-    return {"name": work.tool, "implement": _implement(work), **worked}
 
 
 def points_by_class(cloud: CopcSummary) -> dict[str, int]:
     """Number of points by the name of their class: "ground", "other", "noise", "vehicle", "implement"."""
     return {kind.name.lower(): cloud.points_by_class.get(kind, 0) for kind in PointClass}
-
-
-def _bounds(found: RunResult, cloud: CopcSummary | None) -> tuple[Sequence[float], Sequence[float]]:
-    """Least and greatest coordinates of the cloud; of the poses where there is none."""
-    if cloud is not None:
-        return cloud.low_m, cloud.high_m
-    xyz_m = found.placement.poses.xyz_m
-    return xyz_m.min(axis=0).tolist(), xyz_m.max(axis=0).tolist()
 
 
 def _implement(work: FieldWork) -> dict[str, Any] | None:
@@ -285,31 +274,31 @@ def _implement(work: FieldWork) -> dict[str, Any] | None:
     }
 
 
-def _worked(ground: WorkedGround) -> dict[str, Any]:
-    """Figures of the worked ground."""
+def _worked(ground: WorkedGround | None) -> dict[str, Any]:
+    """Figures of the worked ground; none where work is unknown."""
+    if ground is None:
+        return {}
     worked, hours = ground.figures, ground.figures.hours
     zones = {
         kind: sum(zone.area.grid_m2 for zone in ground.zones if zone.kind == kind) for kind in ("headland", "body")
     }
+    field = {}
+    if worked.field is not None:
+        share = {"worked_share": round(worked.field.worked_share, 4)}
+        field = _area("field_area", worked.field.area) | share | _area("unworked_area", worked.field.unworked)
     return {
         **_area("worked_area", worked.worked),
         **_area("overlap_area", worked.overlap),
         **_area("missed_area", worked.missed),
-        **(_of_field(worked.field) if worked.field is not None else {}),
+        **field,
         "swept_area_m2": round(worked.swept_m2, 3),
         **{f"{kind}_area_m2": round(area_m2, 3) for kind, area_m2 in zones.items()},
         "passes": worked.passes,
         "worked_length_m": round(worked.length_m, 2),
         "working_speed_mps": round(worked.speed_mps, 3),
         "work_rate_ha_h": round(worked.work_rate_ha_h, 4),
-        "hours": {field.name: round(getattr(hours, field.name), 1) for field in fields(hours)},
+        "hours": {name: round(value, 1) for name, value in asdict(hours).items()},
     }
-
-
-def _of_field(field: FieldFigures) -> dict[str, Any]:
-    """How much of the field was worked."""
-    share = {"worked_share": round(field.worked_share, 4)}
-    return _area("field_area", field.area) | share | _area("unworked_area", field.unworked)
 
 
 def _area(name: str, area: Area) -> dict[str, float]:

@@ -73,6 +73,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
     figures = result.report["figures"]
     clock = (result.zone, moment_s(figures["start"]), moment_s(figures["end"]))
     names = (FIELD, *rasters_of(result))
+    shown: dict[ProjectLayer, bool] = {}
     for number, name in enumerate(names):
         progress("writing the project", number / len(names))
         _copy(result, name, staging)
@@ -88,14 +89,18 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
             style = style.replace('name="style" type="QString" value="solid"', HATCHED)
         layer = ProjectLayer(name, kind, source, "ogr", style, title, read_only=True)
         put_vector_layer(within, layer, crs)
-        _put_leaf(tree, layer, shown=len(result.layer_names) == 1 or name not in HIDDEN_AT_FIRST)
+        shown[layer] = len(result.layer_names) == 1 or name not in HIDDEN_AT_FIRST
     for name in rasters_of(result):
         title = _in(language, title_of(name, result))
         layer = ProjectLayer(
             Path(name).stem, "raster", f"./{name}", "gdal", _style(raster_style(name), language), title
         )
         put_raster_layer(within, layer, crs)
-        _put_leaf(tree, layer, shown=name in SHOWN_AT_FIRST)
+        shown[layer] = name in SHOWN_AT_FIRST
+    for layer, checked in shown.items():
+        attributes = {"id": layer.id, "name": layer.title, "source": layer.source, "providerKey": layer.provider}
+        attributes |= {"checked": "Qt::Checked" if checked else "Qt::Unchecked", "expanded": "0"}
+        ET.SubElement(tree, "layer-tree-layer", attributes)
     put_view(root, crs, bounds)
     (staging / PROJECT_FILE).write_text(project_text(root), encoding="utf-8")
     progress("writing the project", 1.0)
@@ -124,12 +129,6 @@ def _place(result: ResultFolder) -> tuple[CRS, Box]:
     west, south = (min(box[axis] for box in boxes) for axis in (0, 1))
     east, north = (max(box[axis] for box in boxes) for axis in (2, 3))
     return CRS.from_user_input(layers[0].crs).to_2d(), (west, south, east, north)
-
-
-def _put_leaf(tree: ET.Element, layer: ProjectLayer, *, shown: bool) -> None:
-    attributes = {"id": layer.id, "name": layer.title, "source": layer.source, "providerKey": layer.provider}
-    checked = "Qt::Checked" if shown else "Qt::Unchecked"
-    ET.SubElement(tree, "layer-tree-layer", attributes | {"checked": checked, "expanded": "0"})
 
 
 def _style(name: str, language: str) -> str | None:

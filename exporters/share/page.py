@@ -20,11 +20,11 @@ from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.languages.translation import translated
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder
-from furrowmap.exporters.rasters.images import encoded
+from furrowmap.exporters.rasters.images import encode_image
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
 from furrowmap.exporters.reports.pages import duration_words, render
 from furrowmap.exporters.share.features import moment_s, shared_layer
-from furrowmap.exporters.share.pictures import WEBP_QUALITY, picture
+from furrowmap.exporters.share.pictures import WEBP_QUALITY, draw_raster
 from furrowmap.exporters.share.points import BYTES_A_POINT, MAX_SHARED_POINTS, shared_points
 from furrowmap.exporters.share.rasters import BLENDED, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.share.words import JAPANESE
@@ -127,9 +127,9 @@ def _scale(crs: CRS, box: Box) -> float:
 
 
 def _picture(staging: Path, result: ResultFolder, name: str) -> dict[str, Any]:
-    shown = picture(result.folder / name, raster_style(name))
+    shown = draw_raster(result.folder / name, raster_style(name))
     target = Path(name).with_suffix(".webp").name
-    (staging / target).write_bytes(encoded(shown.rgba, "WEBP", QUALITY=WEBP_QUALITY))
+    (staging / target).write_bytes(encode_image(shown.rgba, "WEBP", QUALITY=WEBP_QUALITY))
     return {
         "name": Path(name).stem,
         "title": title_of(name, result),

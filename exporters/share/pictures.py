@@ -36,7 +36,7 @@ class StyledPicture:
     legend: tuple[tuple[str, str], ...]
 
 
-def picture(path: Path, style: str) -> StyledPicture:
+def draw_raster(path: Path, style: str) -> StyledPicture:
     """The raster in a file, at most :data:`MAX_PICTURE_SIDE` pixels long, as its QGIS style draws it.
 
     Args:

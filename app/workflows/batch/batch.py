@@ -25,7 +25,7 @@ from furrowmap.exporters.files.batch_state import (
     batch_state,
     same_files,
 )
-from furrowmap.exporters.files.lease import leased, refuse_leased
+from furrowmap.exporters.files.lease import hold_lease, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
 from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row, write_layers, write_table
@@ -130,7 +130,7 @@ def batch(
         if dry_run:
             return runs.estimate(sources, stack.enter_context(batch_state(path if path.is_file() else None)))
         target.mkdir(parents=True, exist_ok=True)
-        own = stack.enter_context(leased(target))
+        own = stack.enter_context(hold_lease(target))
         state = stack.enter_context(batch_state(path))
         for ended in refuse_leased(target, own):  # of batches that were killed
             shutil.rmtree(ended, ignore_errors=True)
@@ -275,7 +275,7 @@ class _Batch:
             try:
                 key, stamps = key_of(job), job.stamps if job.url else input_stamps(open_job(job))
             except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
-                plan.failures[name] = (job.file, Failure.of(as_furrowmap_error(error)))
+                plan.failures[name] = (job.file, Failure.from_error(as_furrowmap_error(error)))
                 continue
             plan.bytes_due[name] = _size(stamps)
             before = outcomes.get(name)
@@ -308,7 +308,7 @@ def _read_session(source: Source) -> Prepared:
             return Prepared((Store(source.url).read(source.file.name) or b"").decode())
         return Prepared(source.file.read_text(encoding="utf-8"))
     except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
-        return Prepared(failure=Failure.of(as_furrowmap_error(error)))
+        return Prepared(failure=Failure.from_error(as_furrowmap_error(error)))
 
 
 def _size(stamps: Sequence[Stamp]) -> int:
@@ -316,4 +316,4 @@ def _size(stamps: Sequence[Stamp]) -> int:
 
 
 def _lost(name: str) -> Failure:
-    return Failure.of(FurrowmapError("batch-worker-lost", name=name, attempts=ATTEMPTS))
+    return Failure.from_error(FurrowmapError("batch-worker-lost", name=name, attempts=ATTEMPTS))

@@ -139,7 +139,7 @@ def prepare(source: Source, machine: str, boundaries: str) -> Prepared:
                 return Prepared(text)
             return Prepared(text, tuple(_visits(file, session, read_fields(Path(boundaries)))))
     except Exception as error:  # noqa: BLE001 whatever is wrong with one source is a row of the table
-        return Prepared(failure=Failure.of(as_furrowmap_error(error)))
+        return Prepared(failure=Failure.from_error(as_furrowmap_error(error)))
 
 
 def open_job(job: Job) -> OpenSession:

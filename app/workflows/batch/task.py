@@ -45,7 +45,7 @@ def run_job(job: Job) -> SessionOutcome:
             result, repeated = _result(job, opened)
             outcome = replace(_outcome(key, stamps, result, opened), repeated=repeated)
     except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
-        outcome = SessionOutcome(key, stamps, Failure.of(as_furrowmap_error(error)))
+        outcome = SessionOutcome(key, stamps, Failure.from_error(as_furrowmap_error(error)))
     return replace(
         outcome,
         seconds=round(perf_counter() - wall_s, 3),
@@ -73,7 +73,7 @@ def _run_with_store(job: Job) -> SessionOutcome:
     except Exception as error:  # noqa: BLE001 whatever a store or its library raises is told in the table
         ours = isinstance(error, FurrowmapError | MemoryError)
         told = as_furrowmap_error(error) if ours else store_failure(job.url or target, error)
-        return SessionOutcome("", job.stamps, Failure.of(told))
+        return SessionOutcome("", job.stamps, Failure.from_error(told))
 
 
 def input_stamps(opened: OpenSession) -> tuple[Stamp, ...]:

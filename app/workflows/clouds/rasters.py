@@ -36,7 +36,7 @@ from furrowmap.exporters.files.result_folder import (
     SLOPE,
 )
 from furrowmap.exporters.rasters.cog import FILLED_BAND, SURFACE_BANDS, Band, Bands, cog_output, surface_arrays
-from furrowmap.exporters.rasters.windows import common, is_last, plots_of, share, window, windows
+from furrowmap.exporters.rasters.windows import is_last, plots_of, share_done, shared_cells, window, windows
 from furrowmap.settings import SurfaceSettings
 
 SURFACE: Final = "surface"
@@ -173,7 +173,7 @@ class CloudRasters:
                 arrays: Bands = [height, *bands[1:], new.astype(np.float32)]
                 own = inner.window_in(outer)
                 put(inner, [array[own] for array in arrays])
-                progress("filling gaps", share(inner, self.grid))
+                progress("filling gaps", share_done(inner, self.grid))
         source.unlink()
 
     def _roughness(self, progress: Progress) -> None:
@@ -191,7 +191,7 @@ class CloudRasters:
                 own = plots_of(inner, plots, last=is_last(inner, self.grid))
                 if own is not None:
                     whole = np.full(own.shape, np.nan, np.float32)
-                    if (shared := common(own, there)) is not None:
+                    if (shared := shared_cells(own, there)) is not None:
                         whole[shared.window_in(own)] = rough[shared.window_in(there)]
                     put(own, [whole])
 
@@ -254,7 +254,7 @@ class CloudRasters:
                 height = raster.read(1, window=window(outer, self.grid))
                 if np.isfinite(height).any():
                     yield inner, outer, height
-                progress(stage, share(inner, self.grid))
+                progress(stage, share_done(inner, self.grid))
 
 
 def _unfilled(name: str, settings: SurfaceSettings) -> str:

@@ -233,7 +233,7 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 def _charts(last: _Flight, measure: str, dose: str | None, growth: Sequence[Growth]) -> dict[str, str]:
     blocks = [each.block or "" for each in last.parcels]
     points = ParcelValues(last.table.value, blocks, measure, "block")
-    charts = {}
+    charts: dict[str, str] = {}
     if last.response is not None and last.dose is not None and dose is not None:
         charts["response.svg"] = response_chart(last.dose, points, last.response, dose)
     labels = [label or "" for label in _labels(last.parcels, last.dose)]

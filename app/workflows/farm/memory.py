@@ -23,7 +23,7 @@ from furrowmap.exporters.farm.traffic import Traffic, write_traffic
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.reports.area_units import HECTARE, filled_in
+from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
 from furrowmap.exporters.reports.history_page import history_page
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.vectors.field_layers import Layer
@@ -161,7 +161,7 @@ def field_history(
             text = _csv(by_visit)
         else:
             page = history_page(told, fields.shapes[row], by_season, by_visit, visits.shapes[own_visits])
-            text = in_language(filled_in(page, HECTARE), language or language_of_user())
+            text = in_language(in_area_unit(page, HECTARE), language or language_of_user())
         with atomic_output(target) as unfinished:
             unfinished.write_text(text, encoding="utf-8", newline="")
     return FieldHistory(target, told, by_season, by_visit)

@@ -8,7 +8,7 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import REPORT_PAGE
-from furrowmap.exporters.reports.area_units import filled_in
+from furrowmap.exporters.reports.area_units import in_area_unit
 from furrowmap.exporters.reports.page_language import in_language, language_of
 from furrowmap.exporters.reports.printed import write_pdf
 
@@ -43,7 +43,7 @@ def write_report_page(
     except (OSError, UnicodeDecodeError) as error:
         raise InputError("result-unreadable", source=source, error=error) from None
     page = in_language(page, language or language_of_user(language_of(page)))
-    page = filled_in(page, area_unit) if area_unit is not None else page
+    page = in_area_unit(page, area_unit) if area_unit is not None else page
     target = Path(out) if out is not None else source.with_suffix(".pdf" if pdf else ".html")
     if pdf:
         write_pdf(target, page)

@@ -19,7 +19,7 @@ from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.surface_file import heights_of, same_map, surface_file
-from furrowmap.exporters.rasters.dated_surface import DatedSurface, OpenSurface, resampled
+from furrowmap.exporters.rasters.dated_surface import DatedSurface, OpenSurface, resample_surface
 from furrowmap.exporters.rasters.tied_surfaces import ground_pairs
 from furrowmap.workflows.clouds.check import TABLES
 
@@ -71,7 +71,7 @@ def open_reference(
     if not same_map(file.crs, first.crs) or len(heights - {""}) > 1:
         raise RefusedError("tie-crs.open-reference", path=path, first=first.path)
     grid = Grid.of_bounds(first.cell_m, bounds_m)
-    surface = stack.enter_context(resampled(file, grid))
+    surface = stack.enter_context(resample_surface(file, grid))
     sigma = np.full(6, _SURE)
     sigma[2] = max(sigma_m, _SURE)
     return Reference(path, surface, sigma, None)

@@ -28,22 +28,23 @@ from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs_name import name_of
 from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.work.field_surfaces import BESIDE_M
 from furrowmap.exporters.farm.surface_file import heights_of, same_map
 from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
-from furrowmap.exporters.rasters.dated_surface import THROWN_SOIL_M, DatedSurface, OpenSurface, dated_surface, opened
+from furrowmap.exporters.rasters.dated_surface import DatedSurface, OpenSurface, dated_surface, open_surface
 from furrowmap.exporters.rasters.tied_surfaces import (
     ChangedGround,
     ChangeFigures,
     Mover,
     ground_pairs,
-    union,
+    union_shapes,
     write_change,
     write_moved,
 )
-from furrowmap.exporters.reports.area_units import HECTARE, filled_in
+from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.tie_page import tie_page
 from furrowmap.exporters.vectors.geopackage import write_layer
@@ -158,8 +159,8 @@ def _expect_alike(dates: Sequence[DatedSurface]) -> None:
 def _opened(dates: list[DatedSurface], settings: TieSettings, stack: ExitStack) -> _Work:
     surfaces = []
     for date in dates:
-        after = stack.enter_context(opened(date.after))
-        surfaces.append((after, after if date.before is date.after else stack.enter_context(opened(date.before))))
+        after = stack.enter_context(open_surface(date.after))
+        surfaces.append((after, after if date.before is date.after else stack.enter_context(open_surface(date.before))))
     bounds = np.array([date.after.bounds_m for date in dates])
     west, south = bounds[:, :2].min(axis=0).tolist()
     east, north = bounds[:, 2:].max(axis=0).tolist()
@@ -180,7 +181,7 @@ def _find_ties(work: _Work, progress: Progress) -> None:
     pairs = [(i, j) for i in range(len(dates)) for j in range(i + 1, min(i + 1 + MOST_APART, len(dates)))]
     for number, (i, j) in enumerate(pairs):
         progress("tying dates", number / max(len(pairs), 1))
-        touched = union([date.touched for date in dates[i:j]])
+        touched = union_shapes([date.touched for date in dates[i:j]])
         pieces = list(ground_pairs(work.surfaces[i][1], work.surfaces[j][1], touched))
         sigma = np.hypot(dates[i].sigma, dates[j].sigma)[PLACE]
         standing = tie_uprights(
@@ -190,7 +191,7 @@ def _find_ties(work: _Work, progress: Progress) -> None:
         if found is not None:
             work.ties[first + i, first + j] = found
     if work.reference is not None:
-        touched = union([date.touched for date in dates])
+        touched = union_shapes([date.touched for date in dates])
         for j, (_, before) in enumerate(work.surfaces):
             found = reference_tie(work.reference, before, dates[j], touched, work.middle_m)
             if found is not None:
@@ -281,7 +282,7 @@ def _write(
         "products": sorted([*(path.name for path in staging.iterdir()), TIE_REPORT, TIE_PAGE]),
     }
     told = dict(plain(account))
-    page = in_language(filled_in(tie_page(told), HECTARE), language_of_user())
+    page = in_language(in_area_unit(tie_page(told), HECTARE), language_of_user())
     (staging / TIE_PAGE).write_text(page, encoding="utf-8")
     (staging / TIE_REPORT).write_text(json_text(told), encoding="utf-8")
     return told
@@ -299,9 +300,9 @@ def _changes(staging: Path, work: _Work, net: Network, movers: Sequence[Mover], 
         j, b = later[0], work.first + later[0]
         one, other = work.dates[k], work.dates[j]
         ground = ChangedGround(
-            union(worked_by[k + 1 : j + 1]),
-            before=union(worked_by[: k + 1]),
-            touched=union([shape.buffer(THROWN_SOIL_M) for shape in worked_by[k : j + 1]]),
+            union_shapes(worked_by[k + 1 : j + 1]),
+            before=union_shapes(worked_by[: k + 1]),
+            touched=union_shapes([shape.buffer(BESIDE_M) for shape in worked_by[k : j + 1]]),
         )
         name = f"change_{k + 1:02d}_{j + 1:02d}.tif"
         own = Origin(f"Change from {one.name} to {other.name}", inputs=origin.inputs)

@@ -16,7 +16,7 @@ import pytest
 
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.exporters.files import lease as lease_module
-from furrowmap.exporters.files.lease import PREFIX, leased, leases
+from furrowmap.exporters.files.lease import PREFIX, hold_lease, leases
 from furrowmap.exporters.files.owner import Owner
 from furrowmap.exporters.files.staging import recover, staged_folder
 
@@ -143,7 +143,7 @@ def test_promise_21__of_many_runs_at_once_one_gets_the_folder(tmp_path: Path) ->
 
     def ask(_: int) -> bool:
         try:
-            with leased(tmp_path):
+            with hold_lease(tmp_path):
                 while len(refused) < 11:  # as long as this run has the folder, all others are refused
                     time.sleep(0.01)
         except RefusedError as error:

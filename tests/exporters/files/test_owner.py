@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.exporters.files import owner as module
-from furrowmap.exporters.files.atomic import naming, relative_path
+from furrowmap.exporters.files.atomic import name_failed_file, relative_path
 from furrowmap.exporters.files.owner import Owner, machine
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
@@ -22,9 +22,9 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @given(st.text("0123456789abcdef", min_size=8, max_size=8), st.integers(0, 10**10 - 1), st.integers(0, 10**20 - 1))
 def test_words__say_who_it_is(host: str, process: int, started: int) -> None:
     owner = Owner(host, process, started)
-    assert Owner.of(owner.words()) == owner
+    assert Owner.parse(owner.words()) == owner
     for other in (f"{owner.words()}x", f"x{owner.words()}", owner.words().replace("-", "_"), ""):
-        assert Owner.of(other) is None
+        assert Owner.parse(other) is None
 
 
 @linux
@@ -77,11 +77,11 @@ def test_path__on_another_drive_is_not_relative(monkeypatch: pytest.MonkeyPatch,
 
 
 def test_naming__leaves_errors_that_are_no_disk_s_as_they_are(tmp_path: Path) -> None:
-    with pytest.raises(ZeroDivisionError), naming(tmp_path / "a.tif"):
+    with pytest.raises(ZeroDivisionError), name_failed_file(tmp_path / "a.tif"):
         raise ZeroDivisionError
-    with pytest.raises(FileNotFoundError) as named, naming(tmp_path / "a.tif"):
+    with pytest.raises(FileNotFoundError) as named, name_failed_file(tmp_path / "a.tif"):
         (tmp_path / "gone").read_text()
     assert named.value.filename == str(tmp_path / "gone")
-    with pytest.raises(OSError, match="full") as named, naming(tmp_path / "a.tif"):
+    with pytest.raises(OSError, match="full") as named, name_failed_file(tmp_path / "a.tif"):
         raise OSError(28, "full")
     assert named.value.filename == str(tmp_path / "a.tif")

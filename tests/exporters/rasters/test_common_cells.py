@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.exporters.rasters.windows import common
+from furrowmap.exporters.rasters.windows import shared_cells
 
 GRIDS = st.builds(
     lambda west, north, rows, columns: Grid(0.5, west, north, (rows, columns)),
@@ -23,9 +23,9 @@ def cells(grid: Grid | None) -> set[tuple[int, int]]:
 
 @given(GRIDS, GRIDS)
 def test_common__is_the_intersection(one: Grid, other: Grid) -> None:
-    assert cells(common(one, other)) == cells(one) & cells(other)
+    assert cells(shared_cells(one, other)) == cells(one) & cells(other)
 
 
 def test_common__of_cells_of_different_sizes_is_refused() -> None:
     with pytest.raises(ValueError, match=r"cells of 0\.5 m and cells of 0\.25 m"):
-        common(Grid(0.5, 0, 0, (2, 2)), Grid(0.25, 0, 0, (2, 2)))
+        shared_cells(Grid(0.5, 0, 0, (2, 2)), Grid(0.25, 0, 0, (2, 2)))

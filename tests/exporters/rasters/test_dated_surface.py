@@ -16,7 +16,14 @@ from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import ResultFolder, open_result
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, Bands, with_heights
-from furrowmap.exporters.rasters.dated_surface import dated_surface, inside, opened, resampled
+from furrowmap.exporters.rasters.dated_surface import (
+    SPREADS,
+    STANDARD_ERRORS,
+    cells_inside,
+    dated_surface,
+    open_surface,
+    resample_surface,
+)
 from furrowmap.exporters.vectors.geopackage import write_field
 from tests.exporters.farm.result_folders import JAPAN, coverage, field, write_result
 from tests.exporters.rasters.written_cogs import write_cog
@@ -107,8 +114,8 @@ def test_result__without_a_surface_is_refused(result: Path, tmp_path: Path) -> N
     [GRID, Grid(0.5, 43, 58, (3, 4)), Grid(0.5, 36, 63, (5, 9)), Grid(0.5, 50, 54, (9, 9)), Grid(0.5, 90, 60, (2, 2))],
 )
 def test_cells__of_any_part_are_those_of_the_file_and_unknown_beside_it(part: Grid, tmp_path: Path) -> None:
-    with opened(surface_file(surface(tmp_path / "dsm.tif"))) as found:
-        read = found.read(part), found.spread(part), found.standard_error(part)
+    with open_surface(surface_file(surface(tmp_path / "dsm.tif"))) as found:
+        read = found.read(part), found.read(part, SPREADS), found.read(part, STANDARD_ERRORS)
     for values, band in zip(read, (bands()[0], bands()[2], bands()[3]), strict=True):
         for row in range(part.rows):
             for column in range(part.columns):
@@ -120,10 +127,10 @@ def test_cells__of_any_part_are_those_of_the_file_and_unknown_beside_it(part: Gr
 
 @pytest.mark.parametrize(("count", "spread", "error"), [(1, False, False), (2, False, False), (3, True, False)])
 def test_figures__that_a_file_does_not_have_are_unknown(count: int, spread: bool, error: bool, tmp_path: Path) -> None:
-    with opened(surface_file(surface(tmp_path / "dsm.tif", count))) as found:
+    with open_surface(surface_file(surface(tmp_path / "dsm.tif", count))) as found:
         assert np.isfinite(found.read(GRID)).sum() == 95
-        assert bool(np.isfinite(found.spread(GRID)).all()) == spread
-        assert bool(np.isfinite(found.standard_error(GRID)).all()) == error
+        assert bool(np.isfinite(found.read(GRID, SPREADS)).all()) == spread
+        assert bool(np.isfinite(found.read(GRID, STANDARD_ERRORS)).all()) == error
 
 
 @pytest.mark.parametrize("nodata", [None, -9999.0, np.nan])
@@ -143,7 +150,7 @@ def test_resampled__is_bilinear_between_the_middles_of_cells(nodata: float | Non
     file = surface_file(path)
     assert file.grid is None
     target = Grid(0.5, 39, 62, (13, 16))
-    with resampled(file, target) as found:
+    with resample_surface(file, target) as found:
         heights = found.read(target)
     places = target.positions_m().reshape(*target.shape, 2)
     plane = 5.0 + 0.25 * places[..., 0] - 0.5 * places[..., 1]
@@ -159,9 +166,9 @@ def test_inside__is_by_the_middles_of_cells_or_by_what_a_shape_touches() -> None
     shape = shapely.box(21.2, 27.3, 22.8, 28.6)
     boxes = shapely.box(*(GRID.positions_m().T - 0.25), *(GRID.positions_m().T + 0.25))
     middles = shapely.points(GRID.positions_m())
-    by_middle, by_touch = inside(shape, GRID, touched=False), inside(shape, GRID, touched=True)
+    by_middle, by_touch = cells_inside(shape, GRID, touched=False), cells_inside(shape, GRID, touched=True)
     assert by_middle.ravel().tolist() == shapely.contains(shape, middles).tolist()
     assert by_touch.ravel().tolist() == (shapely.area(shapely.intersection(shape, boxes)) > 0.0).tolist()
     assert 0 < by_middle.sum() < by_touch.sum()
     for away in (shapely.Polygon(), shapely.box(0.0, 0.0, 1.0, 1.0)):
-        assert not inside(away, GRID, touched=True).any()
+        assert not cells_inside(away, GRID, touched=True).any()

@@ -16,13 +16,13 @@ from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters import tied_surfaces
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, with_heights
-from furrowmap.exporters.rasters.dated_surface import OpenSurface, opened
+from furrowmap.exporters.rasters.dated_surface import OpenSurface, open_surface
 from furrowmap.exporters.rasters.tied_surfaces import (
     HIDDEN_SHARE,
     ChangedGround,
     Mover,
     ground_pairs,
-    union,
+    union_shapes,
     write_change,
     write_moved,
 )
@@ -50,7 +50,7 @@ def surface(
 ) -> OpenSurface:
     full = np.ones(grid.shape)
     write_cog(path, grid, with_heights(JAPAN), SURFACE_BANDS, [height_m, full, full * spread_m, full * error_m], ORIGIN)
-    return files.enter_context(opened(surface_file(path)))
+    return files.enter_context(open_surface(surface_file(path)))
 
 
 def test_moved_surface__is_the_plane_that_was_moved(files: ExitStack, tmp_path: Path) -> None:
@@ -173,5 +173,5 @@ def test_change__is_told_for_worked_and_for_untouched_ground(files: ExitStack, t
 
 
 def test_union__of_no_shapes_is_empty() -> None:
-    assert union([]).is_empty
-    assert union([shapely.box(0, 0, 2, 1), shapely.box(1, 0, 3, 1)]).equals(shapely.box(0, 0, 3, 1))
+    assert union_shapes([]).is_empty
+    assert union_shapes([shapely.box(0, 0, 2, 1), shapely.box(1, 0, 3, 1)]).equals(shapely.box(0, 0, 3, 1))

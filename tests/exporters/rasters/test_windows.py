@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.rasters import windows as module
-from furrowmap.exporters.rasters.windows import is_last, plots_of, share, window, windows
+from furrowmap.exporters.rasters.windows import is_last, plots_of, share_done, window, windows
 
 GRIDS = st.builds(
     lambda west, north, rows, columns: Grid(0.5, west, north, (rows, columns)),
@@ -41,7 +41,7 @@ def test_windows__hold_each_cell_once_with_all_that_is_near(grid: Grid, margin: 
     assert max(max(inner.shape) for inner, _ in found) <= 8
     places = [(-inner.north, inner.west) for inner, _ in found]
     assert places == sorted(places)  # from north to south, west to east
-    shares = [share(inner, grid) for inner, _ in found]
+    shares = [share_done(inner, grid) for inner, _ in found]
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     last = [is_last(inner, grid) for inner, _ in found]

@@ -14,13 +14,13 @@ from furrowmap.exporters.reports.area_units import (
     AREA_UNITS,
     area,
     area_words,
-    filled_in,
+    in_area_unit,
     rate_words,
     work_rate,
 )
 from furrowmap.exporters.reports.page_language import in_language, language_of, texts
 
-PAGE = filled_in(
+PAGE = in_area_unit(
     f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -82,10 +82,10 @@ def test_page__in_japanese_becomes_the_english_one_again() -> None:
     [("ha", "0.542 ha", "0.53 ha/h"), ("10a", "54.21 a", "11.3 min/10 a"), ("acre", "1.340 acres", "1.31 acres/h")],
 )
 def test_page__in_another_unit(unit: str, words: str, rate: str) -> None:
-    page = filled_in(PAGE, unit)
+    page = in_area_unit(PAGE, unit)
     assert page.count(f">{words}</data>") == 2
     assert f">{rate}</data>" in page
-    assert filled_in(page, "ha") == PAGE
+    assert in_area_unit(page, "ha") == PAGE
 
 
 def test_units__are_the_same_area() -> None:
@@ -100,5 +100,5 @@ def test_units__are_the_same_area() -> None:
 
 
 def test_page__that_a_name_imitates_keeps_its_figures() -> None:
-    page = filled_in(PAGE.replace("beside the barn", html.escape('⟦area x⟧ <data value="1">')), "acre")
+    page = in_area_unit(PAGE.replace("beside the barn", html.escape('⟦area x⟧ <data value="1">')), "acre")
     assert "⟦area x⟧ &lt;data value=&quot;1&quot;&gt;" in in_language(page, "ja")

@@ -18,7 +18,7 @@ from matplotlib import image as pictures
 from furrowmap.core.surfaces.visits import SwathSums
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.exporters.rasters.images import data_uri, encoded
+from furrowmap.exporters.rasters.images import data_uri, encode_image
 from furrowmap.exporters.reports.drawings import (
     map_box,
     pass_colour,
@@ -34,7 +34,7 @@ from tests.exporters.vectors.worked_field import worked_field
 
 @given(hnp.arrays(np.uint8, st.tuples(st.integers(1, 9), st.integers(1, 9), st.sampled_from([3, 4]))))
 def test_png__is_read_back_by_another_library(picture: np.ndarray) -> None:
-    read = pictures.imread(io.BytesIO(encoded(picture, "PNG")), format="png")
+    read = pictures.imread(io.BytesIO(encode_image(picture, "PNG")), format="png")
     np.testing.assert_array_equal(np.round(read * 255), picture)
 
 

@@ -11,7 +11,7 @@ import shapely
 
 from furrowmap.exporters.files.batch_state import Failure, SessionOutcome
 from furrowmap.exporters.reports import batch_page, tie_page
-from furrowmap.exporters.reports.area_units import HECTARE, filled_in
+from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
 from furrowmap.exporters.reports.history_page import history_page
 from furrowmap.exporters.reports.page_language import in_language, texts
 from furrowmap.exporters.vectors.batch_table import Row
@@ -68,7 +68,7 @@ def history() -> str:
 
 def test_pages__in_japanese_have_no_english() -> None:
     for page in (batch(), ties(), history()):
-        said = [html.unescape(text).strip() for text in texts(in_language(filled_in(page, HECTARE), "ja"))]
+        said = [html.unescape(text).strip() for text in texts(in_language(in_area_unit(page, HECTARE), "ja"))]
         left = {text for text in said if re.search(r"[A-Za-z]{4}", re.sub("<data.*?</data>", "", text))}
         names = r"furrowmap [0-9.]+|north/session\.toml|session-file-missing|gone\.pcap|batch\.(csv|gpkg)"
         names += r"|tie\.json|june|south|\(Asia/Tokyo\)"
@@ -84,7 +84,7 @@ def test_pages__show_local_times_with_their_zone() -> None:
 
 
 def test_figures__are_as_large_as_their_units() -> None:
-    page = filled_in(history(), HECTARE)
+    page = in_area_unit(history(), HECTARE)
     assert '<data class="area" value="5421.3">0.542 ha</data>' in page
     assert "<td>26 s</td>" in page  # of 0.0072 h
     assert "depth (approximate)" in page

@@ -18,9 +18,9 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import RUN_RASTERS, packaged_style, packaged_styles
 from furrowmap.exporters.rasters.cog import Band
-from furrowmap.exporters.rasters.images import encoded
+from furrowmap.exporters.rasters.images import encode_image
 from furrowmap.exporters.share.features import SHOWN_FIELDS
-from furrowmap.exporters.share.pictures import WEBP_QUALITY, picture
+from furrowmap.exporters.share.pictures import WEBP_QUALITY, draw_raster
 from furrowmap.exporters.share.points import CLASS_COLOURS
 from furrowmap.exporters.share.symbols import layer_style
 from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
@@ -126,13 +126,13 @@ def test_picture__has_the_colours_of_the_style(tmp_path: Path) -> None:
     values = np.full((8, 6), -0.05)
     values[:, 3:] = 0.1
     values[0, 0] = np.nan
-    shown = picture(written(tmp_path / "change.tif", values, 0.5), "change.qml")
+    shown = draw_raster(written(tmp_path / "change.tif", values, 0.5), "change.qml")
     assert shown.rgba[4, 1].tolist() == [0x80, 0xCD, 0xC1, 255]
     assert shown.rgba[4, 4].tolist() == [0x8C, 0x51, 0x0A, 255]
     assert shown.rgba[0, 0, 3] == 0
     assert shown.box_m == (0.0, 0.0, 3.0, 4.0)
     assert ("#8c510a", "0.10 m") in shown.legend
-    (tmp_path / "change.webp").write_bytes(encoded(shown.rgba, "WEBP", QUALITY=WEBP_QUALITY))
+    (tmp_path / "change.webp").write_bytes(encode_image(shown.rgba, "WEBP", QUALITY=WEBP_QUALITY))
     with rasterio.open(tmp_path / "change.webp") as image:
         assert image.driver == "WEBP"
         assert np.abs(image.read()[:3, 4, 1].astype(int) - [0x80, 0xCD, 0xC1]).max() < 20  # chroma is subsampled
@@ -143,7 +143,7 @@ def test_picture__shades_planes_as_lamberts_law_does(tmp_path: Path) -> None:
     columns = np.arange(40) * 0.5
     for slope in (0.0, 0.3, -0.3):
         rise = np.tile(slope * columns, (40, 1))  # towards the east
-        shown = picture(written(tmp_path / f"dsm{slope}.tif", rise, 0.5), "dsm.qml")
+        shown = draw_raster(written(tmp_path / f"dsm{slope}.tif", rise, 0.5), "dsm.qml")
         normal = np.array([-2.0 * slope, 0.0, 1.0]) / np.hypot(2.0 * slope, 1.0)
         light = np.array([-0.5, 0.5, np.sqrt(0.5)])
         assert np.abs(shown.rgba[5:-5, 5:-5, 0] - 255.0 * (normal @ light)).max() < 1.0
