@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from furrowmap.core.surfaces.statistic import Statistic
     from furrowmap.exporters.farm.traffic import Wheels
 
-_GROUND: Final = ("auto", "class", "smrf", "csf")
+_GROUND_METHODS: Final = ("auto", "class", "smrf", "csf")
 
 _bbox = partial(setting, "--bbox", "W,S,E,N", label="Extent")
 _bbox_crs = partial(setting, "--bbox-crs", "CRS")
@@ -35,7 +35,7 @@ _classes = partial(setting, "--class", "N,N", label="Class codes to use, such as
 _crs = partial(setting, "--crs", "CRS", label="CRS of clouds without one")
 _dst_crs = partial(setting, "--dst-crs", "CRS", label="CRS of the output")
 _every = partial(setting, "--every", "N", default=1, minimum=1, label="Every n-th point")
-_ground = partial(setting, "--ground-method", default="auto", choices=_GROUND, label="Ground classification")
+_ground = partial(setting, "--ground-method", default="auto", choices=_GROUND_METHODS, label="Ground classification")
 _net_inset = partial(
     setting, "--net-inset", "ENDS,SIDES", default=(0.0, 0.0), label="Net parcels: metres off each end, off each side"
 )
@@ -74,7 +74,7 @@ class SurfaceSettings:
     box_crs: CRS | str | None = _bbox_crs()
     classes: frozenset[int] | None = _classes()
     statistic: str = setting("--statistic", "NAME", default="median", label="Cell statistic")
-    ground: GroundMethod | Literal["auto"] = _ground(choices=(*_GROUND, "none"))
+    ground: GroundMethod | Literal["auto"] = _ground(choices=(*_GROUND_METHODS, "none"))
     outliers: Outliers = setting(
         "--outliers", default="none", choices=("none", "radius", "statistical"), label="Outlier detection method"
     )
@@ -140,7 +140,7 @@ class FeatureSettings:
     within: str | Path | None = _within()
 
     def __post_init__(self) -> None:
-        if self.ground not in _GROUND:
+        if self.ground not in _GROUND_METHODS:
             raise ValueError(f"ground by {self.ground!r}")
 
 

@@ -18,7 +18,7 @@ from furrowmap.settings import BatchSettings
 if TYPE_CHECKING:
     from furrowmap import Batch
 
-_MOST_SHOWN = 20
+_MAX_NAMES = 20
 
 
 @command(
@@ -80,8 +80,8 @@ def _done(found: Batch) -> str:
 
 
 def _names(names: tuple[str, ...]) -> list[str]:
-    shown = [f"  {printable(name)}" for name in names[:_MOST_SHOWN]]
-    return [*shown, f"  … {len(names) - _MOST_SHOWN} more"] if len(names) > _MOST_SHOWN else shown
+    shown = [f"  {printable(name)}" for name in names[:_MAX_NAMES]]
+    return [*shown, f"  … {len(names) - _MAX_NAMES} more"] if len(names) > _MAX_NAMES else shown
 
 
 def _duration(length_s: float) -> str:

@@ -19,8 +19,8 @@ from furrowmap.core.runtime.errors import UsageError, printable
 if TYPE_CHECKING:
     from furrowmap import Board, Calibration
 
-FEWEST_CORNERS = 3
-_ASSUMED = "not determined: too little relief, and nothing upright stands out"
+MIN_CORNERS = 3
+_FACING_ASSUMED = "not determined: too little relief, and nothing upright stands out"
 
 
 class WithMount(click.Command):
@@ -107,7 +107,7 @@ def mount(
 def _board(text: str, square_m: float) -> Board:
     """The board of a text such as `9x6`."""
     numbers = re.fullmatch(r"(\d{1,3})[xX×](\d{1,3})", text.strip())
-    if numbers is None or min(int(numbers[1]), int(numbers[2])) < FEWEST_CORNERS:
+    if numbers is None or min(int(numbers[1]), int(numbers[2])) < MIN_CORNERS:
         raise UsageError("bad-board", text=text)
     return furrowmap.Board(int(numbers[1]), int(numbers[2]), square_m)
 
@@ -172,7 +172,7 @@ def _words(found: Calibration, machine: str | None, *, written: bool) -> str:
             "scanner xyz_m, estimated",
             _places(found.found.xyz_m) if found.found.xyz_m != found.stated.xyz_m else "unchanged",
         ),
-        ("facing of the scanner", "shown by the scans" if found.facing_shown else _ASSUMED),
+        ("facing of the scanner", "shown by the scans" if found.facing_shown else _FACING_ASSUMED),
         (
             "vehicle origin above ground",
             f"{height_m:+.3f} m ± {sigma_m:.3f}" if math.isfinite(height_m) else "not shown",

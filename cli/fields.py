@@ -14,7 +14,7 @@ from furrowmap.cli.options import FILE, command, option, output, overwrite
 from furrowmap.cli.tables import aligned
 from furrowmap.core.runtime.errors import printable
 
-_COLUMNS = (
+_FIELD_COLUMNS = (
     ("task", "task", ""),
     ("field", "field", ""),
     ("passes", "passes", ""),
@@ -54,8 +54,8 @@ def fields(console: Console, taskdata: Path, output: Path | None, **options: Any
 
 
 def _table(rows: Sequence[dict[str, Any]]) -> str:
-    lines = [[name for _, name, _ in _COLUMNS]]
-    return aligned(lines + [[_cell(row[key], unit) for key, _, unit in _COLUMNS] for row in rows], left=2)
+    lines = [[name for _, name, _ in _FIELD_COLUMNS]]
+    return aligned(lines + [[_cell(row[key], unit) for key, _, unit in _FIELD_COLUMNS] for row in rows], left=2)
 
 
 def _cell(value: Any, unit: str) -> str:

@@ -98,7 +98,7 @@ def evaluate(
     console.warn_all(dict.fromkeys(notice for each in found.values() for notice in each.notices))
     words = [_services(found)] if len(found) > 1 else []
     words += [_words(name if len(found) > 1 else "", each) for name, each in found.items()]
-    console.answer(furrowmap.evaluation_figures(found) | {"output": output}, "\n\n".join([*words, _DEFINITIONS]))
+    console.answer(furrowmap.evaluation_figures(found) | {"output": output}, "\n\n".join([*words, _FOOTNOTE]))
 
 
 @command(
@@ -167,7 +167,7 @@ def _offset(text: str) -> tuple[float, float, float]:
     return offset[0], offset[1], offset[2]
 
 
-_DEFINITIONS = (
+_FOOTNOTE = (
     "Test minus reference in metres: X east, Y north, Z up; signed averages of X, Y and Z; population standard\n"
     "deviation, so that RMSE² = average² + standard deviation²; along and across (left of) the direction of travel."
 )

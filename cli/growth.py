@@ -13,7 +13,7 @@ from furrowmap.cli.options import FILE, Paths, command, files, output, overwrite
 from furrowmap.cli.tables import parcel_table, table, written
 from furrowmap.settings import GrowthSettings
 
-SHOWN = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma_m_day")
+GROWTH_COLUMNS = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma_m_day")
 
 
 @command(
@@ -38,7 +38,7 @@ def growth(
             clouds, parcels_file, output, settings, overwrite=overwrite, progress=progress, warn=console.warn
         )
     days = table((each["day"], _alignment(each)) for each in account["flights"])
-    shown = parcel_table(account["parcels"], SHOWN, "growth.csv")
+    shown = parcel_table(account["parcels"], GROWTH_COLUMNS, "growth.csv")
     console.answer({"folder": output, **account}, f"{days}\n{shown}\n{written(account, output)}")
 
 

@@ -26,15 +26,17 @@ Paths = tuple[Path, ...]
 Decorator = Callable[[Command], Command]
 FILE: Final = click.Path(path_type=Path)
 """A path as typed. Readers and writers check it, so that their errors have three parts."""
-TYPES: Final[Mapping[str, click.ParamType[Any] | type]] = {
+VALUE_TYPES: Final[Mapping[str, click.ParamType[Any] | type]] = {
     **dict.fromkeys(("METRES", "M", "SECONDS", "DEGREES"), float),
     **dict.fromkeys(("N", "YEAR"), int),
     **dict.fromkeys(("FILE", "DIR", "FOLDER", "POLYGONS", "SESSION", "TARGET", "OUT.copc.laz"), FILE),
     "DAY": click.DateTime(["%Y-%m-%d"]),
 }
 """Type of the value by the metavar of an option; text for others."""
-POSITION: Final = "LAT,LON,HEIGHT"
-LISTS: Final[Mapping[str, tuple[int | None, Callable[[list[float]], bool], str, Callable[[list[float]], object]]]] = {
+POSITION_METAVAR: Final = "LAT,LON,HEIGHT"
+NUMBER_LISTS: Final[
+    Mapping[str, tuple[int | None, Callable[[list[float]], bool], str, Callable[[list[float]], object]]]
+] = {
     "W,S,E,N": (4, lambda box: box[0] < box[2] and box[1] < box[3], "W,S,E,N with W < E and S < N", tuple),
     "N,N": (
         None,
@@ -202,14 +204,14 @@ def _click_option(option: Option, parameter: str, *short: str) -> Decorator:
     else:
         facts = {"type": _type(option), "metavar": option.metavar or None}
         facts |= {"required": option.required, "multiple": option.multiple}
-        if option.metavar not in LISTS and option.default not in (None, ()):
+        if option.metavar not in NUMBER_LISTS and option.default not in (None, ()):
             facts |= {"default": option.default, "show_default": True}
     names = [*short, option.name, *([parameter] if parameter else [])]
     return click.option(*names, cls=LabelledOption, label=option.label, help=option.help, **facts)
 
 
 def _type(option: Option) -> Any:
-    kind = click.Choice(list(option.choices)) if option.choices else TYPES.get(option.metavar, str)
+    kind = click.Choice(list(option.choices)) if option.choices else VALUE_TYPES.get(option.metavar, str)
     least = option.minimum if option.above is None else option.above
     if least is None and option.maximum is None:
         return kind
@@ -230,14 +232,14 @@ def value_of(option: Option, value: Any) -> Any:
         return None
     if option.metavar == "DAY":
         return value.date()
-    if option.metavar == POSITION:
+    if option.metavar == POSITION_METAVAR:
         place = numbers(value)
         if len(place) != 3 or abs(place[0]) > 90.0 or abs(place[1]) > 360.0:
             raise UsageError("invalid-position", text=value)
         return tuple(place)
-    if option.metavar not in LISTS:
+    if option.metavar not in NUMBER_LISTS:
         return value
-    count, is_valid, wanted, kind = LISTS[option.metavar]
+    count, is_valid, wanted, kind = NUMBER_LISTS[option.metavar]
     found = numbers(value)
     if not found or (count and len(found) != count):
         wanted = f"a list of {count} numbers separated by commas" if count else "a list of numbers separated by commas"

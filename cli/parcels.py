@@ -12,7 +12,7 @@ from furrowmap.cli.options import FILE, Paths, command, files, output, overwrite
 from furrowmap.cli.tables import parcel_table, written
 from furrowmap.settings import ParcelSettings
 
-SHOWN = ("mean_height_m", "height_sigma_m", "volume_m3", "p95_m", "cover", "points_m2")
+PARCEL_COLUMNS = ("mean_height_m", "height_sigma_m", "volume_m3", "p95_m", "cover", "points_m2")
 
 
 @command(
@@ -36,5 +36,5 @@ def parcels(
         account = furrowmap.parcels(
             clouds, parcels_file, output, settings, overwrite=overwrite, progress=progress, warn=console.warn
         )
-    shown = parcel_table(account["parcels"], SHOWN, "parcels.csv")
+    shown = parcel_table(account["parcels"], PARCEL_COLUMNS, "parcels.csv")
     console.answer({"folder": output, **account}, f"{shown}\n{written(account, output)}")

@@ -8,9 +8,9 @@ from typing import Any, Final
 
 from furrowmap.core.runtime.errors import printable
 
-MOST_PARCELS: Final = 60
+MAX_PARCELS: Final = 60
 """Parcels that the terminal shows."""
-_UNITS: Final = {
+_UNIT_BY_SUFFIX: Final = {
     "m2": "m²",
     "m3": "m³",
     "mps": "m/s",
@@ -62,8 +62,8 @@ def parcel_table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], whol
         whole: the file with all rows and columns, named where rows are left out.
     """
     lines = [["id", *columns], *([printable(str(row["id"])), *(_short(row[name]) for name in columns)] for row in rows)]
-    text = aligned(lines[: 1 + MOST_PARCELS])
-    return f"{text}\n… {len(rows) - MOST_PARCELS} more in {whole}" if len(rows) > MOST_PARCELS else text
+    text = aligned(lines[: 1 + MAX_PARCELS])
+    return f"{text}\n… {len(rows) - MAX_PARCELS} more in {whole}" if len(rows) > MAX_PARCELS else text
 
 
 def _short(value: float | None) -> str:
@@ -76,7 +76,7 @@ def _figure(name: str, value: Any) -> tuple[str, str]:
 
         return printable(name.removesuffix("_unix_s").replace("_", " ")), iso_utc(value)
     stem, _, suffix = name.rpartition("_")
-    unit = _UNITS.get(suffix, "") if stem and _is_number(value) else ""
+    unit = _UNIT_BY_SUFFIX.get(suffix, "") if stem and _is_number(value) else ""
     label = (stem if unit else name).replace("_", " ")
     gap = "" if unit in ("", "°") else " "
     return printable(label), f"{_text(value)}{gap}{unit}"

@@ -14,7 +14,7 @@ from xml.etree import ElementTree as ET
 from xml.sax.saxutils import escape
 
 from furrowmap.plugin.processing.algorithms import ALGORITHMS
-from furrowmap.plugin.processing.description import GROUPS
+from furrowmap.plugin.processing.description import TOOLBOX_GROUPS
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugin"
 UNFINISHED = '<translation type="unfinished"/>'
@@ -47,7 +47,7 @@ def source_strings() -> list[tuple[str, str]]:
 
 def description_strings() -> set[str]:
     """The texts of the algorithms' descriptions, with the help that comes from the command line."""
-    texts = {title for title, _ in GROUPS.values()}
+    texts = {title for title, _ in TOOLBOX_GROUPS.values()}
     for algorithm in ALGORITHMS:
         texts |= {algorithm.title, algorithm.summary, algorithm.layer_group}
         texts |= {text for parameter in algorithm.parameters for text in (parameter.label, parameter.help)}

@@ -8,7 +8,7 @@ from typing import Any
 
 import griffe
 
-from furrowmap.core.runtime.options import KEY
+from furrowmap.core.runtime.options import OPTION_KEY
 
 
 class SettingDefaults(griffe.Extension):
@@ -19,5 +19,5 @@ class SettingDefaults(griffe.Extension):
         if attr.module.name not in ("settings", "cleaning_steps", "plot_grid") or not attr.parent.is_class:
             return
         field = getattr(import_module(attr.module.path), attr.parent.name).__dataclass_fields__.get(attr.name)
-        if field is not None and KEY in field.metadata:
+        if field is not None and OPTION_KEY in field.metadata:
             attr.value = None if field.default is MISSING else repr(field.default)

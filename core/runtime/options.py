@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, Final
 
-KEY: Final = "option"
+OPTION_KEY: Final = "option"
 _ATTRIBUTE: Final = re.compile(r"^    (\w+): (.+(?:\n {8}.+)*)", re.MULTILINE)
 
 
@@ -22,8 +22,8 @@ class Option:
 
     Attributes:
         name: on the command line, such as ``--cell``.
-        metavar: stands for the value in the help and implies its type, see `furrowmap.cli.options.TYPES`; "" for a flag
-            and for choices.
+        metavar: stands for the value in the help and implies its type, as in `furrowmap.cli.options.VALUE_TYPES`; "" for a
+            flag and for choices.
         help: in the help of the command, in the reference and in QGIS.
         label: in QGIS, without the unit; "" for the words of the name.
         default: of the value.
@@ -60,13 +60,13 @@ def setting(name: str, metavar: str = "", *, default: Any = None, **facts: Any) 
     choices = facts.get("choices")
     shown = next(iter(choices)) if isinstance(choices, Mapping) else None if default is MISSING else default
     option = Option(name, metavar, default=shown, **facts)
-    return field(default=default, metadata={KEY: option})
+    return field(default=default, metadata={OPTION_KEY: option})
 
 
 def options_of(settings: type) -> dict[str, Option]:
     """Field → option of each field of a dataclass that is made by :func:`setting`."""
     texts = dict(_ATTRIBUTE.findall(inspect.cleandoc(settings.__doc__ or "")))
-    options = {each.name: each.metadata[KEY] for each in fields(settings) if KEY in each.metadata}
+    options = {each.name: each.metadata[OPTION_KEY] for each in fields(settings) if OPTION_KEY in each.metadata}
     return {
         name: replace(option, help=" ".join((option.help or texts[name]).split())) for name, option in options.items()
     }

@@ -9,7 +9,7 @@ from qgis.PyQt.QtCore import Qt, pyqtSignal
 from qgis.PyQt.QtWidgets import QGridLayout, QMenu, QPushButton, QTextBrowser, QVBoxLayout, QWidget
 
 from ..figures import figures_html
-from ..processing.description import COMMANDS
+from ..processing.description import COMMAND_OPTIONS
 from ..results import read_report, session_name
 
 
@@ -56,7 +56,7 @@ class ResultPage(QWidget):
     def _export(self):
         """The button of the export, with a menu of the formats."""
         button, menu = QPushButton(self.tr("Export"), objectName="furrowmapExport"), QMenu(self)
-        for name in COMMANDS["export"]["--to"]["choices"]:
+        for name in COMMAND_OPTIONS["export"]["--to"]["choices"]:
             menu.addAction(name, partial(self.export_wanted.emit, name))
         button.setMenu(menu)
         button.setToolTip(self.tr("GeoJSON, Shapefile, KML, CSV, ISO 11783 task data and others"))

@@ -23,7 +23,7 @@ from ..previews import open_preview
 from ..results import open_results
 from ..stages import stage_name
 from ..worker import WorkerCancelled, WorkerError, run_command
-from .description import COMMANDS, GROUPS
+from .description import COMMAND_OPTIONS, TOOLBOX_GROUPS
 from .layer_files import first_unknown, layer_files
 from .loading import load_when_done
 from .parameters import qgis_output, qgis_parameter
@@ -69,7 +69,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
 
     def group(self):
         """Its group as the toolbox shows it."""
-        return translated(GROUPS[self.description.group][0])
+        return translated(TOOLBOX_GROUPS[self.description.group][0])
 
     def icon(self):
         """The plugin's icon."""
@@ -141,7 +141,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             ways.setdefault(parameter.option, []).append((label, bool(values)))
         for option, either in ways.items():
             count = sum(given for _, given in either)
-            least = 0 if COMMANDS[self.description.command][option].get("default") is not None else 1
+            least = 0 if COMMAND_OPTIONS[self.description.command][option].get("default") is not None else 1
             if len(either) > 1 and not least <= count <= 1:
                 return tr("Give either '{one}' or '{other}'.").format(one=either[0][0], other=either[1][0])
         return ""

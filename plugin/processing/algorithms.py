@@ -12,7 +12,7 @@ from pathlib import Path
 
 from .description import DATABASE, Algorithm, Output, parameter
 
-SURFACES = ("dsm", "dtm", "height_above_ground", "hillshade", "slope", "roughness", "low_spots")
+SURFACE_RASTERS = ("dsm", "dtm", "height_above_ground", "hillshade", "slope", "roughness", "low_spots")
 SURFACES_OPENED = ("low_spots.gpkg", "dsm.tif", "dtm.tif", "height_above_ground.tif", "slope.tif", "roughness.tif")
 RUN_FIGURES = ("worked_area_m2", "overlap_area_m2", "missed_area_m2", "passes", "points")
 FEATURE_FIGURES = ("planes_horizontal", "planes_vertical", "poles", "wires", "fences", "plants")
@@ -21,7 +21,7 @@ BOARDS = "frames_with_board"
 COLOUR_FIGURES = ("images", "points_coloured", "points_not_seen")
 CHECK_FIGURES = ("rmse_vertical_m", "rmse_horizontal_m", "rmse_3d_m")
 MET = "The output MET reports whether it is met."
-LAYERS = ("trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events")
+FIELD_LAYERS = ("trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events")
 
 
 def as_json(answer):
@@ -75,7 +75,7 @@ def json_of(key):
     return lambda answer: as_json(answer[key])
 
 
-FOLDER = Output("FOLDER", "folder", "Output folder", item("folder"))
+OUTPUT_FOLDER = Output("FOLDER", "folder", "Output folder", item("folder"))
 FINDINGS = Output("FINDINGS", "text", "Findings (JSON)", as_json)
 
 ALGORITHMS = (
@@ -119,7 +119,7 @@ ALGORITHMS = (
             ),
         },
         outputs=(
-            FOLDER,
+            OUTPUT_FOLDER,
             Output("REPORT", "text", "Report (HTML)", product("report.html")),
             *numbers(RUN_FIGURES, "figures"),
         ),
@@ -190,7 +190,7 @@ ALGORITHMS = (
             )
         },
         outputs=(
-            FOLDER,
+            OUTPUT_FOLDER,
             Output("SESSION", "file", "Session file", item("session")),
         ),
     ),
@@ -205,8 +205,8 @@ ALGORITHMS = (
             "clouds": parameter("Point clouds", "LAS, LAZ or COPC files; all go into one raster grid.", layers="cloud")
         },
         outputs=(
-            FOLDER,
-            *(Output(name.upper(), "raster", name, product(f"{name}.tif")) for name in SURFACES),
+            OUTPUT_FOLDER,
+            *(Output(name.upper(), "raster", name, product(f"{name}.tif")) for name in SURFACE_RASTERS),
         ),
         layers=products(*SURFACES_OPENED),
     ),
@@ -232,7 +232,7 @@ ALGORITHMS = (
             )
         },
         outputs=(
-            FOLDER,
+            OUTPUT_FOLDER,
             Output("TABLE", "file", "Table of the parcels", product("parcels.csv")),
             Output("CROP_HEIGHT", "raster", "Crop height", product("crop_height.tif")),
             Output("PARCELS_MEASURED", "number", "Number of parcels", count("parcels")),
@@ -250,7 +250,7 @@ ALGORITHMS = (
             "--day": parameter(help_text="One per line, in the order of the clouds: 2017-05-23.", name="DAYS"),
         },
         outputs=(
-            FOLDER,
+            OUTPUT_FOLDER,
             Output("GROWTH", "file", "Growth", product("growth.gpkg")),
             Output("TABLE", "file", "Table of the growth", product("growth.csv")),
             Output("PARCELS_MEASURED", "number", "Number of parcels", count("parcels")),
@@ -265,7 +265,7 @@ ALGORITHMS = (
         "percentiles, gap fraction and vertical profile, by square cell or by polygon.",
         basic=("clouds", "--cell", "--polygons", "--ground-height", "--output"),
         outputs=(
-            FOLDER,
+            OUTPUT_FOLDER,
             Output("CANOPY_HEIGHT", "raster", "Canopy height", product("canopy_height.tif")),
             Output("TABLE", "file", "Table of the areas", product("canopy.csv")),
             Output("PROFILES", "file", "Table of the profiles", product("canopy_profile.csv")),
@@ -316,7 +316,7 @@ ALGORITHMS = (
         "walls), lines (poles, wires, fences) and plants. Memory use does not depend on the size of the area.",
         basic=("clouds", "--ground-method", "--output"),
         outputs=(
-            FOLDER,
+            OUTPUT_FOLDER,
             Output("CLOUD", "file", "Classified point cloud", product("cloud.copc.laz")),
             Output("FEATURES", "file", "Features (GeoPackage)", product("features.gpkg")),
             *numbers(FEATURE_FIGURES, "figures"),
@@ -408,7 +408,9 @@ ALGORITHMS = (
             "--output": parameter(
                 help_text="By default beside the results. Formats with one layer per file need a folder.", name="TARGET"
             ),
-            "--layer": parameter(help_text="By default all layers.", name="LAYERS", kind="choices", choices=LAYERS),
+            "--layer": parameter(
+                help_text="By default all layers.", name="LAYERS", kind="choices", choices=FIELD_LAYERS
+            ),
         },
         outputs=(
             Output("WRITTEN", "text", "File or folder written", item("target")),
@@ -470,7 +472,7 @@ ALGORITHMS = (
             )
         },
         outputs=(
-            FOLDER,
+            OUTPUT_FOLDER,
             Output("TIES", "file", "Ties", product("tie.gpkg")),
             Output("PAGE", "file", "Page", product("tie.html")),
             Output("CHANGES", "number", "Number of changes", count("changes")),

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-COMMANDS = json.loads(Path(__file__).with_name("commands.json").read_text(encoding="utf-8"))
+COMMAND_OPTIONS = json.loads(Path(__file__).with_name("commands.json").read_text(encoding="utf-8"))
 """Command → argument's name or option → its facts. Written by `scripts/plugin_commands.py`."""
-GROUPS = {
+TOOLBOX_GROUPS = {
     "session": ("Sessions", "init inspect run calibrate machine simulate frames"),
     "surfaces": ("Surfaces and point clouds", "surface cloud colour features"),
     "crops": ("Crops and trials", "parcels growth canopy plots response"),
@@ -97,8 +97,8 @@ class Algorithm:
         title: in the toolbox.
         summary: what it does, in a paragraph.
         basic: names of arguments and options in the order of the dialog; all others are advanced parameters.
-        facts: name → :func:`parameter`, where `commands.json` and :data:`COMMON` do not say it all; the sum of two
-            where either gives the argument.
+        facts: name → :func:`parameter`, where `commands.json` and :data:`SHARED_FACTS` do not say it all; the sum of
+            two where either gives the argument.
         outputs: beside the files and folders that parameters name.
         layers: takes the answer, gives the files that the user may have opened as layers.
         layer_group: for these in the layer tree; by default the name of their folder.
@@ -121,7 +121,7 @@ class Algorithm:
     @property
     def group(self):
         """Id of the group in the toolbox."""
-        return next(group for group, (_, words) in GROUPS.items() if self.command.split()[0] in words.split())
+        return next(group for group, (_, words) in TOOLBOX_GROUPS.items() if self.command.split()[0] in words.split())
 
     @property
     def opens(self):
@@ -131,8 +131,8 @@ class Algorithm:
     @property
     def parameters(self):
         """Every :class:`Parameter`, the basic ones first."""
-        options = COMMANDS[self.command]
-        facts = {**COMMON, **self.facts}
+        options = COMMAND_OPTIONS[self.command]
+        facts = {**SHARED_FACTS, **self.facts}
         return [
             Parameter(**{**_derived(option), "advanced": option not in self.basic, **options[option], **either, **way})
             for option in (*self.basic, *(option for option in options if option not in self.basic))
@@ -169,7 +169,7 @@ _RESULTS = parameter(
     name="RESULTS",
     folder_of="*",
 )
-COMMON = {
+SHARED_FACTS = {
     "clouds": parameter("Point clouds", "LAS, LAZ or COPC files; they are used together.", layers="cloud"),
     "folders": _RESULTS,
     "parcels_file": parameter(

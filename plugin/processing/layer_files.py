@@ -19,10 +19,14 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
-TYPES = QgsProcessing.SourceType
-GEOMETRIES = {"polygons": TYPES.TypeVectorPolygon, "points": TYPES.TypeVectorPoint, "table": TYPES.TypeVector}
+SOURCE_TYPES = QgsProcessing.SourceType
+LAYER_GEOMETRIES = {
+    "polygons": SOURCE_TYPES.TypeVectorPolygon,
+    "points": SOURCE_TYPES.TypeVectorPoint,
+    "table": SOURCE_TYPES.TypeVector,
+}
 """What the lists of layers offer."""
-FORMATS = {
+READ_FORMATS = {
     "polygons": ("gpkg", "shp", "geojson", "fgb", "kml"),
     "points": ("gpkg",),
     "table": ("csv",),
@@ -65,18 +69,18 @@ def layer_parameter(parameter, given):
         given: name, description and whether it is optional.
     """
     if parameter.kind == "files":
-        return LayersOrFiles(**given, layerType=GEOMETRIES.get(parameter.layers, TYPES.TypePointCloud))
+        return LayersOrFiles(**given, layerType=LAYER_GEOMETRIES.get(parameter.layers, SOURCE_TYPES.TypePointCloud))
     if parameter.layers == "cloud":
         return CloudOrFile(**given)
     if parameter.layers == "raster or cloud":
-        return RasterOrCloudOrFile(**given, types=[TYPES.TypeRaster, TYPES.TypePointCloud])
-    return VectorOrFile(**given, types=[GEOMETRIES[parameter.layers]])
+        return RasterOrCloudOrFile(**given, types=[SOURCE_TYPES.TypeRaster, SOURCE_TYPES.TypePointCloud])
+    return VectorOrFile(**given, types=[LAYER_GEOMETRIES[parameter.layers]])
 
 
 def layer_files(parameter, value, context, feedback):
     """The files of a value: a path, a layer, its id, name or source, or a list of these.
 
-    A vector layer that is not one whole file of :data:`FORMATS` (a layer among others in a GeoPackage, a filter, a
+    A vector layer that is not one whole file of :data:`READ_FORMATS` (a layer among others in a GeoPackage, a filter, a
     scratch layer, a database) is written to a temporary file.
     """
     return [_file(parameter, each, context, feedback) for each in _each(value)]
@@ -102,7 +106,7 @@ def _layer(parameter, value, context):
     """The layer of a value; None for a path. Only a vector's source that names a layer within a file is opened."""
     if isinstance(value, QgsMapLayer) or _is_file(value):
         return value if isinstance(value, QgsMapLayer) else None
-    return QgsProcessingUtils.mapLayerFromString(value, context, parameter.layers in FORMATS and "|" in value)
+    return QgsProcessingUtils.mapLayerFromString(value, context, parameter.layers in READ_FORMATS and "|" in value)
 
 
 def _file(parameter, value, context, feedback):
@@ -113,7 +117,7 @@ def _file(parameter, value, context, feedback):
         return (
             QgsProviderRegistry.instance().decodeUri(layer.providerType(), layer.source()).get("path") or layer.source()
         )
-    formats = FORMATS[parameter.layers]
+    formats = READ_FORMATS[parameter.layers]
     return QgsProcessingUtils.convertToCompatibleFormat(
         layer,
         False,  # noqa: FBT003 - not only what is selected

@@ -18,9 +18,9 @@ from qgis.PyQt import sip
 
 from ..styles import set_colours, show_as_change, show_as_surface, show_by_class
 
-RASTERS = (".tif", ".vrt")
-CLOUDS = (".laz",)
-HEIGHTS = ("dsm", "dsm_before", "dtm")
+RASTER_SUFFIXES = (".tif", ".vrt")
+CLOUD_SUFFIXES = (".laz",)
+HEIGHT_RASTERS = ("dsm", "dsm_before", "dtm")
 RAMPS = {"height_above_ground": "Viridis", "slope": "Reds", "roughness": "Magma", "low_spots": "Blues"}
 SHARES, SAMPLED = (0.02, 0.98), 250_000
 
@@ -37,7 +37,7 @@ def load_when_done(context, path, group):
         return
     hints = QgsProcessingUtils.LayerHint
     suffix = Path(path).suffix.lower()
-    hint = hints.Raster if suffix in RASTERS else hints.PointCloud if suffix in CLOUDS else hints.Vector
+    hint = hints.Raster if suffix in RASTER_SUFFIXES else hints.PointCloud if suffix in CLOUD_SUFFIXES else hints.Vector
     for source, name in sources(path):
         details = QgsProcessingContext.LayerDetails(name, context.project(), name, hint)
         details.forceName = True
@@ -49,9 +49,9 @@ def load_when_done(context, path, group):
 def sources(path):
     """Source and name of each layer in a file."""
     path = Path(path)
-    if path.suffix.lower() in RASTERS:
+    if path.suffix.lower() in RASTER_SUFFIXES:
         return [(str(path), path.stem)]
-    if path.suffix.lower() in CLOUDS:
+    if path.suffix.lower() in CLOUD_SUFFIXES:
         return [(str(path), path.name.removesuffix(path.suffix).removesuffix(".copc"))]
     found = QgsProviderRegistry.instance().querySublayers(str(path))
     layers = [details for details in found if details.wkbType() != Qgis.WkbType.NoGeometry]  # no tables
@@ -79,7 +79,7 @@ class _Style(QgsProcessingLayerPostProcessorInterface):
             layer.loadDefaultStyle()
         elif isinstance(layer, QgsPointCloudLayer):
             show_by_class(layer)
-        elif layer.name() in HEIGHTS:
+        elif layer.name() in HEIGHT_RASTERS:
             show_as_surface(layer)
         elif layer.name() == "change":
             show_as_change(layer)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from furrowmap.cli.tables import MOST_PARCELS, figures, parcel_table, table
+from furrowmap.cli.tables import MAX_PARCELS, figures, parcel_table, table
 
 
 @pytest.mark.parametrize(
@@ -38,9 +38,9 @@ def test_table__aligns_values_and_their_further_lines() -> None:
 
 
 def test_parcels__are_aligned_and_the_rest_is_counted() -> None:
-    rows = [{"id": f"P{k}", "height_m": None if k == 1 else 0.123456, "note": "x"} for k in range(MOST_PARCELS + 2)]
+    rows = [{"id": f"P{k}", "height_m": None if k == 1 else 0.123456, "note": "x"} for k in range(MAX_PARCELS + 2)]
     lines = parcel_table(rows, ["height_m"], "parcels.csv").splitlines()
     assert lines[:3] == [" id  height_m", " P0    0.1235", " P1          "]
     assert lines[-1] == "… 2 more in parcels.csv"
-    assert len(lines) == MOST_PARCELS + 2
+    assert len(lines) == MAX_PARCELS + 2
     assert "more" not in parcel_table(rows[:3], ["height_m"], "parcels.csv")

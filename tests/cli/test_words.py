@@ -14,7 +14,7 @@ import pytest
 from pyproj import CRS
 
 from furrowmap.cli import batch, calibrate, check, farm, fields, gnss, growth, machine, response, tie
-from furrowmap.cli.tables import MOST_PARCELS, file_size, parcel_table
+from furrowmap.cli.tables import MAX_PARCELS, file_size, parcel_table
 from furrowmap.core.checking.check import Check
 from furrowmap.core.checking.continuity import Age, Continuity
 from furrowmap.core.checking.internal_precision import InternalPrecision
@@ -406,5 +406,5 @@ def test_saved_machine__is_told_by_what_it_states(profile: Machine | None, words
 
 
 def test_parcels__as_many_as_are_shown_have_no_rest() -> None:
-    rows = [{"id": f"P{k}", "height_m": 1.0} for k in range(MOST_PARCELS)]
-    assert len(parcel_table(rows, ["height_m"], "parcels.csv").splitlines()) == 1 + MOST_PARCELS
+    rows = [{"id": f"P{k}", "height_m": 1.0} for k in range(MAX_PARCELS)]
+    assert len(parcel_table(rows, ["height_m"], "parcels.csv").splitlines()) == 1 + MAX_PARCELS

@@ -13,10 +13,9 @@ sys.path.insert(0, str(CHECKOUT / "scripts"))
 from plugin_commands import FILE, NOT_IN_QGIS, content  # noqa: E402
 
 from furrowmap.cli.calibrate import WithMount, mount  # noqa: E402
-from furrowmap.cli.main import COMMANDS as NAMES  # noqa: E402
-from furrowmap.cli.main import furrowmap  # noqa: E402
+from furrowmap.cli.main import COMMANDS, furrowmap  # noqa: E402
 from furrowmap.plugin.processing.algorithms import ALGORITHMS  # noqa: E402
-from furrowmap.plugin.processing.description import COMMANDS  # noqa: E402
+from furrowmap.plugin.processing.description import COMMAND_OPTIONS  # noqa: E402
 
 
 def test_commands__are_those_of_the_command_line() -> None:
@@ -25,7 +24,7 @@ def test_commands__are_those_of_the_command_line() -> None:
 
 def test_every_command__is_an_algorithm_or_stands_in_a_list_with_its_reason() -> None:
     words = set()
-    for name in NAMES:
+    for name in COMMANDS:
         command = furrowmap.get_command(click.Context(furrowmap), name)
         words |= {f"{name} {below}" for below in command.commands} if isinstance(command, click.Group) else {name}
         words |= {f"{name} {mount.name}"} if isinstance(command, WithMount) else set()
@@ -38,12 +37,12 @@ def test_every_command__is_an_algorithm_or_stands_in_a_list_with_its_reason() ->
 
 def test_algorithms__name_only_options_of_their_command() -> None:
     for algorithm in ALGORITHMS:
-        assert {*algorithm.basic, *algorithm.facts} <= set(COMMANDS[algorithm.command]), algorithm.command
+        assert {*algorithm.basic, *algorithm.facts} <= set(COMMAND_OPTIONS[algorithm.command]), algorithm.command
 
 
 def test_option__that_no_algorithm_names_becomes_an_advanced_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
-    options = {**COMMANDS["crs"], "--max-gap": {"kind": "number", "unit": "s", "help": "Longest gap."}}
-    monkeypatch.setitem(COMMANDS, "crs", options)
+    options = {**COMMAND_OPTIONS["crs"], "--max-gap": {"kind": "number", "unit": "s", "help": "Longest gap."}}
+    monkeypatch.setitem(COMMAND_OPTIONS, "crs", options)
     (crs,) = [algorithm for algorithm in ALGORITHMS if algorithm.command == "crs"]
     added = crs.parameters[-1]
     assert (added.name, added.label, added.advanced, added.optional) == ("MAX_GAP", "Max gap", True, True)
