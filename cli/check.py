@@ -113,24 +113,16 @@ def _verdicts(
 
 def _exit_unless_met(verdicts: dict[str, Any]) -> None:
     """Say which required accuracy is not met, and end with exit status 4 then."""
-    for name, verdict in verdicts.items():
-        if not verdict["met"]:
-            put_error(_unmet(name, verdict["rmse_m"], verdict["required_m"]))
-    if not all(verdict["met"] for verdict in verdicts.values()):
+    unmet = {name: verdict for name, verdict in verdicts.items() if not verdict["met"]}
+    for name, verdict in unmet.items():
+        rmse_m, required_m = verdict["rmse_m"], verdict["required_m"]
+        put_error(
+            RefusedError(
+                "check-not-met", name=name, rmse_m=rmse_m, required_m=required_m, required_m_share=100 * required_m
+            )
+        )
+    if unmet:
         click.get_current_context().exit(RefusedError.exit_status)
-
-
-def _unmet(name: str, rmse_m: float | None, required_m: float) -> RefusedError:
-    return RefusedError(
-        "check-not-met", name=name, rmse_m=rmse_m, required_m=required_m, required_m_share=100 * required_m
-    )
-
-
-def _verdict(verdict: dict[str, Any] | None) -> str:
-    """Whether a precision figure is within the required class."""
-    if verdict is None:
-        return ""
-    return f" ({'within' if verdict['met'] else 'outside'} the class limit of {verdict['limit_m']:.3g} m)"
 
 
 def _words(found: Check, rows: list[dict[str, Any]], precision: dict[str, Any]) -> str:
@@ -149,7 +141,11 @@ def _words(found: Check, rows: list[dict[str, Any]], precision: dict[str, Any]) 
         ("between swaths, maximum", "between_swath_max_m"),
     ):
         if values[key] is not None:
-            lines.append((name, f"{values[key]:.4f} m{_verdict(precision.get(key))}"))
+            limit = ""
+            if (verdict := precision.get(key)) is not None:
+                side = "within" if verdict["met"] else "outside"
+                limit = f" ({side} the class limit of {verdict['limit_m']:.3g} m)"
+            lines.append((name, f"{values[key]:.4f} m{limit}"))
     worst = sorted((row for row in rows if row["error_h_m"] is not None), key=lambda row: -abs(row["error_h_m"]))[:5]
     lines += [("largest errors", ", ".join(f"{printable(row['name'])} {row['error_h_m']:+.3f} m" for row in worst))]
     return table(lines)
