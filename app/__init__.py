@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from furrowmap.core.images.board import Board as Board
     from furrowmap.core.pointclouds.cleaning_steps import Cleaning as Cleaning
     from furrowmap.core.readers.reader import Inspection as Inspection
-    from furrowmap.core.runtime.allowances import allowing as allowing
     from furrowmap.core.runtime.errors import FurrowmapError as FurrowmapError
     from furrowmap.core.runtime.errors import InputError as InputError
     from furrowmap.core.runtime.errors import Notice as Notice
     from furrowmap.core.runtime.errors import RefusedError as RefusedError
     from furrowmap.core.runtime.errors import UsageError as UsageError
-    from furrowmap.core.runtime.threads import using_threads as using_threads
+    from furrowmap.core.runtime.settings import allowing as allowing
+    from furrowmap.core.runtime.settings import using_threads as using_threads
     from furrowmap.core.session.examination import Examined as Examined
     from furrowmap.core.session.examination import time_matches as time_matches
     from furrowmap.core.session.frames import Frame as Frame
@@ -131,9 +131,8 @@ _NAMES = {
     "core.images.board": "Board",
     "core.pointclouds.cleaning_steps": "Cleaning",
     "core.readers.reader": "Inspection",
-    "core.runtime.allowances": "allowing",
     "core.runtime.errors": "FurrowmapError InputError Notice RefusedError UsageError",
-    "core.runtime.threads": "using_threads",
+    "core.runtime.settings": "allowing using_threads",
     "core.session.examination": "Examined time_matches",
     "core.session.frames": "Frame FrameTree",
     "core.session.site_coordinates": "SiteCoordinates site_coordinates",

@@ -33,8 +33,8 @@ from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.soil import find_sweeps
 from furrowmap.core.simulator.truth import swept
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.session import Crs, Implement
+from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.depth import Depth
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import worked_ground

@@ -28,11 +28,10 @@ from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import ScenarioDrive, ScenarioImplement
 from furrowmap.core.simulator.soil import find_sweeps
 from furrowmap.core.simulator.truth import swept
-from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.session import Implement as Stated
 from furrowmap.core.values.tool_states import ToolStates
-from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
+from furrowmap.core.values.trajectory import ScanPoses, Trajectory, trajectory_from_attitude
 from furrowmap.core.work.depth import Depth
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import worked_ground

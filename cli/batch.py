@@ -11,8 +11,8 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import command, flag, overwrite, settings_options
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import printable
-from furrowmap.core.runtime.languages.choice import language_of_user
-from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.settings import BatchSettings
 
 if TYPE_CHECKING:

@@ -14,9 +14,9 @@ import click
 
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.core.runtime.errors import FurrowmapError, Notice, printable
-from furrowmap.core.runtime.languages.choice import language_of_user
-from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.process import reporting_compilation
 
 log = logging.getLogger("furrowmap.cli")

@@ -11,8 +11,8 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import command
 from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.runtime.languages.catalogue import ENGLISH
-from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, expansions, templates
+from furrowmap.core.runtime.settings import language_of_user
 
 
 @command("Explain the code of an error or a warning.", "furrowmap explain clock-offset")

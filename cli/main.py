@@ -20,7 +20,7 @@ from furrowmap.cli.interruption import INTERRUPTION, Interruption
 from furrowmap.cli.options import CommandGroup
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError, as_furrowmap_error
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
-from furrowmap.core.runtime.languages.choice import using_language
+from furrowmap.core.runtime.settings import using
 
 COMMANDS: Final = (
     "init",
@@ -143,7 +143,7 @@ def command_line(arguments: Sequence[str], interruption: Interruption | None = N
     for stream in (sys.stdout, sys.stderr):
         getattr(stream, "reconfigure", lambda **_: None)(errors="backslashreplace")
     try:
-        with using_language(asked_language(arguments)):
+        with using(language=asked_language(arguments)):
             status, error = attempt(arguments, interruption)
             if error is not None:
                 put_error(error)

@@ -14,11 +14,10 @@ from typing import Any, Final
 import click
 
 from furrowmap.cli.console import Console
-from furrowmap.core.runtime.allowances import ALL, allowing
 from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.options import Option, options_of
-from furrowmap.core.runtime.threads import using_threads
+from furrowmap.core.runtime.settings import ALLOWANCES, allowing, using_threads
 from furrowmap.process import prepare_process
 
 Command = Callable[..., None]
@@ -105,7 +104,7 @@ def command(summary: str, *examples: str, group: Any = click, **facts: Any) -> C
             del debug, language  # read in main, where errors are handled
             _start_log(verbose, log_file)
             prepare_process()
-            allowed = [what for what, given in zip(ALL, (allow_large, allow_damaged), strict=True) if given]
+            allowed = [what for what, given in zip(ALLOWANCES, (allow_large, allow_damaged), strict=True) if given]
             with using_threads(threads), allowing(*allowed):
                 function(click.get_current_context().obj or Console(as_json, quiet, verbose > 0), **arguments)
 

@@ -38,8 +38,8 @@ from furrowmap.cli.console import Console, error_value
 from furrowmap.cli.interruption import INTERRUPTION
 from furrowmap.cli.main import asked_language, attempt
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
-from furrowmap.core.runtime.languages.choice import using_language
 from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.runtime.settings import using
 from furrowmap.process import prepare_process, reporting_compilation
 
 PROTOCOL: Final = 1
@@ -95,10 +95,10 @@ def work(orders: BinaryIO, answers: BinaryIO) -> int:
         status, error = raised.exit_status, raised
     else:
         threading.Thread(target=_heed, args=(orders,), daemon=True).start()
-        with using_language(asked_language(arguments)):
+        with using(language=asked_language(arguments)):
             status, error = attempt(arguments, INTERRUPTION, WorkerConsole(send=send))
     if error is not None:
-        with using_language(asked_language(arguments)):
+        with using(language=asked_language(arguments)):
             send("error", **error_value(error))
     send("done", status=status)
     return status

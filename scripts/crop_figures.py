@@ -29,7 +29,7 @@ from furrowmap.core.crops.parcels import read_parcels  # noqa: E402
 from furrowmap.core.crops.response import fit_response  # noqa: E402
 from furrowmap.core.crops.site_soil import site_soil  # noqa: E402
 from furrowmap.core.values.parcel import Parcel  # noqa: E402
-from furrowmap.core.values.point_classes import PointClass  # noqa: E402
+from furrowmap.core.values.scan import PointClass  # noqa: E402
 from furrowmap.exporters.reports.trial_charts import ParcelValues, response_chart, standalone  # noqa: E402
 
 FloatArray = NDArray[np.float64]

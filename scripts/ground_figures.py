@@ -19,7 +19,7 @@ import furrowmap
 from furrowmap.core.surfaces.depressions import find_depressions
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.terrain import hillshade
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import PointClass
 from furrowmap.exporters.files.result_folder import CLOUD
 
 CHECKOUT = Path(__file__).resolve().parents[1]

@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 
 import furrowmap
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.rotation import Mounting
+from furrowmap.core.values.scan import PointClass
 
 TRUE_RPY_DEG = (-89.636241, 34.439461, -89.194280)
 

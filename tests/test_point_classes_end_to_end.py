@@ -16,7 +16,7 @@ from furrowmap.core.simulator import recording
 from furrowmap.core.simulator.rays import Met
 from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField, ScenarioImplement
 from furrowmap.core.simulator.simulate import simulate
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import PointClass
 
 SCENARIO = Scenario(
     name="classes",

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import Knots
+from furrowmap.core.estimation.knots import Knots, State
 from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.estimation.states import State
 
 FloatArray = NDArray[np.float64]
 

@@ -19,12 +19,10 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.problem import Iterate, Problem
 from furrowmap.core.adjustment.steps import session_step
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots, State
 from furrowmap.core.estimation.vehicle import with_positions
 from furrowmap.core.matching.portions import Gap, in_gaps
-from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.gnss import Fix, Positions
 from furrowmap.core.values.time_span import Span
 
 FloatArray = NDArray[np.float64]
@@ -117,10 +115,10 @@ def gaps_between(spans_s: Sequence[Span], knots: Knots) -> tuple[Gap, ...]:
 def part_of(knots: Knots, chain: int, begin_s: float, end_s: float) -> tuple[slice, Knots]:
     """Which of all knots lie between two times, and they as a chain of their own."""
     whole = knots.chains[chain]
-    first = max(0, int((begin_s - whole.begin_s) / STEP_S))
-    last = min(whole.count - 1, int((end_s - whole.begin_s) / STEP_S))
+    first = max(0, int((begin_s - whole.begin_s) / KNOT_STEP_S))
+    last = min(whole.count - 1, int((end_s - whole.begin_s) / KNOT_STEP_S))
     part = slice(whole.first + first, whole.first + last + 1)
-    return part, Knots((Chain(0, last - first + 1, whole.begin_s + first * STEP_S),), knots.t_s[part])
+    return part, Knots((Chain(0, last - first + 1, whole.begin_s + first * KNOT_STEP_S),), knots.t_s[part])
 
 
 def with_carried(

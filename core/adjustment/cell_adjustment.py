@@ -9,7 +9,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.robust import huber_weight
+from furrowmap.core.estimation.banded import huber_weight
 
 FloatArray = NDArray[np.float64]
 

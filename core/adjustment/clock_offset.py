@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
-from furrowmap.core.estimation.knots import STEP_S, Knots
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
 from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.estimation.states import State
 
 FloatArray = NDArray[np.float64]
 
@@ -94,7 +93,7 @@ def antenna_constants(
     if not len(k):
         return AntennaConstants()
     place, size = state.xyz_m + state.rotation @ antenna.lever_m, state.layout.size
-    velocity = (place[k + 1] - place[k]) / STEP_S
+    velocity = (place[k + 1] - place[k]) / KNOT_STEP_S
     own = np.concatenate([velocity[:, :, None], state.rotation[k][:, :, :2]], axis=2)
     weighted = own / sigma[:, :, None] ** 2
     by_knots = np.einsum("mas,maq->qms", design, weighted)

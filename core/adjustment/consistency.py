@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from furrowmap.core.adjustment.antenna_sway import CERTAIN, AntennaSway
 from furrowmap.core.adjustment.clock_offset import LEAST_GAIN, AntennaConstants
 from furrowmap.core.adjustment.ground_plane import GroundTilt
-from furrowmap.core.estimation.knots import STEP_S, Knots
-from furrowmap.core.estimation.states import GNSS_DRIFT, State
-from furrowmap.core.estimation.wheels import SLIP_EVERY_S, AxleSteps
-from furrowmap.core.runtime import scratch
+from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S, Knots, State
+from furrowmap.core.estimation.vehicle import SLIP_EVERY_S, AxleSteps
+from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock_readings import named_offset
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]
@@ -221,13 +220,15 @@ def seen_in(
         sway: what the sway shows of the antenna.
     """
     linked = knots.linked
-    steps = [(s.sideways_m, s.sigma_m) for s in (AxleSteps.of(linked[p], state) for p in scratch.parts(len(linked)))]
+    steps = [
+        (s.sideways_m, s.sigma_m) for s in (AxleSteps.from_knots(linked[p], state) for p in arrays.parts(len(linked)))
+    ]
     sideways_m, sigma_m = (np.concatenate(values) for values in zip(*steps, strict=True))
-    many = round(SLIP_OVER_S / STEP_S)
+    many = round(SLIP_OVER_S / KNOT_STEP_S)
     whole = len(sideways_m) // many * many
     # Slip is the same within SLIP_EVERY_S, and its sigma that of one step's share of it.
     sideways = sideways_m[:whole].reshape(-1, many).sum(axis=1)
-    stated = np.sqrt((sigma_m[:whole] ** 2).reshape(-1, many).sum(axis=1) * STEP_S / SLIP_EVERY_S)
+    stated = np.sqrt((sigma_m[:whole] ** 2).reshape(-1, many).sum(axis=1) * KNOT_STEP_S / SLIP_EVERY_S)
     stated = np.hypot(stated, SLIP_FLOOR_M)
     knot, _, inside = knots.at(positions.t_s)
     drift = state[GNSS_DRIFT][knot[inside]] / positions.drift_m[inside]

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import Solution
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
-from furrowmap.core.estimation.knots import Knots
-from furrowmap.core.estimation.states import POSE, State
-from furrowmap.core.estimation.wheels import AxleSteps
-from furrowmap.core.runtime import scratch
+from furrowmap.core.estimation.knots import POSE, Knots, State
+from furrowmap.core.estimation.vehicle import AxleSteps
+from furrowmap.core.runtime import arrays
 
 FloatArray = NDArray[np.float64]
 
@@ -37,9 +36,9 @@ class CrabAngle:
     def of(cls, knots: Knots, state: State) -> CrabAngle:
         """At a state in which it is zero."""
         every, size, own, right = knots.linked, state.layout.size, 0.0, 0.0
-        link = scratch.zeros((len(knots), size))
-        for part in scratch.parts(len(every)):
-            linked, steps = every[part], AxleSteps.of(every[part], state)
+        link = arrays.zeros((len(knots), size))
+        for part in arrays.parts(len(every)):
+            linked, steps = every[part], AxleSteps.from_knots(every[part], state)
             weighted = steps.along_m / steps.sigma_m**2
             np.add.at(link, linked, -weighted[:, None] * steps.design[:, :size])
             np.add.at(link[:, :POSE], linked + 1, -weighted[:, None] * steps.design[:, size:])

@@ -21,7 +21,7 @@ from furrowmap.core.matching.ground_registration import session_surface
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads
 from furrowmap.core.matching.surface import TILE, TILE_BITS, Surface
-from furrowmap.core.values.laser_ranges import LASERS, LaserRanges
+from furrowmap.core.values.scan import MAX_LASERS, LaserRanges
 
 FloatArray = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ class LaserSums:
     @classmethod
     def none(cls) -> LaserSums:
         """Nothing yet."""
-        return cls(*np.zeros((4, LASERS)))
+        return cls(*np.zeros((4, MAX_LASERS)))
 
     def plus(self, other: LaserSums) -> LaserSums:
         """Both together."""
@@ -77,7 +77,7 @@ class LaserSums:
         root = np.sqrt(weight)
         slow = np.linalg.lstsq(line * root[:, None], found * root, rcond=None)[0]
         information = weight + 1.0 / USUAL_M**2
-        offset, sigma = np.zeros(LASERS), np.full(LASERS, np.nan)
+        offset, sigma = np.zeros(MAX_LASERS), np.full(MAX_LASERS, np.nan)
         offset[seen] = (found - line @ slow) * weight / information
         sigma[seen] = 1.0 / np.sqrt(information)
         return LaserRanges(offset, sigma)

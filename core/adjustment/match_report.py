@@ -14,12 +14,12 @@ from furrowmap.core.adjustment.problem import Adjusted
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.aiding import AIDED, GYRO_SCALE, MISALIGNMENT
 from furrowmap.core.estimation.inertial import RATE_BIAS
-from furrowmap.core.estimation.states import Block
+from furrowmap.core.estimation.knots import StateBlock
 from furrowmap.core.matching.returns import PIXEL_M
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.laser_ranges import LaserRanges
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
+from furrowmap.core.values.scan import LaserRanges
 from furrowmap.core.values.time_span import Span
 
 HEIGHT_REPORTED_M: Final = 0.05
@@ -115,7 +115,7 @@ def _imu_figures(adjusted: Adjusted) -> dict[str, Any] | None:
         return None
     sigma = adjusted.last.held.solve().sigma().reshape(len(state.xyz_m), -1).min(axis=0)
 
-    def of(block: Block, factor: float) -> list[list[float]]:
+    def of(block: StateBlock, factor: float) -> list[list[float]]:
         first = state.layout.column(block)
         spread = factor * sigma[first : first + block.size]
         pairs: list[list[float]] = np.column_stack([factor * state[block].mean(axis=0), spread]).round(5).tolist()

@@ -24,19 +24,17 @@ from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
 from furrowmap.core.adjustment.range_bow import range_bow, range_bow_sigma
 from furrowmap.core.adjustment.solve import resolve_yaw_ambiguity, solve
 from furrowmap.core.estimation.aiding import Aid
-from furrowmap.core.estimation.knots import STEP_S, Knots
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import GroundReturns
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.trajectory.from_gnss import with_vague_headings
 from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
 from furrowmap.core.trajectory.positions import WHITE_SHARE
-from furrowmap.core.trajectory.vague_headings import with_vague_headings
-from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.laser_ranges import LaserRanges
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.gnss import Fix, Positions
+from furrowmap.core.values.rotation import Mounting
+from furrowmap.core.values.scan import LaserRanges
 from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
 
@@ -192,14 +190,15 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     speed = _speed(knots, state)
     standing = np.abs(speed) < STANDING_MPS * HYSTERESIS
     motion = np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8)
-    quaternion = scratch.zeros((len(knots), 4))
-    for part in scratch.parts(len(knots)):
-        quaternion[part] = Rotation.from_matrix(state.rotation[part]).as_quat(scalar_first=True)
     fix = _fix(problem.positions, knots.t_s)
-    before = scratch.zeros(len(knots), np.result_type(start.heading_from, "<U8"))
-    for part in scratch.parts(len(knots)):
+
+    def before_matching(part: slice) -> list[NDArray[Any]]:
+        quaternion = Rotation.from_matrix(state.rotation[part]).as_quat(scalar_first=True)
         nearest = _nearest(start.t_s, knots.t_s[part])
-        before[part] = np.where(standing[part], "standing", start.heading_from[nearest])
+        before = np.where(standing[part], "standing", start.heading_from[nearest])
+        return [quaternion, state.xyz_m[part] + problem.origin_m, before]
+
+    quaternion, xyz, before = arrays.in_parts(before_matching, len(knots))
     sources = sources_of(
         ground,
         walls,
@@ -211,7 +210,7 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
         np.copyto(sources.heading, before, where=sources.heading == "relief")
     return Trajectory(
         t_s=knots.t_s,
-        xyz_m=np.add(state.xyz_m, problem.origin_m, out=scratch.zeros(state.xyz_m.shape)),
+        xyz_m=xyz,
         quaternion=same_hemisphere(quaternion),
         speed_mps=np.where(standing, 0.0, speed),
         motion=motion,
@@ -221,7 +220,7 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
         position_from=sources.position,
         height_from=sources.height,
         level_from=sources.level,
-        max_gap_s=1.5 * STEP_S,
+        max_gap_s=1.5 * KNOT_STEP_S,
     )
 
 
@@ -238,7 +237,7 @@ def as_by_positions(sigma: FloatArray, t_s: FloatArray, start: Trajectory, lever
         start: trajectory by positions alone.
         lever_m: (3,) of the antenna.
     """
-    out, known = scratch.copied(sigma), np.isfinite(start.sigma[:, 5])
+    out, known = arrays.copied(sigma), np.isfinite(start.sigma[:, 5])
     if known.any():
         out[:, 5] = np.maximum(sigma[:, 5], np.interp(t_s, start.t_s[known], start.sigma[known, 5]))
     more = np.radians(np.sqrt(out[:, 5] ** 2 - sigma[:, 5] ** 2)) * np.hypot(lever_m[0], lever_m[1]) / np.sqrt(2.0)
@@ -271,10 +270,10 @@ def _sway_taken_for_noise_m(positions: Positions) -> float:
 def _speed(knots: Knots, state: State) -> FloatArray:
     """Speed (n,) along the vehicle's x axis, over a short time to either side."""
     out = np.empty(len(knots))
-    width = max(1, round(SPEED_OVER_S / STEP_S))
+    width = max(1, round(SPEED_OVER_S / KNOT_STEP_S))
     for chain in knots.chains:
         part = slice(chain.first, chain.first + chain.count)
-        velocity = np.gradient(state.xyz_m[part], STEP_S, axis=0)
+        velocity = np.gradient(state.xyz_m[part], KNOT_STEP_S, axis=0)
         along = np.einsum("ij,ij->i", velocity, state.rotation[part, :, 0])
         out[part] = uniform_filter1d(along, width, mode="nearest")
     return out

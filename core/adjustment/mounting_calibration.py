@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtr, stdtrit
 
-from furrowmap.core.estimation.knots import STEP_S, Knots
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
 from furrowmap.core.matching.surface import Passage, Surface, heights, layers
 
 FloatArray = NDArray[np.float64]
@@ -100,9 +99,9 @@ def mounting_calibration(
     velocity = np.zeros((len(knots), 3))
     for chain in knots.chains:
         part = slice(chain.first, chain.first + chain.count)
-        velocity[part] = np.gradient(state.xyz_m[part], STEP_S, axis=0)
+        velocity[part] = np.gradient(state.xyz_m[part], KNOT_STEP_S, axis=0)
     along = np.einsum("ij,ij->i", velocity, state.rotation[:, :, 0])
-    step = max(1, round(EVERY_S / STEP_S), len(knots) // MOST_TIMES)
+    step = max(1, round(EVERY_S / KNOT_STEP_S), len(knots) // MOST_TIMES)
     chosen = np.arange(0, len(knots), step)
     chosen = chosen[np.abs(along[chosen]) > MOVING_MPS]
     t_s = knots.t_s[chosen]

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.states import POSE, ROTATION
+from furrowmap.core.estimation.knots import POSE, ROTATION
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.trajectory import Trajectory
 

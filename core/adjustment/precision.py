@@ -12,11 +12,10 @@ from scipy.ndimage import maximum_filter1d
 
 from furrowmap.core.adjustment.problem import Linearised
 from furrowmap.core.estimation.covariance import Considered, pose_sigmas, quick_variances, slow_covariance
-from furrowmap.core.estimation.knots import STEP_S
-from furrowmap.core.estimation.level import LEVEL_SIGMA
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.knots import KNOT_STEP_S, State
+from furrowmap.core.estimation.vehicle import LEVEL_SIGMA
 from furrowmap.core.matching.ground import CORRELATED
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
 
 FloatArray = NDArray[np.float64]
 
@@ -56,7 +55,7 @@ def _scanned(*normals: FloatArray) -> NDArray[np.bool_]:
     seen = np.zeros(len(normals[0]), np.uint8)
     for one in normals:
         seen |= one[:, 0] > 0.0
-    wide: NDArray[np.uint8] = maximum_filter1d(seen, 2 * round(SCANNED_S / STEP_S) + 1)
+    wide: NDArray[np.uint8] = maximum_filter1d(seen, 2 * round(SCANNED_S / KNOT_STEP_S) + 1)
     return wide > 0
 
 
@@ -77,9 +76,9 @@ class Information:
 
 def information_of(*normals: FloatArray) -> Information:
     """The information in the sum of normal matrices (n, 21) of the slices between knots; zero where there are none."""
-    n, half = len(normals[0]), round(AROUND_S / STEP_S)
+    n, half = len(normals[0]), round(AROUND_S / KNOT_STEP_S)
     out = Information(np.zeros(n), np.zeros(n), np.zeros(n, np.bool_))
-    for part in scratch.parts(n):
+    for part in arrays.parts(n):
         around = slice(max(0, part.start - half), part.stop + half)
         normal = np.sum([one[around] for one in normals], axis=0)
         before, after = half - (part.start - around.start), half - (min(n, around.stop) - part.stop)
@@ -149,12 +148,16 @@ def sources_of(
     by_walls = both.heading - relief.heading > relief.heading
     firmer = np.maximum(both.heading - relief.heading, relief.heading) > 1.0 / np.radians(heading_sigma_deg) ** 2
     placed, placed_by_walls = both.place > 1.0 / PLACED_M**2, both.place - relief.place > relief.place
-    found = Sources(*(scratch.zeros(len(firmer), np.result_type(heading_label, "<U8")) for _ in range(4)))
-    for p in scratch.parts(len(firmer)):
+
+    def firmest(p: slice) -> list[NDArray[np.str_]]:
         scans = np.where(by_walls[p], "walls", "relief")
         placing = np.where(placed[p], np.where(placed_by_walls[p], "walls", "relief"), "carried")
-        found.heading[p] = np.where(firmer[p], scans, heading_label[p])
-        found.position[p] = np.where(has_position[p], "gnss", placing)
-        found.height[p] = np.where(has_position[p], "gnss", np.where(relief.level[p], "ground", "carried"))
-        found.level[p] = np.where(relief.level[p], "ground", "assumed")
-    return found
+        height = np.where(has_position[p], "gnss", np.where(relief.level[p], "ground", "carried"))
+        return [
+            np.where(firmer[p], scans, heading_label[p]),
+            np.where(has_position[p], "gnss", placing),
+            height,
+            np.where(relief.level[p], "ground", "assumed"),
+        ]
+
+    return Sources(*arrays.in_parts(firmest, len(firmer)))

@@ -13,20 +13,17 @@ from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.aiding import AIDED, Aid
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots
-from furrowmap.core.estimation.headings import headings_at_stands
-from furrowmap.core.estimation.knots import Knots, knots_over, start_from
-from furrowmap.core.estimation.observation import Observation
-from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.estimation.states import VEHICLE, State
+from furrowmap.core.estimation.knots import VEHICLE, Knots, Observation, State, knots_over, start_from
+from furrowmap.core.estimation.positions import AntennaPositions, headings_at_stands
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
 from furrowmap.core.matching.ground import GroundSums, Relief
 from furrowmap.core.matching.placing import Placing, Sensor, Tool, placing_of
 from furrowmap.core.matching.portions import Gap
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.wall_registration import WallRegistration
-from furrowmap.core.runtime import scratch
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.runtime import arrays
+from furrowmap.core.values.gnss import Positions
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -157,7 +154,7 @@ class Iterate:
     @classmethod
     def of(cls, problem: Problem) -> Iterate:
         """The first one."""
-        weight = scratch.full(len(problem.returns), 255, np.uint8)
+        weight = arrays.full(len(problem.returns), 255, np.uint8)
         return cls(problem.start, problem.observations, weight, Sensor(problem.sensor_m, np.eye(3)))
 
     def placing(self, problem: Problem) -> Placing:

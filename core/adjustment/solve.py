@@ -24,7 +24,7 @@ from furrowmap.core.estimation.relaxation import Relaxation
 from furrowmap.core.matching.ground_registration import session_surface
 from furrowmap.core.matching.placing import GUARD_S
 from furrowmap.core.matching.portions import blocks
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
 
 WINDOW_ROUNDS: Final = (2, 14)
 """Fewest and most rounds of windows; they end when no heading turns by more than TURNED."""
@@ -144,7 +144,7 @@ class _Steps:
 
     def done(self) -> None:
         """One step is done."""
-        scratch.release()
+        arrays.release()
         self._done += 1
         self._share = max(self._share, min(1.0, self._done / self._expected))
         self._progress(self._share)

@@ -19,10 +19,8 @@ from furrowmap.core.adjustment.crab_angle import crab_angle_rad
 from furrowmap.core.adjustment.problem import Iterate, Linearised, Problem
 from furrowmap.core.estimation.banded import NormalEquations, Solution
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_equations, fine_step
-from furrowmap.core.estimation.knots import STEP_S
-from furrowmap.core.estimation.observation import normal_equations
+from furrowmap.core.estimation.knots import KNOT_STEP_S, ROTATION, State, normal_equations
 from furrowmap.core.estimation.relaxation import Relaxation
-from furrowmap.core.estimation.states import ROTATION, State
 from furrowmap.core.matching.ground_registration import (
     SESSION_PATCH_M,
     WINDOW_PATCH_M,
@@ -50,7 +48,7 @@ def window_step(problem: Problem, it: Iterate, relaxation: Relaxation | None) ->
     knots, state = problem.knots, it.state
     coarse = CoarseKnots.over(knots, COARSE_EVERY, WINDOW_PATCH_M) if relaxation is not None else None
     centre = coarse.centres(knots, state) if coarse is not None else np.zeros((0, 3))
-    reach = int(WINDOW_S / (COARSE_EVERY * STEP_S)) + 2
+    reach = int(WINDOW_S / (COARSE_EVERY * KNOT_STEP_S)) + 2
     width = min(reach + 2, len(centre)) * state.layout.size
     placing, correlated = it.placing(problem), _correlated(it)
     with ThreadPoolExecutor(1) as pool:
@@ -153,7 +151,7 @@ def _largest_turn(problem: Problem, it: Iterate, step: FloatArray) -> float:
     knots = problem.knots
     turned = np.where(in_gaps(knots.t_s, it.unused), 0.0, step[:, ROTATION + 2])
     # Single poses at the ends of a chain, which little determines, oscillate.
-    over = round(WINDOW_S / STEP_S)
+    over = round(WINDOW_S / KNOT_STEP_S)
     chains = (slice(c.first, c.first + c.count) for c in knots.chains)
     return max(float(np.abs(uniform_filter1d(turned[chain], over, mode="constant")).max()) for chain in chains)
 

@@ -23,15 +23,15 @@ from furrowmap.core.adjustment.boresight import AS_STATED, CERTAIN_DEG, HEIGHT_M
 from furrowmap.core.adjustment.cell_heights import PARAMETERS, CellHeights, cell_heights, derivatives, smooth_groups
 from furrowmap.core.adjustment.mounting_walk import MountingWalk, attitudes_at, mounting_walk, with_walk
 from furrowmap.core.adjustment.strips import CELL_M, LASERS, StripReturns, at_shifted_times
+from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.estimation.correlated_prior import root_of, solved
-from furrowmap.core.estimation.robust import huber_weight
-from furrowmap.core.estimation.states import POSE
+from furrowmap.core.estimation.knots import POSE
 from furrowmap.core.runtime.background import beside
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.trajectory.from_inertial import ANY_TIME
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

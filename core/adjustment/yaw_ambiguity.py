@@ -20,8 +20,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.knots import Knots
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.knots import Knots, State
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
 

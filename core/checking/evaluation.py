@@ -12,8 +12,8 @@ from furrowmap.core.checking.continuity import Continuity
 from furrowmap.core.checking.matching import MatchedEpochs, match
 from furrowmap.core.checking.statistics import ErrorTable, outliers, table, time_ahead_s, within_sigmas
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.compass import compass_direction
 from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.rotation import compass_direction
 
 MIN_EPOCHS: Final = 30
 """Fewer epochs than this raise a notice."""

@@ -19,7 +19,7 @@ from furrowmap.core.crops.penetration import MODEL_SHARE
 from furrowmap.core.crops.published import christiansen2017
 from furrowmap.core.crops.soil import SoilPatch
 from furrowmap.core.readers.areas.rings import pixels_in
-from furrowmap.core.runtime.threads import in_threads
+from furrowmap.core.runtime.background import in_threads
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.parcel import Parcel
 

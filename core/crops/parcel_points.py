@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.crops.soil import SoilCells, noise_in_pixels, soil_cells
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
+from furrowmap.core.runtime.background import in_threads
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys
-from furrowmap.core.runtime.threads import in_threads
 from furrowmap.core.values.parcel import Parcel
 
 Float32Array = NDArray[np.float32]

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from furrowmap.core.crops.soil import SoilCells, least_squares, plane_design
 from furrowmap.core.dates.pair_tie import LEVEL, MOVE_NAMES, PairTie
-from furrowmap.core.estimation.robust import huber_weight
+from furrowmap.core.estimation.banded import huber_weight
 
 FloatArray = NDArray[np.float64]
 

@@ -15,31 +15,38 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.inertial import RATE_BIAS, Site, add_walk, cross_matrix
-from furrowmap.core.estimation.knots import STEP_S, Knots
-from furrowmap.core.estimation.observation import Observation
+from furrowmap.core.estimation.inertial import RATE_BIAS, Site, add_walk, cross_matrix, increments
+from furrowmap.core.estimation.knots import (
+    GNSS_DRIFT,
+    KNOT_STEP_S,
+    POSE,
+    ROTATION,
+    Knots,
+    Observation,
+    State,
+    StateBlock,
+    StateLayout,
+)
 from furrowmap.core.estimation.positions import without_repeats
-from furrowmap.core.estimation.preintegration import increments
-from furrowmap.core.estimation.states import GNSS_DRIFT, POSE, ROTATION, Block, Layout, State
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
 from furrowmap.core.values.trajectory import Trajectory
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
-MISALIGNMENT: Final = Block("imu_misalignment_rad", 3)
+MISALIGNMENT: Final = StateBlock("imu_misalignment_rad", 3)
 """Rotation vector about the vehicle's axes, from the stated mounting of the IMU to the true one."""
-GYRO_SCALE: Final = Block("gyro_scale", 1)
+GYRO_SCALE: Final = StateBlock("gyro_scale", 1)
 """Share by which the gyroscopes measure too much."""
-AIDED: Final = Layout((GNSS_DRIFT, RATE_BIAS, MISALIGNMENT, GYRO_SCALE))
+AIDED: Final = StateLayout((GNSS_DRIFT, RATE_BIAS, MISALIGNMENT, GYRO_SCALE))
 """Of a vehicle with GNSS, LiDAR and an IMU."""
 MISALIGNMENT_SIGMA: Final = np.radians(1.0)
 SCALE_SIGMA: Final = 0.01
 """What a mounting stated by hand and an uncalibrated gyroscope may be off."""
-CONSTANT: Final = 1e-5
+CONSTANT_WALK: Final = 1e-5
 """Random walk of what does not change, per square root of a second: less would spoil the condition of the equations."""
-PAUSE_S: Final = 0.2
+MAX_IMU_PAUSE_S: Final = 0.2
 """Where the IMU pauses for longer, it says nothing of the turn."""
 
 
@@ -50,8 +57,6 @@ class Gyroscopes(Observation):
     Attributes:
         t_s: (m,) knots after which a turn was measured, increasing.
         turn_rad: (m, 3) rotation vectors to the next knot, in the vehicle's axes by the stated mounting.
-        noise: of the IMU.
-        site: where the vehicle moves.
     """
 
     t_s: FloatArray
@@ -60,47 +65,49 @@ class Gyroscopes(Observation):
     site: Site
 
     @classmethod
-    def of(cls, track: InertialTrack, noise: InertialNoise, site: Site, knots: Knots) -> Gyroscopes:
+    def from_track(cls, track: InertialTrack, noise: InertialNoise, site: Site, knots: Knots) -> Gyroscopes:
         """The turns between knots that the measurements `track`, in the axes of the vehicle, cover."""
         begin_s = knots.t_s[knots.linked]
         after = np.searchsorted(track.t_s, begin_s, side="right")
-        last = np.searchsorted(track.t_s, begin_s + STEP_S)
+        last = np.searchsorted(track.t_s, begin_s + KNOT_STEP_S)
         covered = (after > 0) & (last < len(track))
         gap_s = np.concatenate([[np.inf], np.diff(track.t_s), [np.inf]])
         widest_s = np.maximum(gap_s[after], gap_s[np.minimum(last, len(track))])
-        begin_s = begin_s[covered & (widest_s <= PAUSE_S)]
-        steps = increments(track.t_s, track.rate_radps, track.force_mps2, begin_s, begin_s + STEP_S)
+        begin_s = begin_s[covered & (widest_s <= MAX_IMU_PAUSE_S)]
+        steps = increments(track.t_s, track.rate_radps, track.force_mps2, begin_s, begin_s + KNOT_STEP_S)
         return cls(begin_s, Rotation.from_matrix(steps.turn).as_rotvec(), noise, site)
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Three equations for each measured turn, and what is known of bias, misalignment and scale."""
         linked = knots.linked
-        for part in scratch.parts(len(linked)):
+        for part in arrays.parts(len(linked)):
             self._add_turns(equations, knots, state, linked[part])
         add_walk(equations, knots, state, RATE_BIAS, self.noise.rate_walk, self.noise.rate_bias)
-        add_walk(equations, knots, state, MISALIGNMENT, CONSTANT, MISALIGNMENT_SIGMA)
-        add_walk(equations, knots, state, GYRO_SCALE, CONSTANT, SCALE_SIGMA)
+        add_walk(equations, knots, state, MISALIGNMENT, CONSTANT_WALK, MISALIGNMENT_SIGMA)
+        add_walk(equations, knots, state, GYRO_SCALE, CONSTANT_WALK, SCALE_SIGMA)
 
     def _add_turns(self, equations: NormalEquations, knots: Knots, state: State, linked: NDArray[np.int64]) -> None:
         """Three equations for each measured turn from one of the knots (k,) to the next."""
         size = state.layout.size
-        nearest = np.clip(np.searchsorted(self.t_s, knots.t_s[linked] - 0.5 * STEP_S), 0, len(self.t_s) - 1)
-        measured = np.abs(self.t_s[nearest] - knots.t_s[linked]) < 0.1 * STEP_S
+        nearest = np.clip(np.searchsorted(self.t_s, knots.t_s[linked] - 0.5 * KNOT_STEP_S), 0, len(self.t_s) - 1)
+        measured = np.abs(self.t_s[nearest] - knots.t_s[linked]) < 0.1 * KNOT_STEP_S
         linked, turn = linked[measured], self.turn_rad[nearest[measured]]
         bias, tilt, scale = state[RATE_BIAS][linked], state[MISALIGNMENT][linked], state[GYRO_SCALE][linked]
-        true = turn - STEP_S * bias + np.cross(tilt, turn) - scale * turn
+        true = turn - KNOT_STEP_S * bias + np.cross(tilt, turn) - scale * turn
         here = state.rotation[linked]
-        earth = Rotation.from_rotvec(-STEP_S * self.site.earth_rate_radps).as_matrix()
+        earth = Rotation.from_rotvec(-KNOT_STEP_S * self.site.earth_rate_radps).as_matrix()
         computed = earth @ here @ Rotation.from_rotvec(true).as_matrix()
         residual = Rotation.from_matrix(state.rotation[linked + 1] @ computed.transpose(0, 2, 1)).as_rotvec()
         design = np.zeros((len(linked), 3, size + POSE))
         design[:, :, ROTATION:POSE], design[:, :, size + ROTATION :] = -np.eye(3), np.eye(3)
         for block, rows in (
-            (RATE_BIAS, STEP_S * here), (MISALIGNMENT, here @ cross_matrix(turn)), (GYRO_SCALE, here @ turn[:, :, None])
-        ):  # fmt: skip
+            (RATE_BIAS, KNOT_STEP_S * here),
+            (MISALIGNMENT, here @ cross_matrix(turn)),
+            (GYRO_SCALE, here @ turn[:, :, None]),
+        ):
             first = state.layout.column(block)
             design[:, :, first : first + block.size] = rows
-        sigma = np.full(len(linked), self.noise.rate * np.sqrt(STEP_S))
+        sigma = np.full(len(linked), self.noise.rate * np.sqrt(KNOT_STEP_S))
         for axis in range(3):
             equations.add(linked * size, design[:, axis], -residual[:, axis], sigma)
 
@@ -120,14 +127,8 @@ class InertialAttitudes(Observation):
     sigma_rad: FloatArray
 
     @classmethod
-    def of(cls, trajectory: Trajectory, noise: InertialNoise, knots: Knots) -> InertialAttitudes:
-        """Of a trajectory by GNSS and IMU: roll and pitch often, headings seldom, as gyroscopes lose them.
-
-        Args:
-            trajectory: by GNSS and IMU.
-            noise: of the IMU.
-            knots: at some of which attitudes are taken.
-        """
+    def from_trajectory(cls, trajectory: Trajectory, noise: InertialNoise, knots: Knots) -> InertialAttitudes:
+        """Of a trajectory by GNSS and IMU: roll and pitch often, headings seldom, as gyroscopes lose them."""
         at = np.flatnonzero((knots.t_s >= trajectory.span_s[0]) & (knots.t_s <= trajectory.span_s[1]))
         before, _, inside = trajectory.interval(knots.t_s[at])
         at, sigma_deg = at[inside], trajectory.sigma[before[inside], 3:]
@@ -146,8 +147,8 @@ class InertialAttitudes(Observation):
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """An equation for each known angle."""
-        nearest = np.clip(np.searchsorted(knots.t_s, self.t_s - 0.5 * STEP_S), 0, len(knots) - 1)
-        inside = np.abs(knots.t_s[nearest] - self.t_s) < 0.1 * STEP_S
+        nearest = np.clip(np.searchsorted(knots.t_s, self.t_s - 0.5 * KNOT_STEP_S), 0, len(knots) - 1)
+        inside = np.abs(knots.t_s[nearest] - self.t_s) < 0.1 * KNOT_STEP_S
         k, size, tilt = nearest[inside], state.layout.size, state.layout.column(MISALIGNMENT)
         turned = Rotation.from_rotvec(state[MISALIGNMENT][k]).as_matrix()
         off = Rotation.from_matrix(state.rotation[k] @ turned @ self.rotation[inside].transpose(0, 2, 1)).as_rotvec()
@@ -177,8 +178,6 @@ class Aid:
 
     Attributes:
         track: its measurements, in the axes of the vehicle by the stated mounting.
-        noise: of the IMU.
-        site: where the vehicle moves.
         trajectory: by GNSS and IMU; None where nothing showed the heading.
     """
 
@@ -189,7 +188,7 @@ class Aid:
 
     def observations(self, knots: Knots) -> tuple[Observation, ...]:
         """Those of the turns between knots, and of attitudes at some."""
-        turns = Gyroscopes.of(self.track, self.noise, self.site, knots)
+        turns = Gyroscopes.from_track(self.track, self.noise, self.site, knots)
         if self.trajectory is None:
             return (turns,)
-        return (turns, InertialAttitudes.of(self.trajectory, self.noise, knots))
+        return (turns, InertialAttitudes.from_trajectory(self.trajectory, self.noise, knots))

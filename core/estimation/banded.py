@@ -1,4 +1,4 @@
-"""Banded normal equations of least squares: their solution, damping and variances."""
+"""Least squares: banded normal equations, their solution, damping and variances, and Huber's robust weights."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime import scratch
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 
 DAMPINGS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
-"""Shares of the diagonal, or of LEAST_DIAGONAL (per square metre or radian) where that is more."""
-LEAST_DIAGONAL: Final = 1.0
+"""Shares of the diagonal, or of MIN_DIAGONAL (per square metre or radian) where that is more."""
+MIN_DIAGONAL: Final = 1.0
+HUBER_SIGMAS: Final = 3.0
+"""Standard deviations from which on residuals of positions lose weight."""
 
 
 class NormalEquations:
@@ -32,8 +33,8 @@ class NormalEquations:
     """
 
     def __init__(self, unknowns: int, width: int) -> None:
-        self.band = scratch.zeros((width, unknowns), order="F")
-        self.right = scratch.zeros(unknowns)
+        self.band = arrays.zeros((width, unknowns), order="F")
+        self.right = arrays.zeros(unknowns)
         self.squares, self.redundancy = 0.0, -unknowns
 
     def add(self, first: NDArray[np.intp], design: FloatArray, residual: FloatArray, sigma: FloatArray) -> None:
@@ -45,7 +46,7 @@ class NormalEquations:
             residual: (m,) observed minus computed.
             sigma: (m,) standard deviations.
         """
-        for part in scratch.parts(len(first)):
+        for part in arrays.parts(len(first)):
             scaled = np.ascontiguousarray(design[part] / sigma[part, None])
             right = np.ascontiguousarray(residual[part] / sigma[part])
             _add(self.band.T, self.right, np.ascontiguousarray(first[part], np.int64), scaled, right)
@@ -81,13 +82,9 @@ class NormalEquations:
         return out
 
     def solve(self) -> Solution:
-        """The solution, which also knows how well it is known.
-
-        Raises:
-            LinAlgError: if N is not positive definite.
-        """
+        """The solution, which also knows how well it is known. Raises LinAlgError if N is not positive definite."""
         # LAPACK itself, since SciPy's functions look for numbers that are not finite in copies of the whole.
-        factor, fault = scipy.linalg.lapack.dpbtrf(scratch.copied(self.band), lower=1, overwrite_ab=1)
+        factor, fault = scipy.linalg.lapack.dpbtrf(arrays.copied(self.band), lower=1, overwrite_ab=1)
         if fault:
             raise np.linalg.LinAlgError(f"the normal matrix is not positive definite in row {fault}")
         solution = Solution(_back(factor, self.right), factor)
@@ -108,7 +105,7 @@ class NormalEquations:
             return self.solve()
         diagonal = self.band[0].copy()
         # An unknown without any equation has no diagonal to take a share of.
-        most = np.maximum(diagonal, LEAST_DIAGONAL)
+        most = np.maximum(diagonal, MIN_DIAGONAL)
         for damped in (dampable * most, most):
             for damping in DAMPINGS:
                 self.band[0] = diagonal + damping * damped
@@ -122,7 +119,6 @@ class Solution:
     """What solves normal equations.
 
     Attributes:
-        values: (n,) the unknowns.
         factor: (width, n) banded Cholesky factor of the normal matrix, lower form.
     """
 
@@ -135,7 +131,7 @@ class Solution:
 
     def sigma(self) -> FloatArray:
         """(n,) standard deviations of the unknowns."""
-        variance: FloatArray = scratch.zeros(len(self.values))
+        variance: FloatArray = arrays.zeros(len(self.values))
         _inverse_diagonal(np.ascontiguousarray(self.factor.T), variance)
         return np.sqrt(variance, out=variance)
 
@@ -143,7 +139,7 @@ class Solution:
 def _back(factor: FloatArray, right: FloatArray) -> FloatArray:
     """(n,) the unknowns by the banded Cholesky factor."""
     solved: FloatArray
-    solved, fault = scipy.linalg.lapack.dpbtrs(factor, scratch.copied(right), lower=1, overwrite_b=1)
+    solved, fault = scipy.linalg.lapack.dpbtrs(factor, arrays.copied(right), lower=1, overwrite_b=1)
     assert not fault
     return solved
 
@@ -198,3 +194,9 @@ def _inverse_diagonal(factor, out):  # type: ignore[no-untyped-def]
                 total -= factor[j, k] * inverse[at + low, high - low]
             inverse[at, i] = inverse[at + width, i] = total / factor[j, 0]
         out[j] = inverse[at, 0]
+
+
+def huber_weight(normalised: FloatArray, limit: float = HUBER_SIGMAS) -> FloatArray:
+    """Weights (n,) of residuals (n,) in standard deviations, none of them negative; 1 for nan."""
+    known = np.nan_to_num(normalised)
+    return np.where(known > limit, limit / np.maximum(known, limit), 1.0)

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
-from furrowmap.core.estimation.states import State
-from furrowmap.core.runtime import scratch
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots, State
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
@@ -76,7 +75,7 @@ class CoarseKnots:
         out = []
         for chain, grid in zip(knots.chains, self.grids, strict=True):
             part = slice(chain.first, chain.first + chain.count)
-            t = chain.begin_s + grid.every * STEP_S * np.arange(_intervals(chain, grid.every) + 1)
+            t = chain.begin_s + grid.every * KNOT_STEP_S * np.arange(_intervals(chain, grid.every) + 1)
             out.append(np.column_stack([np.interp(t, knots.t_s[part], state.xyz_m[part, k]) for k in range(3)]))
         return np.concatenate(out)
 
@@ -93,9 +92,6 @@ def coarse_equations(
 
     Args:
         fine: of all knots, the returns' part against the surface of both halves.
-        coarse: knots.
-        centre_m: see :meth:`CoarseKnots.centres`.
-        state: at which the equations hold.
         reach: how many coarse knots apart two may be that a patch links.
     """
     size = state.layout.size
@@ -117,25 +113,28 @@ def coarse_equations(
 def fine_step(coarse: CoarseKnots, centre_m: FloatArray, state: State, step: FloatArray) -> FloatArray:
     """The step (n, size) at all knots that a step (count · size,) at the coarse ones makes."""
     twist = step.reshape(coarse.count, -1)
-    out = scratch.zeros((len(state.xyz_m), twist.shape[1]))
-    for some in scratch.parts(len(out)):
-        before, share = coarse.before[some], coarse.share[some]
+
+    def interpolated(part: slice) -> list[FloatArray]:
+        before, share = coarse.before[part], coarse.share[part]
+        out = np.zeros((len(before), twist.shape[1]))
         for knot, weight in ((before, 1.0 - share), (np.minimum(before + 1, coarse.count - 1), share)):
-            part = twist[knot].copy()
-            part[:, :3] += np.cross(part[:, 3:6], state.xyz_m[some] - centre_m[knot])
-            out[some] += weight[:, None] * part
-    return out
+            moved = twist[knot]
+            moved[:, :3] += np.cross(moved[:, 3:6], state.xyz_m[part] - centre_m[knot])
+            out += weight[:, None] * moved
+        return [out]
+
+    return arrays.in_parts(interpolated, len(state.xyz_m))[0]
 
 
 def coarse_right(coarse: CoarseKnots, centre_m: FloatArray, state: State, right: FloatArray) -> FloatArray:
     """A right-hand side (count · size,) of the coarse knots from one (n, size): :func:`fine_step` transposed."""
     out = np.zeros((coarse.count, right.shape[1]))
-    for some in scratch.parts(len(right)):
+    for some in arrays.parts(len(right)):
         before, share = coarse.before[some], coarse.share[some]
         for knot, weight in ((before, 1.0 - share), (np.minimum(before + 1, coarse.count - 1), share)):
-            part = right[some].copy()
-            part[:, 3:6] += np.cross(state.xyz_m[some] - centre_m[knot], right[some, :3])
-            np.add.at(out, knot, weight[:, None] * part)
+            pull = right[some].copy()
+            pull[:, 3:6] += np.cross(state.xyz_m[some] - centre_m[knot], right[some, :3])
+            np.add.at(out, knot, weight[:, None] * pull)
     return out.ravel()
 
 

@@ -11,25 +11,19 @@ from typing import Final
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
-LEAST: Final = 1e-15
+MIN_VARIANCE_SHARE: Final = 1e-15
 """Variances that are smaller in relation to the largest one are rounding errors of the covariance."""
 
 
 def root_of(spread: FloatArray, covariance: FloatArray) -> FloatArray:
-    """(u, u) root of the joint covariance of independent unknowns and of correlated ones behind them.
-
-    Args:
-        spread: (f,) standard deviations of the former.
-        covariance: (c, c) of the latter.
-    """
+    """(u, u) root of the joint covariance of independent unknowns and of correlated ones behind them."""
     fixed = len(spread)
     scale = np.sqrt(np.diag(covariance))
     variance, axes = np.linalg.eigh(covariance / scale[:, None] / scale)
-    variance = np.maximum(variance, LEAST * variance[-1])
+    variance = np.maximum(variance, MIN_VARIANCE_SHARE * variance[-1])
     out = np.zeros((fixed + len(covariance),) * 2)
     out[np.arange(fixed), np.arange(fixed)] = spread
     out[fixed:, fixed:] = scale[:, None] * axes * np.sqrt(variance)

@@ -1,4 +1,4 @@
-"""Standard deviations of the poses: marginal covariances of what is slow and what is quick, added up."""
+"""Covariances of the poses: marginal ones of what is slow and what is quick, added up, and those of a few knots."""
 
 from __future__ import annotations
 
@@ -6,14 +6,16 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots
-from furrowmap.core.estimation.states import POSE, State
-from furrowmap.core.runtime import scratch
+from furrowmap.core.estimation.knots import POSE, State
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -41,24 +43,15 @@ def slow_covariance(free: NormalEquations, considered: Considered) -> FloatArray
 
 def quick_variances(held: NormalEquations, size: int) -> FloatArray:
     """(n, 6) variances of the poses with fixed references."""
-    sigma = held.solve().sigma().reshape(-1, size)[:, :POSE]
-    out: FloatArray = np.square(sigma, out=scratch.zeros(sigma.shape))
-    return out
+    out = arrays.copied(held.solve().sigma().reshape(-1, size)[:, :POSE])
+    return np.square(out, out=out)
 
 
 def pose_sigmas(
     state: State, coarse: CoarseKnots, centre_m: FloatArray, slow: FloatArray, quick: FloatArray
 ) -> FloatArray:
-    """Standard deviations (n, 6) of easting, northing, height (m), roll, pitch, heading (degrees) at the knots.
-
-    Args:
-        state: the solution.
-        coarse: the coarse knots.
-        centre_m: see :meth:`CoarseKnots.centres`.
-        slow: see :func:`slow_covariance`.
-        quick: (n, 6) see :func:`quick_variances`.
-    """
-    variance: FloatArray = scratch.zeros(quick.shape)
+    """Standard deviations (n, 6) of easting, northing, height (m), roll, pitch, heading (degrees) at the knots."""
+    variance: FloatArray = arrays.zeros(quick.shape)
     _variances(
         state.layout.size,
         np.ascontiguousarray(state.xyz_m),
@@ -108,3 +101,59 @@ def _variances(size, xyz_m, rotation, before, share, centre_m, slow, quick, out)
             along = rotation[j, :, axis].copy()
             out[j, 3 + axis] = along @ (turn @ along)
         out[j, 5] = turn[2, 2]
+
+
+def marginal_covariance(equations: NormalEquations, size: int, nodes: IntArray, columns: int) -> FloatArray:
+    """(m · columns, m · columns) covariance of the first states of some knots.
+
+    Eliminating the knots between two nodes (Schur complement) leaves equations that link each node with the next, so
+    that they are banded as those of the knots are.
+
+    Args:
+        equations: of all knots, each linked with the next at most.
+        nodes: (m,) increasing numbers of knots, the first and the last one among them.
+
+    Raises:
+        LinAlgError: if the observations do not determine the states.
+    """
+    m = len(nodes)
+    reduced = NormalEquations(m * size, 2 * size)
+    diagonal = np.zeros((m, size, size))
+    for number, node in enumerate(nodes.tolist()):
+        for column in range(size):
+            diagonal[number, column:, column] = equations.band[: size - column, node * size + column]
+        diagonal[number] += np.tril(diagonal[number], -1).T
+    beside = np.zeros((m - 1, size, size))
+    for number, (first, last) in enumerate(zip(nodes[:-1].tolist(), nodes[1:].tolist(), strict=True)):
+        if last == first + 1:
+            beside[number] = _beside(equations, size, first)
+            continue
+        to_first, to_last = _beside(equations, size, first), _beside(equations, size, last - 1).T
+        inner = slice((first + 1) * size, last * size)
+        right = np.zeros((inner.stop - inner.start, 2 * size), order="F")
+        right[:size, :size], right[-size:, size:] = to_first, to_last
+        factor, fault = scipy.linalg.lapack.dpbtrf(arrays.copied(equations.band[:, inner]), lower=1, overwrite_ab=1)
+        if fault:
+            raise np.linalg.LinAlgError(f"the normal matrix is not positive definite between knots {first} and {last}")
+        solved, _ = scipy.linalg.lapack.dpbtrs(factor, right, lower=1, overwrite_b=1)
+        diagonal[number] -= to_first.T @ solved[:size, :size]
+        diagonal[number + 1] -= to_last.T @ solved[-size:, size:]
+        beside[number] -= to_last.T @ solved[-size:, :size]
+    for row in range(size):
+        for column in range(size):
+            if row >= column:
+                reduced.band[row - column, column::size] = diagonal[:, row, column]
+            reduced.band[size + row - column, column : (m - 1) * size : size] = beside[:, row, column]
+    chosen = (np.arange(m)[:, None] * size + np.arange(columns)).ravel()
+    units = np.zeros((m * size, len(chosen)), order="F")
+    units[chosen, np.arange(len(chosen))] = 1.0
+    out: FloatArray = reduced.solve().by(units)[chosen]
+    return 0.5 * (out + out.T)
+
+
+def _beside(equations: NormalEquations, size: int, knot: int) -> FloatArray:
+    """(size, size) block of the next knot's rows and a knot's columns."""
+    out = np.empty((size, size))
+    for column in range(size):
+        out[:, column] = equations.band[size - column : 2 * size - column, knot * size + column]
+    return out

@@ -1,35 +1,132 @@
-"""Inertial measurements between knots, with slowly varying biases."""
+"""Inertial measurements, preintegrated between knots, with slowly varying biases.
+
+Forster et al. 2017, IEEE Trans. Robotics 33, 1-21.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Final
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import STEP_S, Knots
-from furrowmap.core.estimation.observation import Observation
-from furrowmap.core.estimation.preintegration import Increments, increments
-from furrowmap.core.estimation.states import GNSS_DRIFT, POSE, POSITION, ROTATION, Block, Layout, State
-from furrowmap.core.runtime import scratch
+from furrowmap.core.estimation.knots import (
+    GNSS_DRIFT,
+    KNOT_STEP_S,
+    POSE,
+    POSITION,
+    ROTATION,
+    Knots,
+    Observation,
+    State,
+    StateBlock,
+    StateLayout,
+)
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
 
-FloatArray = NDArray[np.float64]
-
-VELOCITY: Final = Block("velocity_mps", 3)
+VELOCITY: Final = StateBlock("velocity_mps", 3)
 """Of the IMU over the ground, in the map's axes: metres on the ground, not of the map."""
-RATE_BIAS: Final = Block("rate_bias_radps", 3)
-FORCE_BIAS: Final = Block("force_bias_mps2", 3)
+RATE_BIAS: Final = StateBlock("rate_bias_radps", 3)
+FORCE_BIAS: Final = StateBlock("force_bias_mps2", 3)
 """Biases of the IMU in the axes of the vehicle: measured minus true."""
-INERTIAL: Final = Layout((GNSS_DRIFT, VELOCITY, RATE_BIAS, FORCE_BIAS))
+INERTIAL: Final = StateLayout((GNSS_DRIFT, VELOCITY, RATE_BIAS, FORCE_BIAS))
 """Of a vehicle with GNSS and an IMU."""
-BESIDE: Final = 4
+SAMPLES_BESIDE: Final = 4
 """Samples before an interval and after it that its integration may use."""
-LEAST_WAY_M: Final = 1e-5
+MIN_WAY_SIGMA_M: Final = 1e-5
 """Standard deviation of a way from knot to knot beside the noise: rates and forces are not linear between samples."""
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Increments:
+    """Motion of an IMU from each of k times to the next, in the axes at the earlier time, without gravity.
+
+    Attributes:
+        turn: (k, 3, 3) rotation matrix from the later axes to the earlier.
+        velocity_mps: (k, 3) change of velocity.
+        way_m: (k, 3) way beyond that of the velocity at the beginning.
+    """
+
+    turn: FloatArray
+    velocity_mps: FloatArray
+    way_m: FloatArray
+
+
+def increments(
+    t_s: FloatArray, rate_radps: FloatArray, force_mps2: FloatArray, begin_s: FloatArray, end_s: FloatArray
+) -> Increments:
+    """Integrate samples, between which rate and force are linear, over intervals.
+
+    Args:
+        begin_s: (k,) begins of the intervals, increasing, within the times.
+    """
+    first = np.searchsorted(t_s, begin_s, side="right").astype(np.int64)
+    arrays = (np.ascontiguousarray(a, np.float64) for a in (t_s, rate_radps, force_mps2, begin_s, end_s))
+    return Increments(*_increments(*arrays, first))
+
+
+@numba.njit(cache=True, nogil=True)
+def _value(t_s, values, k, at_s, out):  # type: ignore[no-untyped-def]
+    """The value at a time between samples k − 1 and k."""
+    share = (at_s - t_s[k - 1]) / (t_s[k] - t_s[k - 1])
+    for a in range(3):
+        out[a] = values[k - 1, a] + share * (values[k, a] - values[k - 1, a])
+
+
+@numba.njit(cache=True, nogil=True)
+def exponential(x, y, z):  # type: ignore[no-untyped-def]
+    """Rotation matrix (3, 3) of a rotation vector (Rodrigues)."""
+    angle2 = x * x + y * y + z * z
+    if angle2 < 1e-12:
+        a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
+    else:
+        angle = np.sqrt(angle2)
+        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
+    out = np.empty((3, 3))
+    out[0, 0], out[1, 1], out[2, 2] = 1.0 - b * (y * y + z * z), 1.0 - b * (x * x + z * z), 1.0 - b * (x * x + y * y)
+    out[0, 1], out[1, 0] = b * x * y - a * z, b * x * y + a * z
+    out[0, 2], out[2, 0] = b * x * z + a * y, b * x * z - a * y
+    out[1, 2], out[2, 1] = b * y * z - a * x, b * y * z + a * x
+    return out
+
+
+@numba.njit(cache=True, nogil=True)
+def _increments(t_s, rate, force, begin_s, end_s, first):  # type: ignore[no-untyped-def]
+    count, n = len(begin_s), len(t_s)
+    turn, velocity, way = np.empty((count, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3))
+    w0, w1, f0, f1 = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for i in range(count):
+        k = min(max(first[i], 1), n - 1)
+        now = begin_s[i]
+        _value(t_s, rate, k, now, w0)
+        _value(t_s, force, k, now, f0)
+        turned = np.eye(3)
+        while now < end_s[i]:
+            then = min(t_s[k], end_s[i]) if k < n - 1 else end_s[i]
+            _value(t_s, rate, k, then, w1)
+            _value(t_s, force, k, then, f1)
+            dt = then - now
+            half = 0.25 * dt  # of the mean of both rates
+            x, y, z = half * (w0[0] + w1[0]), half * (w0[1] + w1[1]), half * (w0[2] + w1[2])
+            middle = turned @ exponential(x, y, z)
+            pushed = middle @ (0.5 * (f0 + f1))
+            for a in range(3):
+                way[i, a] += velocity[i, a] * dt + 0.5 * pushed[a] * dt * dt
+                velocity[i, a] += pushed[a] * dt
+            turned = middle @ exponential(x, y, z)
+            w0[:], f0[:] = w1, f1
+            now = then
+            if k < n - 1:
+                k += 1
+        turn[i] = turned
+    return turn, velocity, way
 
 
 @dataclass(frozen=True)
@@ -37,7 +134,6 @@ class Site:
     """Where the vehicle moves.
 
     Attributes:
-        gravity_mps2: normal gravity.
         earth_rate_radps: (3,) rotation of the earth in the map's axes.
         radius_m: of curvature of the ellipsoid.
         scale: map distance over distance on the ground.
@@ -79,8 +175,6 @@ class InertialLinks(Observation):
     Attributes:
         track: in the axes of the vehicle.
         lever_m: (3,) the IMU in the vehicle frame.
-        noise: of the IMU.
-        site: where the vehicle moves.
     """
 
     track: InertialTrack
@@ -91,7 +185,7 @@ class InertialLinks(Observation):
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Nine equations for the increments and six for the biases of each two knots, and the biases of each chain."""
         linked = knots.linked
-        for part in scratch.parts(len(linked), scratch.PART // 2):
+        for part in arrays.parts(len(linked), arrays.ROWS_AT_ONCE // 2):
             self._add_increments(equations, knots, state, linked[part])
         n = self.noise
         for block, walk, spread in (
@@ -106,7 +200,7 @@ class InertialLinks(Observation):
         size = state.layout.size
         computed = predicted(self, knots, state, linked)
         velocity, rate, force = (state.layout.column(block) for block in (VELOCITY, RATE_BIAS, FORCE_BIAS))
-        dt, rotation = STEP_S, state.rotation[linked]
+        dt, rotation = KNOT_STEP_S, state.rotation[linked]
         stretch = self.site.stretch
 
         turned = Rotation.from_matrix(state.rotation[linked + 1] @ computed.rotation.transpose(0, 2, 1)).as_rotvec()
@@ -132,7 +226,7 @@ class InertialLinks(Observation):
         way_rows -= 0.5 * dt * stretch[:, None] * velocity_rows
 
         n = self.noise
-        sigma = n.rate * np.sqrt(dt), n.force * np.sqrt(dt), np.hypot(n.force * np.sqrt(dt**3 / 12.0), LEAST_WAY_M)
+        sigma = n.rate * np.sqrt(dt), n.force * np.sqrt(dt), np.hypot(n.force * np.sqrt(dt**3 / 12.0), MIN_WAY_SIGMA_M)
         for rows, residual, one in zip(design, (-turned, -faster, -farther), sigma, strict=True):
             for axis in range(3):
                 equations.add(linked * size, rows[:, axis], residual[:, axis], np.full(len(linked), one))
@@ -143,7 +237,6 @@ class Predicted:
     """States at the later of each two linked knots, by the earlier one and the IMU.
 
     Attributes:
-        steps: increments of the IMU.
         rotation: (k, 3, 3) vehicle to map.
         velocity_mps: (k, 3) of the IMU.
         xyz_m: (k, 3) of the IMU, against the local origin.
@@ -157,7 +250,7 @@ class Predicted:
 
 def predicted(links: InertialLinks, knots: Knots, state: State, linked: NDArray[np.int64]) -> Predicted:
     """The states that the IMU predicts from each of some linked knots (k,), which increase, for the next."""
-    dt = STEP_S
+    dt = KNOT_STEP_S
     steps = unbiased_increments(links, knots, state, knots.t_s[linked], knots.t_s[linked] + dt)
     return carried_on(links, state, linked, steps, np.full(len(linked), dt))
 
@@ -185,7 +278,7 @@ def unbiased_increments(
     if len(begin_s):
         # The samples within, and those beside the ends, between which they are interpolated there.
         first, last = np.searchsorted(track.t_s, (begin_s[0], end_s.max()))
-        track = track.part(slice(max(0, int(first) - BESIDE), int(last) + BESIDE))
+        track = track.part(slice(max(0, int(first) - SAMPLES_BESIDE), int(last) + SAMPLES_BESIDE))
     bias = np.clip(np.searchsorted(knots.t_s, track.t_s, side="right") - 1, 0, len(knots) - 1)
     rate, force = track.rate_radps - state[RATE_BIAS][bias], track.force_mps2 - state[FORCE_BIAS][bias]
     return increments(track.t_s, rate, force, begin_s, end_s)
@@ -198,7 +291,9 @@ def cross_matrix(vectors: FloatArray) -> FloatArray:
     return np.stack([np.stack([o, -z, y], 1), np.stack([z, o, -x], 1), np.stack([-y, x, o], 1)], 1)
 
 
-def add_walk(equations: NormalEquations, knots: Knots, state: State, block: Block, walk: float, spread: float) -> None:
+def add_walk(
+    equations: NormalEquations, knots: Knots, state: State, block: StateBlock, walk: float, spread: float
+) -> None:
     """A random walk from knot to knot, and its spread at the begin of each chain."""
     linked, size, first = knots.linked, state.layout.size, state.layout.column(block)
     starts = np.array([chain.first for chain in knots.chains])
@@ -208,6 +303,6 @@ def add_walk(equations: NormalEquations, knots: Knots, state: State, block: Bloc
     value = state[block]
     for axis in range(block.size):
         step = value[linked, axis] - value[linked + 1, axis]
-        equations.add(linked * size + first + axis, design, step, np.full(len(linked), walk * np.sqrt(STEP_S)))
+        equations.add(linked * size + first + axis, design, step, np.full(len(linked), walk * np.sqrt(KNOT_STEP_S)))
         begin = np.ones((len(starts), 1))
         equations.add(starts * size + first + axis, begin, -value[starts, axis], np.full(len(starts), spread))

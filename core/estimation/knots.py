@@ -1,40 +1,121 @@
-"""Knots in time at which states are estimated, close enough that the machine's sway is a line between two."""
+"""Knots in time, the states at them, and the interface of observations of these.
+
+Knots are close enough that the machine's sway is a line between two.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final, Protocol, Self
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.states import POSE, VEHICLE, Layout, State
-from furrowmap.core.runtime import scratch
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.trajectory import Motion, Trajectory
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-STEP_S: Final = 0.025
+KNOT_STEP_S: Final = 0.025
 """Distance of the knots: at 3 Hz and 0.25° of sway a straight line between them is within 0.007° of it."""
-PAUSE_S: Final = 5.0
+MAX_SCAN_PAUSE_S: Final = 5.0
 """Where a laser scanner pauses for longer, a new chain of knots begins."""
-MOST_CHAINS: Final = 150
+MAX_CHAINS: Final = 150
 """Of more pauses only the longest part chains: each chain has coarse knots of its own, whose equations are dense."""
-PART: Final = 1 << 20
+TIMES_AT_ONCE: Final = 1 << 20
 """So many times are looked at together."""
+POSITION: Final = 0
+"""First column of a pose's position: easting, northing, height in metres."""
+ROTATION: Final = 3
+"""First column of its rotation vector, in radians about the map's axes."""
+POSE: Final = 6
+"""Columns of a pose, which every layout begins with."""
+
+
+@dataclass(frozen=True)
+class StateBlock:
+    """States beside the pose that a knot may have; a step adds to them."""
+
+    name: str
+    size: int
+
+
+GNSS_DRIFT: Final = StateBlock("gnss_drift_m", 3)
+"""Slowly varying error of the GNSS positions: easting, northing, height in metres."""
+
+
+@dataclass(frozen=True)
+class StateLayout:
+    """The states of each knot: its pose, then the blocks in their order."""
+
+    blocks: tuple[StateBlock, ...]
+
+    @property
+    def size(self) -> int:
+        """Columns of a knot."""
+        return POSE + sum(block.size for block in self.blocks)
+
+    def column(self, block: StateBlock) -> int:
+        """First column of a block within a knot. Raises ValueError if the layout does not hold the block."""
+        return POSE + sum(b.size for b in self.blocks[: self.blocks.index(block)])
+
+
+VEHICLE: Final = StateLayout((GNSS_DRIFT,))
+"""Of a vehicle with GNSS and LiDAR."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Values of the states at the knots.
+
+    Attributes:
+        xyz_m: (n, 3) of the vehicle frame's origin, against the local origin.
+        rotation: (n, 3, 3) vehicle to map.
+        added: (n, layout.size − 6) of the blocks beside the pose.
+    """
+
+    xyz_m: FloatArray
+    rotation: FloatArray
+    added: FloatArray
+    layout: StateLayout = VEHICLE
+
+    def __getitem__(self, block: StateBlock) -> FloatArray:
+        """(n, block.size) values of a block."""
+        first = self.layout.column(block) - POSE
+        return self.added[:, first : first + block.size]
+
+    def moved(self, step: FloatArray) -> State:
+        """The state after a step (n, layout.size): position, rotation vector in the map's axes, added blocks."""
+
+        def moved(part: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
+            turn = Rotation.from_rotvec(step[part, ROTATION:POSE]) * Rotation.from_matrix(self.rotation[part])
+            return self.xyz_m[part] + step[part, :ROTATION], turn.as_matrix(), self.added[part] + step[part, POSE:]
+
+        return State(*arrays.in_parts(moved, len(step)), self.layout)
+
+    def part(self, chosen: slice) -> State:
+        """The state at some knots."""
+        return replace(self, xyz_m=self.xyz_m[chosen], rotation=self.rotation[chosen], added=self.added[chosen])
+
+    def put(self, chosen: slice, part: State) -> State:
+        """The state with another one at some knots."""
+        xyz, rotation, added = self.xyz_m.copy(), self.rotation.copy(), self.added.copy()
+        xyz[chosen], rotation[chosen], added[chosen] = part.xyz_m, part.rotation, part.added
+        return replace(self, xyz_m=xyz, rotation=rotation, added=added)
 
 
 @dataclass(frozen=True)
 class Chain:
-    """Knots in equal steps of :data:`STEP_S`, one after another without a pause.
+    """Knots in equal steps of :data:`KNOT_STEP_S`, one after another without a pause.
 
     Attributes:
         first: index of its first knot among all knots.
         count: how many there are, at least 2.
-        begin_s: time of its first knot.
     """
 
     first: int
@@ -44,17 +125,12 @@ class Chain:
     @property
     def end_s(self) -> float:
         """Time of its last knot."""
-        return self.begin_s + (self.count - 1) * STEP_S
+        return self.begin_s + (self.count - 1) * KNOT_STEP_S
 
 
 @dataclass(frozen=True)
 class Knots:
-    """All chains of a recording.
-
-    Attributes:
-        chains: in the order of time.
-        t_s: (n,) times of all knots.
-    """
+    """All chains of a recording."""
 
     chains: tuple[Chain, ...]
     t_s: FloatArray
@@ -78,51 +154,46 @@ class Knots:
         which = np.maximum(np.searchsorted(begin, t_s, side="right") - 1, 0)
         first = np.array([c.first for c in self.chains])[which]
         count = np.array([c.count for c in self.chains])[which]
-        place = (t_s - begin[which]) / STEP_S
+        place = (t_s - begin[which]) / KNOT_STEP_S
         inside = (place >= 0) & (place <= count - 1)
         local = np.clip(np.floor(place), 0, count - 2)
         return (first + local).astype(np.int64), np.where(inside, place - local, 0.0), inside
 
 
-def knots_over(t_s: NDArray[np.float64], pause_s: float = PAUSE_S) -> Knots:
+def knots_over(t_s: NDArray[np.float64], pause_s: float = MAX_SCAN_PAUSE_S) -> Knots:
     """Knots that cover the times (n,), which increase; a new chain begins after each longer pause."""
-    pauses = _pauses(t_s, pause_s)
-    begins, ends = np.concatenate([[0], pauses]), np.append(pauses, len(t_s))
-    chains, first = [], 0
-    for begin, end in zip(begins, ends, strict=True):
-        count = int(np.ceil((t_s[end - 1] - t_s[begin]) / STEP_S)) + 2
-        chains.append(Chain(first, count, float(t_s[begin]) - 0.5 * STEP_S))
-        first += count
-    t = np.concatenate([c.begin_s + STEP_S * np.arange(c.count) for c in chains])
-    return Knots(tuple(chains), t)
-
-
-def _pauses(t_s: NDArray[np.float64], pause_s: float) -> IntArray:
-    """Indices (k,) of the times before which a chain ends; looked for in parts, since `t_s` may lie in a file."""
+    # The times before which a chain ends; looked for in parts, since `t_s` may lie in a file.
     found, lasting = [np.zeros(0, np.int64)], [np.zeros(0)]
-    for begin in range(0, len(t_s) - 1, PART):
-        step_s = np.diff(t_s[begin : begin + PART + 1])
+    for begin in range(0, len(t_s) - 1, TIMES_AT_ONCE):
+        step_s = np.diff(t_s[begin : begin + TIMES_AT_ONCE + 1])
         at = np.flatnonzero(step_s > pause_s)
         found.append(begin + 1 + at)
         lasting.append(step_s[at])
-    longest = np.argsort(-np.concatenate(lasting), kind="stable")[: MOST_CHAINS - 1]
-    return np.sort(np.concatenate(found)[longest])
+    longest = np.argsort(-np.concatenate(lasting), kind="stable")[: MAX_CHAINS - 1]
+    pauses = np.sort(np.concatenate(found)[longest])
+    begins, ends = np.concatenate([[0], pauses]), np.append(pauses, len(t_s))
+    chains, first = [], 0
+    for begin, end in zip(begins, ends, strict=True):
+        count = int(np.ceil((t_s[end - 1] - t_s[begin]) / KNOT_STEP_S)) + 2
+        chains.append(Chain(first, count, float(t_s[begin]) - 0.5 * KNOT_STEP_S))
+        first += count
+    t = np.concatenate([c.begin_s + KNOT_STEP_S * np.arange(c.count) for c in chains])
+    return Knots(tuple(chains), t)
 
 
-def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray, layout: Layout = VEHICLE) -> State:
+def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray, layout: StateLayout = VEHICLE) -> State:
     """The state of a trajectory, constant beyond its ends, with zero in the added blocks.
 
     Across a gap in which the vehicle keeps its direction of travel it follows the cubic that leaves and reaches the
     gap's ends with the speeds and headings there; across any other it goes straight.
     """
-    n = len(knots)
-    state = State(
-        scratch.zeros((n, 3)), scratch.zeros((n, 3, 3)), scratch.zeros((n, layout.size - POSE)), layout
-    )  # fmt: skip
-    for part in scratch.parts(n):
-        xyz, state.rotation[part] = _guessed(trajectory, np.clip(knots.t_s[part], *trajectory.span_s))
-        state.xyz_m[part] = xyz - origin_m
-    return state
+
+    def guessed(part: slice) -> tuple[FloatArray, FloatArray]:
+        xyz, rotation = _guessed(trajectory, np.clip(knots.t_s[part], *trajectory.span_s))
+        return xyz - origin_m, rotation
+
+    added = arrays.zeros((len(knots), layout.size - POSE))
+    return State(*arrays.in_parts(guessed, len(knots)), added, layout)
 
 
 def _guessed(trajectory: Trajectory, t: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -206,3 +277,42 @@ def place(t_s, vehicle_m, first, begin_s, step_s, xyz_m, rotation, turn):  # typ
                 + rotation[k, a, 2] * pz
             )
     return out
+
+
+class Observation(Protocol):
+    """Measurements of one kind, or prior knowledge, of the states at the knots.
+
+    What an implementation keeps to:
+
+    * :meth:`add` linearises its residuals at `state` and adds them to the equations. It reads neither what the
+      equations hold nor other observations.
+    * The unknowns are the step of :meth:`State.moved`. Column ``c`` of knot ``k`` is unknown
+      ``k * state.layout.size + c``; `ROTATION` and ``state.layout.column(block)`` state the columns.
+    * One equation links at most `linked` consecutive knots of one chain (`knots.linked`, `knots.inner`).
+    * Weights are inverse variances, so that covariances of the solution hold. What lasts for several measurements, as
+      a correlated error, is an added block or a larger standard deviation.
+    * It is immutable. Robust weights are part of it: :meth:`reweighted` gives it with those at another state.
+
+    Attributes:
+        linked: consecutive knots that one equation links at most; the largest of all observations is the bandwidth of
+            the normal equations.
+    """
+
+    linked: ClassVar[int] = 2
+
+    def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
+        """Add the linearised measurements to the equations of all knots."""
+        ...
+
+    def reweighted(self, knots: Knots, state: State) -> Self:  # noqa: ARG002
+        """The observation with robust weights by its residuals at a state; itself where it has none."""
+        return self
+
+
+def normal_equations(observations: Iterable[Observation], knots: Knots, state: State) -> NormalEquations:
+    """The equations of all knots at a state."""
+    size, every = state.layout.size, tuple(observations)
+    equations = NormalEquations(len(knots) * size, max(one.linked for one in every) * size)
+    for observation in every:
+        observation.add(equations, knots, state)
+    return equations

@@ -1,23 +1,27 @@
-"""Positions of a GNSS antenna off the vehicle's origin, with their slowly varying error."""
+"""Observations of GNSS: positions of an antenna, their slowly varying error, and headings, also of other devices."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import Knots
-from furrowmap.core.estimation.observation import Observation
-from furrowmap.core.estimation.robust import huber_weight
-from furrowmap.core.estimation.states import GNSS_DRIFT, POSITION, ROTATION, State
-from furrowmap.core.runtime import scratch
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.estimation.banded import NormalEquations, huber_weight
+from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S, POSITION, ROTATION, Knots, Observation, State
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.gnss import DRIFT_CORRELATION_S, Positions
+from furrowmap.core.values.trajectory import Trajectory
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+ANTENNA_HEADING_CORRELATION_S: Final = 10.0
+ANTENNA_HEADING_SIGMA_RAD: Final = np.radians(0.5)
+"""Of a two-antenna heading, whose error lasts for ANTENNA_HEADING_CORRELATION_S."""
+STANDS_WITHIN_M: Final = 1.0
+"""An antenna that moves by less shows no heading: it sways, or the vehicle turns about its axle."""
+NOSE: Final = np.array([1.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
@@ -37,14 +41,14 @@ class AntennaPositions(Observation):
     weight: FloatArray
 
     @classmethod
-    def of(cls, positions: Positions, origin_m: FloatArray, lever_m: FloatArray) -> AntennaPositions:
+    def unweighted(cls, positions: Positions, origin_m: FloatArray, lever_m: FloatArray) -> AntennaPositions:
         """All of them with their whole weight."""
         return cls(positions, origin_m, lever_m, np.ones(len(positions.t_s)))
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Three equations for each position."""
         size = state.layout.size
-        for part in scratch.parts(len(self.positions.t_s), scratch.PART // 4):
+        for part in arrays.parts(len(self.positions.t_s), arrays.ROWS_AT_ONCE // 4):
             k, design, residual, sigma = self.linearised(knots, state, part)
             for chosen in without_repeats(k):
                 for axis in range(3):
@@ -111,3 +115,119 @@ def without_repeats(k: IntArray) -> list[NDArray[np.intp]]:
     begins = np.flatnonzero(np.diff(k, prepend=k[:1] - 1) != 0)
     rank = np.arange(len(k)) - np.repeat(begins, np.diff(np.append(begins, len(k))))
     return [np.flatnonzero(rank == r) for r in range(int(rank.max()) + 1)]
+
+
+@dataclass(frozen=True)
+class GnssDrift(Observation):
+    """First-order Gauss-Markov process of each axis, which begins anew with each run of equal quality."""
+
+    positions: Positions
+
+    def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
+        """The process from knot to knot, and its variance at the start of each run."""
+        p, size, drift = self.positions, state.layout.size, state[GNSS_DRIFT]
+        nearest = np.clip(np.searchsorted(p.t_s, knots.t_s), 0, len(p.t_s) - 1)
+        linked = knots.linked
+        on = linked[p.run[nearest[linked]] == p.run[nearest[linked + 1]]]
+        begins = np.ones(len(knots), np.bool_)
+        begins[on + 1] = False
+        starts = np.flatnonzero(begins)
+        kept = np.exp(-KNOT_STEP_S / DRIFT_CORRELATION_S)
+        row = np.zeros(size + 1)
+        row[0], row[size] = -kept, 1.0
+        for axis in range(3):
+            column, value, spread = state.layout.column(GNSS_DRIFT) + axis, drift[:, axis], p.drift_m[:, axis]
+            begin = np.ones((len(starts), 1))
+            equations.add(starts * size + column, begin, -value[starts], spread[nearest[starts]])
+            for part in arrays.parts(len(on)):
+                same = on[part]
+                design = np.broadcast_to(row, (len(same), len(row)))
+                sigma = spread[nearest[same]] * np.sqrt(1.0 - kept**2)
+                equations.add(same * size + column, design, kept * value[same] - value[same + 1], sigma)
+
+
+@dataclass(frozen=True)
+class AntennaHeadings(Observation):
+    """Yaw of the knot before each position that has one; its error's correlation is in the standard deviation."""
+
+    positions: Positions
+
+    def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
+        """One equation for each heading."""
+        t_s = self.positions.t_s[np.isfinite(self.positions.yaw_rad)]
+        step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+        sigma = ANTENNA_HEADING_SIGMA_RAD * np.sqrt(max(1.0, ANTENNA_HEADING_CORRELATION_S / step_s))
+        _add_yaws(equations, knots, state, (self.positions.t_s, self.positions.yaw_rad), float(sigma))
+
+
+@dataclass(frozen=True)
+class RecordedHeadings(Observation):
+    """Direction of an axis of the vehicle over ground, in the knot before each time that has one.
+
+    Attributes:
+        t_s: (m,) UTC, increasing.
+        yaw_rad: (m,) of the axis; nan where unknown.
+        lasting_s: time over which the error is the same: infinite for that of a magnetometer.
+    """
+
+    t_s: FloatArray
+    yaw_rad: FloatArray
+    sigma_rad: float
+    lasting_s: float = np.inf
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+
+    def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
+        """One equation for each heading."""
+        t_s = self.t_s[np.isfinite(self.yaw_rad)]
+        step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
+        alike = min(max(1.0, self.lasting_s / step_s), max(1.0, float(len(t_s))))
+        yaws = (self.t_s, self.yaw_rad)
+        _add_yaws(equations, knots, state, yaws, self.sigma_rad * float(np.sqrt(alike)), np.array(self.axis))
+
+
+def headings_at_stands(start: Trajectory, knots: Knots, positions: Positions) -> tuple[RecordedHeadings, ...]:
+    """The headings of a first guess for chains of scans during which the antenna hardly moves.
+
+    What the vehicle drove before such a chain, and that it stood since, tells its heading; nothing in the chain does,
+    and relief of the ground seen before only where poses are near the truth.
+
+    Args:
+        knots: at which poses are estimated; of one chain alone the whole drive tells the headings.
+    """
+    out: list[RecordedHeadings] = []
+    for chain in knots.chains if len(knots.chains) > 1 else ():
+        inside = (positions.t_s >= chain.begin_s) & (positions.t_s <= chain.end_s)
+        en_m, middle_s = positions.xyz_m[inside, :2], np.array([0.5 * (chain.begin_s + chain.end_s)])
+        sigma_deg = float(np.interp(middle_s[0], start.t_s, start.sigma[:, 5]))
+        _, _, heading_deg = start.at(middle_s).attitude_deg()
+        if len(en_m) and np.hypot(*np.ptp(en_m, axis=0)) < STANDS_WITHIN_M and np.isfinite(sigma_deg + heading_deg[0]):
+            out.append(RecordedHeadings(middle_s, np.radians(90.0 - heading_deg), float(np.radians(sigma_deg))))
+    return tuple(out)
+
+
+def _add_yaws(
+    equations: NormalEquations,
+    knots: Knots,
+    state: State,
+    yaws: tuple[FloatArray, FloatArray],
+    sigma_rad: float,
+    axis: FloatArray = NOSE,
+) -> None:
+    """One equation for each yaw (m,) at a time (m,) that is known and inside the chains.
+
+    The axis is interpolated between the knots; its error there is that at the knot before. Of a tilted vehicle, the
+    direction of an axis that is not level depends on roll and pitch as well.
+    """
+    t_s, yaw_rad = yaws
+    k, share, inside = knots.at(t_s)
+    shown = inside & np.isfinite(yaw_rad)
+    k, share = k[shown], share[shown, None]
+    after = np.minimum(k + 1, len(state.rotation) - 1)
+    x, y, z = ((1.0 - share) * (state.rotation[k] @ axis) + share * (state.rotation[after] @ axis)).T
+    off = yaw_rad[shown] - np.arctan2(y, x)
+    off = (off + np.pi) % (2 * np.pi) - np.pi
+    level = x * x + y * y
+    design = np.column_stack([-x * z / level, -y * z / level, np.ones(len(k))])
+    first = k * state.layout.size + ROTATION
+    for chosen in without_repeats(k):
+        equations.add(first[chosen], design[chosen], off[chosen], np.full(len(chosen), sigma_rad))

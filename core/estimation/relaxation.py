@@ -13,19 +13,16 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from furrowmap.core.estimation.knots import STEP_S, Knots
-from furrowmap.core.runtime import scratch
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots
+from furrowmap.core.runtime.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
-
-OVER_S: Final = 3.0
+COMPARED_OVER_S: Final = 3.0
 """Over so much time the steps are compared: that of a window."""
-ARM_M: Final = 5.0
+GROUND_ARM_M: Final = 5.0
 """How far away the ground is by which a turn is weighed against a shift."""
-LONGEST: Final = 6.0
+MAX_STEP_FACTOR: Final = 6.0
 """Largest factor: longer steps leave the range in which the equations hold."""
 
 
@@ -37,24 +34,24 @@ class Relaxation:
     _factor: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def lengthened(self, step: FloatArray, knots: Knots) -> FloatArray:
-        """The step (n, 9) at all knots as it is taken, never shorter than it was found; the first is as found."""
-        moved = np.column_stack([step[:, :2], ARM_M * step[:, 5]])
+        """Lengthen the step (n, 9) at all knots in its place, by 1 at least; the first stays as found. Returns it."""
+        moved = np.column_stack([step[:, :2], GROUND_ARM_M * step[:, 5]])
         factor = np.ones(len(step))
         if len(self._moved_m):
             change = moved - self._moved_m
             left = _around(-np.einsum("ij,ij->i", self._moved_m, change), knots)
             square = _around(np.einsum("ij,ij->i", change, change), knots)
             share = np.divide(left, square, out=np.zeros(len(step)), where=square > 0.0)
-            factor = np.clip(self._factor * share, 1.0, LONGEST)
+            factor = np.clip(self._factor * share, 1.0, MAX_STEP_FACTOR)
         self._moved_m, self._factor = moved, factor
-        out: FloatArray = np.multiply(step, factor[:, None], out=scratch.zeros(step.shape))
-        return out
+        step *= factor[:, None]
+        return step
 
 
 def _around(values: FloatArray, knots: Knots) -> FloatArray:
-    """Means (n,) over OVER_S about each knot, of its own chain."""
+    """Means (n,) over COMPARED_OVER_S about each knot, of its own chain."""
     out = np.empty_like(values)
     for chain in knots.chains:
         part = slice(chain.first, chain.first + chain.count)
-        out[part] = uniform_filter1d(values[part], round(OVER_S / STEP_S), mode="nearest")
+        out[part] = uniform_filter1d(values[part], round(COMPARED_OVER_S / KNOT_STEP_S), mode="nearest")
     return out

@@ -32,11 +32,12 @@ from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray, Square, square_keys
-from furrowmap.core.runtime.threads import in_turn, threads
+from furrowmap.core.runtime.settings import threads
 from furrowmap.core.values.extents import bounds, cells_with_points
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import PointClass
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -13,7 +13,7 @@ from furrowmap.core.geodesy.height_system import JAPAN, height_system
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
 

@@ -14,7 +14,7 @@ from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs import name_of
 
 FloatArray = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from typing import Final
 from pyproj import CRS
 
 from furrowmap.core.runtime.errors import Notice, RefusedError
-from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
+from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 JGD2000_UNTIL_S: Final = 1_319_122_800.0
 """21 October 2011 in Japan: since then survey results and network corrections are in JGD2011."""

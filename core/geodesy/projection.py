@@ -18,7 +18,7 @@ from furrowmap.core.geodesy.height_system import ABOVE_ELLIPSOID, HeightSystem, 
 from furrowmap.core.geodesy.parameter_file import BETWEEN_EPOCHS, ParameterFile, read_parameters
 from furrowmap.core.geodesy.stated_frame import StatedFrame, stated_frame
 from furrowmap.core.runtime.errors import InputError, RefusedError
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs
 
 FloatArray = NDArray[np.float64]

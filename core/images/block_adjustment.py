@@ -18,16 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.estimation.correlated_prior import root_of, solved
 from furrowmap.core.estimation.inertial import cross_matrix
-from furrowmap.core.estimation.robust import huber_weight
-from furrowmap.core.estimation.states import POSE, ROTATION
+from furrowmap.core.estimation.knots import POSE, ROTATION
 from furrowmap.core.images.frames import FramePoses
 from furrowmap.core.images.projection import project, unproject
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
 
 FloatArray = NDArray[np.float64]

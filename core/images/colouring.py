@@ -15,10 +15,10 @@ from furrowmap.core.images.frames import Frames
 from furrowmap.core.images.projection import pixel_of
 from furrowmap.core.images.visibility import MIN_DISTANCE_M, SLACK_M, Visibility, VisibilityMaker
 from furrowmap.core.readers.exif import read_pixels
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.threads import threads
+from furrowmap.core.runtime.settings import threads
 from furrowmap.core.values.camera import Camera
 
 BALANCE_SAMPLES: Final = 8_000
@@ -111,7 +111,7 @@ def decoded(frames: Frames, notices: list[Notice], progress: Progress = silent) 
     camera = frames.camera
     reduction = reduction_for(len(frames), camera)
     small = camera.reduced(reduction)
-    rgb = scratch.zeros((len(frames), small.height, small.width, 3), np.uint8)
+    rgb = arrays.zeros((len(frames), small.height, small.width, 3), np.uint8)
     faults: list[str] = [""] * len(frames)
 
     def decode(k: int) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.exif import write_image
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.runtime.threads import threads
+from furrowmap.core.runtime.settings import threads
 from furrowmap.core.values.camera import COLMAP_MIDDLE, Camera
 from furrowmap.core.values.images import RAW, ImageFile, StoredImage
 

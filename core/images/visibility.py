@@ -17,7 +17,7 @@ from scipy.ndimage import minimum_filter
 
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.images.projection import pixel_of
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
 
 FloatArray = NDArray[np.float64]
 
@@ -135,7 +135,7 @@ class VisibilityMaker:
         camera, self.view = frames.camera, FrameView.of(frames, origin_m)
         self._cell_px = max(CELL_PX, -(-max(camera.width, camera.height) // MAX_DEPTH_CELLS))
         rows, columns = -(-camera.height // self._cell_px), -(-camera.width // self._cell_px)
-        self._depth: NDArray[np.float32] = scratch.full((len(frames), rows, columns), np.inf, np.float32)
+        self._depth: NDArray[np.float32] = arrays.full((len(frames), rows, columns), np.inf, np.float32)
         self._points = np.zeros(len(frames), np.int64)
         low = self.view.centre_m[:, :2].min(axis=0) - MAX_DISTANCE_M
         extent = self.view.centre_m[:, :2].max(axis=0) + MAX_DISTANCE_M - low
@@ -143,7 +143,7 @@ class VisibilityMaker:
         self._cell_m = max(INDEX_CELL_M, float(np.sqrt(np.prod(extent) * words / INDEX_BYTES)))
         self._shape = tuple(int(length) for length in np.ceil(extent[::-1] / self._cell_m))
         self._corner_m = low
-        self._seen: NDArray[np.uint8] = scratch.zeros((self._shape[0] * self._shape[1], words), np.uint8)
+        self._seen: NDArray[np.uint8] = arrays.zeros((self._shape[0] * self._shape[1], words), np.uint8)
 
     def add(self, xyz_m: FloatArray) -> None:
         """Points (n, 3) of surfaces, which hide what is behind them."""

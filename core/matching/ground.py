@@ -18,16 +18,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.coarse import CoarseGrid
-from furrowmap.core.estimation.knots import STEP_S, Chain
-from furrowmap.core.estimation.patches import (
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain
+from furrowmap.core.estimation.registration import (
     Patches,
+    SliceSums,
     add_to_patch,
+    add_to_slice,
     close_patches,
     open_patch,
     patch_slots,
     patch_store,
+    plane_row,
 )
-from furrowmap.core.estimation.slices import SliceSums, add_to_slice, plane_row
 from furrowmap.core.matching.surface import TILE, TILE_BITS, Surface
 
 FloatArray = NDArray[np.float64]
@@ -78,7 +80,7 @@ class GroundSums:
     @classmethod
     def of(cls, knots: int) -> GroundSums:
         """No returns yet, for a number of knots."""
-        return cls(SliceSums.of(knots), np.zeros(6))
+        return cls(SliceSums.empty(knots), np.zeros(6))
 
     def take(self, other: GroundSums) -> None:
         """Add the other's sums to these."""
@@ -237,7 +239,7 @@ def _register(  # type: ignore[no-untyped-def]
             mean[c] = (full[0, c] * node[0, c] + full[1, c] * node[1, c]) / (full[0, c] + full[1, c])
         residual_free = xyz_m[i, 2] - (b0 * (a0 * mean[0] + a1 * mean[1]) + b1 * (a0 * mean[2] + a1 * mean[3]))
 
-        local = min(int((t_s[i] - begin_s) / STEP_S), count - 2)
+        local = min(int((t_s[i] - begin_s) / KNOT_STEP_S), count - 2)
         k = first + local
         qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
         qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])

@@ -10,8 +10,7 @@ import numpy as np
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots
-from furrowmap.core.estimation.patches import Patches, free_patches, stored
-from furrowmap.core.estimation.registration import Registration
+from furrowmap.core.estimation.registration import Patches, Registration, free_patches, stored
 from furrowmap.core.matching.ground import GroundSums, Relief, register_ground
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads, windows

@@ -10,15 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.coarse import CoarseKnots
-from furrowmap.core.estimation.knots import STEP_S, Knots, place, turns
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State, place, turns
 from furrowmap.core.matching.ground import NO_COARSE, ChainPoses, PlacedReturns
 from furrowmap.core.matching.portions import Gap
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.surface import Passage, layers, passage_of
 from furrowmap.core.matching.walls import PlacedUpright, UprightReturns
-from furrowmap.core.runtime import scratch
-from furrowmap.core.values.laser_ranges import LaserRanges, shortened
+from furrowmap.core.runtime import arrays
+from furrowmap.core.values.scan import LaserRanges, shortened
 
 FloatArray = NDArray[np.float64]
 
@@ -113,7 +112,7 @@ class Placing:
         """Copies of the times, and the places in the map."""
         c, t_s = self.knots.chains[chain], np.array(source.t_s[part])
         vehicle = self.sensor.corrected(source, part)
-        return t_s, place(t_s, vehicle, c.first, c.begin_s, STEP_S, self.position_m, self.rotation, self.turn)
+        return t_s, place(t_s, vehicle, c.first, c.begin_s, KNOT_STEP_S, self.position_m, self.rotation, self.turn)
 
 
 def placing_of(
@@ -128,9 +127,9 @@ def placing_of(
     """What places returns by a state."""
     position, rotation = np.ascontiguousarray(state.xyz_m), np.ascontiguousarray(state.rotation)
     passage = _passage(tool, knots, state) if tool is not None else None
-    turn = scratch.zeros(position.shape)
-    for part in scratch.parts(len(turn)):
-        turn[part] = turns(rotation[part.start : part.stop + 1])[: part.stop - part.start]
+    (turn,) = arrays.in_parts(
+        lambda part: [turns(rotation[part.start : part.stop + 1])[: part.stop - part.start]], len(rotation)
+    )
     return Placing(returns, weight, sensor, knots, state, unused, passage, position, rotation, turn)
 
 

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
 
 FloatArray = NDArray[np.float64]
 
@@ -121,8 +121,8 @@ def passage_of(
     steps = int(np.ceil(reach_m / (TILE * cell_m)))
     across = reach_m * np.linspace(-1.0, 1.0, 2 * steps + 1)
     tiles = tiles_over(np.concatenate([tool_en_m + offset * left_en for offset in across]), cell_m)
-    first = scratch.full((tiles.count, TILE, TILE), np.inf)
-    last = scratch.full((tiles.count, TILE, TILE), -np.inf)
+    first = arrays.full((tiles.count, TILE, TILE), np.inf)
+    last = arrays.full((tiles.count, TILE, TILE), -np.inf)
     _sweep(
         np.ascontiguousarray(t_s),
         np.ascontiguousarray(tool_en_m),
@@ -158,8 +158,8 @@ def layers(t_s: FloatArray, en_m: FloatArray, passage: Passage | None, guard_s: 
 
 def empty_surface(tiles: Tiles) -> Surface:
     """A surface that nothing has been added to."""
-    height = scratch.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
-    weight = scratch.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
+    height = arrays.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
+    weight = arrays.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
     return Surface(tiles, height, weight)
 
 

@@ -9,9 +9,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.estimation.coarse import CoarseKnots
-from furrowmap.core.estimation.patches import Patches, stored
-from furrowmap.core.estimation.registration import Registration
-from furrowmap.core.estimation.slices import SliceSums
+from furrowmap.core.estimation.registration import Patches, Registration, SliceSums, stored
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads, windows
 from furrowmap.core.matching.walls import (
@@ -60,7 +58,7 @@ def register_wall_windows(placing: Placing, correlated: float, coarse: CoarseKno
     """
 
     def work(share: Sequence[Portion]) -> _Part:
-        sums, scatter = SliceSums.of(len(placing.knots)), Scatter()
+        sums, scatter = SliceSums.empty(len(placing.knots)), Scatter()
 
         def found() -> Iterator[Patches]:
             nonlocal scatter
@@ -91,7 +89,7 @@ def register_wall_session(
     walls = _session_walls(placing, portions)
 
     def work(share: Sequence[Portion]) -> _Part:
-        sums, scatter = SliceSums.of(len(placing.knots)), Scatter()
+        sums, scatter = SliceSums.empty(len(placing.knots)), Scatter()
 
         def found() -> Iterator[Patches]:
             nonlocal scatter
@@ -111,7 +109,7 @@ _Part = tuple[SliceSums, Scatter, list[list[Patches]]]
 
 
 def _together(placing: Placing, parts: Sequence[_Part], coarse: CoarseKnots | None) -> WallRegistration:
-    sums, scatter, references = SliceSums.of(len(placing.knots)), Scatter(), []
+    sums, scatter, references = SliceSums.empty(len(placing.knots)), Scatter(), []
     for more_sums, more_scatter, more in parts:
         sums.take(more_sums)
         scatter = scatter.plus(more_scatter)

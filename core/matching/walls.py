@@ -18,16 +18,18 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.knots import STEP_S
-from furrowmap.core.estimation.patches import (
+from furrowmap.core.estimation.knots import KNOT_STEP_S
+from furrowmap.core.estimation.registration import (
     Patches,
+    SliceSums,
     add_to_patch,
+    add_to_slice,
     close_patches,
     open_patch,
     patch_slots,
     patch_store,
+    plane_row,
 )
-from furrowmap.core.estimation.slices import SliceSums, add_to_slice, plane_row
 from furrowmap.core.matching.ground import ChainPoses
 from furrowmap.core.matching.surface import TILE, TILE_BITS, Tiles, tiles_over
 
@@ -64,7 +66,7 @@ CORRELATED_LEAST: Final = 4.0
 LEAST_GROUPS: Final = 50
 WALL_PATCH_M: Final = 8.0
 WALL_LAYER: Final = 2
-"""Layer of a wall's patch in :class:`~furrowmap.core.estimation.patches.Patches`."""
+"""Layer of a wall's patch in :class:`~furrowmap.core.estimation.registration.Patches`."""
 
 
 @dataclass(frozen=True)
@@ -380,7 +382,7 @@ def _register(  # type: ignore[no-untyped-def]
         group_sums[of, 1] += signed
         group_sums[of, 2] += signed * signed
 
-        local = min(int((t_s[i] - begin_s) / STEP_S), count - 2)
+        local = min(int((t_s[i] - begin_s) / KNOT_STEP_S), count - 2)
         k = first + local
         qx = xyz_m[i, 0] - 0.5 * (position_m[k, 0] + position_m[k + 1, 0])
         qy = xyz_m[i, 1] - 0.5 * (position_m[k, 1] + position_m[k + 1, 1])

@@ -30,7 +30,7 @@ from furrowmap.core.pointclouds.placed import PlacedScan, Placement, place_scans
 from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.readers.areas.area import nothing_within
 from furrowmap.core.readers.reader import GivesTrack, Reader
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.background import SCANS_AHEAD, ahead, behind, beside
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 from furrowmap.core.runtime.progress import Progress, silent
@@ -40,7 +40,7 @@ from furrowmap.core.trajectory.moving_mount import carrier_of
 from furrowmap.core.trajectory.straight_passes import Strip, find_strips
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.images import CONTRADICTING
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.time_span import track_within
@@ -526,7 +526,7 @@ class _StopWatch:
         self._last = perf_counter()
 
     def lap(self, stage: str) -> None:
-        scratch.release()
+        arrays.release()
         now = perf_counter()
         self.laps_s[stage] = round(now - self._last, 3)
         self._last = now

@@ -12,7 +12,7 @@ from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.values.trajectory import ScanPoses
 
 OUTAGE_S: Final = 2.0
 """Time without positions that is told."""

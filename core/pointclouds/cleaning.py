@@ -19,9 +19,10 @@ from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray, RecordSpool, Square, square_keys, square_of
-from furrowmap.core.runtime.threads import in_turn, threads
+from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.ground import GroundMethod, classify_ground
 from furrowmap.core.surfaces.outlier_filter import REACH_M, Outliers
 from furrowmap.core.surfaces.outliers import (
@@ -33,7 +34,7 @@ from furrowmap.core.surfaces.outliers import (
 )
 from furrowmap.core.surfaces.smrf import Smrf
 from furrowmap.core.values.extents import bounds
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import PointClass
 
 FloatArray = NDArray[np.float64]
 

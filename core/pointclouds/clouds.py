@@ -21,8 +21,8 @@ from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
-from furrowmap.core.values.crs_name import full_name_of
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.crs import full_name_of
+from furrowmap.core.values.scan import PointClass
 
 FloatArray = NDArray[np.float64]
 

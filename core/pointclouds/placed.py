@@ -13,10 +13,8 @@ from furrowmap.core.pointclouds.placing import Placer
 from furrowmap.core.readers.areas.area import Area
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.point_classes import PointClass
-from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.scan_poses import ScanPoses
-from furrowmap.core.values.trajectory import Motion, Trajectory
+from furrowmap.core.values.scan import PointClass, Scan
+from furrowmap.core.values.trajectory import Motion, ScanPoses, Trajectory
 
 DISORDER_S: Final = 0.5
 """Scans may begin this much before the one before them ends: packets come out of order, files do not."""
@@ -29,7 +27,7 @@ class PlacedScan:
     Attributes:
         scan: the points as measured.
         xyz_m: (n, 3) float64 easting, northing, height less the placer's local origin.
-        classification: (n,) uint8, :class:`~furrowmap.core.values.point_classes.PointClass` as far as the scan alone
+        classification: (n,) uint8, :class:`~furrowmap.core.values.scan.PointClass` as far as the scan alone
             shows it: the machine, noise, and all else "other".
     """
 

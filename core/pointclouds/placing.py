@@ -9,8 +9,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.rotation import quaternion_to_matrix
+from furrowmap.core.values.rotation import Mounting, quaternion_to_matrix
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory
 

@@ -20,7 +20,7 @@ from scipy.ndimage import distance_transform_edt, map_coordinates
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.threads import threads
+from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.cloth import cloth_ground, require_cloth
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface

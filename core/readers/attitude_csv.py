@@ -14,18 +14,18 @@ from furrowmap.core.readers.inertial_rows import attitude_facts, attitude_track
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, UNSTATED, AttitudeTrack
 from furrowmap.core.values.clock_readings import ClockReading
+from furrowmap.core.values.pose_track import GRID_NORTH, MAGNETIC_NORTH, TRUE_NORTH, UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]
 
 LEVEL_COLUMNS: Final = ("roll_deg", "pitch_deg")
 NORTHS: Final = {
-    "heading_true_deg": TRUE,
-    "heading_grid_deg": GRID,
-    "heading_deg": GRID,
-    "heading_magnetic_deg": MAGNETIC,
+    "heading_true_deg": TRUE_NORTH,
+    "heading_grid_deg": GRID_NORTH,
+    "heading_deg": GRID_NORTH,
+    "heading_magnetic_deg": MAGNETIC_NORTH,
 }
 """Columns of headings, in the order of preference, and the north from which they count."""
 _LEVEL_RANGES: Final = {"roll_deg": (-720.0, 720.0), "pitch_deg": (-90.5, 90.5)}
@@ -59,7 +59,7 @@ class AttitudeCsv(FileReader):
         parts = [self._read(path) for path in self.paths]
         t_s, angles = (np.concatenate([part[k] for part in parts]) for k in range(2))
         norths = {part[2] for part in parts}
-        north = norths.pop() if len(norths) == 1 else UNSTATED
+        north = norths.pop() if len(norths) == 1 else UNSTATED_NORTH
         return attitude_track(t_s, angles, north, self.name, self.notices)
 
     def inspect(self) -> Inspection:
@@ -85,4 +85,4 @@ class AttitudeCsv(FileReader):
             ]
             rows = file.rows([TIME_COLUMN, *level, _HEADING])
         t_s = utc_of(rows[:, 0], file.time_scale, str(path), self.options)
-        return t_s, rows[:, 1:], NORTHS.get(north or "", UNSTATED)
+        return t_s, rows[:, 1:], NORTHS.get(north or "", UNSTATED_NORTH)

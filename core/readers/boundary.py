@@ -16,7 +16,7 @@ from furrowmap.core.readers.isoxml.content import LARGEST_DEG, read_content
 from furrowmap.core.readers.isoxml.files import is_task_data, open_task_files
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
+from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ from furrowmap.core.readers.inertial_rows import MAX_FORCE_MPS2, MAX_RATE_RADPS,
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
+from furrowmap.core.values.pose_track import AttitudeTrack
 from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.facts import timing_facts, utc_facts
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.clock import runs_forward
 from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.pose_track import AttitudeTrack
 
 FloatArray = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from furrowmap.core.readers.csv_file import TIME_COLUMN, Column, CsvFile
 from furrowmap.core.readers.epochs import utc_of
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.mount_motion import MountMotion
+from furrowmap.core.values.pose_track import MountMotion
 
 MOUNT_SCHEMA: Final = (
     TIME_COLUMN,

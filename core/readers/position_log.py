@@ -143,7 +143,7 @@ class PositionLog(FileReader, ABC):
         elif len(track):
             facts |= {"first": self._undated(float(track.t_s[0])), "last": self._undated(float(track.t_s[-1]))}
         facts |= timing_facts(track.t_s) | position_facts(track)
-        fault = [Notice.of(positions.fault)] if positions.fault is not None else []
+        fault = [Notice.from_error(positions.fault)] if positions.fault is not None else []
         return Inspection(self.paths[0], self.format, self.title, facts, clocks, (*self.notices, *fault))
 
     def _sources(self, paths: list[Path]) -> Iterator[Source]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from furrowmap.core.runtime.allowances import expect_growth
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.limits import expect_growth
 
 if sys.version_info >= (3, 14):
     from compression import zstd

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.zipped_layer import ZIP
-from furrowmap.core.runtime.allowances import expect_growth, expect_memory
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.foreign_content import binary_kind
+from furrowmap.core.runtime.limits import expect_growth, expect_memory
 
 FloatArray = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import zipfile
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from furrowmap.core.runtime.allowances import expect_disk, expect_growth, expect_memory
+from furrowmap.core.runtime.limits import expect_disk, expect_growth, expect_memory
 
 ZIP: Final = b"PK\3\4"
 _SHAPEFILE_PARTS: Final = (".shp", ".shx", ".dbf", ".prj", ".cpg")

@@ -1,21 +1,24 @@
-"""Work in background threads: items computed ahead of the caller or written behind it, and work beside other work."""
+"""Work in threads: items computed ahead of the caller or written behind it, beside other work, or in shares."""
 
 from __future__ import annotations
 
 import queue
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, TypeVar
 
 from furrowmap.core.runtime.errors import Cancelled
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.runtime.threads import threads
+from furrowmap.core.runtime.settings import threads
 
 Item = TypeVar("Item")
+Found = TypeVar("Found")
 
 SCANS_AHEAD: Final = 32
 """Scans that are read while others are at work."""
@@ -23,7 +26,7 @@ _POLL_S: Final = 0.1
 
 
 @dataclass(frozen=True)
-class _End:
+class _Finished:
     """The end of the items, and why."""
 
     error: BaseException | None = None
@@ -35,10 +38,10 @@ def ahead(items: Iterator[Item], depth: int) -> Iterator[Item]:
     It is useful if computing them releases the interpreter's lock, as decompression and kernels do. An exception of
     `items` is raised here; when the caller stops early, the thread ends after its current item.
     """
-    ready: queue.Queue[Item | _End] = queue.Queue(depth)
+    ready: queue.Queue[Item | _Finished] = queue.Queue(depth)
     stopped = threading.Event()
 
-    def put(item: Item | _End) -> None:
+    def put(item: Item | _Finished) -> None:
         while not stopped.is_set():
             try:
                 ready.put(item, timeout=_POLL_S)
@@ -53,14 +56,14 @@ def ahead(items: Iterator[Item], depth: int) -> Iterator[Item]:
                 if stopped.is_set():
                     return
         except BaseException as error:  # noqa: BLE001 (raised again where the items are used)
-            put(_End(error))
+            put(_Finished(error))
         else:
-            put(_End())
+            put(_Finished())
 
     thread = threading.Thread(target=work, name="ahead", daemon=True)
     thread.start()
     try:
-        while not isinstance(item := ready.get(), _End):
+        while not isinstance(item := ready.get(), _Finished):
             yield item
         if item.error is not None:
             raise item.error
@@ -76,11 +79,11 @@ def behind(sink: Callable[[Item], None], depth: int) -> Iterator[Callable[[Item]
     At the end of the context all items have been passed on. An exception of `sink` is raised at the next item, or at
     the end. If the context ends with another exception, queued items are dropped.
     """
-    waiting: queue.Queue[Item | _End] = queue.Queue(depth)
+    waiting: queue.Queue[Item | _Finished] = queue.Queue(depth)
     failed: list[BaseException] = []
 
     def work() -> None:
-        while not isinstance(item := waiting.get(), _End):
+        while not isinstance(item := waiting.get(), _Finished):
             if failed:
                 continue
             try:
@@ -101,7 +104,7 @@ def behind(sink: Callable[[Item], None], depth: int) -> Iterator[Callable[[Item]
         failed.append(error)
         raise
     finally:
-        waiting.put(_End())
+        waiting.put(_Finished())
         _wait_for(thread)
     if failed:
         raise failed[0]
@@ -116,19 +119,12 @@ def _wait_for(thread: threading.Thread) -> None:
         thread.join()
 
 
-Found = TypeVar("Found")
-
-
 @contextmanager
 def beside(work: Callable[[Progress], Found], progress: Progress) -> Iterator[Future[Found]]:
     """`work` in a background thread beside the body of the context; its result is there when the context has ended.
 
     With a single thread it is done after the body. What `work` reports of its progress is passed on, by the caller's
     thread, once the body has ended. If that or the body raises, `work` is stopped where it reports next.
-
-    Args:
-        work: takes a progress of its own.
-        progress: receives its progress.
     """
     last: list[tuple[str, float]] = []
     stopped = threading.Event()
@@ -157,3 +153,36 @@ def beside(work: Callable[[Progress], Found], progress: Progress) -> Iterator[Fu
     found.result()
     if last:  # also of work that was done before the body
         progress(*last[0])
+
+
+def in_threads(work: Callable[[Sequence[Item]], Found], items: Sequence[Item]) -> list[Found]:
+    """`work` on even shares of the items, in their order, each in a thread of its own.
+
+    Threads gain where `work` is a kernel or a library that releases the interpreter's lock.
+    """
+    count = threads()
+    cuts = [len(items) * k // count for k in range(count + 1)]
+    shares = [items[a:b] for a, b in pairwise(cuts) if b > a]
+    if len(shares) < 2:
+        return [work(share) for share in shares]
+    with ThreadPoolExecutor(len(shares)) as pool:
+        return list(pool.map(work, shares))
+
+
+def in_turn(
+    pool: ThreadPoolExecutor, work: Callable[[Item], Found], items: Iterable[Item], ahead: int
+) -> Iterator[Found]:
+    """`work` on each item in the threads of a pool; the results in the order of the items.
+
+    At most `ahead` items are in work or wait for the caller, beside the one that it has.
+    """
+    begun = deque[Future[Found]]()
+    for item in items:
+        if len(begun) == ahead:
+            done = begun.popleft().result()
+            begun.append(pool.submit(work, item))
+            yield done
+        else:
+            begun.append(pool.submit(work, item))
+    while begun:
+        yield begun.popleft().result()

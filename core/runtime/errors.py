@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final, Self
 
-from furrowmap.core.runtime.languages.catalogue import ENGLISH
+from furrowmap.core.runtime.languages.catalogue import ENGLISH, translated
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, Value, fill, printed, sentences
-from furrowmap.core.runtime.languages.translation import translated
 
 CONTRADICTION: Final = "contradiction"
 """Code of the notice that stands before all others."""
@@ -126,10 +125,6 @@ def as_furrowmap_error(raised: BaseException) -> FurrowmapError:
 class Notice:
     """A warning about an input or a result that does not stop the work.
 
-    Args:
-        key: of its sentences, as of an error.
-        values: for the holes of the sentences.
-
     Raises:
         KeyError: as for an error.
     """
@@ -149,7 +144,7 @@ class Notice:
         return notice
 
     @classmethod
-    def of(cls, error: FurrowmapError) -> Self:
+    def from_error(cls, error: FurrowmapError) -> Self:
         """A notice with the complete text of an error that does not stop the work."""
         return cls.from_printed(error.key, error.values)
 

@@ -9,7 +9,7 @@ from typing import Final
 
 from furrowmap.core.runtime.errors import InputError
 
-LONGEST_BYTES: Final = 255
+MAX_NAME_BYTES: Final = 255
 """Longest name of a file, in UTF-8, on the usual file systems."""
 _RESERVED: Final = re.compile(r"(?i:con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])\s*(\..*)?", re.DOTALL)
 """Names of devices on Windows, with any suffix."""
@@ -25,7 +25,7 @@ def is_file_name(name: str) -> bool:
     Windows, and not too long.
     """
     return (
-        0 < len(name.encode(errors="surrogatepass")) <= LONGEST_BYTES
+        0 < len(name.encode(errors="surrogatepass")) <= MAX_NAME_BYTES
         and name == name.rstrip(". ")
         and not any(c in "/\\" or unicodedata.category(c) in _CONTROL for c in name)
         and _DRIVE.match(name) is None
@@ -50,7 +50,6 @@ def inside(folder: Path, name: str, source: Path) -> Path:
     """The path of a file in `folder` whose name was read from a file.
 
     Args:
-        name: of the file, without folders.
         source: the file that states the name, for the message.
 
     Raises:

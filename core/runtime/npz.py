@@ -11,9 +11,9 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime.allowances import expect_growth, expect_memory
+from furrowmap.core.runtime.limits import expect_growth, expect_memory
 
-MOST_ARRAYS: Final = 1000
+MAX_ARRAYS: Final = 1000
 
 
 def read_npz(path: Path) -> dict[str, NDArray[Any]]:
@@ -33,7 +33,7 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
         size = sum(entry.file_size for entry in entries)
         expect_growth(path, path.stat().st_size, size)
         expect_memory(path, size)
-        if len(entries) > MOST_ARRAYS:
+        if len(entries) > MAX_ARRAYS:
             raise ValueError(f"{len(entries):,} arrays")
         return {entry.filename.removesuffix(".npy"): _array(archive, entry) for entry in entries}
 

@@ -15,11 +15,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
 
 _ARRAY: Final = 1
 """Code of an array in MessagePack: its type, shape and first byte."""
-_KINDS: Final = "fiubU"
+_ARRAY_KINDS: Final = "fiubU"
 """Kinds of arrays, by NumPy's letters."""
 _LENGTH: Final = 8
 _Count = Annotated[int, msgspec.Meta(ge=0)]
@@ -35,7 +35,7 @@ def packed(value: object) -> Iterator[bytes | memoryview]:
         nonlocal size
         if isinstance(value, np.generic):
             return value.item()
-        if not isinstance(value, np.ndarray) or value.dtype.kind not in _KINDS:
+        if not isinstance(value, np.ndarray) or value.dtype.kind not in _ARRAY_KINDS:
             raise TypeError(f"{type(value).__name__} cannot be packed")
         arrays.append(value)
         begin, size = size, size + value.nbytes
@@ -66,13 +66,13 @@ def _decoded(contents: memoryview, code: int, data: memoryview) -> Any:
     if code != _ARRAY:
         raise ValueError(f"unknown code {code}")
     kind, shape, begin = msgspec.msgpack.decode(data, type=tuple[str, tuple[_Count, ...], _Count])
-    if re.fullmatch(rf"[<>|=][{_KINDS}]\d{{1,4}}", kind) is None:
+    if re.fullmatch(rf"[<>|=][{_ARRAY_KINDS}]\d{{1,4}}", kind) is None:
         raise ValueError(f"unknown type of array {kind!r}")
     try:
         there: NDArray[Any] = np.ndarray(shape, kind, contents, begin)
     except OverflowError as error:
         raise ValueError("an array lies beyond the end") from error
-    return scratch.copied(there)
+    return arrays.copied(there)
 
 
 def _typed(kind: Any, value: Any) -> Any:

@@ -53,7 +53,6 @@ class RecordSpool:
     One thread may append; after the last append any number of threads may read, and overwrite what no other reads.
 
     Args:
-        layout: dtype of a record.
         folder: for the file; None for the default folder of temporary files.
     """
 

@@ -88,7 +88,6 @@ def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]
     """The files that `[camera] files` names, each once, in the order of their names within each pattern.
 
     Args:
-        source: its table `[camera]`.
         notices: names of no file are added.
 
     Raises:
@@ -114,7 +113,6 @@ def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -
     """The images of a session that are files, in the order of time, by the clock of the positions.
 
     Args:
-        source: its table `[camera]`.
         notices: what is missing, or wrong with single images, is added.
 
     Raises:

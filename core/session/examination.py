@@ -12,7 +12,6 @@ from furrowmap.core.readers.reader import (
     GivesInertial,
     GivesPoses,
     GivesScans,
-    GivesStates,
     GivesTrack,
     Inspection,
     Reader,
@@ -25,23 +24,14 @@ from furrowmap.core.values.scan import Clock
 
 @dataclass(frozen=True)
 class Examined:
-    """A recording that has been read completely.
-
-    Attributes:
-        inspection: its format and content.
-        reader: opened on it.
-    """
+    """A recording that has been read completely."""
 
     inspection: Inspection
     reader: Reader
 
     @classmethod
-    def of(cls, path: Path) -> Examined:
-        """Read the file at `path` completely.
-
-        Raises:
-            InputError: if its format is unknown, or it cannot be read.
-        """
+    def read(cls, path: Path) -> Examined:
+        """Read the file at `path` completely. Raises InputError if its format is unknown, or it cannot be read."""
         reader = Recognised.by_content(path).open()
         return cls(reader.inspect(), reader)
 
@@ -50,53 +40,27 @@ class Examined:
         """The file."""
         return self.inspection.path
 
-    @property
-    def gives_scans(self) -> bool:
-        """Whether it holds laser scans."""
-        return isinstance(self.reader, GivesScans) and self._holds("scans")
+    def gives(self, kind: type[object]) -> bool:
+        """Whether it holds what readers of a kind give: containers may hold none of it.
 
-    @property
-    def gives_track(self) -> bool:
-        """Whether it holds a GNSS receiver's positions."""
-        return isinstance(self.reader, GivesTrack) and self._holds("positions")
-
-    @property
-    def gives_poses(self) -> bool:
-        """Whether it is an external trajectory."""
-        return isinstance(self.reader, GivesPoses)
-
-    @property
-    def gives_inertial(self) -> bool:
-        """Whether it holds measurements of an IMU."""
-        return isinstance(self.reader, GivesInertial) and self._holds("imu")
-
-    @property
-    def gives_attitude(self) -> bool:
-        """Whether it holds attitudes, and is neither an IMU's recording nor a trajectory."""
-        return isinstance(self.reader, GivesAttitude) and not (
-            isinstance(self.reader, GivesInertial) or self.gives_poses
-        )
-
-    @property
-    def gives_states(self) -> bool:
-        """Whether it holds tool states."""
-        return isinstance(self.reader, GivesStates)
-
-    def _holds(self, what: str) -> bool:
-        """Whether a container really holds what its reader can give; its facts are "none" otherwise."""
-        return bool(self.inspection.facts.get(what) != "none")
+        The attitudes of an IMU's recording or of a trajectory do not count as such.
+        """
+        if kind is GivesAttitude and isinstance(self.reader, GivesInertial | GivesPoses):
+            return False
+        fact = {GivesScans: "scans", GivesTrack: "positions", GivesInertial: "imu"}.get(kind, "")
+        return isinstance(self.reader, kind) and self.inspection.facts.get(fact) != "none"
 
     @property
     def scan_clock(self) -> ClockReading | None:
         """The reading of the clock that stamps its scans."""
-        if not (self.gives_scans and isinstance(self.reader, GivesScans)):
+        if not (self.gives(GivesScans) and isinstance(self.reader, GivesScans)):
             return None
         return next((c for c in reversed(self.inspection.clocks) if c.clock == self.reader.clock), None)
 
     @property
     def position_clock(self) -> ClockReading | None:
         """The reading of the clock that stamps its positions or poses."""
-        if not (self.gives_track or self.gives_poses or self.gives_inertial or self.gives_attitude):
+        if not any(map(self.gives, (GivesTrack, GivesPoses, GivesInertial, GivesAttitude))):
             return None
         return next((c for c in self.inspection.clocks if c.clock in (Clock.GNSS, Clock.STATED)), None)
 
@@ -112,11 +76,8 @@ class TimeMatch:
     """The overlap in time of a LiDAR recording and one with positions.
 
     Attributes:
-        scans: the LiDAR file.
-        positions: the other file.
         shared_s: duration of the overlap; negative: duration of the gap between them.
         offset_s: a likely offset, scanner clock minus the other, with which they would overlap.
-        text: description.
     """
 
     scans: Path

@@ -9,7 +9,7 @@ import posixpath
 import re
 import tomllib
 import zoneinfo
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal, get_args, get_origin
 
@@ -18,27 +18,24 @@ from msgspec.inspect import is_struct_type
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.foreign_content import LOOKED_AT, binary_kind
-from furrowmap.core.runtime.toml_text import parse_toml
 from furrowmap.core.session.camera import camera_faults
-from furrowmap.core.session.implements import FURTHER, TABLE, apart, implement_faults
-from furrowmap.core.values.attitude import MAGNETIC
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS
+from furrowmap.core.values.machine import MachineImplement
+from furrowmap.core.values.pose_track import MAGNETIC_NORTH
 from furrowmap.core.values.session import (
     CHECK,
     CURRENT_EPOCH,
     ELLIPSOIDAL,
     EXAMPLES,
-    SCHEMA,
-    Imu,
+    SESSION_SCHEMA,
+    Implement,
     Session,
 )
 
-FARTHEST_M: Final = 15.0
+MAX_PLACE_M: Final = 15.0
 """Largest plausible distance from the vehicle origin; larger values are millimetres or centimetres."""
 
-REFERENCE: Final = "The reference page docs/reference/session.md describes each key"
-
-_KINDS: Final = {
+_TYPE_WORDS: Final = {
     "str": "text in double quotes",
     "int": "a whole number",
     "float": "a number",
@@ -50,6 +47,77 @@ _KINDS: Final = {
     "datetime": "a date and time with its offset from UTC",
 }
 """Type names of msgspec and of this module's messages."""
+IMPLEMENT_TABLE: Final = "implement"
+FURTHER: Final = "further_implements"
+MAX_IMPLEMENTS: Final = 3
+"""Implements of one machine: in front, between the axles, behind."""
+MAX_TOML_INTEGER: Final = 2**63
+"""Integers have 64 bits (TOML 1.0.0, "Integer")."""
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The content of a TOML text.
+
+    Raises:
+        tomllib.TOMLDecodeError: if it is not valid, has an integer of more than 64 bits, or is nested too deeply.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except RecursionError:
+        raise tomllib.TOMLDecodeError("it is nested too deeply") from None
+    except ValueError:  # Python converts no more than 4,300 digits
+        raise tomllib.TOMLDecodeError("a number has too many digits") from None
+
+    def has_huge(value: object) -> bool:
+        if isinstance(value, dict | list):
+            return any(map(has_huge, value.values() if isinstance(value, dict) else value))
+        return isinstance(value, int) and not -MAX_TOML_INTEGER <= value < MAX_TOML_INTEGER
+
+    if has_huge(data):
+        raise tomllib.TOMLDecodeError("an integer has more than 64 bits")
+    return data
+
+
+def apart(data: dict[str, Any]) -> dict[str, Any]:
+    """The content of a file with the implement that moves soil as `implement`, the others as `further_implements`.
+
+    It is the one with `moves_soil`, else the rearmost. What is not a list of tables stays as it is.
+    """
+    tools = data.get(IMPLEMENT_TABLE)
+    if not isinstance(tools, list) or not tools or not all(isinstance(tool, dict) for tool in tools):
+        return data
+    first = min(range(len(tools)), key=lambda k: (tools[k].get("moves_soil") is not True, _x_m(tools[k])))
+    return data | {IMPLEMENT_TABLE: tools[first], FURTHER: tools[:first] + tools[first + 1 :]}
+
+
+def together(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The reverse of :func:`apart`: what goes into a file."""
+    rest = {key: value for key, value in data.items() if key != FURTHER}
+    return rest | {IMPLEMENT_TABLE: [data[IMPLEMENT_TABLE], *data[FURTHER]]} if data.get(FURTHER) else rest
+
+
+def implement_faults(tools: Sequence[Implement | MachineImplement]) -> Iterator[str]:
+    """What is wrong with several implements, or with their names."""
+    if len(tools) < 2:
+        return
+    if len(tools) > MAX_IMPLEMENTS:
+        yield f"[[implement]] is given {len(tools)} times; at most {MAX_IMPLEMENTS} are allowed"
+    names = [tool.name.strip() for tool in tools]
+    if not all(names):
+        yield 'each of several [[implement]] needs a name, such as name = "front roller"'
+    if len(set(names)) < len(names):
+        yield f"two [[implement]] have the name {next(name for name in names if names.count(name) > 1)!r}"
+    if sum(tool.moves_soil for tool in tools) > 1:
+        yield "implement.moves_soil is true of more than one [[implement]]"
+
+
+def _x_m(tool: Mapping[str, Any]) -> int | float:
+    """How far forward a tool is, as the file has it, also a whole number of any length; no place is refused later."""
+    place = tool.get("xy_m")
+    x_m = place[0] if isinstance(place, list) and place else 0.0
+    return x_m if isinstance(x_m, int | float) else 0.0
 
 
 def load_session(path: Path) -> Session:
@@ -66,28 +134,21 @@ def load_session(path: Path) -> Session:
     except IsADirectoryError:
         raise InputError("session-unreadable.load-session", path=path, path_scaled=path / "session.toml") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise _unreadable(path, getattr(error, "strerror", None) or "not UTF-8 text") from None
+        why = getattr(error, "strerror", None) or "not UTF-8 text"
+        raise InputError("session-unreadable", path=path, why=why) from None
     if kind is not None:
-        raise _unreadable(path, f"it is {kind}, not text")
+        raise InputError("session-unreadable", path=path, why=f"it is {kind}, not text")
     return parse_session(text, str(path))
 
 
-def _unreadable(path: Path, why: str) -> InputError:
-    return InputError("session-unreadable", path=path, why=why)
-
-
 def parse_session(text: str, name: str = "session.toml") -> Session:
-    """Parse the session in `text`; `name` is the file name in messages.
-
-    Raises:
-        InputError: as :func:`load_session`.
-    """
+    """Parse the session in `text`; `name` is the file name in messages. Raises InputError as :func:`load_session`."""
     try:
         data = parse_toml(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError("session-syntax", name=name, error=error) from None
-    if data.get("furrowmap") != SCHEMA:
-        raise InputError("session-schema", name=name, data=data.get("furrowmap"), schema=SCHEMA)
+    if data.get("furrowmap") != SESSION_SCHEMA:
+        raise InputError("session-schema", name=name, data=data.get("furrowmap"), schema=SESSION_SCHEMA)
     _check_keys(data, name)
     data = apart(data)
     recording = data.get("recording")
@@ -97,7 +158,9 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
         session = msgspec.convert(data, Session)
     except msgspec.ValidationError as error:
         raise _conversion_error(str(error), name) from None
-    _check_values(session, name)
+    fault = next(_faults(session), None)
+    if fault is not None:
+        raise InputError("session-value.check-values", name=name, fault=fault)
     return session
 
 
@@ -115,7 +178,10 @@ def _check_keys(data: dict[str, Any], name: str) -> None:
     levels += [
         (f"{table}.", content, struct.__struct_encode_fields__)
         for table, struct in _tables().items()
-        for content in _contents(data.get(table), several=table == TABLE)
+        for content in (
+            data[table] if table == IMPLEMENT_TABLE and isinstance(data.get(table), list) else [data.get(table)]
+        )
+        if isinstance(content, dict)
     ]
     for prefix, table, known in levels:
         for key in table:
@@ -131,16 +197,10 @@ def _check_keys(data: dict[str, Any], name: str) -> None:
                 )
 
 
-def _contents(value: Any, *, several: bool) -> list[dict[str, Any]]:
-    """The tables that a name stands for; no other value is one."""
-    values = value if several and isinstance(value, list) else [value]
-    return [content for content in values if isinstance(content, dict)]
-
-
 def _conversion_error(message: str, name: str) -> InputError:
     """Convert an error of msgspec about a missing key or a wrong type."""
     reason, _, path = message.partition(" - at `$.")
-    path = re.sub(rf"^{FURTHER}\[[^]]*\]", TABLE, path.rstrip("`"))
+    path = re.sub(rf"^{FURTHER}\[[^]]*\]", IMPLEMENT_TABLE, path.rstrip("`"))
     missing = re.fullmatch(r"Object missing required field `(.+)`", reason)
     if missing is not None:
         path = f"{path}.{missing[1]}" if path else missing[1]
@@ -176,7 +236,7 @@ def _type_fault(message: str, choices: list[str]) -> str:
     """What is wrong with a value, from the message of msgspec and what the key allows."""
     kinds = re.fullmatch(r"Expected `(.+?)(?: \| null)?`, got `(.+)`", message)
     if kinds is not None:
-        wanted, got = (_KINDS.get(kind, kind) for kind in kinds.groups())
+        wanted, got = (_TYPE_WORDS.get(kind, kind) for kind in kinds.groups())
         return f"must be {wanted}, not {got}"
     counts = re.fullmatch(r"Expected `array` of length (\d+), got (\d+)", message)
     if counts is not None:
@@ -188,15 +248,8 @@ def _type_fault(message: str, choices: list[str]) -> str:
     if choice is not None:
         return f"must be {' or '.join(map(repr, choices))}, not {choice[1]}"
     if "datetime" in message:
-        return f"must be {_KINDS['datetime']}"
+        return f"must be {_TYPE_WORDS['datetime']}"
     return f"is invalid ({message})"
-
-
-def _check_values(session: Session, name: str) -> None:
-    """Refuse values that no session can have."""
-    fault = next(_faults(session), None)
-    if fault is not None:
-        raise InputError("session-value.check-values", name=name, fault=fault)
 
 
 def _faults(session: Session) -> Iterator[str]:
@@ -205,7 +258,8 @@ def _faults(session: Session) -> Iterator[str]:
         if not math.isfinite(number):
             yield f"{key} must be finite, not {number}"
     implement = session.implement
-    if not session.recording.lidar and not any(tool.states for tool in session.implements) and not _flies(session):
+    flies = session.imu is not None or session.attitude is not None  # its trajectory is worth having alone
+    if not session.recording.lidar and not any(tool.states for tool in session.implements) and not flies:
         yield "recording.lidar names no file, and neither does implement.states, imu.files or attitude.roll_pitch"
     if not session.recording.gnss and session.trajectory is None:
         yield "recording.gnss names no file, and there is no [trajectory]"
@@ -217,19 +271,27 @@ def _faults(session: Session) -> Iterator[str]:
         yield f'crs.geoid_grid needs heights above a geoid, but crs.heights is "{ELLIPSOIDAL}"'
     yield from _repetitions(session)
     yield from camera_faults(session.camera)
-    if session.recording.date is not None and not _is_date(session.recording.date):
-        yield f'recording.date must be a date such as "2026-06-11", not {session.recording.date!r}'
+    if session.recording.date is not None:
+        try:
+            dt.date.fromisoformat(session.recording.date)
+        except ValueError:
+            yield f'recording.date must be a date such as "2026-06-11", not {session.recording.date!r}'
     if session.recording.span_s[0] >= session.recording.span_s[1]:
         yield "recording.to must be later than recording.from"
     yield from _far_places(session)
     if session.imu is not None:
-        yield from _imu_faults(session.imu)
+        known = (*IMU_CLASSES, *IMU_MODELS)
+        if not session.imu.files:
+            yield "imu.files names no file"
+        if session.imu.kind not in known:
+            kind = session.imu.kind
+            yield f"imu.class must be one of {', '.join(known)}, not {kind!r}; imu.noise states other figures"
         if session.imu.heading == "attitude" and session.attitude is None:
             yield 'imu.heading is "attitude", which needs [attitude] with the log of headings'
     if session.lidar.rpy_walk_deg_rts and (session.imu is None or implement is not None):
         yield "lidar.rpy_walk_deg_rts needs [imu] and no [implement]: only strips of a flight show such a change"
     attitude = session.attitude
-    if attitude is not None and attitude.north == MAGNETIC and attitude.declination_deg is None:
+    if attitude is not None and attitude.north == MAGNETIC_NORTH and attitude.declination_deg is None:
         yield 'attitude.north is "magnetic", which needs attitude.declination_deg (positive east)'
     yield from implement_faults(session.implements)
     if any(tool.states_use == CHECK for tool in session.implements) and not session.recording.lidar:
@@ -240,40 +302,21 @@ def _faults(session: Session) -> Iterator[str]:
         x0, x1, y0, y1 = region_m
         if not (x0 < x1 and y0 < y1):
             yield "implement.region_m must be [x_min, x_max, y_min, y_max] with each minimum below its maximum"
-        if max(abs(value) for value in region_m) > FARTHEST_M:
-            yield f"implement.region_m reaches farther than {FARTHEST_M:g} m from the rear axle (the unit is metres)"
-
-
-def _flies(session: Session) -> bool:
-    """Whether a run gives a trajectory that is worth having alone."""
-    return session.imu is not None or session.attitude is not None
-
-
-def _imu_faults(imu: Imu) -> Iterator[str]:
-    """The faults of the table of the IMU."""
-    if not imu.files:
-        yield "imu.files names no file"
-    known = (*IMU_CLASSES, *IMU_MODELS)
-    if imu.kind not in known:
-        yield f"imu.class must be one of {', '.join(known)}, not {imu.kind!r}; imu.noise states other figures"
+        if max(abs(value) for value in region_m) > MAX_PLACE_M:
+            yield f"implement.region_m reaches farther than {MAX_PLACE_M:g} m from the rear axle (the unit is metres)"
 
 
 def _far_places(session: Session) -> Iterator[str]:
     """Implausibly far positions in the vehicle frame, which were given in another unit."""
-    places: list[tuple[str, tuple[float, ...]]] = [("lidar.xyz_m", session.lidar.mounting.xyz_m)]
-    if session.imu is not None:
-        places.append(("imu.xyz_m", session.imu.xyz_m))
-    if session.mount is not None and session.mount.xyz_m is not None:
-        places.append(("mount.xyz_m", session.mount.xyz_m))
-    if session.camera is not None:
-        places.append(("camera.xyz_m", session.camera.xyz_m))
-    if session.antenna is not None:
-        places.append(("antenna.xyz_m", session.antenna.xyz_m))
+    tables = ("lidar", "imu", "mount", "camera", "antenna")
+    places = [(f"{table}.xyz_m", getattr(getattr(session, table), "xyz_m", None)) for table in tables]
     places += [("implement.xy_m", tool.xy_m) for tool in session.implements]
     for key, place in places:
+        if place is None:
+            continue
         far_m = max(place, key=abs)
-        if abs(far_m) > FARTHEST_M:
-            yield f"{key} holds {far_m:g}, more than {FARTHEST_M:g} m from the rear axle (the unit is metres)"
+        if abs(far_m) > MAX_PLACE_M:
+            yield f"{key} holds {far_m:g}, more than {MAX_PLACE_M:g} m from the rear axle (the unit is metres)"
 
 
 def _repetitions(session: Session) -> Iterator[str]:
@@ -302,11 +345,3 @@ def _numbers(value: Any, key: str = "") -> Iterator[tuple[str, float]]:
     elif isinstance(value, list | tuple):
         for item in value:
             yield from _numbers(item, key)
-
-
-def _is_date(text: str) -> bool:
-    try:
-        dt.date.fromisoformat(text)
-    except ValueError:
-        return False
-    return True

@@ -6,20 +6,18 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.session import Session
-
-FloatArray = NDArray[np.float64]
 
 EARTH: Final = "earth"
 MAP: Final = "map"
 BASE: Final = "base_link"
 """Names of REP-105; base_link is the vehicle frame."""
-_NAMED: Final = {
+_DIRECTIONS: Final = {
     "forward": (1.0, 0.0, 0.0),
     "backward": (-1.0, 0.0, 0.0),
     "left": (0.0, 1.0, 0.0),
@@ -36,7 +34,6 @@ class Frame:
     """A coordinate frame, and how it lies in the one above it.
 
     Attributes:
-        name: such as "lidar_link".
         parent: name of the frame above; "" for the first.
         pose: of its origin and axes in the parent; None where it changes with time, or is no rigid motion.
         has_axes: whether it has axes; an antenna is a point.
@@ -56,11 +53,7 @@ class FrameTree:
     frames: tuple[Frame, ...]
 
     def __getitem__(self, name: str) -> Frame:
-        """The frame of a name.
-
-        Raises:
-            KeyError: if there is none.
-        """
+        """The frame of a name. Raises KeyError if there is none."""
         found = next((frame for frame in self.frames if frame.name == name), None)
         if found is None:
             raise KeyError(f"no frame {name!r}; there are {', '.join(frame.name for frame in self.frames)}")
@@ -109,11 +102,7 @@ class FrameTree:
 
 
 def frame_tree(session: Session, frame: MapFrame) -> FrameTree:
-    """The frames of a session.
-
-    Args:
-        frame: its map frame.
-    """
+    """The frames of a session."""
     source = (
         "[trajectory]"
         if session.trajectory is not None
@@ -164,7 +153,7 @@ def pose_words(frame: Frame) -> str:
 
 def direction_words(direction: FloatArray) -> str:
     """A direction (3,) in the vehicle frame in words, such as "down" or "34° from down towards forward"."""
-    shares = {name: float(direction @ np.array(axis)) for name, axis in _NAMED.items()}
+    shares = {name: float(direction @ np.array(axis)) for name, axis in _DIRECTIONS.items()}
     first, second = sorted(shares, key=lambda name: -shares[name])[:2]
     off_deg = float(np.degrees(np.arccos(np.clip(shares[first], -1.0, 1.0))))
     return first if off_deg < EXACT_DEG else f"{off_deg:.1f}° from {first} towards {second}"

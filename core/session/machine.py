@@ -13,9 +13,15 @@ from typing import Any, Final
 import msgspec
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.toml_text import parse_toml
-from furrowmap.core.session.file import FARTHEST_M
-from furrowmap.core.session.implements import FURTHER, TABLE, apart, implement_faults, together
+from furrowmap.core.session.file import (
+    FURTHER,
+    IMPLEMENT_TABLE,
+    MAX_PLACE_M,
+    apart,
+    implement_faults,
+    parse_toml,
+    together,
+)
 from furrowmap.core.values.machine import (
     MACHINE_SCHEMA,
     NOT_SHOWN_DEG,
@@ -25,11 +31,10 @@ from furrowmap.core.values.machine import (
     MachineImplement,
     MachineImu,
 )
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.session import ORIGIN, Implement, Lidar, Session
+from furrowmap.core.values.rotation import Mounting
+from furrowmap.core.values.session import ORIGIN, Lidar, Session
 
-REFERENCE: Final = "docs/how-to/machine-profiles.md shows a whole one"
-_HEAD: Final = """\
+_PROFILE_HEAD: Final = """\
 # A machine: where its sensors and its tool sit in the vehicle frame (origin on the ground below the middle of the rear
 # axle; x forward, y left, z up; metres and degrees). `furrowmap init --machine` copies it into sessions.
 """
@@ -40,7 +45,6 @@ class LearnedMounting:
     """The mounting of a scanner as a recording shows it.
 
     Attributes:
-        mounting: of the scanner.
         sigma_deg: standard deviations about the vehicle's axes; inf where the recording does not show an angle.
         date: UTC day of the recording.
     """
@@ -66,11 +70,7 @@ def load_machine(path: Path) -> Machine:
 
 
 def parse_machine(text: str, name: str = "machine.toml") -> Machine:
-    """Parse a profile; `name` is the file name in messages.
-
-    Raises:
-        InputError: as :func:`load_machine`.
-    """
+    """Parse a profile; `name` is the file name in messages. Raises InputError as :func:`load_machine`."""
     try:
         data = parse_toml(text)
     except tomllib.TOMLDecodeError as error:
@@ -79,7 +79,9 @@ def parse_machine(text: str, name: str = "machine.toml") -> Machine:
         raise _invalid(name, f"it is no profile of a machine, which begins with furrowmap_machine = {MACHINE_SCHEMA}")
     try:
         if FURTHER in data:
-            raise _invalid(name, f"{FURTHER} is no table of a profile; write [[{TABLE}]] once for each implement")
+            raise _invalid(
+                name, f"{FURTHER} is no table of a profile; write [[{IMPLEMENT_TABLE}]] once for each implement"
+            )
         machine = msgspec.convert(apart(data), Machine)
     except msgspec.ValidationError as error:
         raise _invalid(name, str(error)) from None
@@ -99,13 +101,14 @@ def machine_text(machine: Machine) -> str:
             if isinstance(part, dict):
                 lines += ["", header]
                 lines += [f"{key} = {toml_value(value)}" for key, value in part.items() if stated(value)]
-    return _HEAD + "\n".join(lines) + "\n"
+    return _PROFILE_HEAD + "\n".join(lines) + "\n"
 
 
 def machine_of(session: Session, name: str) -> Machine:
     """The machine that a session describes; what it does not state is left out."""
     imu, camera = session.imu, session.camera
-    tools = tuple(_machine_implement(tool) for tool in session.implements)
+    kept = MachineImplement.__struct_fields__
+    tools = tuple(MachineImplement(**{name: getattr(tool, name) for name in kept}) for tool in session.implements)
     places = (camera.xyz_m, camera.rpy_deg) if camera is not None else (ORIGIN, ORIGIN)
     return Machine(
         name=name,
@@ -116,12 +119,6 @@ def machine_of(session: Session, name: str) -> Machine:
         implement=tools[0] if tools else None,
         further_implements=tools[1:],
     )
-
-
-def _machine_implement(tool: Implement) -> MachineImplement:
-    """What a profile keeps of an implement."""
-    kept = {name: getattr(tool, name) for name in MachineImplement.__struct_fields__}
-    return MachineImplement(**kept)
 
 
 def learned(machine: Machine, found: LearnedMounting) -> Machine:
@@ -148,8 +145,8 @@ def _fault(value: Any, key: str = "") -> str:
         return next(filter(None, (_fault(item, key) for item in value)), "")
     if isinstance(value, float) and not math.isfinite(value):
         return f"{key} must be finite, not {value}"
-    if isinstance(value, float) and key.endswith(("xyz_m", "xy_m")) and abs(value) > FARTHEST_M:
-        return f"{key} holds {value:g}, more than {FARTHEST_M:g} m from the rear axle (the unit is metres)"
+    if isinstance(value, float) and key.endswith(("xyz_m", "xy_m")) and abs(value) > MAX_PLACE_M:
+        return f"{key} holds {value:g}, more than {MAX_PLACE_M:g} m from the rear axle (the unit is metres)"
     return ""
 
 

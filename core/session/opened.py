@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,6 @@ from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import (
     AttitudeReader,
-    ClockReading,
     GivesAttitude,
     GivesImages,
     GivesInertial,
@@ -34,11 +33,12 @@ from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.camera import camera_of, camera_table, images_of, mounted
 from furrowmap.core.session.file import load_session
 from furrowmap.core.values.camera import Camera
+from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.images import Images, joined
 from furrowmap.core.values.parcel import SOIL_METHODS
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
-from furrowmap.core.values.time_span import ALL, Span, scans_within
+from furrowmap.core.values.time_span import WHOLE_SPAN, Span, scans_within
 
 _GIVES: Final = {
     GivesScans: "laser scans",
@@ -71,23 +71,8 @@ class Inputs:
     """The files that a session names, resolved: each exists and lies inside the session's folder.
 
     Attributes:
-        lidar: laser scanner recordings, in time order.
-        positions: GNSS logs, or the files of a trajectory from elsewhere, in time order.
-        inertial: recordings of the IMU, in time order.
-        attitude: logs of roll and pitch, and of the heading.
-        mount: attitude of a moving mount.
-        boundary: boundary of the field.
-        within: polygons of the ground to map.
-        images: table of the camera's images.
-        camera: recordings with its images.
-        control_points: surveyed points that images show.
-        control_pixels: their places in images.
-        parcels: parcels of a trial.
-        treatments: what each parcel was given.
-        soil: the soil below the parcels by another survey.
+        positions: GNSS logs, or the files of an external trajectory, in time order.
         tools: of each implement, in the order of :attr:`Session.implements`.
-        parameters: parameter file of the map frame.
-        geoid_grid: geoid grid of the map frame.
     """
 
     lidar: tuple[Path, ...]
@@ -109,7 +94,7 @@ class Inputs:
     geoid_grid: Path | None = None
 
     @classmethod
-    def of(cls, session_file: Path, session: Session) -> Inputs:
+    def find(cls, session_file: Path, session: Session) -> Inputs:
         """The files that `session` names, relative to `session_file`.
 
         Raises:
@@ -178,7 +163,7 @@ class LidarRecording:
         span_s: first and last time to use, by the clock of the positions.
     """
 
-    def __init__(self, reader: LidarReader, minus_gnss_s: float, span_s: Span = ALL) -> None:
+    def __init__(self, reader: LidarReader, minus_gnss_s: float, span_s: Span = WHOLE_SPAN) -> None:
         self._reader, self._minus_gnss_s, self._span_s = reader, minus_gnss_s, span_s
 
     def scans(self) -> Iterator[Scan]:
@@ -210,13 +195,7 @@ class LidarRecording:
 
 @dataclass(frozen=True)
 class OpenSession:
-    """A session whose files have been found.
-
-    Attributes:
-        file: path of `session.toml`.
-        session: its content.
-        frame: the map frame.
-    """
+    """A session whose files have been found."""
 
     file: Path
     session: Session
@@ -234,7 +213,7 @@ class OpenSession:
         return replace(self, session=session, inputs=replace(self.inputs, within=polygons.resolve()))
 
     def positions(self) -> Reader:
-        """A reader of the GNSS positions, or of the trajectory from elsewhere.
+        """A reader of the GNSS positions, or of the external trajectory.
 
         Raises:
             InputError: if a file has an unknown format, or one that does not give what the session names it for.
@@ -246,21 +225,15 @@ class OpenSession:
             week=stated.week if stated is not None else None,
             task=recording.task,
         )
-        reader = open_recording(self.inputs.positions, options)
         if stated is not None:
-            _expect(reader, GivesPoses, self.inputs.positions[0], "trajectory.files")
-        else:
-            _expect(reader, GivesTrack, self.inputs.positions[0], "recording.gnss")
-        return reader
+            return _open(self.inputs.positions, options, GivesPoses, "trajectory.files")
+        return _open(self.inputs.positions, options, GivesTrack, "recording.gnss")
 
     def inertial(self, near_s: float) -> InertialReader:
         """A reader of the IMU's measurements.
 
         Args:
             near_s: a time of the recording, for times that count from the start of a week.
-
-        Raises:
-            InputError: as :meth:`positions`.
         """
         table = self.session.imu
         assert table is not None
@@ -268,25 +241,18 @@ class OpenSession:
         options = ReadOptions(near_s=near_s, topic=table.topic, columns=columns)
         if columns:
             return ImuCsv(self.inputs.inertial, options)
-        reader = open_recording(self.inputs.inertial, options)
-        _expect(reader, GivesInertial, self.inputs.inertial[0], "imu.files")
-        return cast("InertialReader", reader)
+        return cast("InertialReader", _open(self.inputs.inertial, options, GivesInertial, "imu.files"))
 
     def attitude(self, near_s: float) -> tuple[AttitudeReader, AttitudeReader]:
         """Readers of roll and pitch, and of the heading.
 
         Args:
             near_s: as for :meth:`inertial`.
-
-        Raises:
-            InputError: as :meth:`positions`.
         """
-        readers = []
-        for path, key in zip(self.inputs.attitude, ("attitude.roll_pitch", "attitude.heading"), strict=True):
-            reader = open_recording([path], ReadOptions(near_s=near_s))
-            _expect(reader, GivesAttitude, path, key)
-            readers.append(cast("AttitudeReader", reader))
-        return readers[0], readers[1]
+        options, keys = ReadOptions(near_s=near_s), ("attitude.roll_pitch", "attitude.heading")
+        files = zip(self.inputs.attitude, keys, strict=True)
+        level, heading = (cast("AttitudeReader", _open([path], options, GivesAttitude, key)) for path, key in files)
+        return level, heading
 
     def images(self, notices: list[Notice]) -> Images:
         """The images of the camera, by the clock of the positions.
@@ -302,8 +268,8 @@ class OpenSession:
         files = images_of(self.file, camera, notices)
         if camera.topic is None:
             return files
-        images, told = self._recorded
-        notices += [notice for notice in told if notice not in notices]
+        images, warnings = self._recorded
+        notices += [notice for notice in warnings if notice not in notices]
         return joined([files, images.earlier_by(camera.minus_gnss_s)])
 
     def camera(self) -> Camera:
@@ -327,9 +293,7 @@ class OpenSession:
         camera = self.session.camera
         assert camera is not None
         options = ReadOptions(topic=camera.topic, glance_s=camera.every_s or None)
-        reader = open_recording(self.inputs.camera, options)
-        _expect(reader, GivesImages, self.inputs.camera[0], "camera.files")
-        return cast("ImageReader", reader)
+        return cast("ImageReader", _open(self.inputs.camera, options, GivesImages, "camera.files"))
 
     def lidar(self, near_s: float, glance_s: float | None = None) -> LidarRecording:
         """The laser scans.
@@ -337,15 +301,11 @@ class OpenSession:
         Args:
             near_s: a time of the drive by the clock of the positions, for scanner clocks that show only part of a time.
             glance_s: one scan in this many seconds is enough; None for all.
-
-        Raises:
-            InputError: as :meth:`positions`.
         """
         minus_gnss_s = self.session.recording.lidar_minus_gnss_s
         options = ReadOptions(model=self.session.lidar.model, near_s=near_s + minus_gnss_s, glance_s=glance_s)
-        reader = open_recording(self.inputs.lidar, options)
-        _expect(reader, GivesScans, self.inputs.lidar[0], "recording.lidar")
-        return LidarRecording(cast("LidarReader", reader), minus_gnss_s, self.session.recording.span_s)
+        reader = cast("LidarReader", _open(self.inputs.lidar, options, GivesScans, "recording.lidar"))
+        return LidarRecording(reader, minus_gnss_s, self.session.recording.span_s)
 
 
 def open_session(session_file: Path) -> OpenSession:
@@ -356,7 +316,7 @@ def open_session(session_file: Path) -> OpenSession:
         RefusedError: if the map frame is ambiguous.
     """
     session = load_session(session_file)
-    inputs = Inputs.of(session_file, session)
+    inputs = Inputs.find(session_file, session)
     return OpenSession(session_file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
 
 
@@ -368,10 +328,12 @@ def watched(scans: Iterator[Scan], recording: LidarRecording, progress: Progress
     progress(stage, 1.0)
 
 
-def _expect(reader: Reader, kind: type[object], path: Path, key: str) -> None:
-    """Raise InputError if a file does not hold what the session names it for."""
+def _open(paths: Sequence[Path], options: ReadOptions, kind: type[object], key: str) -> Reader:
+    """A reader of files; raises InputError if they do not hold what the session names them for."""
+    reader = open_recording(paths, options)
     if not isinstance(reader, kind):
-        raise InputError("wrong-kind-of-file", path=path, title=reader.title, gives=_GIVES[kind], key=key)
+        raise InputError("wrong-kind-of-file", path=paths[0], title=reader.title, gives=_GIVES[kind], key=key)
+    return reader
 
 
 def resolve(session_file: Path, named: str) -> Path:
@@ -386,7 +348,13 @@ def resolve(session_file: Path, named: str) -> Path:
     try:
         path = (folder / named).resolve()
         inside = list(path.iterdir()) if path.is_dir() else []
-        is_whole = any(_of_a_whole(file) for file in inside)
+        # A ROS 2 bag, or task data.
+        is_whole = any(
+            file.name == "metadata.yaml"
+            or file.name.upper() == "TASKDATA.XML"
+            or not {".db3", ".mcap"}.isdisjoint(file.suffixes)
+            for file in inside
+        )
         is_outside = any(leads_out(place, folder) for place in (path, *(inside if is_whole else ())))
         is_file, is_folder = path.is_file(), path.is_dir()
     except (OSError, ValueError) as error:
@@ -396,9 +364,3 @@ def resolve(session_file: Path, named: str) -> Path:
     if not is_file and not is_whole:
         raise InputError("session-file-missing", session_file=session_file, named=named, is_folder=bool(is_folder))
     return path
-
-
-def _of_a_whole(file: Path) -> bool:
-    """Whether the name is that of a file in a ROS 2 bag or in task data."""
-    named = file.name == "metadata.yaml" or file.name.upper() == "TASKDATA.XML"
-    return named or not {".db3", ".mcap"}.isdisjoint(file.suffixes)

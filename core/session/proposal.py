@@ -8,13 +8,21 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from pyproj import Transformer
 
 from furrowmap.core.geodesy.crs_choice import CrsChoice, choose_crs
-from furrowmap.core.readers.reader import GivesPoses, GivesTrack, ReadOptions
+from furrowmap.core.readers.reader import (
+    GivesAttitude,
+    GivesInertial,
+    GivesPoses,
+    GivesScans,
+    GivesStates,
+    GivesTrack,
+    ReadOptions,
+)
 from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.session.examination import Examined, time_matches
 from furrowmap.core.session.proposed_places import (
@@ -29,20 +37,27 @@ from furrowmap.core.session.proposed_places import (
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.machine import Machine
-from furrowmap.core.values.session import SCHEMA
+from furrowmap.core.values.session import SESSION_SCHEMA
 
-UNKNOWN: Final = "FILL-IN"
+FILL_IN: Final = "FILL-IN"
 """Placeholder for a required value that the recordings do not show."""
 
 _SAME_PLACE_M: Final = 1000.0
 """Two positions closer than this are in the same CRS; in another CRS they would differ by kilometres."""
 
-_NORTH: Final = """\
+_NORTH_COMMENT: Final = """\
 # For headings from magnetic north, and for logs that do not state their north ("true", "grid"):
 # north = "magnetic"
 # declination_deg = 4.2   # positive east, of the place and date
 """
-_FIELD: Final = """\
+_TRAJECTORY: Final = """\
+# External trajectory, used instead of GNSS and scan matching.
+[trajectory]
+{}
+files = {}
+# time = "utc"   # or "gps", if the file does not state it
+"""
+_FIELD_COMMENT: Final = """\
 # Field boundary, a vector file.
 # [field]
 # boundary = "boundary.geojson"
@@ -55,7 +70,6 @@ class Proposal:
 
     Attributes:
         text: of the file, valid for `load_session`.
-        found: what the recordings show.
         missing: what a run needs or benefits from and the recordings do not show.
     """
 
@@ -84,7 +98,6 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
     """Propose a session file for recordings.
 
     Args:
-        recordings: in any order.
         machine: that made them; the places of its sensors and its tool are copied.
 
     Raises:
@@ -92,15 +105,17 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
             of the recordings.
     """
     ordered = sorted(recordings, key=lambda r: r.first_s)
-    lidar = [r for r in ordered if r.gives_scans]
-    gnss = [r for r in ordered if r.gives_track]
-    poses = [r for r in ordered if r.gives_poses]
-    states = [r for r in ordered if r.gives_states]
-    inertial = [r for r in ordered if r.gives_inertial]
-    attitude = [r for r in ordered if r.gives_attitude]
+    lidar = [r for r in ordered if r.gives(GivesScans)]
+    gnss = [r for r in ordered if r.gives(GivesTrack)]
+    poses = [r for r in ordered if r.gives(GivesPoses)]
+    states = [r for r in ordered if r.gives(GivesStates)]
+    inertial = [r for r in ordered if r.gives(GivesInertial)]
+    attitude = [r for r in ordered if r.gives(GivesAttitude)]
     used = [*lidar, *gnss, *poses, *states, *inertial, *attitude]
     if not used:
-        raise _nothing_recorded(ordered[0])
+        title, path = ordered[0].inspection.title, ordered[0].path
+        finished = path.name if ordered[0].inspection.format == "las" else None
+        raise InputError("no-recording.nothing-recorded", other=path, title=title, other_2=finished)
     matches = list(time_matches(ordered))
     near_s = next((r.scan_clock.first_s for r in lidar if r.scan_clock is not None), None)
     beginnings = [_beginning(r, near_s) for r in gnss + poses]
@@ -114,45 +129,38 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
             _recording(lidar, gnss, poses, [*states, *inertial, *attitude], folder),
             _times([match.text for match in matches], date, undated=undated),
             _crs(crs),
-            _trajectory(poses, folder) if poses else antenna_table(machine),
+            _TRAJECTORY.format(_comments(poses), _names(poses, folder)) if poses else antenna_table(machine),
             *([_lidar(lidar, machine)] if lidar or not (states or inertial or attitude) else []),
-            *([_imu(inertial, folder, machine)] if inertial else []),
+            *(
+                [f"[imu]\n{_comments(inertial)}\nfiles = {_names(inertial, folder)}\n{imu_lines(machine)}"]
+                if inertial
+                else []
+            ),
             *([_attitude(attitude, folder)] if attitude else []),
             _implement(states, folder, machine) if states else implement_table(machine),
             *camera_comment(machine),
-            _FIELD,
+            _FIELD_COMMENT,
         ]
     )
     found = [
         *(Notice("recording", name=r.path.name, title=r.inspection.title) for r in ordered),
         *(Notice("time-overlap", text=match.text) for match in matches if match.shared_s > 0),
-        *_crs_found(crs),
+        *([Notice("crs", code=crs.code, crs=crs.name, reason=crs.reason)] if crs is not None else []),
+        *(Notice("crs-alternative", other=other) for other in (crs.alternatives if crs is not None else ())),
     ]
+    lacking = {
+        "no-lidar": not (sensed or states),
+        "no-positions": not (gnss or poses),
+        "no-crs": crs is None,
+    }
     missing = [
         *(Notice("time-overlap", text=match.text) for match in matches if match.shared_s <= 0),
         *(Notice("no-place", fault=b.fault) for b in beginnings if b.fault),
-        *_unused(ordered, used),
-        *_missing(crs, scans=sensed or bool(states), positions=bool(gnss or poses)),
+        *(Notice("recording-unused.unused", r=r.path.name, title=r.inspection.title) for r in ordered if r not in used),
+        *(Notice(f"{code}.missing", unknown=FILL_IN) for code, absent in lacking.items() if absent),
         *places_missing(machine, scans=sensed, states=bool(states), poses=bool(poses), inertial=bool(inertial)),
     ]
     return Proposal(text, tuple(found), tuple(missing))
-
-
-def _unused(recordings: Sequence[Examined], used: Sequence[Examined]) -> list[Notice]:
-    """Recordings that a session has no place for."""
-    return [
-        Notice("recording-unused.unused", r=r.path.name, title=r.inspection.title) for r in recordings if r not in used
-    ]
-
-
-def _nothing_recorded(other: Examined) -> InputError:
-    finished = other.inspection.format == "las"
-    return InputError(
-        "no-recording.nothing-recorded",
-        other=other.path,
-        title=other.inspection.title,
-        other_2=other.path.name if finished else None,
-    )
 
 
 @dataclass(frozen=True)
@@ -160,7 +168,6 @@ class _Beginning:
     """Where and when a recording begins.
 
     Attributes:
-        crs: suitable for the location.
         date: of the first position (UTC).
         fault: why both are unknown, or "".
     """
@@ -216,24 +223,11 @@ def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginn
     return _Beginning(crs=crs)
 
 
-def _crs_found(crs: CrsChoice | None) -> list[Notice]:
-    if crs is None:
-        return []
-    chosen = Notice("crs", code=crs.code, crs=crs.name, reason=crs.reason)
-    return [chosen, *(Notice("crs-alternative", other=other) for other in crs.alternatives)]
-
-
-def _missing(crs: CrsChoice | None, *, scans: bool, positions: bool) -> list[Notice]:
-    """What of recordings and map is missing."""
-    missing = {"no-lidar": not scans, "no-positions": not positions, "no-crs": crs is None}
-    return [Notice(f"{code}.missing", unknown=UNKNOWN) for code, absent in missing.items() if absent]
-
-
 def _head(folder: Path, machine: Machine) -> str:
     return f"""\
 # Session file proposed by `furrowmap init`. Lines that begin with a hash sign are comments. Check the values, measure
 # what is missing, and remove the hash sign of the lines that you fill in.
-{head_words(machine)}furrowmap = {SCHEMA}
+{head_words(machine)}furrowmap = {SESSION_SCHEMA}
 name = {_quoted(folder.resolve().name or "session")}
 """
 
@@ -248,10 +242,10 @@ def _recording(
     scans = [(recording, recording.scan_clock) for recording in lidar]
     lines = ["[recording]", *_described(scans)]
     if lidar or not states:
-        lines.append(f"lidar = {_names(lidar, folder) or _listed([UNKNOWN])}")
+        lines.append(f"lidar = {_names(lidar, folder) or _listed([FILL_IN])}")
     if gnss or not poses:
         positions = [(recording, recording.position_clock) for recording in gnss]
-        lines += [*_described(positions), f"gnss = {_names(gnss, folder) or _listed([UNKNOWN])}"]
+        lines += [*_described(positions), f"gnss = {_names(gnss, folder) or _listed([FILL_IN])}"]
     tasks = [
         (name, facts) for recording in states for name, facts in recording.inspection.facts.get("tasks", {}).items()
     ]
@@ -273,7 +267,7 @@ def _times(matches: Sequence[str], date: str | None, *, undated: bool) -> str:
 
 def _crs(crs: CrsChoice | None) -> str:
     if crs is None:
-        words, code = ["Projected CRS of the map; the location is unknown."], UNKNOWN
+        words, code = ["Projected CRS of the map; the location is unknown."], FILL_IN
     else:
         words, code = [f"{crs.name}: {crs.reason}.", *(f"Or {other}." for other in crs.alternatives)], crs.code
     comments = "\n".join(f"# {printable(line)}" for line in words)
@@ -286,31 +280,15 @@ coordinates = "as-recorded"
 """
 
 
-def _trajectory(poses: Sequence[Examined], folder: Path) -> str:
-    comments = "\n".join(_described([(recording, recording.position_clock) for recording in poses]))
-    return f"""\
-# External trajectory, used instead of GNSS and scan matching.
-[trajectory]
-{comments}
-files = {_names(poses, folder)}
-# time = "utc"   # or "gps", if the file does not state it
-"""
-
-
-def _imu(inertial: Sequence[Examined], folder: Path, machine: Machine) -> str:
-    comments = "\n".join(_described([(recording, recording.position_clock) for recording in inertial]))
-    return f"[imu]\n{comments}\nfiles = {_names(inertial, folder)}\n{imu_lines(machine)}"
-
-
 def _attitude(logs: Sequence[Examined], folder: Path) -> str:
     """Roll and pitch of the first log that has them, the heading of the last one."""
-    comments = "\n".join(_described([(recording, recording.position_clock) for recording in logs]))
     level = next((r for r in logs if "roll_deg" in r.inspection.facts), logs[0])
     heading = next((r for r in reversed(logs) if r.inspection.facts["north"] != "no heading"), logs[-1])
     (roll_pitch,), (north,) = (_paths([recording], folder) for recording in (level, heading))
     return (
-        f"[attitude]\n{comments}\n# Log whose roll and pitch, and log whose heading are used; the same, or two.\n"
-        f"roll_pitch = {_quoted(roll_pitch)}\nheading = {_quoted(north)}\n{_NORTH}"
+        f"[attitude]\n{_comments(logs)}\n"
+        "# Log whose roll and pitch, and log whose heading are used; the same, or two.\n"
+        f"roll_pitch = {_quoted(roll_pitch)}\nheading = {_quoted(north)}\n{_NORTH_COMMENT}"
     )
 
 
@@ -330,16 +308,10 @@ states = {_names(states, folder)}
 
 
 def _lidar(lidar: Sequence[Examined], machine: Machine) -> str:
-    model = next((model for r in lidar if (model := _model(r.inspection.facts))), None)
+    facts = (each for r in lidar for each in (r.inspection.facts, r.inspection.facts.get("scans")))  # of a container
+    model = next((str(each["model"]) for each in facts if isinstance(each, Mapping) and each.get("model")), None)
     stated = f"model = {_quoted(model)}   # from the recording\n" if model else ""
     return f"[lidar]\n{stated}{lidar_lines(machine)}"
-
-
-def _model(facts: Mapping[str, Any]) -> str | None:
-    """The scanner model in the facts of a recording, or under "scans" in those of a container."""
-    within = facts.get("scans")
-    model = facts.get("model") or (within.get("model") if isinstance(within, Mapping) else None)
-    return str(model) if model else None
 
 
 def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> list[str]:
@@ -349,6 +321,10 @@ def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> li
         span = f", {iso_utc(clock.first_s)} to {iso_utc(clock.last_s)} ({clock.clock.value})" if clock else ""
         lines.append(f"# {printable(recording.path.name)}: {printable(recording.inspection.title)}{span}")
     return lines
+
+
+def _comments(recordings: Sequence[Examined]) -> str:
+    return "\n".join(_described([(recording, recording.position_clock) for recording in recordings]))
 
 
 def _names(recordings: Sequence[Examined], folder: Path) -> str:

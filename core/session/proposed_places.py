@@ -92,11 +92,7 @@ def places_missing(machine: Machine, *, scans: bool, states: bool, poses: bool, 
     """Places that neither the recordings nor the machine's profile show.
 
     Args:
-        machine: its profile.
         scans: whether a scanner, or a flight, was recorded.
-        states: whether tool states were recorded.
-        poses: whether the trajectory is from elsewhere.
-        inertial: whether an IMU was recorded.
     """
     mounted = machine.lidar is not None and None not in (machine.lidar.xyz_m, machine.lidar.rpy_deg)
     found = []

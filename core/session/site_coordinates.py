@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
-from pyproj import CRS, Geod
+from pyproj import Geod
 
 from furrowmap.core.geodesy.coordinates import JGD2024_SINCE_S, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.crs_choice import choose_crs
@@ -17,10 +16,8 @@ from furrowmap.core.readers.reader import GivesPoses, GivesTrack
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.compass import compass_direction
 from furrowmap.core.values.gnss import Fix
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.values.rotation import compass_direction
 
 HECTARE_M: Final = 100.0
 _JAPAN_RESULTS: Final = ("JGD2011", "JGD2024")
@@ -32,13 +29,7 @@ class SiteCoordinates:
     """The coordinates of a session at the middle of its positions.
 
     Attributes:
-        frame: of the map.
-        transform: how the positions are transformed.
         lon_deg: longitude after the transformation.
-        lat_deg: latitude after the transformation.
-        easting_m: likewise, on the map.
-        northing_m: likewise, on the map.
-        span_s: time of the positions.
         convergence_deg: true heading minus grid heading.
         scale: map distance divided by distance on the ellipsoid.
         hectare_m2: area on the ellipsoid of a square of 100 m × 100 m on the map.
@@ -60,13 +51,27 @@ class SiteCoordinates:
     @property
     def sentences(self) -> list[tuple[str, str]]:
         """Subjects and their descriptions, in the order of the steps."""
+        when = f"recorded from {iso_utc(self.span_s[0])} to {iso_utc(self.span_s[1])}"
+        on_map = (
+            f"{self.frame.name} ({self.frame.whole_crs.name}): easting {self.easting_m:.3f} m, northing "
+            f"{self.northing_m:.3f} m; all products have easting first, regardless of the axis order of the authority"
+        )
+        side = "west" if self.convergence_deg < 0 else "east"
+        grid = (
+            f"grid north is {abs(self.convergence_deg):.4f}° {side} of true north; 1 km on the ellipsoid is "
+            f"{1000 * self.scale:.3f} m on the map"
+        )
+        areas = (
+            f"one hectare on the map is {self.hectare_m2:,.1f} m² on the ellipsoid; layers have both, `area_m2` and "
+            "`area_ellipsoid_m2`"
+        )
         return [
-            ("place", f"{self.lat_deg:.6f}, {self.lon_deg:.6f} (latitude, longitude), {self._when()}"),
+            ("place", f"{self.lat_deg:.6f}, {self.lon_deg:.6f} (latitude, longitude), {when}"),
             ("positions", self._positions()),
             ("heights", self._heights()),
-            ("map", self._map()),
-            ("grid", self._grid()),
-            ("areas", self._areas()),
+            ("map", f"{on_map}. {self.beside}" if self.beside else on_map),
+            ("grid", grid),
+            ("areas", areas),
         ]
 
     def plain(self) -> dict[str, Any]:
@@ -84,9 +89,6 @@ class SiteCoordinates:
             "words": dict(self.sentences),
             "warnings": self.transform.notices,
         }
-
-    def _when(self) -> str:
-        return f"recorded from {iso_utc(self.span_s[0])} to {iso_utc(self.span_s[1])}"
 
     def _positions(self) -> str:
         move, stated = self.transform.epoch, self.frame.stated
@@ -133,26 +135,6 @@ class SiteCoordinates:
         right, when = ("JPGEO2024", "since 1 April 2025") if since else ("GSIGEO2011", "before 1 April 2025")
         return f'; for heights above sea level write `heights = "{right}"`, the geoid model for recordings {when}'
 
-    def _map(self) -> str:
-        words = (
-            f"{self.frame.name} ({self.frame.whole_crs.name}): easting {self.easting_m:.3f} m, northing "
-            f"{self.northing_m:.3f} m; all products have easting first, regardless of the axis order of the authority"
-        )
-        return f"{words}. {self.beside}" if self.beside else words
-
-    def _grid(self) -> str:
-        side = "west" if self.convergence_deg < 0 else "east"
-        return (
-            f"grid north is {abs(self.convergence_deg):.4f}° {side} of true north; 1 km on the ellipsoid is "
-            f"{1000 * self.scale:.3f} m on the map"
-        )
-
-    def _areas(self) -> str:
-        return (
-            f"one hectare on the map is {self.hectare_m2:,.1f} m² on the ellipsoid; layers have both, `area_m2` and "
-            "`area_ellipsoid_m2`"
-        )
-
 
 def site_coordinates(session_file: str | Path) -> SiteCoordinates:
     """The coordinates of a session and their transformation.
@@ -194,22 +176,13 @@ def _at(
     named = frame.named or frame.crs
     authority = named.to_authority()
     beside = ""
-    if (
-        choice is not None
-        and authority is not None
-        and choice.code != ":".join(authority)
-        and not _suits(named, lon, lat)
-    ):
+    area = named.area_of_use
+    suits = area is None or (
+        (lon - area.west) % 360.0 <= (area.east - area.west) % 360.0 and area.south <= lat <= area.north
+    )
+    if choice is not None and authority is not None and choice.code != ":".join(authority) and not suits:
         beside = f"{choice.code} ({choice.name}) is more suitable at this site"
     return SiteCoordinates(
         frame, transform, lon, lat, e, n, span_s, float(frame.convergence_deg(*here)[0]), frame.scale(lon, lat),
         abs(float(area_m2)), beside,
     )  # fmt: skip
-
-
-def _suits(crs: CRS, lon: float, lat: float) -> bool:
-    """Whether the site is in the area of use of the CRS."""
-    area = crs.area_of_use
-    if area is None:
-        return True
-    return bool((lon - area.west) % 360.0 <= (area.east - area.west) % 360.0 and area.south <= lat <= area.north)

@@ -9,7 +9,7 @@ from typing import Final
 from furrowmap.core.runtime.errors import RefusedError
 
 _HEADER: Final = re.compile(r"^[ \t]*\[+[ \t]*[A-Za-z]", re.MULTILINE)
-_VALUE: Final = r"(\[[^\]]*\]|[^#\n]*?)(\s*(?:#[^\n]*)?)$"
+_TOML_VALUE: Final = r"(\[[^\]]*\]|[^#\n]*?)(\s*(?:#[^\n]*)?)$"
 
 
 _CALIBRATED: Final = re.compile(r"(;\s*|#\s*)?calibrated with the recording of .*$")
@@ -50,7 +50,7 @@ def _changed(text: str, table: str, key: str, value: str, origin: str) -> str:
     inline = re.search(rf"^[ \t]*{table}[ \t]*=[ \t]*\{{([^}}\n]*)\}}", root, re.MULTILINE)
     if inline is not None:
         return root[: inline.start(1)] + _in_braces(inline.group(1), key, value) + root[inline.end(1) :] + rest
-    dotted = list(re.finditer(rf"^[ \t]*{table}[ \t]*\.[ \t]*(\w+)[ \t]*=[ \t]*{_VALUE}", root, re.MULTILINE))
+    dotted = list(re.finditer(rf"^[ \t]*{table}[ \t]*\.[ \t]*(\w+)[ \t]*=[ \t]*{_TOML_VALUE}", root, re.MULTILINE))
     for line in dotted:
         if line.group(1) == key:
             return root[: line.start(2)] + value + root[line.end(2) :] + rest
@@ -73,7 +73,7 @@ def _in_table(text: str, head: re.Match[str], key: str, value: str, origin: str)
     after = _HEADER.search(text, head.end())
     end = after.start() if after is not None else len(text)
     body = text[head.end() : end]
-    line = re.compile(rf"^([ \t]*{key}\s*=\s*){_VALUE}", re.MULTILINE)
+    line = re.compile(rf"^([ \t]*{key}\s*=\s*){_TOML_VALUE}", re.MULTILINE)
     if line.search(body):
         body = line.sub(lambda found: found.group(1) + value + _commented(found.group(3), origin), body, count=1)
     else:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import TilePoints
-from furrowmap.core.values.intervals import Interval
+from furrowmap.core.values.time_span import Interval
 
 BLOCK: Final = 8
 """Cells a side of the blocks that are counted: with fewer points each, densities are noise."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import PointClass
 
 FloatArray = NDArray[np.float64]
 

@@ -1,1 +1,1 @@
-"""From positions, or from poses of elsewhere, to the vehicle's trajectory in the map frame."""
+"""From positions, or from external poses, to the vehicle's trajectory in the map frame."""

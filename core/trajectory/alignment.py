@@ -16,26 +16,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.inertial import cross_matrix
-from furrowmap.core.estimation.knots import STEP_S
-from furrowmap.core.estimation.preintegration import Increments
-from furrowmap.core.trajectory.heading_hints import DECISIVE, HeadingHint
+from furrowmap.core.estimation.inertial import Increments, cross_matrix
+from furrowmap.core.estimation.knots import KNOT_STEP_S
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.trajectory.heading_hints import DECISIVE, ChunkMotion, HeadingHint
 from furrowmap.core.values.inertial import InertialNoise
-
-FloatArray = NDArray[np.float64]
 
 HALF: Final = 40
 """Knots of half the time over which second differences are taken: a second."""
-HALF_S: Final = HALF * STEP_S
+HALF_S: Final = HALF * KNOT_STEP_S
 STRIDE: Final = 8
 """Knots from one second difference to the next."""
-CHUNK: Final = 2400
+CHUNK_KNOTS: Final = 2400
 """Knots that are aligned together: a minute."""
 CERTAIN_RAD: Final = np.radians(5.0)
 """Standard deviation of a heading up to which it is a first guess."""
-MODEL_M: Final = 0.05
+MODEL_SIGMA_M: Final = 0.05
 """Error of a second difference beside the noise of the positions."""
-ITERATIONS: Final = 8
+ALIGNMENT_ROUNDS: Final = 8
 
 
 @dataclass(frozen=True)
@@ -89,21 +87,19 @@ def attitudes(
     """First guess of the attitudes at consecutive knots; None where the motion does not show the heading.
 
     Args:
-        steps: increments from each of n knots to the next, STEP_S later.
+        steps: increments from each of n knots to the next, KNOT_STEP_S later.
         antenna_m: (n + 1, 3) antenna at the knots in metres on the ground, in the map's axes; nan where unknown.
         arm_m: (3,) from the IMU to the antenna, in the vehicle's axes.
         sigma_m: standard deviation of an antenna's position.
-        noise: of the IMU.
-        gravity: m/s².
         hint: what shows the heading beside accelerations; None for nothing.
     """
     whole = chained(steps.turn)
     n = len(whole)
     rotation, bias = np.empty((n, 3, 3)), np.empty((n, 6))
-    begin, end, last, misfit = 0, min(CHUNK, n), None, 0.0
+    begin, end, last, misfit = 0, min(CHUNK_KNOTS, n), None, 0.0
     while begin < n:
-        motion = _Chunk.of(steps, whole, begin, end, arm_m)
-        observed = _Observed.of(motion, antenna_m, sigma_m, gravity, hint)
+        motion = ChunkMotion.integrate(steps, whole, begin, end, arm_m)
+        observed = _ObservedMotion.observe(motion, antenna_m, sigma_m, gravity, hint)
         aligned = _aligned(motion, observed, noise, last)
         if last is None and (aligned is None or not aligned.certain):
             if end == n:
@@ -111,63 +107,36 @@ def attitudes(
             end = min(2 * end, n)
             continue
         assert aligned is not None
-        rotation[begin:end], bias[begin:end] = motion.rotations(aligned), aligned.bias
-        last, misfit = motion.carried(aligned, noise), max(misfit, aligned.misfit)
-        begin, end = end, min(end + CHUNK, n)
+        rotation[begin:end], bias[begin:end] = _rotations(motion, aligned), aligned.bias
+        last, misfit = _carry_on(motion, aligned, noise), max(misfit, aligned.misfit)
+        begin, end = end, min(end + CHUNK_KNOTS, n)
     return Attitudes(rotation, bias, misfit)
 
 
-@dataclass(frozen=True)
-class _Chunk:
-    """Motion by the IMU in the axes of the vehicle at the begin of a chunk.
+def _rotations(motion: ChunkMotion, aligned: Aligned) -> FloatArray:
+    """(m, 3, 3) vehicle to map at the knots."""
+    drift = Rotation.from_rotvec(-motion.swept_s @ aligned.bias[:3]).as_matrix()
+    out: FloatArray = aligned.rotation @ drift @ motion.turned
+    return out
 
-    Attributes:
-        begin: first knot.
-        turned: (m, 3, 3) rotation of each knot's axes to the first one's.
-        swept_s: (m, 3, 3) integral of it over time: the turn by a constant rate, per rad/s.
-        way_m: (m, 3) of the antenna, but for gravity and the velocity at the begin.
-    """
 
-    begin: int
-    turned: FloatArray
-    swept_s: FloatArray
-    way_m: FloatArray
-
-    @classmethod
-    def of(cls, steps: Increments, whole: FloatArray, begin: int, end: int, arm_m: FloatArray) -> _Chunk:
-        """Of the knots from `begin` to before `end`."""
-        turned = whole[begin].T @ whole[begin:end]
-        swept = np.cumsum(turned, axis=0) * STEP_S
-        inner = slice(begin, end - 1)
-        pushed = np.einsum("kij,kj->ki", turned[:-1], steps.velocity_mps[inner])
-        velocity = np.cumsum(pushed, axis=0) - pushed
-        way = np.cumsum(velocity * STEP_S + np.einsum("kij,kj->ki", turned[:-1], steps.way_m[inner]), axis=0)
-        return cls(begin, turned, swept, np.concatenate([np.zeros((1, 3)), way]) + turned @ arm_m)
-
-    def rotations(self, aligned: Aligned) -> FloatArray:
-        """(m, 3, 3) vehicle to map at the knots."""
-        drift = Rotation.from_rotvec(-self.swept_s @ aligned.bias[:3]).as_matrix()
-        out: FloatArray = aligned.rotation @ drift @ self.turned
-        return out
-
-    def carried(self, aligned: Aligned, noise: InertialNoise) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rotation, bias and covariance at the begin of the next chunk."""
-        length_s = len(self.turned) * STEP_S
-        lead = np.eye(9)
-        lead[:3, 3:6] = -aligned.rotation @ self.swept_s[-1]
-        spread = np.repeat([noise.rate**2, noise.rate_walk**2, noise.force_walk**2], 3) * length_s
-        spread[:3] += np.radians(0.5) ** 2
-        return self.rotations(aligned)[-1], aligned.bias, lead @ aligned.covariance @ lead.T + np.diag(spread)
+def _carry_on(motion: ChunkMotion, aligned: Aligned, noise: InertialNoise) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Rotation, bias and covariance at the begin of the next chunk."""
+    length_s = len(motion.turned) * KNOT_STEP_S
+    lead = np.eye(9)
+    lead[:3, 3:6] = -aligned.rotation @ motion.swept_s[-1]
+    spread = np.repeat([noise.rate**2, noise.rate_walk**2, noise.force_walk**2], 3) * length_s
+    spread[:3] += np.radians(0.5) ** 2
+    return _rotations(motion, aligned)[-1], aligned.bias, lead @ aligned.covariance @ lead.T + np.diag(spread)
 
 
 @dataclass(frozen=True)
-class _Observed:
+class _ObservedMotion:
     """What is known of the motion of a chunk.
 
     Attributes:
         middle: (m,) knots in the chunk about which second differences are taken.
         seen: (m, 3) those of the antenna, without gravity.
-        hint: what shows the heading beside them.
     """
 
     middle: NDArray[np.intp]
@@ -176,21 +145,21 @@ class _Observed:
     hint: HeadingHint | None
 
     @classmethod
-    def of(
-        cls, motion: _Chunk, antenna_m: FloatArray, sigma_m: float, gravity: float, hint: HeadingHint | None
-    ) -> _Observed:
+    def observe(
+        cls, motion: ChunkMotion, antenna_m: FloatArray, sigma_m: float, gravity: float, hint: HeadingHint | None
+    ) -> _ObservedMotion:
         """Of an antenna (n, 3) at the knots of the whole chain."""
         middle = np.arange(HALF, len(motion.turned) - HALF, STRIDE)
         seen = _second_difference(antenna_m[motion.begin : motion.begin + len(motion.turned)], middle)
-        seen[:, 2] += gravity * (HALF * STEP_S) ** 2
+        seen[:, 2] += gravity * (HALF * KNOT_STEP_S) ** 2
         known = np.isfinite(seen).all(axis=1)
-        weight = STRIDE / (2 * HALF) / (6.0 * sigma_m**2 + MODEL_M**2)  # differences overlap
+        weight = STRIDE / (2 * HALF) / (6.0 * sigma_m**2 + MODEL_SIGMA_M**2)  # differences overlap
         return cls(middle[known], seen[known], weight, hint)
 
 
 def _aligned(
-    motion: _Chunk,
-    observed: _Observed,
+    motion: ChunkMotion,
+    observed: _ObservedMotion,
     noise: InertialNoise,
     prior: tuple[FloatArray, FloatArray, FloatArray] | None,
 ) -> Aligned | None:
@@ -205,7 +174,9 @@ def _aligned(
         return _fitted(motion, observed, rotation, bias, known)
     information = np.diag(np.concatenate([np.zeros(3), 1.0 / np.repeat([noise.rate_bias, noise.force_bias], 3) ** 2]))
     own = _second_difference(motion.way_m, observed.middle)
-    start = _wahba(observed.seen, own)
+    # The rotation that turns vectors `own` onto those seen best (Markley 1988, J. Astronaut. Sci. 36).
+    left, _, right = np.linalg.svd(observed.seen.T @ own)
+    start = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
     starts = [start] if observed.hint is None else observed.hint.starts(start, motion)
     found = [_fitted(motion, observed, rotation, np.zeros(6), information) for rotation in starts]
     if len(found) == 2 and found[1].squares < found[0].squares - DECISIVE:
@@ -214,14 +185,14 @@ def _aligned(
 
 
 def _fitted(
-    motion: _Chunk, observed: _Observed, first: FloatArray, start: FloatArray, information: FloatArray
+    motion: ChunkMotion, observed: _ObservedMotion, first: FloatArray, start: FloatArray, information: FloatArray
 ) -> Aligned:
     """Gauss-Newton rounds from an attitude (3, 3) and biases (6,) of an information (9, 9), zero where unknown."""
     middle, seen, weight = observed.middle, observed.seen, observed.weight
     own = _second_difference(motion.way_m, middle)
-    sweep, push = motion.swept_s[middle], motion.turned[middle] * (HALF * STEP_S) ** 2
+    sweep, push = motion.swept_s[middle], motion.turned[middle] * (HALF * KNOT_STEP_S) ** 2
     normal, squares, rotation, bias = information, 0.0, first, start
-    for _ in range(ITERATIONS):
+    for _ in range(ALIGNMENT_ROUNDS):
         body = own + cross_matrix(own) @ sweep @ bias[:3] - push @ bias[3:]
         computed = body @ rotation.T
         design = np.concatenate(
@@ -246,13 +217,6 @@ def _fitted(
 
 def _second_difference(values: FloatArray, middle: NDArray[np.intp]) -> FloatArray:
     out: FloatArray = values[middle + HALF] - 2.0 * values[middle] + values[middle - HALF]
-    return out
-
-
-def _wahba(seen: FloatArray, own: FloatArray) -> FloatArray:
-    """The rotation (3, 3) that turns vectors (m, 3) `own` onto `seen` best (Markley 1988, J. Astronaut. Sci. 36)."""
-    left, _, right = np.linalg.svd(seen.T @ own)
-    out: FloatArray = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
     return out
 
 

@@ -11,33 +11,22 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
 from furrowmap.core.trajectory.motion import STANDING_MPS, longest_gap_s
-from furrowmap.core.trajectory.positions import (
-    Offsets,
-    positions_of,
-    quality_runs,
-    quality_words,
-    sigmas_m,
-    usable,
-    white_noise_m,
-)
+from furrowmap.core.trajectory.positions import positions_without_steps, quality_words, sigmas_m, usable
 from furrowmap.core.trajectory.smoothing import smooth_path
-from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, AttitudeTrack
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_attitude, unwrap_deg
-from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
+from furrowmap.core.values.pose_track import GRID_NORTH, MAGNETIC_NORTH, TRUE_NORTH, AttitudeTrack
+from furrowmap.core.values.rotation import Mounting, attitude_to_quaternion, quaternion_to_attitude, unwrap_deg
+from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere, source_columns
 
-FloatArray = NDArray[np.float64]
-
-FEWEST: Final = 4
+MIN_PATH_POSITIONS: Final = 4
 """Positions of a stretch through which a path is laid."""
 
 
@@ -78,7 +67,6 @@ def from_stated_north(track: AttitudeTrack, north: str | None, declination_deg: 
     """Headings from true or grid north.
 
     Args:
-        track: the log.
         north: as the session states it, for logs that do not.
         declination_deg: of the magnetic field at the place and time, positive east.
 
@@ -86,13 +74,13 @@ def from_stated_north(track: AttitudeTrack, north: str | None, declination_deg: 
         InputError: if it is unknown from which north the headings count, or the declination is.
     """
     north = north or track.north
-    if north not in (TRUE, GRID, MAGNETIC):
+    if north not in (TRUE_NORTH, GRID_NORTH, MAGNETIC_NORTH):
         raise InputError("north-unknown", source=track.source)
-    if north != MAGNETIC:
+    if north != MAGNETIC_NORTH:
         return replace(track, north=north)
     if declination_deg is None:
         raise InputError("no-declination", source=track.source)
-    return replace(track, heading_deg=track.heading_deg + declination_deg, north=TRUE)
+    return replace(track, heading_deg=track.heading_deg + declination_deg, north=TRUE_NORTH)
 
 
 def trajectory_from_attitude_logs(
@@ -106,9 +94,6 @@ def trajectory_from_attitude_logs(
 
     Args:
         track: positions of the antenna, in the datum of the map.
-        frame: the map frame.
-        lever_m: the antenna in the vehicle frame.
-        fixes: qualities whose positions are used; None for 'fixed and float if there is any fixed, else all'.
 
     Raises:
         InputError: if no position is left to use, or positions and logs have no time in common.
@@ -121,22 +106,20 @@ def trajectory_from_attitude_logs(
     heading = _at(t_s, logs.heading, "heading_deg")
     known = np.isfinite(roll) & np.isfinite(pitch) & np.isfinite(heading)
     if known.sum() < 2:
-        raise _no_common(gated, logs)
+        times = {"positions": gated.t_s, "roll and pitch": logs.roll_pitch.t_s, "headings": logs.heading.t_s}
+        spans = (f"{name} from {iso_utc(float(t[0]))} to {iso_utc(float(t[-1]))}" for name, t in times.items())
+        raise InputError("attitude-no-overlap", spans=", ".join(spans))
     t_s, xyz, velocity = t_s[known], xyz[known], velocity[known]
     roll, pitch, heading = roll[known], pitch[known], heading[known]
-    if logs.heading.north == TRUE:
+    if logs.heading.north == TRUE_NORTH:
         heading = heading - frame.convergence_deg(*frame.to_lon_lat(xyz[:, 0], xyz[:, 1]))
     turn = Rotation.from_quat(attitude_to_quaternion(roll, pitch, heading), scalar_first=True)
-    steps = Offsets(quality_runs(gated.fix), np.zeros(len(gated)))
-    white = white_noise_m(gated, en, sigmas_m(gated)[:, 0])
-    positions = positions_of(gated, en, white, np.full(len(gated), np.nan), steps)
     speed = np.einsum("ki,ki->k", velocity, turn.as_matrix()[:, :, 0])
     standing = np.linalg.norm(velocity, axis=1) < STANDING_MPS
     nearest = np.clip(np.searchsorted(gated.t_s, t_s), 0, len(gated) - 1)
     sigma = np.empty((len(t_s), 6))
     sigma[:, :3] = sigmas_m(gated)[nearest][:, [0, 0, 1]]
     sigma[:, 3:5], sigma[:, 5] = logs.sigma_deg
-    words = {name: np.full(len(t_s), word) for name, word in _SOURCES.items()}
     trajectory = Trajectory(
         t_s=t_s,
         xyz_m=xyz - turn.apply(np.asarray(lever_m, np.float64)),
@@ -146,17 +129,10 @@ def trajectory_from_attitude_logs(
         fix=gated.fix[nearest],
         sigma=sigma,
         max_gap_s=longest_gap_s(t_s),
-        **words,
+        **source_columns(len(t_s), "attitude", "gnss", "gnss", "attitude"),
     )
+    positions = positions_without_steps(gated, en)
     return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices))
-
-
-_SOURCES: Final = {
-    "heading_from": "attitude",
-    "position_from": "gnss",
-    "height_from": "gnss",
-    "level_from": "attitude",
-}
 
 
 def _antenna(track: GnssTrack, en_m: FloatArray, wanted_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -166,7 +142,7 @@ def _antenna(track: GnssTrack, en_m: FloatArray, wanted_s: FloatArray) -> tuple[
     for part in np.split(np.arange(len(track)), 1 + np.flatnonzero(np.diff(track.t_s) > longest_gap_s(track.t_s))):
         first_s, last_s = track.t_s[part[0]], track.t_s[part[-1]]
         t_s = wanted_s[(wanted_s >= first_s) & (wanted_s <= last_s)]
-        if len(part) < FEWEST or not len(t_s):
+        if len(part) < MIN_PATH_POSITIONS or not len(t_s):
             continue
         origin = xyz[part[0]]
         path, up = (smooth_path(track.t_s[part] - first_s, (xyz[part] - origin)[:, axes]) for axes in ([0, 1], [2]))
@@ -190,15 +166,3 @@ def _at(t_s: FloatArray, track: AttitudeTrack, name: str) -> FloatArray:
     bridged = known_s[after] - known_s[after - 1] <= longest_gap_s(known_s)
     inside = (t_s >= known_s[0]) & (t_s <= known_s[-1]) & bridged
     return np.where(inside, np.interp(t_s, known_s, angle), np.nan)
-
-
-def _no_common(track: GnssTrack, logs: AttitudeLogs) -> InputError:
-    spans = ", ".join(
-        f"{name} from {iso_utc(float(t_s[0]))} to {iso_utc(float(t_s[-1]))}"
-        for name, t_s in (
-            ("positions", track.t_s),
-            ("roll and pitch", logs.roll_pitch.t_s),
-            ("headings", logs.heading.t_s),
-        )
-    )
-    return InputError("attitude-no-overlap", spans=spans)

@@ -15,20 +15,19 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.positions import sigmas_m, without_jumps
 from furrowmap.core.trajectory.smoothing import smooth_path, white_noise
 from furrowmap.core.values.gnss import GnssTrack
-from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
+from furrowmap.core.values.trajectory import Motion, Trajectory, source_columns, trajectory_from_attitude
 
-FloatArray = NDArray[np.float64]
-
-LONGEST_GAP_S: Final = 15.0
+MAX_COURSE_GAP_S: Final = 15.0
 """A machine on its way bridges this without surprises; logs pause for seconds where nothing changes."""
 CREEPING_MPS: Final = 0.3
 """Slower than this, positions a second apart show no course."""
-STANDING_MPS: Final = 0.05
-LEAST: Final = 2
+COURSE_STANDING_MPS: Final = 0.05
+MIN_COURSE_POSITIONS: Final = 2
 
 
 @dataclass(frozen=True)
@@ -36,9 +35,7 @@ class CourseTrajectory:
     """A trajectory, the positions it uses, and notices.
 
     Attributes:
-        trajectory: of the vehicle frame.
         used: (n,) whether each position of the track was used.
-        notices: for the report.
     """
 
     trajectory: Trajectory
@@ -55,8 +52,6 @@ def trajectory_from_course(
     that no drive leads to, are left out and reported.
 
     Args:
-        track: positions of the antenna, such as one a second.
-        frame: the map.
         lever_m: the antenna in the vehicle frame.
 
     Raises:
@@ -82,25 +77,18 @@ def trajectory_from_course(
     sigma = np.full((len(kept), 6), np.nan)
     sigma[:, :2] = sigmas_m(kept)[:, :1]
     sigma[:, 5] = np.degrees(white_noise(en) / np.maximum(speed, CREEPING_MPS) / float(np.median(np.diff(kept.t_s))))
-    motion = np.where(speed > STANDING_MPS, Motion.FORWARD, Motion.STANDING).astype(np.int8)
+    motion = np.where(speed > COURSE_STANDING_MPS, Motion.FORWARD, Motion.STANDING).astype(np.int8)
     xyz_m = np.column_stack([origin, height])
     trajectory = trajectory_from_attitude(
-        kept.t_s, xyz_m, 0.0, 0.0, heading, max_gap_s=LONGEST_GAP_S, speed_mps=speed, motion=motion
+        kept.t_s, xyz_m, 0.0, 0.0, heading, max_gap_s=MAX_COURSE_GAP_S, speed_mps=speed, motion=motion
     )
-    trajectory = replace(
-        trajectory,
-        fix=kept.fix,
-        sigma=sigma,
-        heading_from=np.full(len(kept), "course"),
-        position_from=np.full(len(kept), "gnss"),
-        height_from=np.full(len(kept), "gnss"),
-        level_from=np.full(len(kept), "assumed"),
-    )
+    sources = source_columns(len(kept), "course", "gnss", "gnss", "assumed")
+    trajectory = replace(trajectory, fix=kept.fix, sigma=sigma, **sources)
     return CourseTrajectory(trajectory, used, tuple(notices))
 
 
 def _expect_some(track: GnssTrack, used: NDArray[np.bool_]) -> None:
-    if used.sum() < LEAST:
+    if used.sum() < MIN_COURSE_POSITIONS:
         raise InputError(
             "gnss-no-positions.expect-some", source=track.source or "The log", used=int(used.sum()), track=len(track)
         )
@@ -112,8 +100,8 @@ def _course(t_s: FloatArray, en_m: FloatArray) -> tuple[FloatArray, FloatArray]:
     At a stand the heading is that of the course before and behind it.
     """
     heading, speed = np.zeros(len(t_s)), np.zeros(len(t_s))
-    for part in np.split(np.arange(len(t_s)), 1 + np.flatnonzero(np.diff(t_s) > LONGEST_GAP_S)):
-        if len(part) < LEAST:
+    for part in np.split(np.arange(len(t_s)), 1 + np.flatnonzero(np.diff(t_s) > MAX_COURSE_GAP_S)):
+        if len(part) < MIN_COURSE_POSITIONS:
             continue
         since = t_s[part] - t_s[part[0]]
         velocity = smooth_path(since, en_m[part] - en_m[part[0]])(since, 1)

@@ -12,12 +12,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.estimation.positions import ANTENNA_HEADING_SIGMA_RAD
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice, RefusedError
-from furrowmap.core.trajectory.climbs import climb_notices
-from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
+from furrowmap.core.trajectory.kinematic import EpochMeasurements, PathEpochs, solve_path
 from furrowmap.core.trajectory.motion import Motions, find_motion, longest_gap_s
 from furrowmap.core.trajectory.positions import (
+    climb_notices,
     judge_rate,
     offsets,
     positions_of,
@@ -28,27 +31,26 @@ from furrowmap.core.trajectory.positions import (
     white_noise_m,
     without_jumps,
 )
-from furrowmap.core.trajectory.vague_headings import with_vague_headings
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.rotation import unwrap_deg, wrap_deg
-from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.values.trajectory import Motion, Trajectory, source_columns, trajectory_from_attitude
 
 SWAY_RAD: Final = np.radians(0.3)
 """A tractor on soil sways by a quarter of a degree; an antenna two metres up moves by a centimetre with it."""
 TILT_SIGMA_DEG: Final = 1.0
 """What taking a tractor on a field as level is off by, in roll and in pitch (one standard deviation)."""
-KNOT_STEP_S: Final = 0.2
+MAX_PATH_KNOT_STEP_S: Final = 0.2
 """Between positions further apart than this, knots are put in, so that curves stay curves."""
-OUTLIERS_REPORTED: Final = 0.01
+MIN_REPORTED_OUTLIERS: Final = 0.01
 """Share of outliers from which on they are reported."""
-ANTENNAS_SIGMA_DEG: Final = 0.5
 ANTENNAS_OFF_DEG: Final = 45.0
 """A heading of two antennas that is this far from the course is that of a baseline across or against the vehicle."""
 ANTENNAS_REPORTED_DEG: Final = 0.5
+VAGUE_DEG: Final = 15.0
+"""Beyond it positions fit several headings: one antenna that moves by decimetres may as well turn about the axle."""
+ANY_DEG: Final = 180.0 / np.sqrt(3.0)
+"""Of a heading that may be any."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +58,9 @@ class GnssTrajectory:
     """A trajectory from GNSS, alone or with other sensors, the positions it uses, and notices.
 
     Attributes:
-        trajectory: of the vehicle frame.
         positions: of the antenna, those that were used.
         used: positions used, by quality label.
         unused: positions left out, by reason.
-        notices: for the report.
     """
 
     trajectory: Trajectory
@@ -69,6 +69,11 @@ class GnssTrajectory:
     unused: dict[str, int]
     notices: tuple[Notice, ...]
 
+    @property
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Numbers of positions used and left out."""
+        return {"used": self.used, "unused": self.unused}
+
 
 def trajectory_from_gnss(
     track: GnssTrack, frame: MapFrame, lever_m: tuple[float, float, float], fixes: tuple[Fix, ...] | None
@@ -76,8 +81,6 @@ def trajectory_from_gnss(
     """The initial trajectory of the vehicle frame.
 
     Args:
-        track: positions of the antenna.
-        frame: the map frame.
         lever_m: the antenna in the vehicle frame.
         fixes: qualities whose positions are used; None for 'fixed and float if there is any fixed, else all'.
 
@@ -100,56 +103,47 @@ def trajectory_from_gnss(
     heading_2 = _antennas_heading(gated, convergence, motions, notices)
     if not np.isfinite(heading_2).any():
         if not motions.motion.any():
-            raise _no_heading(gated)
+            raise RefusedError(
+                "heading-unknown.no-heading",
+                source=track.source or "The GNSS log",
+                t_s=iso_utc(gated.t_s[0]),
+                t_s_last=iso_utc(gated.t_s[-1]),
+            )
         if motions.doubtful:
-            notices.append(_direction_notice(gated.t_s, motions))
+            doubtful = (f"{iso_utc(gated.t_s[a])} to {iso_utc(gated.t_s[b])}" for a, b in motions.doubtful[:3])
+            notices.append(Notice("direction-assumed", spans=" and ".join(doubtful)))
 
     grid = _Grid.over(gated.t_s, max_gap_s)
     positions = positions_of(gated, en, white, heading_2, offsets(gated, en, notices))
     chain, antenna = _chain(positions, motions, lever_m, grid, max_gap_s)
-    start_yaw = _start_yaw(gated.t_s, motions, heading_2, grid)
+    # Yaw from course and direction of motion, interpolated over stands and gaps.
+    driven = motions.velocity_mps * motions.motion[:, None]
+    shown = np.isfinite(heading_2)
+    yaw = np.where(shown, 90.0 - heading_2, np.degrees(np.arctan2(driven[:, 1], driven[:, 0])))
+    known = shown | (np.hypot(*driven.T) > 0.0)
+    start_yaw = np.radians(np.interp(grid.t_s, gated.t_s[known], unwrap_deg(yaw[known])))
     start_en = np.column_stack([np.interp(grid.t_s, gated.t_s, en[:, k]) for k in range(2)])
     path = solve_path(chain, antenna, start_en, start_yaw)
 
     motion = motions.motion[grid.nearest]
     speed = _speed(grid.t_s, path.xyz_m, path.yaw_rad, motion, chain.gap)
-    notices += [*climb_notices(gated, en), *_outlier_notices(path.outlier[grid.measured])]
+    notices += climb_notices(gated, en)
+    outlier = path.outlier[grid.measured]
+    if outlier.mean() > MIN_REPORTED_OUTLIERS:
+        notices.append(Notice("gnss-outliers", outlier=outlier.sum(), outlier_count=len(outlier)))
     heading = 90.0 - np.degrees(path.yaw_rad)
-    n = len(grid.t_s)
+    trajectory = trajectory_from_attitude(
+        grid.t_s, path.xyz_m, 0.0, 0.0, heading, max_gap_s=max_gap_s, speed_mps=speed, motion=motion
+    )
+    heading_from = np.where(motion == Motion.STANDING, "standing", "gnss")
+    heading_from = np.where(np.isfinite(antenna.yaw_rad), "antennas", heading_from)
     trajectory = replace(
-        trajectory_from_attitude(
-            grid.t_s, path.xyz_m, 0.0, 0.0, heading, max_gap_s=max_gap_s, speed_mps=speed, motion=motion
-        ),
+        trajectory,
+        **source_columns(len(trajectory), heading_from, "gnss", "gnss", "assumed"),
         fix=gated.fix[grid.nearest],
         sigma=with_vague_headings(_with_tilt(path.sigma, lever_m), np.asarray(lever_m, np.float64)),
-        heading_from=np.where(
-            np.isfinite(antenna.yaw_rad), "antennas", np.where(motion == Motion.STANDING, "standing", "gnss")
-        ),
-        position_from=np.full(n, "gnss"),
-        height_from=np.full(n, "gnss"),
-        level_from=np.full(n, "assumed"),
     )
     return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices))
-
-
-def _no_heading(track: GnssTrack) -> RefusedError:
-    return RefusedError(
-        "heading-unknown.no-heading",
-        source=track.source or "The GNSS log",
-        t_s=iso_utc(track.t_s[0]),
-        t_s_last=iso_utc(track.t_s[-1]),
-    )
-
-
-def _outlier_notices(outlier: NDArray[np.bool_]) -> list[Notice]:
-    if outlier.mean() <= OUTLIERS_REPORTED:
-        return []
-    return [Notice("gnss-outliers", outlier=outlier.sum(), outlier_count=len(outlier))]
-
-
-def _direction_notice(t_s: FloatArray, motions: Motions) -> Notice:
-    spans = " and ".join(f"{iso_utc(t_s[a])} to {iso_utc(t_s[b])}" for a, b in motions.doubtful[:3])
-    return Notice("direction-assumed", spans=spans)
 
 
 def _antennas_heading(
@@ -174,28 +168,21 @@ def _antennas_heading(
 
 @dataclass(frozen=True)
 class _Grid:
-    """The knots of the trajectory: every position, and more where positions are far apart.
-
-    Attributes:
-        t_s: (m,) times.
-        measured: (n,) index of each position's knot.
-        nearest: (m,) index of the position before or at each knot.
-    """
+    """The knots (m,) of the trajectory: every position (n,), and more where positions are far apart."""
 
     t_s: FloatArray
-    measured: NDArray[np.intp]
-    nearest: NDArray[np.intp]
+    measured: NDArray[np.intp]  # (n,) index of each position's knot
+    nearest: NDArray[np.intp]  # (m,) index of the position before or at each knot
 
     @classmethod
     def over(cls, t_s: FloatArray, max_gap_s: float) -> _Grid:
         step = np.diff(t_s)
-        parts = np.where(step > max_gap_s, 1, np.ceil(step / KNOT_STEP_S - 1e-6)).astype(np.intp)
+        parts = np.where(step > max_gap_s, 1, np.ceil(step / MAX_PATH_KNOT_STEP_S - 1e-6)).astype(np.intp)
         parts = np.append(np.maximum(parts, 1), 1)
         measured = np.concatenate([[0], np.cumsum(parts)[:-1]])
         nearest = np.repeat(np.arange(len(t_s)), parts)
         within = np.arange(len(nearest)) - measured[nearest]
-        share = within / parts[nearest]
-        knots = t_s[nearest] + share * np.append(step, 0.0)[nearest]
+        knots = t_s[nearest] + within / parts[nearest] * np.append(step, 0.0)[nearest]
         return cls(knots, measured, nearest)
 
 
@@ -205,45 +192,31 @@ def _chain(
     lever_m: tuple[float, float, float],
     grid: _Grid,
     max_gap_s: float,
-) -> tuple[Chain, Antenna]:
+) -> tuple[PathEpochs, EpochMeasurements]:
     """The knots with their links and measurements."""
-    m = len(grid.t_s)
 
     def spread(values: FloatArray) -> FloatArray:
-        out = np.full((m, *values.shape[1:]), np.nan)
+        out = np.full((len(grid.t_s), *values.shape[1:]), np.nan)
         out[grid.measured] = values
         return out
 
-    sway = SWAY_RAD * abs(lever_m[2])
     gap = np.diff(grid.t_s) > max_gap_s
-    stretch = motions.stretch[grid.nearest]
     motion = motions.motion[grid.nearest]
     still = (motion[1:] == 0) & (motion[:-1] == 0)
-    chain = Chain(grid.t_s, still & ~gap, gap, stretch)
-    antenna = Antenna(
+    chain = PathEpochs(grid.t_s, still & ~gap, gap, motions.stretch[grid.nearest])
+    antenna = EpochMeasurements(
         en_m=spread(positions.xyz_m[:, :2]),
         height_m=spread(positions.xyz_m[:, 2]),
-        white_m=np.hypot(positions.white_m[:, 0], sway)[grid.nearest],
+        white_m=np.hypot(positions.white_m[:, 0], SWAY_RAD * abs(lever_m[2]))[grid.nearest],
         white_h_m=positions.white_m[grid.nearest, 2],
         drift_m=positions.drift_m[grid.nearest, 0],
         drift_h_m=positions.drift_m[grid.nearest, 2],
         drift_run=positions.run[grid.nearest],
         yaw_rad=spread(positions.yaw_rad),
-        sigma_yaw_rad=float(np.radians(ANTENNAS_SIGMA_DEG)),
+        sigma_yaw_rad=float(ANTENNA_HEADING_SIGMA_RAD),
         lever_m=lever_m,
     )
     return chain, antenna
-
-
-def _start_yaw(t_s: FloatArray, motions: Motions, heading_deg: FloatArray, grid: _Grid) -> FloatArray:
-    """Yaw (m,) at the knots, unwrapped, from course and direction of motion, interpolated over stands and gaps."""
-    velocity = motions.velocity_mps * motions.motion[:, None]
-    yaw = np.degrees(np.arctan2(velocity[:, 1], velocity[:, 0]))
-    known = np.hypot(*velocity.T) > 0.0
-    shown = np.isfinite(heading_deg)
-    yaw = np.where(shown, 90.0 - heading_deg, yaw)
-    known |= shown
-    return np.radians(np.interp(grid.t_s, t_s[known], unwrap_deg(yaw[known])))
 
 
 def _speed(
@@ -272,4 +245,20 @@ def _with_tilt(sigma: FloatArray, lever_m: tuple[float, float, float]) -> FloatA
     out[:, 2] = np.hypot(sigma[:, 2], tilt * np.hypot(lever_m[0], lever_m[1]))
     out[:, 3:5] = TILT_SIGMA_DEG
     out[:, 5] = np.degrees(sigma[:, 3])
+    return out
+
+
+def with_vague_headings(sigma: FloatArray, lever_m: FloatArray) -> FloatArray:
+    """Standard deviations (n, 6), of headings beyond VAGUE_DEG as of any heading, with those of the places they turn.
+
+    Args:
+        sigma: (n, 6) in the order of :data:`~furrowmap.core.values.trajectory.SIGMA_NAMES`.
+        lever_m: (3,) the antenna in the vehicle frame, about which the vehicle's origin turns.
+    """
+    vague = sigma[:, 5] > VAGUE_DEG
+    if not vague.any():
+        return sigma
+    out = arrays.copied(sigma)
+    out[vague, 5] = np.maximum(sigma[vague, 5], ANY_DEG)
+    out[vague, :2] = np.hypot(sigma[vague, :2], np.hypot(lever_m[0], lever_m[1]))
     return out

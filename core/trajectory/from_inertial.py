@@ -8,13 +8,14 @@ smoother would give, linearised anew until nothing moves.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.gnss_drift import GnssDrift
+from furrowmap.core.estimation.banded import HUBER_SIGMAS
+from furrowmap.core.estimation.covariance import marginal_covariance
 from furrowmap.core.estimation.inertial import (
     FORCE_BIAS,
     RATE_BIAS,
@@ -23,53 +24,45 @@ from furrowmap.core.estimation.inertial import (
     predicted,
     unbiased_increments,
 )
-from furrowmap.core.estimation.knots import STEP_S
-from furrowmap.core.estimation.marginal import marginal_covariance
-from furrowmap.core.estimation.observation import Observation, normal_equations
-from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.estimation.robust import HUBER
-from furrowmap.core.estimation.states import POSE, ROTATION, State
+from furrowmap.core.estimation.knots import (
+    KNOT_STEP_S,
+    POSE,
+    ROTATION,
+    Observation,
+    State,
+    StateBlock,
+    normal_equations,
+)
+from furrowmap.core.estimation.positions import AntennaPositions, GnssDrift
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.trajectory.climbs import climb_notices
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
-from furrowmap.core.trajectory.imu_mounting import check_mounting
+from furrowmap.core.trajectory.inertial_checks import Whiteness, check_mounting, with_shown_noise
 from furrowmap.core.trajectory.inertial_start import (
+    MAX_IMU_PAUSE_S,
     NO_HINTS,
-    PAUSE_S,
     Hints,
-    Imu,
-    Problem,
+    InertialProblem,
+    MountedImu,
     first_guess,
     site_of,
     without_positions,
 )
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.pose_errors import PoseErrors
-from furrowmap.core.trajectory.positions import (
-    Offsets,
-    positions_of,
-    quality_runs,
-    quality_words,
-    sigmas_m,
-    usable,
-    white_noise_m,
-)
-from furrowmap.core.trajectory.shown_noise import with_shown_noise
-from furrowmap.core.trajectory.whiteness import Whiteness
+from furrowmap.core.trajectory.positions import climb_notices, positions_without_steps, quality_words, usable
 from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
+from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere, source_columns
 
-FloatArray = NDArray[np.float64]
-
-MOST_VARIANCE: Final = 1.3
+MAX_VARIANCE_FACTOR: Final = 1.3
 """Squared residuals over their expected ones; with more, the noise of the IMU is larger than stated."""
 NOISE_ROUNDS: Final = 6
-ROUNDS: Final = 10
+MAX_ROUNDS: Final = 10
 NODE_S: Final = 1.0
-MOST_NODES: Final = 150
-MOST_WANTED: Final = 400
+MAX_NODES: Final = 150
+MAX_WANTED_NODES: Final = 400
 NEAR: Final = 0.75
 """Share of the distance of nodes within which none is needed beside one at a wanted time."""
 ANY_TIME: Final = np.zeros(0)
@@ -83,7 +76,6 @@ class InertialFigures:
     """What the adjustment found beside the poses.
 
     Attributes:
-        rounds: of the adjustment.
         rate_bias_dps: (3,) mean bias of the angular rate in the axes of the IMU, degrees per second.
         rate_bias_sigma_dps: (3,) its standard deviation, of the knot at which it is known best.
         force_bias_mps2: (3,) mean bias of the specific force.
@@ -109,19 +101,15 @@ class InertialFigures:
 
 
 @dataclass(frozen=True)
-class Adjusted:
+class InertialAdjustment:
     """Result of the adjustment.
 
     Attributes:
-        problem: its input.
-        state: at the knots.
         sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
-        observed: the positions with their weights.
-        rounds: how many were needed.
         variance_factor: squared residuals over their expected ones.
     """
 
-    problem: Problem
+    problem: InertialProblem
     state: State
     sigma: FloatArray
     observed: AntennaPositions
@@ -131,21 +119,16 @@ class Adjusted:
 
 @dataclass(frozen=True)
 class InertialTrajectory(GnssTrajectory):
-    """A trajectory at the times of the IMU, and what it was made of.
-
-    Attributes:
-        figures: for the report.
-        adjusted: what it was made of.
-    """
+    """A trajectory at the times of the IMU, and what it was made of."""
 
     figures: InertialFigures
-    adjusted: Adjusted
+    adjusted: InertialAdjustment
 
     def pose_errors(self, at_s: FloatArray = ANY_TIME) -> PoseErrors:
         """Errors of the poses at nodes in time, zero as far as positions and IMU say, and their joint covariance.
 
         The nodes are at some times, and elsewhere NODE_S apart; on long drives further, so that they are no more than
-        MOST_NODES beside the ends of the chains of knots.
+        MAX_NODES beside the ends of the chains of knots.
 
         Args:
             at_s: (k,) times that want a node.
@@ -153,9 +136,9 @@ class InertialTrajectory(GnssTrajectory):
         a = self.adjusted
         knots = a.problem.knots
         ends = [end for chain in knots.chains for end in (chain.first, chain.first + chain.count - 1)]
-        wanted = np.unique(np.clip(np.searchsorted(knots.t_s, at_s - 0.5 * STEP_S), 0, len(knots) - 1))
-        wanted = wanted[:: -(-len(wanted) // MOST_WANTED) if len(wanted) else 1]
-        step = max(round(NODE_S / STEP_S), -(-len(knots) // MOST_NODES))
+        wanted = np.unique(np.clip(np.searchsorted(knots.t_s, at_s - 0.5 * KNOT_STEP_S), 0, len(knots) - 1))
+        wanted = wanted[:: -(-len(wanted) // MAX_WANTED_NODES) if len(wanted) else 1]
+        step = max(round(NODE_S / KNOT_STEP_S), -(-len(knots) // MAX_NODES))
         regular = np.arange(0, len(knots), step)
         if len(wanted):
             after = np.searchsorted(wanted, regular)
@@ -169,7 +152,7 @@ class InertialTrajectory(GnssTrajectory):
 
 def trajectory_from_inertial(
     track: GnssTrack,
-    imu: Imu,
+    imu: MountedImu,
     frame: MapFrame,
     lever_m: tuple[float, float, float],
     fixes: tuple[Fix, ...] | None,
@@ -179,11 +162,6 @@ def trajectory_from_inertial(
 
     Args:
         track: positions of the antenna, in the datum of the map.
-        imu: of the vehicle.
-        frame: the map frame.
-        lever_m: the antenna in the vehicle frame.
-        fixes: qualities whose positions are used; None for 'fixed and float if there is any fixed, else all'.
-        hints: what shows the heading beside accelerations.
 
     Raises:
         InputError: if no position is left to use, or IMU and positions have no time in common.
@@ -193,29 +171,27 @@ def trajectory_from_inertial(
     gated, unused = usable(track, fixes, notices)
     en = np.column_stack(frame.project(gated.lon_deg, gated.lat_deg))
     notices += climb_notices(gated, en) if hints.on_wheels else []
-    white = white_noise_m(gated, en, sigmas_m(gated)[:, 0])
-    runs = Offsets(quality_runs(gated.fix), np.zeros(len(gated)))
-    positions = positions_of(gated, en, white, np.full(len(gated), np.nan), runs)
+    positions = positions_without_steps(gated, en)
     imu = replace(imu, noise=with_shown_noise(imu.noise, imu.track, notices))
-    whole = Problem.of(positions, imu, site_of(gated, frame), np.asarray(lever_m, np.float64), hints)
+    site, lever = site_of(gated, frame), np.asarray(lever_m, np.float64)
+    whole = InertialProblem.over_common_time(positions, imu, site, lever, hints)
     problem, start = first_guess(whole, notices)
-    adjusted = _adjusted(problem, start)
+    adjusted = _adjust(problem, start)
     trajectory = _trajectory(adjusted)
     notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)
-    if adjusted.variance_factor > MOST_VARIANCE:
-        adjusted = _with_real_noise(adjusted, notices)
+    if adjusted.variance_factor > MAX_VARIANCE_FACTOR:
+        adjusted = _adjust_noise(adjusted, notices)
         trajectory = _trajectory(adjusted)
-    return InertialTrajectory(
-        trajectory, positions, quality_words(gated.fix), unused, tuple(notices), _figures(adjusted, imu),
-        adjusted,
-    )  # fmt: skip
+    used = quality_words(gated.fix)
+    figures = _figures(adjusted, imu)
+    return InertialTrajectory(trajectory, positions, used, unused, tuple(notices), figures, adjusted)
 
 
-def _adjusted(problem: Problem, state: State) -> Adjusted:
+def _adjust(problem: InertialProblem, state: State) -> InertialAdjustment:
     """Gauss-Newton rounds until no pose moves."""
     knots = problem.knots
-    antenna = AntennaPositions.of(problem.positions, problem.origin_m, problem.lever_m)
-    for number in range(1, ROUNDS + 1):
+    antenna = AntennaPositions.unweighted(problem.positions, problem.origin_m, problem.lever_m)
+    for number in range(1, MAX_ROUNDS + 1):
         equations = normal_equations((antenna, *_beside(problem)), knots, state)
         solution = equations.solve()
         step = solution.values.reshape(len(knots), -1)
@@ -223,53 +199,49 @@ def _adjusted(problem: Problem, state: State) -> Adjusted:
         before, antenna = antenna.weight, antenna.reweighted(knots, state)
         moved, turned = np.abs(step[:, :ROTATION]).max(), np.abs(step[:, ROTATION:POSE]).max()
         settled = moved < SETTLED_M and turned < SETTLED_RAD and np.abs(before - antenna.weight).max() < 0.05
-        if settled or number == ROUNDS:
+        if settled or number == MAX_ROUNDS:
             break
     # An outlier counts as a position at the limit of what is trusted, not by its distance.
     normalised = antenna.normalised(knots, state)
-    beyond = normalised[normalised > HUBER]
-    factor = (equations.squares - HUBER * float((beyond - HUBER).sum())) / max(equations.redundancy, 1)
-    return Adjusted(problem, state, solution.sigma().reshape(len(knots), -1), antenna, number, factor)
+    beyond = normalised[normalised > HUBER_SIGMAS]
+    factor = (equations.squares - HUBER_SIGMAS * float((beyond - HUBER_SIGMAS).sum())) / max(equations.redundancy, 1)
+    return InertialAdjustment(problem, state, solution.sigma().reshape(len(knots), -1), antenna, number, factor)
 
 
-def _beside(problem: Problem) -> tuple[Observation, ...]:
+def _beside(problem: InertialProblem) -> tuple[Observation, ...]:
     """The observations beside the positions."""
     hints = problem.hints.observations(problem.links.track, problem.positions)
     return GnssDrift(problem.positions), problem.links, *hints
 
 
-def _with_real_noise(adjusted: Adjusted, notices: list[Notice]) -> Adjusted:
-    """The adjustment with a noise of the specific force at which IMU and positions agree as their sigmas say.
-
-    On a machine that shakes faster than the IMU is sampled, its noise is not that of its data sheet.
-    """
+def _adjust_noise(adjusted: InertialAdjustment, notices: list[Notice]) -> InertialAdjustment:
+    """Adjust again with a noise of the specific force at which IMU and positions agree as their sigmas say."""
     stated = adjusted.problem.links.noise.force
     for _ in range(NOISE_ROUNDS):
         links = adjusted.problem.links
         noise = replace(links.noise, force=links.noise.force * float(np.sqrt(adjusted.variance_factor)))
-        adjusted = _adjusted(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state)
-        if adjusted.variance_factor < MOST_VARIANCE:
+        adjusted = _adjust(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state)
+        if adjusted.variance_factor < MAX_VARIANCE_FACTOR:
             break
-    times = adjusted.problem.links.noise.force / stated
-    notices.append(Notice("imu-noisier", times=times))
+    notices.append(Notice("imu-noisier", times=adjusted.problem.links.noise.force / stated))
     return adjusted
 
 
-def _trajectory(adjusted: Adjusted) -> Trajectory:
+def _trajectory(adjusted: InertialAdjustment) -> Trajectory:
     """Poses at the times of the IMU: carried on from the knot before, closing on the knot after."""
     p, knots = adjusted.problem, adjusted.problem.knots
     t_s = p.links.track.t_s
     knot, share, inside = knots.at(t_s)
     t_s, knot, share = t_s[inside], knot[inside], share[inside]
-    n = len(t_s)
-    xyz, quaternion, sigma = scratch.zeros((n, 3)), scratch.zeros((n, 4)), scratch.zeros((n, 6))
-    speed, standing, knot_sigma = np.empty(n), np.empty(n, np.bool_), _pose_sigmas(adjusted)
-    for part in scratch.parts(n):
-        xyz[part], rotation, velocity = _carried_poses(adjusted, t_s[part], knot[part], share[part])
-        quaternion[part] = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
-        speed[part] = np.einsum("ki,ki->k", velocity, rotation[:, :, 0])
-        standing[part] = np.linalg.norm(velocity, axis=1) < STANDING_MPS
-        sigma[part] = knot_sigma[knot[part]]
+    knot_sigma = _pose_sigmas(adjusted)
+
+    def carried(part: slice) -> list[NDArray[Any]]:
+        xyz, rotation, velocity = _carried_poses(adjusted, t_s[part], knot[part], share[part])
+        quaternion = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
+        speed = np.einsum("ki,ki->k", velocity, rotation[:, :, 0])
+        return [xyz, quaternion, knot_sigma[knot[part]], speed, np.linalg.norm(velocity, axis=1) < STANDING_MPS]
+
+    xyz, quaternion, sigma, speed, standing = arrays.in_parts(carried, len(t_s))
     nearest = np.clip(np.searchsorted(p.positions.t_s, t_s), 0, len(p.positions.t_s) - 1)
     alone = without_positions(t_s, p.positions.t_s)
     source = np.where(alone, "imu", "gnss")
@@ -281,16 +253,13 @@ def _trajectory(adjusted: Adjusted) -> Trajectory:
         motion=np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8),
         fix=np.where(alone, Fix.NONE, p.positions.fix[nearest]).astype(np.int8),
         sigma=sigma,
-        heading_from=np.full(len(t_s), "imu"),
-        position_from=source,
-        height_from=source,
-        level_from=np.full(len(t_s), "imu"),
-        max_gap_s=PAUSE_S,
+        **source_columns(len(t_s), "imu", source, source, "imu"),
+        max_gap_s=MAX_IMU_PAUSE_S,
     )
 
 
 def _carried_poses(
-    adjusted: Adjusted, t_s: FloatArray, knot: NDArray[np.int64], share: FloatArray
+    adjusted: InertialAdjustment, t_s: FloatArray, knot: NDArray[np.int64], share: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Places (n, 3), rotations (n, 3, 3) and velocities (n, 3) at times between a knot and the next."""
     p, state, knots, site = adjusted.problem, adjusted.state, adjusted.problem.knots, adjusted.problem.links.site
@@ -306,7 +275,7 @@ def _carried_poses(
     return xyz, rotation, velocity
 
 
-def _pose_sigmas(adjusted: Adjusted) -> FloatArray:
+def _pose_sigmas(adjusted: InertialAdjustment) -> FloatArray:
     """(n, 6) standard deviations of the poses at the knots: metres, and degrees of roll, pitch, heading."""
     variance, turned = adjusted.sigma[:, ROTATION:POSE] ** 2, adjusted.state.rotation
     out = np.empty((len(variance), 6))
@@ -317,29 +286,27 @@ def _pose_sigmas(adjusted: Adjusted) -> FloatArray:
     return out
 
 
-def _figures(adjusted: Adjusted, imu: Imu) -> InertialFigures:
+def _figures(adjusted: InertialAdjustment, imu: MountedImu) -> InertialFigures:
     """The biases in the axes of the IMU, and the residuals of the positions."""
     state, layout, turn = adjusted.state, adjusted.state.layout, imu.mounting.rotation
     residual = adjusted.observed.residuals_m(adjusted.problem.knots, state)
+    white = Whiteness.of_residuals(residual, adjusted.problem.positions.white_m)
 
-    white = Whiteness.of(residual, adjusted.problem.positions.white_m)
+    def rounded(values: FloatArray, digits: int = 5) -> tuple[float, ...]:
+        return tuple(np.round(values, digits).tolist())
 
-    def of(block_values: FloatArray, digits: int) -> tuple[float, ...]:
-        return tuple(np.round(block_values, digits).tolist())
-
-    def sigma(first: int) -> FloatArray:
-        least = adjusted.sigma[:, first : first + 3].min(axis=0)
-        out: FloatArray = np.sqrt((turn.T**2) @ least**2)
-        return out
+    def sigma(block: StateBlock) -> FloatArray:
+        first = layout.column(block)
+        return np.asarray(np.sqrt((turn.T**2) @ adjusted.sigma[:, first : first + 3].min(axis=0) ** 2))
 
     return InertialFigures(
         knots=len(adjusted.problem.knots),
         rounds=adjusted.rounds,
-        rate_bias_dps=of(np.degrees(state[RATE_BIAS].mean(axis=0) @ turn), 5),
-        rate_bias_sigma_dps=of(np.degrees(sigma(layout.column(RATE_BIAS))), 5),
-        force_bias_mps2=of(state[FORCE_BIAS].mean(axis=0) @ turn, 5),
-        force_bias_sigma_mps2=of(sigma(layout.column(FORCE_BIAS)), 5),
-        position_rms_m=of(np.sqrt(np.nanmean(residual**2, axis=0)), 4),
+        rate_bias_dps=rounded(np.degrees(state[RATE_BIAS].mean(axis=0) @ turn)),
+        rate_bias_sigma_dps=rounded(np.degrees(sigma(RATE_BIAS))),
+        force_bias_mps2=rounded(state[FORCE_BIAS].mean(axis=0) @ turn),
+        force_bias_sigma_mps2=rounded(sigma(FORCE_BIAS)),
+        position_rms_m=rounded(np.sqrt(np.nanmean(residual**2, axis=0)), digits=4),
         doubted=int((adjusted.observed.weight < 1.0).sum()),
         residuals=white.words,
         residual_correlation=white.correlation,

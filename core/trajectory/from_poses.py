@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.trajectory.motion import STANDING_MPS, WINDOW_S, local_velocity, longest_gap_s
+from furrowmap.core.trajectory.motion import HALF_WINDOW_S, STANDING_MPS, local_velocity, longest_gap_s
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
 
@@ -32,7 +31,10 @@ def trajectory_from_poses(track: PoseTrack, frame: MapFrame) -> Trajectory:
         e, n = frame.project(lon, lat)
     heading = track.heading_deg - frame.convergence_deg(lon, lat) if track.true_north else track.heading_deg
     max_gap_s = longest_gap_s(track.t_s)
-    speed = _speed(track.t_s, np.column_stack([e, n]), heading, max_gap_s)
+    segment = np.cumsum(np.diff(track.t_s, prepend=track.t_s[:1]) > max_gap_s, dtype=np.intp)
+    velocity = local_velocity(track.t_s, np.column_stack([e, n]), segment, HALF_WINDOW_S / 2)
+    turned = np.radians(heading)
+    speed = velocity[:, 0] * np.sin(turned) + velocity[:, 1] * np.cos(turned)
     motion = np.where(speed > STANDING_MPS, Motion.FORWARD, np.where(speed < -STANDING_MPS, Motion.REVERSE, 0))
     trajectory = trajectory_from_attitude(
         track.t_s,
@@ -45,14 +47,3 @@ def trajectory_from_poses(track: PoseTrack, frame: MapFrame) -> Trajectory:
         motion=motion.astype(np.int8),
     )
     return replace(trajectory, sigma=track.sigma)
-
-
-def _speed(
-    t_s: NDArray[np.float64], en_m: NDArray[np.float64], heading_deg: NDArray[np.float64], max_gap_s: float
-) -> NDArray[np.float64]:
-    """Speed (n,) along the heading, over a window around each pose."""
-    segment: NDArray[np.intp] = np.cumsum(np.diff(t_s, prepend=t_s[:1]) > max_gap_s, dtype=np.intp)
-    velocity = local_velocity(t_s, en_m, segment, WINDOW_S / 2)
-    heading = np.radians(heading_deg)
-    speed: NDArray[np.float64] = velocity[:, 0] * np.sin(heading) + velocity[:, 1] * np.cos(heading)
-    return speed

@@ -11,42 +11,36 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.along_nose import AlongNose
-from furrowmap.core.estimation.inertial import INERTIAL, InertialLinks, Site
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, knots_over
-from furrowmap.core.estimation.observation import Observation
-from furrowmap.core.estimation.preintegration import increments
-from furrowmap.core.estimation.standing import Standing
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.inertial import INERTIAL, InertialLinks, Site, increments
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots, Observation, State, knots_over
+from furrowmap.core.estimation.vehicle import AlongNose, Standing
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.trajectory.alignment import HALF_S, attitudes
 from furrowmap.core.trajectory.heading_hints import Course, HeadingHint, HeadingLog, RecordedHeading
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
-from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.gnss import DRIFT_CORRELATION_S, GnssTrack, Positions
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.positions import DRIFT_CORRELATION_S, Positions
+from furrowmap.core.values.rotation import Mounting
 
-FloatArray = NDArray[np.float64]
-
-BEYOND_S: Final = 5.0
+MAX_BEYOND_POSITIONS_S: Final = 5.0
 """Poses go on by the IMU alone for this long before the first position and after the last."""
-PAUSE_S: Final = 0.2
+MAX_IMU_PAUSE_S: Final = 0.2
 """Where the IMU pauses for longer, poses are not carried across."""
-SHORTEST_S: Final = 10.0
+MIN_STRETCH_S: Final = 10.0
 """A shorter stretch between two pauses is left out."""
-GAP_S: Final = 1.0
+FIRST_GUESS_GAP_S: Final = 1.0
 """Positions further apart than this are not interpolated for the first guess."""
-CONTRADICTION: Final = 8.0
+MAX_MISFIT: Final = 8.0
 """Misfit of the first guess beyond which measurements and positions are not of the same motion."""
 DRIFT_SHARE: Final = float(
     np.sqrt(1.0 + (np.exp(-2.0 * HALF_S / DRIFT_CORRELATION_S) - 4.0 * np.exp(-HALF_S / DRIFT_CORRELATION_S)) / 3.0)
 )
 """What is left of a slow error in second differences, beside what is left of white noise."""
-TRIED: Final = 1200
+KNOTS_TRIED: Final = 1200
 """Knots on which other units and signs are tried."""
 _ALTERNATIVES: Final = (
     ("its angular rates were in degrees per second instead of radians", np.pi / 180.0, 1.0),
@@ -64,12 +58,11 @@ _ALTERNATIVES: Final = (
 
 
 @dataclass(frozen=True)
-class Imu:
+class MountedImu:
     """An IMU on a vehicle.
 
     Attributes:
         track: its measurements in its own axes.
-        mounting: in the vehicle frame.
     """
 
     track: InertialTrack
@@ -112,12 +105,12 @@ class Hints:
             return RecordedHeading(self.heading.at(t_s), self.heading.sigma_rad)
         if self.on_wheels:
             white, drift = (float(np.median(sigma[:, 0])) for sigma in (p.white_m, p.drift_m))
-            return Course.of(antenna_m, white, drift, lever_m)
+            return Course.from_antenna(antenna_m, white, drift, lever_m)
         return None
 
     def observations(self, track: InertialTrack, positions: Positions) -> tuple[Observation, ...]:
         """What joins the adjustment of an IMU and positions."""
-        wheels = (AlongNose(), Standing.of(track, positions)) if self.on_wheels else ()
+        wheels = (AlongNose(), Standing.find(track, positions)) if self.on_wheels else ()
         log = self.heading
         return wheels if log is None else (*wheels, log.observation)
 
@@ -126,16 +119,12 @@ NO_HINTS: Final = Hints()
 
 
 @dataclass(frozen=True)
-class Problem:
+class InertialProblem:
     """Input of the adjustment.
 
     Attributes:
-        positions: of the antenna.
-        links: the IMU.
         lever_m: (3,) the antenna in the vehicle frame.
         origin_m: (3,) local origin.
-        knots: at which poses are estimated.
-        hints: what shows the heading beside accelerations.
     """
 
     positions: Positions
@@ -146,30 +135,30 @@ class Problem:
     hints: Hints
 
     @classmethod
-    def of(cls, positions: Positions, imu: Imu, site: Site, lever_m: FloatArray, hints: Hints) -> Problem:
-        """Of an IMU and positions that go together.
-
-        Raises:
-            InputError: if they have too little time in common.
-        """
+    def over_common_time(
+        cls, positions: Positions, imu: MountedImu, site: Site, lever_m: FloatArray, hints: Hints
+    ) -> InertialProblem:
+        """Of an IMU and positions that go together. Raises InputError if they have too little time in common."""
         links = InertialLinks(imu.in_vehicle_axes, np.asarray(imu.mounting.xyz_m, np.float64), imu.noise, site)
-        knots = knots_over(_common_s(positions.t_s, imu.track), PAUSE_S)
+        knots = knots_over(_common_s(positions.t_s, imu.track), MAX_IMU_PAUSE_S)
         return cls(positions, links, lever_m, np.round(np.median(positions.xyz_m, axis=0)), knots, hints)
 
 
 def _common_s(positions_s: FloatArray, imu: InertialTrack) -> FloatArray:
     """Times of the IMU for which there are positions; of stretches that are long enough."""
-    t_s = imu.t_s[(imu.t_s >= positions_s[0] - BEYOND_S) & (imu.t_s <= positions_s[-1] + BEYOND_S)]
-    stretches = np.split(t_s, np.flatnonzero(np.diff(t_s) > PAUSE_S) + 1)
+    t_s = imu.t_s[
+        (imu.t_s >= positions_s[0] - MAX_BEYOND_POSITIONS_S) & (imu.t_s <= positions_s[-1] + MAX_BEYOND_POSITIONS_S)
+    ]
+    stretches = np.split(t_s, np.flatnonzero(np.diff(t_s) > MAX_IMU_PAUSE_S) + 1)
     # A knot lies before the first measurement and one after the last.
-    long = [part[8:-16] for part in stretches if len(part) > 24 and part[-1] - part[0] > SHORTEST_S]
+    long = [part[8:-16] for part in stretches if len(part) > 24 and part[-1] - part[0] > MIN_STRETCH_S]
     if not long:
         spans = " and ".join(f"{iso_utc(t[0])} to {iso_utc(t[-1])}" for t in (imu.t_s, positions_s) if len(t))
         offset_s, cause = _likely_offset(imu.t_s, positions_s)
         raise InputError(
             "imu-no-overlap",
             source=imu.source or "The IMU",
-            shortest_s=SHORTEST_S,
+            shortest_s=MIN_STRETCH_S,
             spans=spans,
             cause=cause,
             offset_s=offset_s,
@@ -196,38 +185,36 @@ def _likely_offset(imu_s: FloatArray, positions_s: FloatArray) -> tuple[float, s
     return best_s, cause
 
 
-def first_guess(problem: Problem, notices: list[Notice]) -> tuple[Problem, State]:
+def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[InertialProblem, State]:
     """Attitudes by alignment, places and speeds by the positions; stretches that cannot be aligned are left out.
 
     Raises:
         InputError: if the measurements contradict the positions.
         RefusedError: if nothing shows the heading in any stretch.
     """
-    found = [_guessed(problem, chain, problem.links.track) for chain in problem.knots.chains]
-    left = [
-        f"{iso_utc(c.begin_s)} to {iso_utc(c.end_s)}" for c, g in zip(problem.knots.chains, found, strict=True) if not g
-    ]
-    guesses = [guess for guess in found if guess is not None]
+    found = [(chain, _guess_states(problem, chain, problem.links.track)) for chain in problem.knots.chains]
+    guesses = [guess for _, guess in found if guess is not None]
     if not guesses:
-        raise _no_heading(problem.links.track, problem.knots, problem.hints)
-    if left:
+        raise RefusedError(
+            "heading-unknown",
+            source=problem.links.track.source or "The IMU",
+            begin_s=iso_utc(float(problem.knots.t_s[0])),
+            end_s=iso_utc(float(problem.knots.t_s[-1])),
+            antennas=problem.hints.unasked,
+            wheels=not problem.hints.on_wheels,
+        )
+    if left := [f"{iso_utc(chain.begin_s)} to {iso_utc(chain.end_s)}" for chain, guess in found if guess is None]:
         notices.append(Notice("imu-not-aligned", left=", ".join(left)))
     worst = max(guess.misfit for guess in guesses)
-    if worst > CONTRADICTION:
+    if worst > MAX_MISFIT:
         raise _contradiction(problem, worst)
     chains, first = [], 0
     for guess in guesses:
         chains.append(replace(guess.chain, first=first))
         first += guess.chain.count
-    knots = Knots(tuple(chains), np.concatenate([c.begin_s + STEP_S * np.arange(c.count) for c in chains]))
-    xyz, rotation, added = (
-        np.concatenate(
-            [getattr(g, name) for g in guesses], out=scratch.zeros((first, *getattr(guesses[0], name).shape[1:]))
-        )
-        for name in ("xyz_m", "rotation", "added")
-    )
-    state = State(xyz, rotation, added, INERTIAL)
-    return replace(problem, knots=knots), state
+    knots = Knots(tuple(chains), np.concatenate([c.begin_s + KNOT_STEP_S * np.arange(c.count) for c in chains]))
+    columns = [arrays.concatenated([getattr(g, name) for g in guesses]) for name in ("xyz_m", "rotation", "added")]
+    return replace(problem, knots=knots), State(*columns, INERTIAL)
 
 
 @dataclass(frozen=True)
@@ -241,33 +228,34 @@ class _Guess:
     misfit: float
 
 
-def _guessed(problem: Problem, chain: Chain, track: InertialTrack) -> _Guess | None:
+def _guess_states(problem: InertialProblem, chain: Chain, track: InertialTrack) -> _Guess | None:
     """The first guess of a chain; None where nothing shows the heading."""
     p, links = problem.positions, problem.links
     stretch, arm = links.site.stretch, problem.lever_m - links.lever_m
-    t_s = chain.begin_s + STEP_S * np.arange(chain.count, dtype=np.float64)
-    antenna = _interpolated(t_s, p.t_s, p.xyz_m - problem.origin_m) / stretch
+    t_s = chain.begin_s + KNOT_STEP_S * np.arange(chain.count, dtype=np.float64)
+    off_m = p.xyz_m - problem.origin_m
+    antenna = np.column_stack([np.interp(t_s, p.t_s, off_m[:, axis]) for axis in range(3)]) / stretch
     seen = np.where(without_positions(t_s, p.t_s)[:, None], np.nan, antenna)
-    steps = increments(track.t_s, track.rate_radps, track.force_mps2, t_s[:-1], t_s[:-1] + STEP_S)
+    steps = increments(track.t_s, track.rate_radps, track.force_mps2, t_s[:-1], t_s[:-1] + KNOT_STEP_S)
     sigma = float(np.median(np.hypot(p.white_m, DRIFT_SHARE * p.drift_m)[:, 0]))
     hint = problem.hints.of_chain(t_s, seen, p, problem.lever_m)
     found = attitudes(steps, seen, arm, sigma, links.noise, links.site.gravity_mps2, hint)
     if found is None:
         return None
-    velocity = np.gradient(antenna - found.rotation @ arm, STEP_S, axis=0)
+    velocity = np.gradient(antenna - found.rotation @ arm, KNOT_STEP_S, axis=0)
     added = np.column_stack([np.zeros((chain.count, 3)), velocity, found.bias])
     xyz = stretch * (antenna - found.rotation @ problem.lever_m)
     return _Guess(chain, xyz, found.rotation, added, found.misfit)
 
 
-def _contradiction(problem: Problem, misfit: float) -> InputError:
+def _contradiction(problem: InertialProblem, misfit: float) -> InputError:
     """The error of measurements that are not of this drive, and what they would have to be instead."""
     track, chain = problem.links.track, max(problem.knots.chains, key=lambda c: c.count)
-    part = replace(chain, count=min(chain.count, TRIED))
+    part = replace(chain, count=min(chain.count, KNOTS_TRIED))
     better = []
     for words, rate, force in _ALTERNATIVES:
         tried = replace(track, rate_radps=track.rate_radps * rate, force_mps2=track.force_mps2 * force)
-        guess = _guessed(problem, part, tried)
+        guess = _guess_states(problem, part, tried)
         if guess is not None and guess.misfit < misfit / 3.0:
             better.append((guess.misfit, words))
     return InputError(
@@ -278,25 +266,11 @@ def _contradiction(problem: Problem, misfit: float) -> InputError:
     )
 
 
-def _no_heading(track: InertialTrack, knots: Knots, hints: Hints) -> RefusedError:
-    begin_s, end_s = float(knots.t_s[0]), float(knots.t_s[-1])
-    return RefusedError(
-        "heading-unknown",
-        source=track.source or "The IMU",
-        begin_s=iso_utc(begin_s),
-        end_s=iso_utc(end_s),
-        antennas=bool(hints.unasked),
-        wheels=not hints.on_wheels,
-    )
-
-
-def _interpolated(t_s: FloatArray, known_s: FloatArray, values: FloatArray) -> FloatArray:
-    return np.column_stack([np.interp(t_s, known_s, values[:, axis]) for axis in range(values.shape[1])])
-
-
 def without_positions(t_s: FloatArray, known_s: FloatArray) -> NDArray[np.bool_]:
-    """Whether times (n,) lie before, after or between known ones (m,) that are more than GAP_S apart."""
+    """Whether times (n,) lie before, after or between known ones (m,) that are more than FIRST_GUESS_GAP_S apart."""
     after = np.searchsorted(known_s, t_s)
-    wide = np.concatenate([[True], np.diff(known_s) > max(GAP_S, 2.5 * float(np.median(np.diff(known_s)))), [True]])
+    wide = np.concatenate(
+        [[True], np.diff(known_s) > max(FIRST_GUESS_GAP_S, 2.5 * float(np.median(np.diff(known_s)))), [True]]
+    )
     inside = (t_s > known_s[0]) & (t_s < known_s[-1])
     return np.asarray(np.where(inside, wide[after], (t_s < known_s[0]) | (t_s > known_s[-1])))

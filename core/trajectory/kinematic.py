@@ -14,16 +14,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.robust import HUBER, huber_weight
-from furrowmap.core.estimation.wheels import SLIP
-from furrowmap.core.values.positions import DRIFT_CORRELATION_S
+from furrowmap.core.estimation.banded import HUBER_SIGMAS, NormalEquations, huber_weight
+from furrowmap.core.estimation.vehicle import SLIP
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
 
-SLIP_FLOOR_M: Final = 0.001
+PATH_SLIP_FLOOR_M: Final = 0.001
 ACCELERATION_MPS2: Final = 1.0
 YAW_RATE_RADPS: Final = np.radians(200.0)
 """Links headings where nothing else does; weak enough not to shorten turns."""
@@ -36,12 +35,12 @@ CLIMB_MPS: Final = 0.05
 LARGEST_CLIMB_M: Final = 1000.0
 STAND_STEP_M: Final = 0.0005
 STAND_STEP_RAD: Final = np.radians(0.005)
-ITERATIONS: Final = 12
+PATH_ROUNDS: Final = 12
 CONVERGED_RAD: Final = 1e-5
-OUTLIER: Final = 6.0
+OUTLIER_SIGMAS: Final = 6.0
 """Standard deviations beyond which a position is counted as one that does not fit. Of normal noise in two axes 1.1 %
 are beyond three, and on ploughed ground the antenna sways by up to five of its noise."""
-WIDEST: Final = 3.0
+MAX_SCATTER: Final = 3.0
 """Most by which the own scatter of positions widens that limit: on heavy soil antennas sway by two to three times the
 stated noise; what scatters more does not fit the vehicle."""
 USUAL: Final = 1.1774
@@ -51,7 +50,7 @@ _STATE = 5  # easting, northing, yaw, error in easting, error in northing
 
 
 @dataclass(frozen=True)
-class Antenna:
+class EpochMeasurements:
     """GNSS measurements at each epoch of a chain, and their standard deviations.
 
     Attributes:
@@ -80,7 +79,7 @@ class Antenna:
 
 
 @dataclass(frozen=True)
-class Chain:
+class PathEpochs:
     """The epochs of a chain and how neighbours are linked.
 
     Attributes:
@@ -113,12 +112,12 @@ class Path:
     outlier: BoolArray
 
 
-def solve_path(chain: Chain, antenna: Antenna, start_en_m: FloatArray, start_yaw_rad: FloatArray) -> Path:
+def solve_path(
+    chain: PathEpochs, antenna: EpochMeasurements, start_en_m: FloatArray, start_yaw_rad: FloatArray
+) -> Path:
     """Axle positions, heights and yaw that fit the antenna's positions and a wheeled vehicle.
 
     Args:
-        chain: epochs and links.
-        antenna: measurements at the epochs.
         start_en_m: (n, 2) approximate positions of the antenna at all epochs.
         start_yaw_rad: (n,) approximate yaw, unwrapped; within about 60° suffices.
     """
@@ -128,7 +127,7 @@ def solve_path(chain: Chain, antenna: Antenna, start_en_m: FloatArray, start_yaw
     state[:, :2] = start_en_m - origin - _turned(start_yaw_rad, antenna.lever_m)
     state[:, 2] = start_yaw_rad
     weight = np.ones(n)
-    for _ in range(ITERATIONS):
+    for _ in range(PATH_ROUNDS):
         equations = NormalEquations(n * _STATE, 2 * _STATE + 1)
         _add_positions(equations, antenna, state, origin, weight)
         _add_drift(equations, chain, antenna.drift_m, antenna.drift_run, state, first=3, axes=2)
@@ -158,8 +157,8 @@ def outliers(normed: FloatArray) -> BoolArray:
     Where all scatter more than stated, as where a tractor sways on heavy soil, they are judged by their own scatter.
     """
     known = normed[np.isfinite(normed)]
-    scatter = float(np.clip(np.median(known) / USUAL, 1.0, WIDEST)) if len(known) else 1.0
-    return np.asarray(np.nan_to_num(normed) > OUTLIER * scatter)
+    scatter = float(np.clip(np.median(known) / USUAL, 1.0, MAX_SCATTER)) if len(known) else 1.0
+    return np.asarray(np.nan_to_num(normed) > OUTLIER_SIGMAS * scatter)
 
 
 def _turned(yaw_rad: FloatArray, lever_m: tuple[float, float, float]) -> FloatArray:
@@ -168,14 +167,14 @@ def _turned(yaw_rad: FloatArray, lever_m: tuple[float, float, float]) -> FloatAr
     return np.column_stack([c * lever_m[0] - s * lever_m[1], s * lever_m[0] + c * lever_m[1]])
 
 
-def _position_residual(antenna: Antenna, state: FloatArray, origin: FloatArray) -> FloatArray:
+def _position_residual(antenna: EpochMeasurements, state: FloatArray, origin: FloatArray) -> FloatArray:
     """Observed minus computed positions, (n, 2)."""
     computed = state[:, :2] + _turned(state[:, 2], antenna.lever_m) + state[:, 3:5]
     return antenna.en_m - origin - computed
 
 
 def _add_positions(
-    equations: NormalEquations, antenna: Antenna, state: FloatArray, origin: FloatArray, weight: FloatArray
+    equations: NormalEquations, antenna: EpochMeasurements, state: FloatArray, origin: FloatArray, weight: FloatArray
 ) -> None:
     """Positions of the antenna, and yaw where two antennas show it."""
     known = np.flatnonzero(np.isfinite(antenna.en_m[:, 0]))
@@ -193,13 +192,13 @@ def _add_positions(
     if len(shown):
         off = antenna.yaw_rad[shown] - state[shown, 2]
         off = (off + np.pi) % (2 * np.pi) - np.pi
-        sigma = antenna.sigma_yaw_rad * np.maximum(1.0, np.abs(off) / (HUBER * antenna.sigma_yaw_rad)) ** 0.5
+        sigma = antenna.sigma_yaw_rad * np.maximum(1.0, np.abs(off) / (HUBER_SIGMAS * antenna.sigma_yaw_rad)) ** 0.5
         equations.add(shown * _STATE + 2, np.ones((len(shown), 1)), off, sigma)
 
 
 def _add_drift(
     equations: NormalEquations,
-    chain: Chain,
+    chain: PathEpochs,
     drift_m: FloatArray,
     run: IntArray,
     state: FloatArray,
@@ -221,7 +220,7 @@ def _add_drift(
         equations.add(goes_on * size + column, design, residual, sigma)
 
 
-def _add_wheels(equations: NormalEquations, chain: Chain, state: FloatArray) -> None:
+def _add_wheels(equations: NormalEquations, chain: PathEpochs, state: FloatArray) -> None:
     """From epoch to epoch: no sideways movement of the axle, no movement at all at a stand, a bounded yaw rate."""
     dt = np.diff(chain.t_s)
     step = np.diff(state[:, :3], axis=0)
@@ -234,7 +233,7 @@ def _add_wheels(equations: NormalEquations, chain: Chain, state: FloatArray) -> 
     design = np.zeros((len(moving), _STATE + 3))
     design[:, 0], design[:, 1], design[:, 2] = s, -c, -0.5 * along
     design[:, 5], design[:, 6], design[:, 7] = -s, c, -0.5 * along
-    equations.add(moving * _STATE, design, -sideways, np.hypot(SLIP * along, SLIP_FLOOR_M))
+    equations.add(moving * _STATE, design, -sideways, np.hypot(SLIP * along, PATH_SLIP_FLOOR_M))
 
     still = np.flatnonzero(chain.standing & ~chain.gap)
     # Over a long gap nothing is known of the yaw; a weaker link than that makes the equations singular.
@@ -247,7 +246,7 @@ def _add_wheels(equations: NormalEquations, chain: Chain, state: FloatArray) -> 
     equations.add(every * _STATE + 2, pair, -step[:, 2], turning)
 
 
-def _add_motion_prior(equations: NormalEquations, chain: Chain, state: FloatArray) -> None:
+def _add_motion_prior(equations: NormalEquations, chain: PathEpochs, state: FloatArray) -> None:
     """Within a stretch of motion, velocity and the path's curvature change as slowly as a heavy vehicle's do.
 
     Curvature and not yaw rate: a vehicle that drives off with its wheels turned starts to turn at once.
@@ -271,7 +270,7 @@ def _add_motion_prior(equations: NormalEquations, chain: Chain, state: FloatArra
     equations.add((middle - 1) * _STATE + 2, design, b * turn[middle - 1] - a * turn[middle], sigma)
 
 
-def _solve_height(chain: Chain, antenna: Antenna) -> tuple[FloatArray, FloatArray]:
+def _solve_height(chain: PathEpochs, antenna: EpochMeasurements) -> tuple[FloatArray, FloatArray]:
     """Heights of the antenna (n,) and their standard deviations (n,)."""
     n, size = len(chain.t_s), 2
     known = np.flatnonzero(np.isfinite(antenna.height_m))
@@ -295,7 +294,7 @@ def _solve_height(chain: Chain, antenna: Antenna) -> tuple[FloatArray, FloatArra
     return solution.values.reshape(n, size)[:, 0] + base, solution.sigma().reshape(n, size)[:, 0]
 
 
-def _triples(chain: Chain) -> tuple[IntArray, FloatArray, FloatArray]:
+def _triples(chain: PathEpochs) -> tuple[IntArray, FloatArray, FloatArray]:
     """Epochs inside a moving stretch, and the times to their neighbours before and after."""
     dt = np.diff(chain.t_s)
     linked = ~chain.gap & ~chain.standing & (chain.stretch[1:] == chain.stretch[:-1])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.aiding import Aid
-from furrowmap.core.estimation.headings import HEADING_CORRELATION_S, HEADING_SIGMA
+from furrowmap.core.estimation.positions import ANTENNA_HEADING_CORRELATION_S, ANTENNA_HEADING_SIGMA_RAD
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.readers.imu_check import imu_notices
@@ -28,15 +28,14 @@ from furrowmap.core.trajectory.from_gnss import GnssTrajectory, trajectory_from_
 from furrowmap.core.trajectory.from_inertial import InertialFigures, trajectory_from_inertial
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.heading_hints import HeadingLog
-from furrowmap.core.trajectory.inertial_start import Hints, Imu, site_of
+from furrowmap.core.trajectory.inertial_start import Hints, MountedImu, site_of
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
-from furrowmap.core.values.attitude import TRUE
-from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.inertial import inertial_noise
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.positions import Positions
-from furrowmap.core.values.session import Session
+from furrowmap.core.values.pose_track import TRUE_NORTH
+from furrowmap.core.values.rotation import Mounting
+from furrowmap.core.values.session import ORIGIN, Antenna, Session
 from furrowmap.core.values.time_span import inertial_within, poses_within, track_within
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -46,7 +45,6 @@ HEADING_SIGMA_DEG: Final = 5.0
 """Of a recorded heading where `[attitude]` states none: what a magnetometer beside iron and motors is good for."""
 OpenInertial: TypeAlias = Callable[[float], InertialReader]
 OpenAttitude: TypeAlias = Callable[[float], tuple[AttitudeReader, AttitudeReader]]
-_FORWARD: Final = Notice("direction-forward")
 
 
 @dataclass(frozen=True)
@@ -54,10 +52,8 @@ class Located:
     """A trajectory and where it comes from.
 
     Attributes:
-        trajectory: of the vehicle frame.
         source: "gnss", "imu", "attitude" or "file".
         positions: numbers of positions used and left out, by quality or reason; empty for a trajectory from a file.
-        notices: for the report.
         antenna: the positions themselves; None for a trajectory from a file, from the course alone, or of an aircraft.
         transformed: how the recorded coordinates were transformed to the map.
         inertial: figures of the IMU; None without one.
@@ -81,12 +77,7 @@ class Located:
 
 @dataclass(frozen=True)
 class Companions:
-    """What opens the recordings beside the positions, given a time near them; None for what a session does not have.
-
-    Attributes:
-        inertial: measurements of the IMU.
-        attitude: logs of roll and pitch, and of the heading.
-    """
+    """What opens the recordings beside the positions, given a time near them; None for what a session does not have."""
 
     inertial: OpenInertial | None = None
     attitude: OpenAttitude | None = None
@@ -102,16 +93,18 @@ def locate(
 
     Args:
         positions: reader of the positions, or of the trajectory.
-        frame: the map frame.
-        beside: the other recordings.
 
     Raises:
         InputError: if there is too little to make one.
         RefusedError: if the CRS does not fit the place, or nothing shows the heading.
     """
+
+    def unused_attitude(used: str) -> list[Notice]:
+        return [Notice("attitude-unused", used=used)] if session.attitude is not None else []
+
     if isinstance(positions, GivesPoses) and session.trajectory is not None:
         poses, transformed = transform_poses(poses_within(positions.poses(), session.recording.span_s), frame)
-        notices = (*transformed.notices, *_unused_attitude(session, "[trajectory]"))
+        notices = (*transformed.notices, *unused_attitude("[trajectory]"))
         return Located(trajectory_from_poses(poses, frame), "file", {}, notices, transformed=transformed)
     assert isinstance(positions, GivesTrack)
     fixes = fixes_from_labels(session.run.fixes) if session.run.fixes is not None else None
@@ -119,14 +112,14 @@ def locate(
     baseline = track
     track = _of_nose(track, session)
     if beside.inertial is not None and session.imu is not None:
-        near_s, told = middle_s(track), _unused_attitude(session, "[imu]")
+        near_s, unused = middle_s(track), unused_attitude("[imu]")
         hints = Hints(session.imu.on_wheels, unasked=int(np.isfinite(track.heading_deg).sum()) > 1)
         if session.imu.heading == "attitude" and beside.attitude is not None:
-            hints, told = replace(hints, heading=_heading_log(session, frame, track, beside.attitude(near_s)[1])), []
+            hints, unused = replace(hints, heading=_heading_log(session, frame, track, beside.attitude(near_s)[1])), []
         elif session.imu.heading == "antennas":
             hints = replace(hints, heading=_antennas_log(session, frame, baseline))
         found = _with_imu(track, transformed, session, frame, fixes, beside.inertial(near_s), hints)
-        return replace(found, notices=(*found.notices, *told))
+        return replace(found, notices=(*found.notices, *unused))
     if beside.attitude is not None and session.attitude is not None:
         found = _with_attitude(track, session, frame, fixes, beside.attitude(middle_s(track)))
         return replace(found, notices=(*transformed.notices, *found.notices), transformed=transformed)
@@ -138,18 +131,12 @@ def locate(
     return Located(
         alone.trajectory,
         "gnss",
-        {"used": alone.used, "unused": alone.unused},
+        alone.counts,
         (*transformed.notices, *alone.notices),
         alone.positions,
         transformed,
         with_lever=lambda lever_m: with_lever(lever_m).trajectory,
     )
-
-
-def _unused_attitude(session: Session, used: str) -> list[Notice]:
-    if session.attitude is None:
-        return []
-    return [Notice("attitude-unused", used=used)]
 
 
 def middle_s(track: GnssTrack) -> float:
@@ -166,7 +153,7 @@ def _heading_log(session: Session, frame: MapFrame, track: GnssTrack, reader: At
     if known.sum() < 2:
         raise InputError("heading-missing", source=log.source)
     heading = log.heading_deg[known]
-    if log.north == TRUE:
+    if log.north == TRUE_NORTH:
         lon, lat = middle_deg(track.lon_deg, track.lat_deg)
         heading = heading - float(frame.convergence_deg(np.array([lon]), np.array([lat]))[0])
     sigma_deg = table.heading_sigma_deg or HEADING_SIGMA_DEG
@@ -187,15 +174,11 @@ def _antennas_log(session: Session, frame: MapFrame, track: GnssTrack) -> Headin
         raise InputError("heading-missing.antennas-log")
     convergence = frame.convergence_deg(track.lon_deg[known], track.lat_deg[known])
     yaw = np.radians(90.0 - (track.heading_deg[known] - convergence))
-    antenna = session.antenna
-    stated = antenna.heading_sigma_deg if antenna is not None else None
-    return HeadingLog(
-        track.t_s[known],
-        yaw,
-        float(np.radians(stated)) if stated is not None else float(HEADING_SIGMA),
-        HEADING_CORRELATION_S,
-        float(np.radians(antenna.baseline_yaw_deg)) if antenna is not None else 0.0,
-    )
+    antenna = session.antenna or Antenna(xyz_m=ORIGIN)
+    stated = antenna.heading_sigma_deg
+    sigma = float(np.radians(stated)) if stated is not None else float(ANTENNA_HEADING_SIGMA_RAD)
+    baseline = float(np.radians(antenna.baseline_yaw_deg))
+    return HeadingLog(track.t_s[known], yaw, sigma, ANTENNA_HEADING_CORRELATION_S, baseline)
 
 
 def _with_imu(
@@ -214,40 +197,39 @@ def _with_imu(
     mounting, noise = Mounting(table.xyz_m, table.rpy_deg), inertial_noise(table.kind, stated)
     measured, lever_m = inertial.inertial(), lever_arm_m(session)
     clocked = replace(measured, t_s=measured.t_s - table.minus_gnss_s)
-    imu = Imu(inertial_within(clocked, session.recording.span_s), mounting, noise)
-    told = (*inertial.notices, *imu_notices(measured))
+    imu = MountedImu(inertial_within(clocked, session.recording.span_s), mounting, noise)
+    imu_warnings = (*inertial.notices, *imu_notices(measured))
     # A machine on the ground is matched to it; an aircraft has neither wheels nor soil below them.
     on_ground = session.implement is not None
     if on_ground and session.recording.lidar:
-        return _aided(track, imu, transformed, frame, lever_m, fixes, told, hints)
+        return _aided(track, imu, transformed, frame, lever_m, fixes, imu_warnings, hints)
     hints = replace(hints, on_wheels=hints.on_wheels or on_ground)
     try:
         found = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints)
     except RefusedError:
         if not on_ground:
             raise
-        return _aided(track, imu, transformed, frame, lever_m, fixes, told, hints)
-    notices = (*transformed.notices, *told, *found.notices)
-    used = {"used": found.used, "unused": found.unused}
+        return _aided(track, imu, transformed, frame, lever_m, fixes, imu_warnings, hints)
+    notices = (*transformed.notices, *imu_warnings, *found.notices)
     return Located(
-        found.trajectory, "imu", used, notices, None, transformed, found.figures, pose_errors=found.pose_errors
+        found.trajectory, "imu", found.counts, notices, None, transformed, found.figures, pose_errors=found.pose_errors
     )
 
 
 def _aided(
     track: GnssTrack,
-    imu: Imu,
+    imu: MountedImu,
     transformed: TransformSummary,
     frame: MapFrame,
     lever_m: tuple[float, float, float],
     fixes: tuple[Fix, ...] | None,
-    told: tuple[Notice, ...],
+    imu_warnings: tuple[Notice, ...],
     hints: Hints,
 ) -> Located:
     """The trajectory of a machine on the ground from GNSS, and what its IMU adds to scan matching."""
     found = trajectory_from_gnss(track, frame, lever_m, fixes)
     aid = Aid(imu.in_vehicle_axes, imu.noise, site_of(track, frame), None)
-    notices, figures = [*transformed.notices, *told, *found.notices], None
+    notices, figures = [*transformed.notices, *imu_warnings, *found.notices], None
     try:
         by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints)
     except RefusedError as refused:
@@ -258,8 +240,7 @@ def _aided(
         # Accelerometers that contradict the positions say nothing of the attitude.
         if "imu-noisier" not in {notice.code for notice in by_imu.notices}:
             aid = replace(aid, trajectory=by_imu.trajectory)
-    used = {"used": found.used, "unused": found.unused}
-    return Located(found.trajectory, "gnss", used, tuple(notices), found.positions, transformed, figures, aid)
+    return Located(found.trajectory, "gnss", found.counts, tuple(notices), found.positions, transformed, figures, aid)
 
 
 def _with_attitude(
@@ -281,7 +262,7 @@ def _with_attitude(
     found = trajectory_from_attitude_logs(track, logs, frame, lever_arm_m(session), fixes)
     notices = (*readers[0].notices, *readers[1].notices, *found.notices)
     antenna = found.positions if session.implement is not None else None
-    return Located(found.trajectory, "attitude", {"used": found.used, "unused": found.unused}, notices, antenna)
+    return Located(found.trajectory, "attitude", found.counts, notices, antenna)
 
 
 def located_without_lidar(
@@ -299,21 +280,16 @@ def located_without_lidar(
     if session.trajectory is not None or beside != Companions() or not isinstance(positions, GivesTrack):
         return locate(positions, session, frame, beside)
     track = track_within(positions.track(), session.recording.span_s)
-    if not _seldom(track):
+    step_s = float(np.median(np.diff(track.t_s))) if len(track) > 1 else np.inf
+    if step_s <= SLOWEST_DIRECTIONS_S and np.isfinite(track.height_m).any():
         return locate(positions, session, frame)
     track, transformed = transform_track(_of_nose(track, session), frame)
     course = trajectory_from_course(track, frame, lever_arm_m(session))
     used = {"used": quality_words(track.fix[course.used]), "unused": quality_words(track.fix[~course.used])}
-    notices = (_FORWARD, *transformed.notices, *course.notices)
+    notices = (Notice("direction-forward"), *transformed.notices, *course.notices)
     return Located(course.trajectory, "gnss", used, notices, transformed=transformed)
 
 
 def lever_arm_m(session: Session) -> tuple[float, float, float]:
     """The antenna in the vehicle frame; zero where the session does not state it."""
     return session.antenna.xyz_m if session.antenna is not None else (0.0, 0.0, 0.0)
-
-
-def _seldom(track: GnssTrack) -> bool:
-    if len(track) < 2:
-        return True
-    return float(np.median(np.diff(track.t_s))) > SLOWEST_DIRECTIONS_S or not np.isfinite(track.height_m).any()

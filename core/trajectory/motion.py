@@ -1,4 +1,4 @@
-"""Moving or standing, forward or reverse: a vehicle's motion from positions alone."""
+"""Moving or standing, forward or reverse, and how far: a vehicle's motion from positions alone."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.trajectory import Motion, Trajectory
+
 IntArray = NDArray[np.intp]
 
 STANDING_MPS: Final = 0.03
@@ -19,24 +21,24 @@ HYSTERESIS: Final = 1.6
 """A stand begins below the threshold divided by this and ends above the threshold times this."""
 STAND_REACH_M: Final = 0.015
 """A stand lasts as long as positions stay this near to its own mean."""
-SHORTEST_STAND_S: Final = 0.4
-WINDOW_S: Final = 0.5
+MIN_STAND_S: Final = 0.4
+HALF_WINDOW_S: Final = 0.5
 """Half the window of a velocity: over one epoch 3 cm/s is below the noise, over a second it is not."""
 VELOCITY_SIGMA_MPS: Final = 0.01
 """The window grows until white noise in positions leaves velocities this good, so that 3 cm/s can be detected."""
-WIDEST_WINDOW_S: Final = 5.0
+MAX_HALF_WINDOW_S: Final = 5.0
 CERTAIN_WAY_M: Final = 10.0
 CERTAIN_SHARE: Final = 0.2
 """Nobody reverses this far at a stretch, or for nearly half of the way."""
-STEP_M: Final = 0.1
-LONGEST_GAP_S: Final = 1.0
+MIN_PATH_STEP_M: Final = 0.1
+MAX_GAP_S: Final = 1.0
 GAP_ARC: Final = 0.4
 """A gap through which a vehicle drove without turning back ends this near to an arc's end, as a share of its length."""
 
 
 def longest_gap_s(t_s: FloatArray) -> float:
     """Knots or positions further apart than this are not interpolated: a second, or two and a half usual steps."""
-    return max(LONGEST_GAP_S, 2.5 * float(np.median(np.diff(t_s))))
+    return max(MAX_GAP_S, 2.5 * float(np.median(np.diff(t_s))))
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,9 @@ def find_motion(
     """
     segment: IntArray = np.cumsum(np.diff(t_s, prepend=t_s[:1]) > max_gap_s, dtype=np.intp)
     step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
-    half_s = _half_window_s(step_s, white_m)
+    # A straight-line fit over N positions leaves a velocity of variance 12 σ_white² / (N³ step²).
+    positions = (12.0 * (white_m / (VELOCITY_SIGMA_MPS * step_s)) ** 2) ** (1.0 / 3.0)
+    half_s = float(np.clip(positions * step_s / 2.0, max(HALF_WINDOW_S, step_s), MAX_HALF_WINDOW_S))
     steady = segment
     if run is not None:
         steady = np.cumsum((np.diff(segment, prepend=0) != 0) | (np.diff(run, prepend=run[:1]) != 0))
@@ -96,8 +100,6 @@ def local_velocity(t_s: FloatArray, en_m: FloatArray, segment: IntArray, half_s:
     """Velocities (n, 2) by straight-line fits to the positions within `half_s` of each one, not across gaps.
 
     Args:
-        t_s: (n,).
-        en_m: (n, 2).
         segment: (n,) parts without a gap; a fit stays inside one.
         half_s: half the window.
     """
@@ -121,20 +123,14 @@ def local_velocity(t_s: FloatArray, en_m: FloatArray, segment: IntArray, half_s:
 
 
 def length_m(en_m: FloatArray) -> float:
-    """Length of a path (n, 2) in steps of at least :data:`STEP_M` and on to its end: noise adds no way."""
+    """Length of a path (n, 2) in steps of at least :data:`MIN_PATH_STEP_M` and on to its end: noise adds no way."""
     path = en_m.tolist()
     length, last = 0.0, path[0]
     for position in path[1:]:
         step = math.dist(position, last)
-        if step >= STEP_M:
+        if step >= MIN_PATH_STEP_M:
             length, last = length + step, position
     return length + math.dist(path[-1], last)
-
-
-def _half_window_s(step_s: float, white_m: float) -> float:
-    """Half a window whose straight-line fit leaves :data:`VELOCITY_SIGMA_MPS`: σ² = 12 σ_white² / (N³ step²)."""
-    positions = (12.0 * (white_m / (VELOCITY_SIGMA_MPS * step_s)) ** 2) ** (1.0 / 3.0)
-    return float(np.clip(positions * step_s / 2.0, max(WINDOW_S, step_s), WIDEST_WINDOW_S))
 
 
 def _stands(
@@ -143,24 +139,23 @@ def _stands(
     """Where the vehicle stands, (n,)."""
     slow = speed_mps < STANDING_MPS * HYSTERESIS
     sure = speed_mps < STANDING_MPS / HYSTERESIS
-    reach = max(STAND_REACH_M, 3.0 * white_m)
     standing = np.zeros(len(t_s), bool)
+
+    def is_near(mean: FloatArray, at: int) -> bool:
+        return bool(np.hypot(*(en_m[at] - mean)) <= max(STAND_REACH_M, 3.0 * white_m))
+
     for first, last in _runs(np.where(slow, segment, -1), keep=slow):
         if not sure[first : last + 1].any():
             continue
         mean = np.median(en_m[first : last + 1][sure[first : last + 1]], axis=0)
         # The window blurs the ends of a stand: positions show better where it began and ended.
-        while first > 0 and segment[first - 1] == segment[first] and _near(en_m[first - 1], mean, reach):
+        while first > 0 and segment[first - 1] == segment[first] and is_near(mean, first - 1):
             first -= 1
-        while last + 1 < len(t_s) and segment[last + 1] == segment[last] and _near(en_m[last + 1], mean, reach):
+        while last + 1 < len(t_s) and segment[last + 1] == segment[last] and is_near(mean, last + 1):
             last += 1
-        if t_s[last] - t_s[first] >= SHORTEST_STAND_S:
+        if t_s[last] - t_s[first] >= MIN_STAND_S:
             standing[first : last + 1] = True
     return standing
-
-
-def _near(position: FloatArray, mean: FloatArray, reach_m: float) -> bool:
-    return bool(np.hypot(*(position - mean)) <= reach_m)
 
 
 def _runs(label: IntArray, keep: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -224,8 +219,7 @@ def _link(
     after: tuple[int, int],
 ) -> int:
     """+1 if a leg goes on in the direction of the one before, −1 if it turns back, 0 if that is unknown."""
-    b, a = _leaves(en_m, before), _enters(en_m, after)
-    v_before, v_after = velocity[b], velocity[a]
+    v_before, v_after = velocity[_away_from_end(en_m, before, -1)], velocity[_away_from_end(en_m, after, 0)]
     if segment[before[1]] == segment[after[0]]:
         return 1 if v_before @ v_after >= 0 else -1
     # Across a gap the vehicle may have shifted gears unseen, as in a turn: forward, back and forward again. It went on
@@ -235,25 +229,36 @@ def _link(
         return 0
     way_m = 0.5 * (np.hypot(*velocity[before[1]]) + np.hypot(*velocity[after[0]])) * (t_s[after[0]] - t_s[before[1]])
     chord = en_m[after[0]] - en_m[before[1]]
-    off_m = np.hypot(*(chord - _arc(velocity[before[1]], velocity[after[0]]) * way_m))
+    begins, ends_rad = (math.atan2(course[1], course[0]) for course in (velocity[before[1]], velocity[after[0]]))
+    turn = (ends_rad - begins + math.pi) % math.tau - math.pi
+    middle = begins + 0.5 * turn
+    arc = float(np.sinc(0.5 * turn / math.pi)) * np.array([math.cos(middle), math.sin(middle)])
+    off_m = np.hypot(*(chord - arc * way_m))
     return 1 if way_m > 0.2 and off_m < GAP_ARC * way_m else 0
 
 
-def _arc(course: FloatArray, later: FloatArray) -> FloatArray:
-    """(2,) the chord of an arc of length 1 that begins on a course and ends on a later one, the shorter way round."""
-    begins = math.atan2(course[1], course[0])
-    turn = (math.atan2(later[1], later[0]) - begins + math.pi) % math.tau - math.pi
-    middle = begins + 0.5 * turn
-    return float(np.sinc(0.5 * turn / math.pi)) * np.array([math.cos(middle), math.sin(middle)])
+def _away_from_end(en_m: FloatArray, leg: tuple[int, int], end: int) -> int:
+    """Index nearest to a leg's end (0 or −1) a decimetre away from it: nearer, the velocity means little."""
+    away = np.flatnonzero(np.hypot(*(en_m[leg[0] : leg[1] + 1] - en_m[leg[end]]).T) > 0.1)
+    return leg[0] + int(away[end]) if len(away) else (leg[0] + leg[1]) // 2
 
 
-def _leaves(en_m: FloatArray, leg: tuple[int, int]) -> int:
-    """Index near the leg's end by which it is a decimetre away from it: nearer, the velocity means little."""
-    away = np.hypot(*(en_m[leg[0] : leg[1] + 1] - en_m[leg[1]]).T) > 0.1
-    return leg[0] + int(np.flatnonzero(away)[-1]) if away.any() else (leg[0] + leg[1]) // 2
+def distance_and_standing(trajectory: Trajectory, begin_s: float, end_s: float) -> tuple[float, float]:
+    """Distance driven (m) and time at a standstill (s) within a span, without gaps.
 
-
-def _enters(en_m: FloatArray, leg: tuple[int, int]) -> int:
-    """Index near the leg's start by which it is a decimetre away from it."""
-    away = np.hypot(*(en_m[leg[0] : leg[1] + 1] - en_m[leg[0]]).T) > 0.1
-    return leg[0] + int(np.flatnonzero(away)[0]) if away.any() else (leg[0] + leg[1]) // 2
+    Args:
+        trajectory: evaluated at its own knots, as scans may pause.
+        begin_s: UTC, as `end_s`.
+        end_s: end of the last scan.
+    """
+    inside = (trajectory.t_s > begin_s) & (trajectory.t_s < end_s)
+    t_s = np.concatenate([[begin_s], trajectory.t_s[inside], [end_s]])
+    before, share, known = trajectory.interval(t_s)
+    t_s, nearest = t_s[known], (before + (share > 0.5))[known]
+    if not len(t_s):
+        return 0.0, 0.0
+    en_m, standing = trajectory.at(t_s).xyz_m[:, :2], trajectory.motion[nearest] == Motion.STANDING
+    step_s = np.diff(t_s)
+    gap, still = step_s > trajectory.max_gap_s, standing[1:] & standing[:-1]
+    drives = np.split(en_m, np.flatnonzero(gap | still) + 1)
+    return sum(length_m(drive) for drive in drives), float(step_s[still & ~gap].sum())

@@ -13,11 +13,11 @@ from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.mount_motion import MountMotion
+from furrowmap.core.values.pose_track import MountMotion
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory, same_hemisphere
 
-NEAR_S: Final = 1e-4
+MIN_KNOT_DISTANCE_S: Final = 1e-4
 """Knots nearer to each other than this are one."""
 
 
@@ -25,8 +25,6 @@ def carrier_of(located: Located, session: Session, file: Path | None) -> tuple[T
     """The trajectory of the frame that carries the scanner, and notices about its file; None for a rigid mount.
 
     Args:
-        located: of the vehicle.
-        session: with the table of the mount.
         file: that this names, if it does.
 
     Raises:
@@ -38,31 +36,25 @@ def carrier_of(located: Located, session: Session, file: Path | None) -> tuple[T
         raise InputError("mount-moves", file=file)
     notices: list[Notice] = []
     motion = read_mount(file, float(np.mean(located.trajectory.span_s)), notices)
-    notices += _gaps(motion, located.trajectory, file)
-    pivot_m = session.mount.xyz_m if session.mount.xyz_m is not None else session.lidar.mounting.xyz_m
-    return mount_trajectory(located.trajectory, motion, pivot_m), notices
-
-
-def _gaps(motion: MountMotion, trajectory: Trajectory, file: Path) -> list[Notice]:
-    """Times of the trajectory for which the file of the mount has no attitudes."""
-    begin_s, end_s = trajectory.span_s
+    begin_s, end_s = located.trajectory.span_s
     known_s = np.concatenate([[begin_s], motion.t_s[(motion.t_s > begin_s) & (motion.t_s < end_s)], [end_s]])
     length = np.diff(known_s)
-    wide = length > trajectory.max_gap_s
-    if not wide.any():
-        return []
-    longest = int(np.argmax(np.where(wide, length, 0.0)))
-    return [
-        Notice(
-            "mount-gaps",
-            file=file,
-            length=length[wide].sum(),
-            end_s=end_s - begin_s,
-            wide=int(wide.sum()),
-            length_2=length[longest],
-            known_s=iso_utc(float(known_s[longest])),
+    wide = length > located.trajectory.max_gap_s
+    if wide.any():
+        longest = int(np.argmax(np.where(wide, length, 0.0)))
+        notices.append(
+            Notice(
+                "mount-gaps",
+                file=file,
+                length=length[wide].sum(),
+                end_s=end_s - begin_s,
+                wide=int(wide.sum()),
+                length_2=length[longest],
+                known_s=iso_utc(float(known_s[longest])),
+            )
         )
-    ]
+    pivot_m = session.mount.xyz_m if session.mount.xyz_m is not None else session.lidar.mounting.xyz_m
+    return mount_trajectory(located.trajectory, motion, pivot_m), notices
 
 
 def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple[float, float, float]) -> Trajectory:
@@ -72,7 +64,6 @@ def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple
     follows both. There is no pose before the first sample and after the last, nor in gaps of either.
 
     Args:
-        trajectory: of the vehicle frame.
         pivot_m: the point about which the mount turns, in the vehicle frame.
 
     Raises:
@@ -81,7 +72,7 @@ def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple
     begin_s, end_s = max(trajectory.t_s[0], motion.t_s[0]), min(trajectory.t_s[-1], motion.t_s[-1])
     times = np.union1d(trajectory.t_s, motion.t_s)
     times = times[(times >= begin_s) & (times <= end_s)]
-    times = times[np.diff(times, prepend=-np.inf) > NEAR_S]
+    times = times[np.diff(times, prepend=-np.inf) > MIN_KNOT_DISTANCE_S]
     before = np.clip(np.searchsorted(motion.t_s, times, side="right") - 1, 0, len(motion.t_s) - 2)
     seldom = np.diff(motion.t_s)[before] > trajectory.max_gap_s
     times = times[~seldom | np.isin(times, motion.t_s)]

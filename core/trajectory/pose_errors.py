@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.states import POSE, ROTATION
-from furrowmap.core.runtime import scratch
+from furrowmap.core.estimation.knots import POSE, ROTATION
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.trajectory import Trajectory, same_hemisphere
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -51,22 +49,20 @@ def without_errors(trajectory: Trajectory, before: PoseErrors, found: PoseErrors
     Args:
         trajectory: at whose nodes the errors are.
         before: the errors as the trajectory's own adjustment knows them: zero.
-        found: at the same nodes.
     """
     nodes = np.clip(before.t_s, *trajectory.span_s)
     k = np.minimum(np.searchsorted(trajectory.t_s, nodes), len(trajectory) - 1)
     attitude = Rotation.from_quat(trajectory.quaternion[k], scalar_first=True).as_matrix()
     ratio = found.sigma(attitude) / before.sigma(attitude)
-    n = len(trajectory)
-    xyz, quaternion, sigma = scratch.zeros((n, 3)), scratch.zeros((n, 4)), scratch.zeros((n, POSE))
-    for part in scratch.parts(n):
-        t_s = trajectory.t_s[part]
+
+    def corrected(part: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
         off, share = (
-            np.column_stack([np.interp(t_s, before.t_s, values[:, a]) for a in range(POSE)])
+            np.column_stack([np.interp(trajectory.t_s[part], before.t_s, values[:, a]) for a in range(POSE)])
             for values in (found.value, ratio)
         )
-        xyz[part] = trajectory.xyz_m[part] - off[:, :ROTATION]
         turned = Rotation.from_quat(trajectory.quaternion[part], scalar_first=True)
-        quaternion[part] = (Rotation.from_rotvec(-off[:, ROTATION:]) * turned).as_quat(scalar_first=True)
-        sigma[part] = trajectory.sigma[part] * share
+        quaternion = (Rotation.from_rotvec(-off[:, ROTATION:]) * turned).as_quat(scalar_first=True)
+        return trajectory.xyz_m[part] - off[:, :ROTATION], quaternion, trajectory.sigma[part] * share
+
+    xyz, quaternion, sigma = arrays.in_parts(corrected, len(trajectory))
     return replace(trajectory, xyz_m=xyz, quaternion=same_hemisphere(quaternion), sigma=sigma)

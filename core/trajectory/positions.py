@@ -1,4 +1,4 @@
-"""Which positions of a receiver are used, and how good each one is."""
+"""Which positions of a receiver are used, how good each one is, and heights that contradict a vehicle on wheels."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.implausible_positions import spans_in_words, strays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.gnss import Fix, GnssTrack
-from furrowmap.core.values.positions import Positions
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 
 ASSUMED_SIGMA_M: Final = {
     Fix.FIXED: 0.015,
@@ -40,17 +38,26 @@ WHITE_FLOOR_M: Final = 0.004
 MEDIAN_OF_MEAN: Final = {1: 0.6745, 2: 0.77}
 """Median of the mean of one or two absolute normal deviates, in their standard deviation."""
 RATE_REPORTED_S: Final = 0.25
-SLOWEST_STEP_S: Final = 2.0
+MAX_POSITION_STEP_S: Final = 2.0
 """In more time than this between positions a tractor turns round."""
 JUMP_FLOOR_M: Final = 0.3
 HEIGHT_JUMP_FLOOR_M: Final = 1.0
 JUMP_SIGMAS: Final = 6.0
-LEAST_FOR_STEPS: Final = 10
-STEP_STEPS: Final = 5.5
-"""Steps between positions further apart than so many usual ones show nothing."""
-FASTEST_MPS: Final = 15.0
-HARDEST_MPS2: Final = 3.0
+MIN_POSITIONS_FOR_STEPS: Final = 10
+MAX_STEP_INTERVALS: Final = 5.5
+"""Steps across gaps longer than this many intervals show nothing."""
+MAX_SPEED_MPS: Final = 15.0
+MAX_ACCELERATION_MPS2: Final = 3.0
 """A position that is further from its neighbours than a tractor's speed and acceleration explain is a jump."""
+CLIMB_WINDOWS_S: Final = (3.0, 10.0, 30.0)
+MAX_CLIMB: Final = 0.45
+"""Slope that vehicles on wheels climb at most for so long: steep vineyards are worked by winch from there on."""
+CLIMB_FLOOR_M: Final = 1.0
+"""For slow errors, which stated standard deviations do not hold."""
+CLIMB_SIGMAS: Final = 3.0
+CLIMB_GAP_S: Final = 2.0
+"""Over longer pauses, if they are also longer than CLIMB_GAP_INTERVALS usual intervals, the way is not known."""
+CLIMB_GAP_INTERVALS: Final = 5.0
 
 
 @dataclass(frozen=True)
@@ -75,14 +82,16 @@ def offsets(track: GnssTrack, en_m: FloatArray, notices: list[Notice]) -> Offset
     t_s, sigma = track.t_s, sigmas_m(track)[:, 0]
     new = np.diff(track.fix, prepend=track.fix[:1]) != 0
     off = np.zeros(len(t_s))
-    if len(t_s) < LEAST_FOR_STEPS:
+    if len(t_s) < MIN_POSITIONS_FOR_STEPS:
         return Offsets(np.cumsum(new), off)
     dt = np.diff(t_s)
     speed = np.diff(en_m, axis=0) / dt[:, None]
     around = np.clip(np.arange(len(dt))[:, None] + np.array([-3, -2, -1, 1, 2, 3]), 0, len(dt) - 1)
     step = np.hypot(*((speed - np.median(speed[around], axis=1)) * dt[:, None]).T)
-    follows = dt < STEP_STEPS * np.median(dt)
-    reach = np.maximum(JUMP_FLOOR_M, JUMP_SIGMAS * np.maximum(sigma[1:], sigma[:-1])) + 0.5 * HARDEST_MPS2 * dt**2
+    follows = dt < MAX_STEP_INTERVALS * np.median(dt)
+    reach = (
+        np.maximum(JUMP_FLOOR_M, JUMP_SIGMAS * np.maximum(sigma[1:], sigma[:-1])) + 0.5 * MAX_ACCELERATION_MPS2 * dt**2
+    )
     steps = np.flatnonzero(follows & (step > reach))
     border = new.copy()
     border[1:] |= ~follows
@@ -95,16 +104,11 @@ def offsets(track: GnssTrack, en_m: FloatArray, notices: list[Notice]) -> Offset
         off[worse] = np.maximum(off[worse], step[i])
         new[[i + 1, int(np.argmax(worse))]] = True
     if len(steps):
-        notices.append(_step_notice(t_s, off, sigma))
+        there = np.flatnonzero(off)
+        first, last = (iso_utc(float(t_s[there[i]])) for i in (0, -1))
+        sigma_m = np.median(sigma[there])
+        notices.append(Notice("gnss-steps", there=len(there), first=first, last=last, off_m=off.max(), sigma_m=sigma_m))
     return Offsets(np.cumsum(new), off)
-
-
-def _step_notice(t_s: FloatArray, off_m: FloatArray, sigma_m: FloatArray) -> Notice:
-    there = np.flatnonzero(off_m)
-    first, last = (iso_utc(float(t_s[there[i]])) for i in (0, -1))
-    return Notice(
-        "gnss-steps", there=len(there), first=first, last=last, off_m=off_m.max(), sigma_m=np.median(sigma_m[there])
-    )
 
 
 def positions_of(
@@ -113,11 +117,8 @@ def positions_of(
     """The positions of a track with their errors split into what changes from epoch to epoch and what stays.
 
     Args:
-        track: (m,) positions to use.
         en_m: (m, 2) easting and northing.
-        white_m: (m,) see :func:`white_noise_m`.
         heading_deg: (m,) grid heading of two antennas, nan where there is none.
-        steps: see :func:`offsets`.
     """
     sigma = sigmas_m(track)
     # Differences from one epoch to the next do not show what multipath does to heights within seconds: the usual share
@@ -140,17 +141,20 @@ def positions_of(
     )
 
 
+def positions_without_steps(track: GnssTrack, en_m: FloatArray) -> Positions:
+    """The positions (m,) of a track without a heading, whose error is continuous in each run of equal quality."""
+    white = white_noise_m(track, en_m, sigmas_m(track)[:, 0])
+    runs = Offsets(quality_runs(track.fix), np.zeros(len(track)))
+    return positions_of(track, en_m, white, np.full(len(track), np.nan), runs)
+
+
 def quality_runs(fix: NDArray[np.int8]) -> NDArray[np.intp]:
     """(n,) number of the run of equal qualities that each position belongs to, from 0."""
     return np.cumsum(np.diff(fix, prepend=fix[:1]) != 0)
 
 
 def fixes_from_labels(labels: tuple[str, ...]) -> tuple[Fix, ...]:
-    """The qualities that a session names.
-
-    Raises:
-        InputError: if a name is no quality.
-    """
+    """The qualities that a session names. Raises InputError if a name is no quality."""
     known = {fix.label: fix for fix in Fix if fix is not Fix.NONE}
     for label in labels:
         if label not in known:
@@ -177,24 +181,17 @@ def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice
         wanted = np.isin(track.fix, fixes)
     use = positioned & wanted
     unused = quality_words(track.fix[~use])
-    if use.sum() < 2:
-        raise _too_few(track, positioned, use)
-    return track[use], unused
-
-
-def _too_few(track: GnssTrack, positioned: NDArray[np.bool_], use: NDArray[np.bool_]) -> InputError:
-    """Why there are fewer than two positions to use."""
-    source = track.source or "The GNSS log"
-    placed = np.isfinite(track.lon_deg) & (track.fix != Fix.NONE)
-    if placed.sum() >= 2 and positioned.sum() < 2:
-        return InputError("gnss-no-heights", source=source, placed=int(placed.sum()))
-    if positioned.sum() < 2:
-        return InputError(
-            "gnss-no-positions.too-few-2", source=source, positioned=int(positioned.sum()), track=len(track)
-        )
-    found = Counter(Fix(f).label for f in track.fix[positioned].tolist())
-    words = ", ".join(f"{count} {label}" for label, count in found.most_common())
-    return InputError("gnss-no-positions.too-few", source=source, use=int(use.sum()), track=len(track), words=words)
+    if use.sum() >= 2:
+        return track[use], unused
+    source, placed = track.source or "The GNSS log", np.isfinite(track.lon_deg) & (track.fix != Fix.NONE)
+    count = int(positioned.sum())
+    if placed.sum() >= 2 and count < 2:
+        raise InputError("gnss-no-heights", source=source, placed=int(placed.sum()))
+    if count < 2:
+        raise InputError("gnss-no-positions.too-few-2", source=source, positioned=count, track=len(track))
+    found = Counter(Fix(f).label for f in track.fix[positioned].tolist()).most_common()
+    words = ", ".join(f"{number} {label}" for label, number in found)
+    raise InputError("gnss-no-positions.too-few", source=source, use=int(use.sum()), track=len(track), words=words)
 
 
 def judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
@@ -204,7 +201,7 @@ def judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
         RefusedError: if between two of them it might have turned round.
     """
     step_s = float(np.median(np.diff(track.t_s)))
-    if step_s > SLOWEST_STEP_S:
+    if step_s > MAX_POSITION_STEP_S:
         raise RefusedError("gnss-rate", source=track.source or "The GNSS log", step_s=step_s)
     if step_s > RATE_REPORTED_S:
         notices.append(Notice("gnss-rate.judge-rate", step_s=step_s))
@@ -217,7 +214,6 @@ def white_noise_m(track: GnssTrack, axes_m: FloatArray, sigma_m: FloatArray) -> 
     20 times its own (the sum of the squares of 1, 3, 3, 1). Their median deviation stands above jumps.
 
     Args:
-        track: (n,) positions.
         axes_m: (n, 2) easting and northing, or (n, 1) height.
         sigma_m: (n,) standard deviation of an axis.
     """
@@ -241,7 +237,6 @@ def jumps(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np
     """Positions (n,) that no drive leads to from the median of their neighbours, on the map or in height.
 
     Args:
-        t_s: (n,) times.
         xyz_m: (n, 3) positions; heights may be nan.
         sigma_m: (n, 2) standard deviations of a horizontal axis and of the height.
     """
@@ -253,7 +248,7 @@ def jumps(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np
     around = n - 1 - np.abs(n - 1 - around)
     off = np.abs(xyz_m - np.median(xyz_m[around], axis=1))
     dt = t_s[around] - t_s[:, None]
-    reach = 0.5 * HARDEST_MPS2 * (dt**2).max(axis=1) + FASTEST_MPS * np.abs(dt.mean(axis=1))
+    reach = 0.5 * MAX_ACCELERATION_MPS2 * (dt**2).max(axis=1) + MAX_SPEED_MPS * np.abs(dt.mean(axis=1))
     limit = reach[:, None] + np.maximum([JUMP_FLOOR_M, HEIGHT_JUMP_FLOOR_M], JUMP_SIGMAS * sigma_m)
     with np.errstate(invalid="ignore"):
         return np.asarray((np.hypot(off[:, 0], off[:, 1]) > limit[:, 0]) | (off[:, 2] > limit[:, 1]))
@@ -289,3 +284,54 @@ def sigmas_m(track: GnssTrack) -> FloatArray:
         np.isfinite(track.sigma_h_m) & (track.sigma_h_m > 0), track.sigma_h_m, HEIGHT_FACTOR * horizontal
     )
     return np.column_stack([horizontal, vertical])
+
+
+def climb_notices(track: GnssTrack, en_m: FloatArray) -> list[Notice]:
+    """A notice where heights rise or fall by more than MAX_CLIMB along the way and their standard deviations allow.
+
+    The way is the sum of the steps between positions: noise makes it longer, never shorter.
+
+    Args:
+        track: (n,) positions of a vehicle on the ground, those that are used.
+    """
+    known = np.isfinite(track.height_m)
+    if known.sum() < 2:
+        return []
+    track, en_m = track[known], en_m[known]
+    t_s, sigma_m = track.t_s, sigmas_m(track)[:, 1]
+    step_s = np.diff(t_s)
+    way_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(en_m, axis=0), axis=1)))
+    gaps = np.append(0, np.cumsum(step_s > max(CLIMB_GAP_S, CLIMB_GAP_INTERVALS * float(np.median(step_s)))))
+    steep = np.zeros(len(t_s), bool)
+    worst, worst_at = 0.0, (0, 0)
+    for window_s in CLIMB_WINDOWS_S:
+        first = np.arange(len(t_s))
+        last = np.searchsorted(t_s, t_s + window_s, side="right") - 1
+        first, last = first[whole := gaps[last] == gaps], last[whole]
+        allowed_m = (
+            CLIMB_FLOOR_M
+            + MAX_CLIMB * (way_m[last] - way_m[first])
+            + CLIMB_SIGMAS * np.hypot(sigma_m[first], sigma_m[last])
+        )
+        beyond_m = np.abs(track.height_m[last] - track.height_m[first]) - allowed_m
+        steep[first] |= beyond_m > 0.0
+        at = int(np.argmax(beyond_m))
+        if beyond_m[at] > worst:
+            worst, worst_at = float(beyond_m[at]), (int(first[at]), int(last[at]))
+    if not steep.any():
+        return []
+    a, b = worst_at
+    return [
+        Notice(
+            "gnss-heights",
+            source=track.source or "The GNSS log",
+            height_m=track.height_m[b] - track.height_m[a],
+            way_m=way_m[b] - way_m[a],
+            t_s=iso_utc(t_s[a]),
+            t_s_2=iso_utc(t_s[b]),
+            steepest=100.0 * MAX_CLIMB,
+            sigma_m=max(sigma_m[a], sigma_m[b]),
+            steep=int(steep.sum()),
+            t_s_count=len(t_s),
+        )
+    ]

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import solveh_banded
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 ACCELERATION_PSD: Final = 0.01
 """Spectral density of a working vehicle's acceleration, (m/s²)²·s, and of its turning, (rad/s²)²·s.

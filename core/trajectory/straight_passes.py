@@ -9,26 +9,24 @@ from typing import Final
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.trajectory import Trajectory
 
-FloatArray = NDArray[np.float64]
-
-STEP_S: Final = 0.1
+STRIP_STEP_S: Final = 0.1
 SMOOTH_S: Final = 1.5
 """The course is that of the mean velocity of so long: gusts push an aircraft aside for shorter."""
-WITHIN: Final = math.radians(15.0)
+MAX_COURSE_OFF_RAD: Final = math.radians(15.0)
 """The course stays this near to the middle of its range all along a strip."""
-MOVING: Final = 0.3
+MIN_SPEED_SHARE: Final = 0.3
 """Below this share of the median speed an aircraft hovers or turns about."""
-LEAST_S: Final = 3.0
-LEAST_M: Final = 5.0
+MIN_STRIP_S: Final = 3.0
+MIN_STRIP_M: Final = 5.0
 """Shorter parts are of a turn."""
-REST: Final = 0.5
-"""Share of an arc's rate of turning from which on what is beside it belongs to it."""
-PAUSE_S: Final = 3.0
+MIN_ARC_SHARE: Final = 0.5
+"""Neighbours of an arc above this share of its turn rate join the arc."""
+MAX_STRIP_PAUSE_S: Final = 3.0
 """Parts of one direction that follow each other within this time are one strip: a gust parted them."""
 
 
@@ -37,9 +35,6 @@ class Strip:
     """One straight pass of a flight.
 
     Attributes:
-        number: 1 for the first in time.
-        begin_s: UTC of its beginning.
-        end_s: UTC of its end.
         heading_deg: direction of flight, clockwise from grid north, 0 to 360.
         length_m: from its first to its last place.
         speed_mps: its length by its duration.
@@ -58,29 +53,27 @@ def find_strips(trajectory: Trajectory) -> tuple[Strip, ...]:
     ends_s = trajectory.gaps_s
     begins = np.concatenate([[trajectory.span_s[0]], ends_s[:, 1]])
     ends = np.concatenate([ends_s[:, 0], [trajectory.span_s[1]]])
-    paths = [_Path.of(trajectory, a, b) for a, b in zip(begins.tolist(), ends.tolist(), strict=True) if b - a > LEAST_S]
+    paths = [
+        _FlightPath.sample(trajectory, a, b)
+        for a, b in zip(begins.tolist(), ends.tolist(), strict=True)
+        if b - a > MIN_STRIP_S
+    ]
     if not paths:
         return ()
     speed = np.concatenate([path.speed_mps for path in paths])
-    slow = MOVING * float(np.median(speed[speed > MOVING * speed.max()]))
-    found = [strip for path in paths for strip in path.strips(slow)]
-    return tuple(
-        Strip(number, *_figures(*ends)) for number, ends in enumerate(sorted(found, key=lambda strip: strip[0]), 1)
-    )
-
-
-_Ends = tuple[float, float, FloatArray]
-
-
-def _figures(begin_s: float, end_s: float, along_m: FloatArray) -> tuple[float, float, float, float, float]:
-    length = float(np.hypot(*along_m))
-    heading = math.degrees(math.atan2(along_m[0], along_m[1])) % 360.0
-    return begin_s, end_s, heading, length, length / (end_s - begin_s)
+    slow = MIN_SPEED_SHARE * float(np.median(speed[speed > MIN_SPEED_SHARE * speed.max()]))
+    found = sorted((strip for path in paths for strip in path.strips(slow)), key=lambda strip: strip[0])
+    strips = []
+    for number, (begin_s, end_s, along_m) in enumerate(found, 1):
+        length = float(np.hypot(*along_m))
+        heading = math.degrees(math.atan2(along_m[0], along_m[1])) % 360.0
+        strips.append(Strip(number, begin_s, end_s, heading, length, length / (end_s - begin_s)))
+    return tuple(strips)
 
 
 @dataclass(frozen=True)
-class _Path:
-    """Horizontal places (n, 2), unwrapped course (n,) and speed (n,) at times STEP_S apart."""
+class _FlightPath:
+    """Horizontal places (n, 2), unwrapped course (n,) and speed (n,) at times STRIP_STEP_S apart."""
 
     t_s: FloatArray
     xy_m: FloatArray
@@ -88,14 +81,16 @@ class _Path:
     speed_mps: FloatArray
 
     @classmethod
-    def of(cls, trajectory: Trajectory, begin_s: float, end_s: float) -> _Path:
-        t = np.arange(begin_s, end_s, STEP_S)
+    def sample(cls, trajectory: Trajectory, begin_s: float, end_s: float) -> _FlightPath:
+        t = np.arange(begin_s, end_s, STRIP_STEP_S)
         xy = np.column_stack([np.interp(t, trajectory.t_s, trajectory.xyz_m[:, k]) for k in range(2)])
-        velocity = uniform_filter1d(np.gradient(xy, STEP_S, axis=0), round(SMOOTH_S / STEP_S), axis=0, mode="nearest")
+        velocity = uniform_filter1d(
+            np.gradient(xy, STRIP_STEP_S, axis=0), round(SMOOTH_S / STRIP_STEP_S), axis=0, mode="nearest"
+        )
         course = np.unwrap(np.arctan2(velocity[:, 0], velocity[:, 1]))
         return cls(t, xy, course, np.hypot(velocity[:, 0], velocity[:, 1]))
 
-    def strips(self, slow_mps: float) -> Iterator[_Ends]:
+    def strips(self, slow_mps: float) -> Iterator[tuple[float, float, FloatArray]]:
         """Begin, end and way (2,) of each strip."""
         parts: list[tuple[int, int]] = []
         edges = np.flatnonzero(np.diff((self.speed_mps > slow_mps).astype(np.int8), prepend=0, append=0))
@@ -103,7 +98,7 @@ class _Path:
             parts += self._straight(first, behind)
         for first, behind in self._joined(sorted(parts)):
             way = self.xy_m[behind - 1] - self.xy_m[first]
-            if float(np.hypot(*way)) >= LEAST_M:
+            if float(np.hypot(*way)) >= MIN_STRIP_M:
                 yield float(self.t_s[first]), float(self.t_s[behind - 1]), way
 
     def _straight(self, first: int, behind: int) -> list[tuple[int, int]]:
@@ -112,35 +107,32 @@ class _Path:
         open_parts = [(first, behind)]
         while open_parts:
             low, high = open_parts.pop()
-            if (high - low) * STEP_S < LEAST_S:
+            if (high - low) * STRIP_STEP_S < MIN_STRIP_S:
                 continue
-            begin, length = longest_within(self.course[low:high], 2.0 * WITHIN)
-            if length * STEP_S < LEAST_S:
+            begin, length = longest_within(self.course[low:high], 2.0 * MAX_COURSE_OFF_RAD)
+            if length * STRIP_STEP_S < MIN_STRIP_S:
                 continue
             part = (low + begin, low + begin + length)
             found.append(part)
             open_parts += [(low, part[0]), (part[1], high)]
-        rates = {part: self._turning(*part) for part in found}
-        arcs = {part for part, rate in rates.items() if abs(rate) * (part[1] - part[0]) > WITHIN}
+        # Steady change of the course, radians a step.
+        rates = {(a, b): float(np.polyfit(np.arange(b - a), self.course[a:b], 1)[0]) for a, b in found}
+        arcs = {part for part, rate in rates.items() if abs(rate) * (part[1] - part[0]) > MAX_COURSE_OFF_RAD}
         # What is left over beside an arc and turns as it does is the rest of the same turn.
         rests = {
             part
             for part in found
             for arc in arcs
-            if (part[0] == arc[1] or part[1] == arc[0]) and rates[part] / rates[arc] > REST
+            if (part[0] == arc[1] or part[1] == arc[0]) and rates[part] / rates[arc] > MIN_ARC_SHARE
         }
         return [part for part in found if part not in arcs | rests]
-
-    def _turning(self, first: int, behind: int) -> float:
-        """Steady change of the course, radians a step."""
-        return float(np.polyfit(np.arange(behind - first), self.course[first:behind], 1)[0])
 
     def _joined(self, parts: list[tuple[int, int]]) -> list[tuple[int, int]]:
         joined: list[tuple[int, int]] = []
         for part in parts:
-            if joined and (part[0] - joined[-1][1]) * STEP_S < PAUSE_S:
+            if joined and (part[0] - joined[-1][1]) * STRIP_STEP_S < MAX_STRIP_PAUSE_S:
                 course = [float(np.median(self.course[a:b])) for a, b in (joined[-1], part)]
-                if abs(course[1] - course[0]) < WITHIN:
+                if abs(course[1] - course[0]) < MAX_COURSE_OFF_RAD:
                     joined[-1] = (joined[-1][0], part[1])
                     continue
             joined.append(part)

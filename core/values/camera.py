@@ -7,17 +7,15 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from furrowmap.core.values.mounting import Mounting
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.rotation import Mounting
 
 PINHOLE: Final = ("fx", "fy", "cx", "cy")
 """Names of focal lengths and principal point."""
 DISTORTION: Final = ("k1", "k2", "k3", "p1", "p2")
 """Names of the distortion coefficients, as OpenCV has them."""
-WIDEST: Final = 20.0
+MAX_TANGENT: Final = 20.0
 """Largest tangent of the angle off the optical axis that is considered (87°)."""
 
 COLMAP_MODELS: Final = {
@@ -50,7 +48,7 @@ class Camera:
         p1, p2: tangential distortion.
         xyz_m: the projection centre in the vehicle frame.
         rpy_deg: roll, pitch, yaw of the optical frame in the vehicle frame, as in
-            :class:`~furrowmap.core.values.mounting.Mounting`.
+            :class:`~furrowmap.core.values.rotation.Mounting`.
         shutter_delay_s: middle of the exposure after the time stated for an image.
     """
 
@@ -104,8 +102,8 @@ class Camera:
         """
         # Roots of 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶ by the inverse of r², whose first coefficient is never zero.
         inverse = np.roots([1.0, 3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3])
-        turning = inverse[np.isreal(inverse) & (inverse.real > WIDEST**-2)].real
-        return float(min([WIDEST, *np.sqrt(1.0 / turning)]))
+        turning = inverse[np.isreal(inverse) & (inverse.real > MAX_TANGENT**-2)].real
+        return float(min([MAX_TANGENT, *np.sqrt(1.0 / turning)]))
 
     def reduced(self, factor: int) -> Camera:
         """The camera of images whose pixels are the means of `factor` × `factor` of its own; a rest is cut off."""
@@ -125,7 +123,6 @@ class Camera:
         """The camera of a line of COLMAP's `cameras.txt`.
 
         Args:
-            size: width and height.
             model: a key of :data:`COLMAP_MODELS`.
             params: its parameters, the principal point counted as COLMAP does.
 

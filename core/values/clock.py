@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 GPS_EPOCH_S: Final = 315_964_800
 """1980-01-06T00:00:00Z in POSIX seconds."""

@@ -8,11 +8,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.record_spool import square_keys
 
-FloatArray = NDArray[np.float64]
-
-MOST_CELLS: Final = 1 << 24
+MAX_RASTER_CELLS: Final = 1 << 24
 """Cells of a raster of the extent; beyond, keys are sorted."""
 
 
@@ -33,7 +32,7 @@ def cells_with_points(place_m: FloatArray, cell_m: float) -> NDArray[np.int64]:
         return np.zeros(0, np.int64)
     low, high = (np.floor(end[:2] / cell_m).astype(np.int64) for end in bounds(place_m))
     columns, rows = (high - low + 1).tolist()
-    if columns * rows > MOST_CELLS:
+    if columns * rows > MAX_RASTER_CELLS:
         return np.unique(square_keys(*np.floor(place_m[:, :2].T / cell_m)))
     column, row = np.nonzero(_filled(place_m, cell_m, low, np.zeros((columns, rows), np.bool_)))
     return square_keys(column + low[0], row + low[1])

@@ -1,13 +1,19 @@
-"""Positions of a GNSS receiver."""
+"""Positions of a GNSS receiver, as recorded and in the map frame."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.checks import check_columns
+
+DRIFT_CORRELATION_S: Final = 60.0
+"""Time over which the slowly varying error of GNSS changes (one to two minutes for PPP-RTK and RTK)."""
 
 
 class Fix(IntEnum):
@@ -76,13 +82,7 @@ class GnssTrack:
     service: str = ""
 
     def __post_init__(self) -> None:
-        n = len(self.t_s)
-        for name in self.columns():
-            values = getattr(self, name)
-            if values.shape != (n,):
-                raise ValueError(f"GnssTrack.{name} has shape {values.shape}, not ({n},)")
-        if n > 1 and not bool(np.all(np.diff(self.t_s) > 0)):
-            raise ValueError("GnssTrack.t_s does not increase")
+        check_columns(self)
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -98,20 +98,40 @@ class GnssTrack:
     ) -> Self:
         """A track from some of the columns; the others are unknown (nan, −1, fix NONE)."""
         n = len(t_s)
-        unknown: dict[str, NDArray[np.generic]] = {
-            "fix": np.zeros(n, np.int8),
-            "satellites": np.full(n, -1, np.int16),
+        unknown = {name: np.full(n, np.nan) for name in cls.columns()} | {
+            "fix": np.zeros(n),
+            "satellites": np.full(n, -1),
         }
-        whole = {
-            name: np.asarray(columns.get(name, unknown.get(name, np.full(n, np.nan))))
-            for name in cls.columns()
-            if name != "t_s"
-        }
-        whole["fix"] = whole["fix"].astype(np.int8)
-        whole["satellites"] = whole["satellites"].astype(np.int16)
-        return cls(t_s=np.asarray(t_s, np.float64), source=source, service=service, **whole)
+        stated = columns | {"t_s": t_s}
+        whole = {name: np.asarray(stated.get(name, values)) for name, values in unknown.items()}
+        for name, kind in {"t_s": np.float64, "fix": np.int8, "satellites": np.int16}.items():
+            whole[name] = whole[name].astype(kind)
+        return cls(source=source, service=service, **whole)
 
     def __getitem__(self, index: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Self:
         """The track of some of its epochs."""
         columns = {name: getattr(self, name)[index] for name in self.columns()}
         return type(self)(**columns, source=self.source, service=self.service)
+
+
+@dataclass(frozen=True)
+class Positions:
+    """The antenna's positions that are used, and how good they are.
+
+    Attributes:
+        t_s: (m,) UTC, increasing.
+        xyz_m: (m, 3) easting, northing, height.
+        white_m: (m, 3) noise from position to position.
+        drift_m: (m, 3) standard deviation of the slowly varying error.
+        run: (m,) counts the runs of equal quality, in which the slowly varying error is continuous.
+        fix: (m,) int8 quality.
+        yaw_rad: (m,) yaw that two antennas showed; nan elsewhere.
+    """
+
+    t_s: FloatArray
+    xyz_m: FloatArray
+    white_m: FloatArray
+    drift_m: FloatArray
+    run: NDArray[np.intp]
+    fix: NDArray[np.int8]
+    yaw_rad: FloatArray

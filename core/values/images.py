@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 CONTRADICTING: Final = "images-contradict"
 """Code of the notice of images that are used for nothing."""
@@ -26,7 +25,6 @@ class RawLayout:
         width, height: in pixels.
         step: bytes of a row.
         encoding: as ROS names it.
-        big_endian: byte order of values with two bytes.
     """
 
     width: int
@@ -41,7 +39,6 @@ class StoredImage:
     """An image of a recording, in a scratch file.
 
     Attributes:
-        name: of it, in tables and messages.
         data: its bytes: a JPEG or PNG file, or raw.
         layout: of raw bytes; None for a file.
     """

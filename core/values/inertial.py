@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.checks import check_columns
 
 STANDARD_GRAVITY_MPS2: Final = 9.80665
-_MG: Final = 1e-3 * STANDARD_GRAVITY_MPS2
-_DPS: Final = np.pi / 180.0
 
 
 @dataclass(frozen=True)
@@ -33,11 +31,7 @@ class InertialTrack:
     source: str = ""
 
     def __post_init__(self) -> None:
-        n = len(self.t_s)
-        if self.rate_radps.shape != (n, 3) or self.force_mps2.shape != (n, 3):
-            raise ValueError("InertialTrack has arrays of different lengths")
-        if n > 1 and not bool(np.all(np.diff(self.t_s) > 0)):
-            raise ValueError("InertialTrack.t_s does not increase")
+        check_columns(self, rate_radps=3, force_mps2=3)
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -78,33 +72,27 @@ class InertialNoise:
         accel_walk_mg_rts: float,
     ) -> InertialNoise:
         """Noise in the units of data sheets."""
+        dps, mg = np.pi / 180.0, 1e-3 * STANDARD_GRAVITY_MPS2
         return cls(
-            gyro_deg_s_rthz * _DPS, accel_mg_rthz * _MG, gyro_bias_deg_s * _DPS, accel_bias_mg * _MG,
-            gyro_walk_deg_s_rts * _DPS, accel_walk_mg_rts * _MG,
+            gyro_deg_s_rthz * dps, accel_mg_rthz * mg, gyro_bias_deg_s * dps, accel_bias_mg * mg,
+            gyro_walk_deg_s_rts * dps, accel_walk_mg_rts * mg,
         )  # fmt: skip
 
 
-_FIGURES: Final = (
+_NOISE_FIGURES: Final = (
     "gyro_deg_s_rthz", "accel_mg_rthz", "gyro_bias_deg_s", "accel_bias_mg", "gyro_walk_deg_s_rts", "accel_walk_mg_rts",
 )  # fmt: skip
 IMU_CLASSES: Final = {
-    "consumer": dict(zip(_FIGURES, (0.01, 0.3, 0.5, 30.0, 0.002, 0.05), strict=True)),
-    "industrial": dict(zip(_FIGURES, (0.0035, 0.14, 0.1, 10.0, 0.0004, 0.01), strict=True)),
-    "tactical": dict(zip(_FIGURES, (0.0012, 0.05, 0.01, 3.0, 0.0001, 0.005), strict=True)),
+    "consumer": dict(zip(_NOISE_FIGURES, (0.01, 0.3, 0.5, 30.0, 0.002, 0.05), strict=True)),
+    "industrial": dict(zip(_NOISE_FIGURES, (0.0035, 0.14, 0.1, 10.0, 0.0004, 0.01), strict=True)),
+    "tactical": dict(zip(_NOISE_FIGURES, (0.0012, 0.05, 0.01, 3.0, 0.0001, 0.005), strict=True)),
 }
 """Typical figures: of phones and hobby autopilots (MPU-9250, ICM-20948), of industrial MEMS units (VN-100, Xsens MTi),
 and of tactical ones (ADIS16490, HG4930). Data sheets state the noise; spread and walk of the biases are rounded up."""
 IMU_MODELS: Final = {
-    "VN-100": "industrial",
-    "VN-200": "industrial",
-    "VN-300": "industrial",
-    "MTi-300": "industrial",
-    "MTi-680G": "industrial",
-    "BMI088": "consumer",
-    "ICM-20948": "consumer",
-    "MPU-9250": "consumer",
-    "ADIS16490": "tactical",
-    "HG4930": "tactical",
+    **dict.fromkeys(("VN-100", "VN-200", "VN-300", "MTi-300", "MTi-680G"), "industrial"),
+    **dict.fromkeys(("BMI088", "ICM-20948", "MPU-9250"), "consumer"),
+    **dict.fromkeys(("ADIS16490", "HG4930"), "tactical"),
 }
 """The class of each model that `[imu] class` may name."""
 

@@ -5,26 +5,19 @@ from __future__ import annotations
 import datetime as dt
 from typing import Annotated, Final
 
-import msgspec
 from msgspec import Meta
 
-from furrowmap.core.values.session import WIDEST_M, Antenna, Lidar, Vector3
+from furrowmap.core.values.session import MAX_IMPLEMENT_WIDTH_M, Antenna, Lidar, TomlTable, Vector3
 
 MACHINE_SCHEMA: Final = 1
 NOT_SHOWN_DEG: Final = 180.0
 """Standard deviation of an angle that a recording does not show."""
 
 
-class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of the profile: frozen, and strict about its keys."""
-
-
-class MachineImu(_Part, frozen=True, rename={"kind": "class"}):
+class MachineImu(TomlTable, frozen=True, rename={"kind": "class"}):
     """`[imu]`: place, axes and class of the IMU, as in a session.
 
     Attributes:
-        xyz_m: its place in the vehicle frame.
-        rpy_deg: roll, pitch, yaw of its axes in the vehicle frame.
         kind: class of device or model; the key is `class`.
     """
 
@@ -33,31 +26,22 @@ class MachineImu(_Part, frozen=True, rename={"kind": "class"}):
     kind: str | None = None
 
 
-class MachineCamera(_Part, frozen=True):
-    """`[camera]`: place and direction of the camera, as in a session.
-
-    Attributes:
-        xyz_m: the projection centre in the vehicle frame.
-        rpy_deg: roll, pitch, yaw of the optical frame in the vehicle frame.
-    """
+class MachineCamera(TomlTable, frozen=True):
+    """`[camera]`: place and direction of the camera, as in a session."""
 
     xyz_m: Vector3
     rpy_deg: Vector3
 
 
-class MachineImplement(_Part, frozen=True):
+class MachineImplement(TomlTable, frozen=True):
     """`[implement]`: the implement, as in a session.
 
     Attributes:
-        width_m: working width.
-        xy_m: middle of the working line in the vehicle frame.
-        kind: free text.
-        lift_m: lift height.
         name: of one of several.
         moves_soil: of several, the one whose passes change the soil; default: the rearmost.
     """
 
-    width_m: Annotated[float, Meta(gt=0.0, le=WIDEST_M)]
+    width_m: Annotated[float, Meta(gt=0.0, le=MAX_IMPLEMENT_WIDTH_M)]
     xy_m: tuple[float, float]
     kind: str = ""
     working_depth_m: float | None = None
@@ -66,7 +50,7 @@ class MachineImplement(_Part, frozen=True):
     moves_soil: bool = False
 
 
-class Calibrated(_Part, frozen=True):
+class Calibrated(TomlTable, frozen=True):
     """`[calibrated]`: where the angles of the scanner are from, if a recording showed them.
 
     Attributes:
@@ -79,11 +63,10 @@ class Calibrated(_Part, frozen=True):
     session: str = ""
 
 
-class Machine(_Part, frozen=True):
+class Machine(TomlTable, frozen=True):
     """The content of a machine's profile.
 
     Attributes:
-        furrowmap_machine: schema version.
         antenna, lidar, imu, camera, implement: as in a session; None for none, or not measured.
         calibrated: where the angles in `lidar` are from; None where they were measured.
         further_implements: the others of several `[[implement]]`.

@@ -1,11 +1,21 @@
-"""Poses of the vehicle from a file, before they are transformed to the map frame."""
+"""Poses and attitudes from files: of the vehicle, before they are transformed to the map frame, and of a mount."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.checks import check_columns
+
+TRUE_NORTH: Final = "true"
+GRID_NORTH: Final = "grid"
+MAGNETIC_NORTH: Final = "magnetic"
+UNSTATED_NORTH: Final = ""
+"""From which north headings count."""
 
 
 @dataclass(frozen=True)
@@ -16,7 +26,6 @@ class PoseTrack:
         t_s: (n,) UTC, strictly increasing.
         position: (n, 3): easting, northing, height in the session's map frame if `projected`, else longitude and
             latitude in degrees and height above the ellipsoid in metres.
-        projected: see `position`.
         roll_deg: (n,) positive right side down.
         pitch_deg: (n,) positive nose up.
         heading_deg: (n,) clockwise from north.
@@ -36,14 +45,7 @@ class PoseTrack:
     source: str = ""
 
     def __post_init__(self) -> None:
-        n = len(self.t_s)
-        for name in ("roll_deg", "pitch_deg", "heading_deg"):
-            if getattr(self, name).shape != (n,):
-                raise ValueError(f"PoseTrack.{name} has shape {getattr(self, name).shape}, not ({n},)")
-        if self.position.shape != (n, 3) or self.sigma.shape != (n, 6):
-            raise ValueError("PoseTrack.position must be (n, 3) and PoseTrack.sigma (n, 6)")
-        if n > 1 and not bool(np.all(np.diff(self.t_s) > 0)):
-            raise ValueError("PoseTrack.t_s does not increase")
+        check_columns(self, position=3, sigma=6)
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -52,3 +54,58 @@ class PoseTrack:
         """The track of some of its poses."""
         arrays = ("t_s", "position", "roll_deg", "pitch_deg", "heading_deg", "sigma")
         return replace(self, **{name: getattr(self, name)[index] for name in arrays})
+
+
+@dataclass(frozen=True)
+class MountMotion:
+    """Attitude of a mount in the vehicle frame over time, interpolated between samples.
+
+    Attributes:
+        t_s: (n,) UTC, strictly increasing.
+        quaternion: (n, 4) (w, x, y, z) unit quaternions, mount to vehicle: a mount at rest has the vehicle's axes.
+    """
+
+    t_s: FloatArray
+    quaternion: FloatArray
+
+    def __post_init__(self) -> None:
+        check_columns(self, quaternion=4)
+        if len(self.t_s) < 2:
+            raise ValueError("MountMotion.t_s does not increase: it has fewer than two times")
+
+
+@dataclass(frozen=True)
+class AttitudeTrack:
+    """Attitudes in the conventions of files, in the order of time.
+
+    Attributes:
+        t_s: (n,) UTC, strictly increasing.
+        roll_deg: (n,) positive right side down; nan where it is not recorded, as for the others.
+        pitch_deg: (n,) positive nose up.
+        heading_deg: (n,) clockwise from north.
+        north: "true", "grid", "magnetic", or "" if the file does not state it.
+        source: the name of the file or topic, for messages.
+    """
+
+    t_s: FloatArray
+    roll_deg: FloatArray
+    pitch_deg: FloatArray
+    heading_deg: FloatArray
+    north: str = UNSTATED_NORTH
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        check_columns(self)
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    @property
+    def has_level(self) -> bool:
+        """Whether it has roll and pitch."""
+        return bool(np.isfinite(self.roll_deg).any() and np.isfinite(self.pitch_deg).any())
+
+    @property
+    def has_heading(self) -> bool:
+        """Whether it has headings."""
+        return bool(np.isfinite(self.heading_deg).any())

@@ -1,4 +1,4 @@
-"""Conventions of rotations and angles.
+"""Conventions of rotations, angles and directions, and the mounting of a sensor.
 
 A rotation is a unit quaternion (w, x, y, z) that rotates vehicle (or lidar) coordinates to map (or vehicle)
 coordinates. Euler angles are used only in files and mountings.
@@ -6,13 +6,18 @@ coordinates. Euler angles are used only in files and mountings.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+import math
+import warnings
+from dataclasses import dataclass
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-FloatArray: TypeAlias = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
+
+_WORDS: Final = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 
 
 def wrap_deg(angle_deg: ArrayLike) -> FloatArray:
@@ -63,3 +68,38 @@ def quaternion_to_matrix(quaternion: FloatArray) -> FloatArray:
     """Rotation matrices (n, 3, 3) of quaternions (n, 4)."""
     matrix: FloatArray = Rotation.from_quat(np.atleast_2d(quaternion), scalar_first=True).as_matrix()
     return matrix
+
+
+def compass_direction(east: float, north: float) -> str:
+    """The compass direction of a vector, to an eighth of a turn."""
+    return _WORDS[round(math.degrees(math.atan2(east, north)) / 45.0) % 8]
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """The extrinsic parameters of a sensor: lidar frame → vehicle frame.
+
+    Attributes:
+        xyz_m: the sensor's origin in the vehicle frame.
+        rpy_deg: roll, pitch, yaw; ``R = Rz(yaw)·Ry(pitch)·Rx(roll)`` rotates lidar to vehicle coordinates.
+    """
+
+    xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not bool(np.all(np.isfinite([*self.xyz_m, *self.rpy_deg]))):
+            raise ValueError(f"a mounting needs finite numbers: {self}")
+
+    @property
+    def rotation(self) -> NDArray[np.float64]:
+        """Rotation matrix (3, 3), lidar to vehicle coordinates."""
+        return mounting_rotation(*self.rpy_deg)
+
+    @classmethod
+    def from_rotation(cls, xyz_m: tuple[float, float, float], rotation: NDArray[np.float64]) -> Mounting:
+        """The mounting with this rotation matrix (3, 3), lidar to vehicle coordinates."""
+        with warnings.catch_warnings():  # of the angles of a pitch of 90°, which are not unique, any serve
+            warnings.simplefilter("ignore", UserWarning)
+            yaw, pitch, roll = Rotation.from_matrix(rotation).as_euler("ZYX", degrees=True).tolist()
+        return cls(xyz_m, (roll, pitch, yaw))

@@ -1,4 +1,4 @@
-"""The session: what a user states about a recording, in `session.toml`."""
+"""The session: what a user states in `session.toml`; docs/reference/session.md describes each key."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Annotated, Final, Literal
 import msgspec
 from msgspec import Meta
 
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 
-SCHEMA: Final = 1
+SESSION_SCHEMA: Final = 1
 
 REPLACE: Final = "replace"
 CHECK: Final = "check"
@@ -28,22 +28,12 @@ ORIGIN: Final[Vector3] = (0.0, 0.0, 0.0)
 _Positive = Annotated[float, Meta(gt=0.0)]
 
 
-class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A table of the session file: frozen, and strict about its keys."""
+class TomlTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A table of a TOML file: frozen, and strict about its keys."""
 
 
-class Recording(_Part, frozen=True):
-    """`[recording]`: the files, and the offset of their clocks.
-
-    Attributes:
-        lidar: LiDAR recordings, in time order.
-        gnss: GNSS logs, in time order.
-        lidar_minus_gnss_s: LiDAR clock minus GNSS clock, if they differ by a constant.
-        date: UTC date (YYYY-MM-DD) of the first position, for logs without a date.
-        task: identifier or name of a task, if task data hold several.
-        begin: first time to use, with its offset from UTC; `from` in the file.
-        end: last time to use; `to` in the file.
-    """
+class Recording(TomlTable, frozen=True):
+    """`[recording]`: the files, and the offset of their clocks."""
 
     lidar: tuple[str, ...] = ()
     gnss: tuple[str, ...] = ()
@@ -62,16 +52,8 @@ class Recording(_Part, frozen=True):
         )
 
 
-class Crs(_Part, frozen=True):
-    """`[crs]`: the map frame.
-
-    Attributes:
-        map: a projected CRS in metres, in any form that pyproj reads.
-        heights: "ellipsoidal", or a geoid model by name.
-        coordinates: "as-recorded", "current-epoch", or a frame and epoch such as "itrf2020@2026.4".
-        parameters: official parameter file from the current epoch to that of the map.
-        geoid_grid: file with the geoid grid, for models of which PROJ has none.
-    """
+class Crs(TomlTable, frozen=True):
+    """`[crs]`: the map frame."""
 
     map: str
     heights: str = ELLIPSOIDAL
@@ -80,30 +62,16 @@ class Crs(_Part, frozen=True):
     geoid_grid: str | None = None
 
 
-class Antenna(_Part, frozen=True):
-    """`[antenna]`: the lever arm, the phase centre of the GNSS antenna in the vehicle frame.
-
-    Attributes:
-        xyz_m: of the antenna whose positions the log has.
-        baseline_yaw_deg: direction of the baseline between two antennas in the vehicle frame, from the one to the other
-            as the receiver counts: 0 forward, 90 to the left.
-        heading_sigma_deg: standard deviation of a single heading of two antennas.
-    """
+class Antenna(TomlTable, frozen=True):
+    """`[antenna]`: the lever arm, the phase centre of the GNSS antenna in the vehicle frame."""
 
     xyz_m: Vector3
     baseline_yaw_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0
     heading_sigma_deg: _Positive | None = None
 
 
-class Lidar(_Part, frozen=True):
-    """`[lidar]`: the laser scanner and its mounting.
-
-    Attributes:
-        model: such as "VLP-16"; overrides the packets.
-        xyz_m: the sensor origin in the vehicle frame; None where it is not stated.
-        rpy_deg: roll, pitch, yaw of the sensor in the vehicle frame; None where they are not stated.
-        rpy_walk_deg_rts: random walk of these angles, for a mounting that changes slowly during a flight.
-    """
+class Lidar(TomlTable, frozen=True):
+    """`[lidar]`: the laser scanner and its mounting."""
 
     xyz_m: Vector3 | None = None
     rpy_deg: Vector3 | None = None
@@ -116,28 +84,14 @@ class Lidar(_Part, frozen=True):
         return Mounting(self.xyz_m or ORIGIN, self.rpy_deg or ORIGIN)
 
 
-WIDEST_M: Final = 100.0
+MAX_IMPLEMENT_WIDTH_M: Final = 100.0
 """No implement is wider."""
 
 
-class Implement(_Part, frozen=True):
-    """`[implement]`: the implement, or one of several `[[implement]]`.
+class Implement(TomlTable, frozen=True):
+    """`[implement]`: the implement, or one of several `[[implement]]`."""
 
-    Attributes:
-        width_m: working width.
-        xy_m: middle of the working line in the vehicle frame.
-        kind: free text.
-        lift_m: lift height, for a scanner that does not see the implement at work.
-        region_m: x_min, x_max, y_min, y_max in the vehicle frame: where the scanner sees the implement.
-        learned: `implement.npz` of an earlier session with the same machine.
-        states: files with tool states: tables of times, or task data.
-        states_use: "replace" the states detected in the scans, or "check" them.
-        states_minus_gnss_s: clock of the states minus that of the positions, if they differ by a constant.
-        name: of one of several, such as "front roller".
-        moves_soil: of several, the one whose passes change the soil; default: the rearmost.
-    """
-
-    width_m: Annotated[float, Meta(gt=0.0, le=WIDEST_M)]
+    width_m: Annotated[float, Meta(gt=0.0, le=MAX_IMPLEMENT_WIDTH_M)]
     xy_m: tuple[float, float]
     kind: str = ""
     working_depth_m: float | None = None
@@ -151,15 +105,8 @@ class Implement(_Part, frozen=True):
     moves_soil: bool = False
 
 
-class Field(_Part, frozen=True):
-    """`[field]`: what is known of the field.
-
-    Attributes:
-        boundary: a vector file with its polygon, or task data.
-        name: of the field in that file, if it holds several.
-        time_zone: of the times that people read, such as "Asia/Tokyo", where it is not that of the place.
-        within: a vector file with polygons, or task data: what lies in them goes into cloud, surfaces and parcels.
-    """
+class Field(TomlTable, frozen=True):
+    """`[field]`: what is known of the field."""
 
     boundary: str | None = None
     name: str | None = None
@@ -167,31 +114,16 @@ class Field(_Part, frozen=True):
     within: str | None = None
 
 
-class TrajectorySource(_Part, frozen=True):
-    """`[trajectory]`: an external trajectory, used instead of GNSS and scan matching.
-
-    Attributes:
-        files: CSV or SBET files, in time order.
-        time: "utc" or "gps", if the file does not state it.
-        week: GPS week of a file with seconds of the week, counted from 1980-01-06.
-    """
+class TrajectorySource(TomlTable, frozen=True):
+    """`[trajectory]`: an external trajectory, used instead of GNSS and scan matching."""
 
     files: tuple[str, ...]
     time: Literal["utc", "gps"] | None = None
     week: Annotated[int, Meta(ge=0)] | None = None
 
 
-class ImuNoise(_Part, frozen=True):
-    """`[imu] noise`: figures of a data sheet; what is left out is that of the class.
-
-    Attributes:
-        gyro_deg_s_rthz: noise density of the angular rate.
-        accel_mg_rthz: noise density of the specific force.
-        gyro_bias_deg_s: standard deviation of the angular rate's bias at turn-on.
-        accel_bias_mg: the same of the specific force.
-        gyro_walk_deg_s_rts: random walk of the angular rate's bias.
-        accel_walk_mg_rts: the same of the specific force.
-    """
+class ImuNoise(TomlTable, frozen=True):
+    """`[imu] noise`: figures of a data sheet; what is left out is that of the class."""
 
     gyro_deg_s_rthz: _Positive | None = None
     accel_mg_rthz: _Positive | None = None
@@ -201,36 +133,16 @@ class ImuNoise(_Part, frozen=True):
     accel_walk_mg_rts: _Positive | None = None
 
 
-class ImuColumn(_Part, frozen=True):
-    """A column in `[imu] columns`.
-
-    Attributes:
-        quantity: "time", "gyro_x" to "gyro_z", "force_x" to "force_z".
-        unit: of the numbers, such as "deg/s".
-        scale: by which they are multiplied besides; negative for an axis with the other sign.
-    """
+class ImuColumn(TomlTable, frozen=True):
+    """A column in `[imu] columns`."""
 
     quantity: str
     unit: str
     scale: float = 1.0
 
 
-class Imu(_Part, frozen=True, rename={"kind": "class"}):
-    """`[imu]`: the inertial measurement unit.
-
-    Attributes:
-        files: recordings, in time order.
-        topic: of a bag with several; by default the one with the most messages.
-        xyz_m: its place in the vehicle frame.
-        rpy_deg: roll, pitch, yaw of its axes in the vehicle frame.
-        kind: class of device ("consumer", "industrial", "tactical") or model; the key is `class`.
-        noise: figures that replace those of the class.
-        minus_gnss_s: IMU clock minus GNSS clock, if they differ by a constant.
-        columns: what the columns of a CSV are whose names do not say it.
-        on_wheels: whether the vehicle is on wheels or tracks: its origin moves along its nose, forward or in reverse.
-        heading: what shows the heading where accelerations do not: nothing else ("motion"), the log that
-            `[attitude] heading` names, or two antennas, whose headings are in the log of positions.
-    """
+class Imu(TomlTable, frozen=True, rename={"kind": "class"}):
+    """`[imu]`: the inertial measurement unit."""
 
     files: tuple[str, ...]
     topic: str | None = None
@@ -244,17 +156,8 @@ class Imu(_Part, frozen=True, rename={"kind": "class"}):
     heading: Literal["motion", "attitude", "antennas"] = "motion"
 
 
-class Attitude(_Part, frozen=True):
-    """`[attitude]`: logs of attitude and heading reference systems (AHRS), where there are no raw measurements.
-
-    Attributes:
-        roll_pitch: the log whose roll and pitch are used.
-        heading: the log whose heading is used; may be the same.
-        north: north of the headings, for logs that do not state it.
-        declination_deg: of the magnetic field at place and date, positive east, for headings from magnetic north.
-        roll_pitch_rpy_deg, heading_rpy_deg: roll, pitch, yaw of the devices' axes in the vehicle frame.
-        roll_pitch_sigma_deg, heading_sigma_deg: standard deviations.
-    """
+class Attitude(TomlTable, frozen=True):
+    """`[attitude]`: logs of attitude and heading reference systems (AHRS), where there are no raw measurements."""
 
     roll_pitch: str
     heading: str
@@ -266,41 +169,15 @@ class Attitude(_Part, frozen=True):
     heading_sigma_deg: _Positive | None = None
 
 
-class Mount(_Part, frozen=True):
-    """`[mount]`: a mount of the scanner that moves against the vehicle.
-
-    Attributes:
-        attitude: file with its roll, pitch and yaw in the vehicle frame over time; the scanner's mounting is stated for
-            all three zero.
-        xyz_m: the point about which it turns, in the vehicle frame; by default the scanner's origin.
-    """
+class Mount(TomlTable, frozen=True):
+    """`[mount]`: a mount of the scanner that moves against the vehicle."""
 
     attitude: str
     xyz_m: Vector3 | None = None
 
 
-class CameraSource(_Part, frozen=True):
-    """`[camera]`: a camera on the vehicle, and its images.
-
-    Attributes:
-        table: CSV with the file and the time of each image.
-        files: images whose times are in their EXIF data; names may have `*` and `?`. With `topic`, ROS bags.
-        topic: of the images in these bags; `width` to `params` may be missing where it has a CameraInfo beside it.
-        every_s: images of the topic nearer than this to the one before are left out.
-        width, height: of the images, in pixels.
-        fx, fy, cx, cy: focal lengths and principal point in pixels; (0, 0) is the middle of the top left pixel.
-        k1, k2, k3, p1, p2: Brown distortion, as in OpenCV.
-        model: camera model of COLMAP, with `params` instead of the above.
-        params: its parameters in the order of COLMAP.
-        xyz_m: the projection centre in the vehicle frame.
-        rpy_deg: roll, pitch, yaw of the optical frame (x right in the image, y down, z along the view) in the vehicle
-            frame.
-        shutter_delay_s: middle of the exposure after the time stated for an image.
-        minus_gnss_s: clock of the camera minus that of the positions, if they differ by a constant.
-        aid: whether the images aid the trajectory.
-        control_points: surveyed points that images show.
-        control_pixels: CSV with their places in images; without it, plates of black and white are looked for.
-    """
+class CameraSource(TomlTable, frozen=True):
+    """`[camera]`: a camera on the vehicle, and its images."""
 
     table: str | None = None
     files: tuple[str, ...] = ()
@@ -339,16 +216,8 @@ class CameraSource(_Part, frozen=True):
         return Mounting(self.xyz_m, self.rpy_deg)
 
 
-class Parcels(_Part, frozen=True):
-    """`[parcels]`: the parcels of a trial.
-
-    Attributes:
-        file: vector file, or CSV of corners, with the gross parcels.
-        net_inset_m: width of the strip between gross and net parcel off each end, and off each side.
-        treatments: CSV or Excel table with what each parcel was given.
-        method: by which heights and volumes are computed; None for the default.
-        soil: "surface", "plane", or a file with the soil by another survey; None for the default.
-    """
+class Parcels(TomlTable, frozen=True):
+    """`[parcels]`: the parcels of a trial."""
 
     file: str
     net_inset_m: tuple[Annotated[float, Meta(ge=0.0)], Annotated[float, Meta(ge=0.0)]] = (0.0, 0.0)
@@ -357,46 +226,29 @@ class Parcels(_Part, frozen=True):
     soil: str | None = None
 
 
-class FeatureSearch(_Part, frozen=True):
-    """`[features]`: planes, lines and plants are looked for in the cloud.
-
-    Attributes:
-        ground: "class", the ground of the run's cloud, or "smrf", a filter; None for the first where there is any.
-        voxel_m: size of voxels, the least detail; None for the spacing of the points.
-    """
+class FeatureSearch(TomlTable, frozen=True):
+    """`[features]`: planes, lines and plants are looked for in the cloud."""
 
     ground: Literal["class", "smrf"] | None = None
     voxel_m: Annotated[float, Meta(ge=0.02, le=2.0)] | None = None
 
 
-class Run(_Part, frozen=True):
-    """`[run]`: processing options.
-
-    Attributes:
-        standing: whether to keep scans taken while standing still in the cloud.
-        fixes: GNSS fix types to use ("fixed", "float", "dgps", "single", ...); by default fixed and float if there is
-            any fixed position, else all.
-        threads: number of threads; `--threads` on the command line overrides it.
-    """
+class Run(TomlTable, frozen=True):
+    """`[run]`: processing options."""
 
     standing: bool = True
     fixes: tuple[str, ...] | None = None
     threads: Annotated[int, Meta(ge=1)] | None = None
 
 
-class Report(_Part, frozen=True):
-    """`[report]`: how the report page is written.
-
-    Attributes:
-        language: "en" or "ja"; `--lang` on the command line overrides it; default: FURROWMAP_LANG, else "en".
-        area_unit: "ha", "10a" (areas in ares, work rates per 10 a) or "acre".
-    """
+class Report(TomlTable, frozen=True):
+    """`[report]`: how the report page is written."""
 
     language: Literal["en", "ja"] | None = None
     area_unit: Literal["ha", "10a", "acre"] = "ha"
 
 
-class Session(_Part, frozen=True):
+class Session(TomlTable, frozen=True):
     """The content of a session file.
 
     Attributes:

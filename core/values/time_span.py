@@ -1,15 +1,16 @@
-"""The part of a recording between two times."""
+"""The part of a recording between two times, and numbered intervals of time: passes of a tool, strips of a flight."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import GnssTrack
@@ -17,20 +18,14 @@ from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.scan import Scan
 
-FloatArray = NDArray[np.float64]
 Span = tuple[float, float]
 """First and last UTC (POSIX seconds), both included; infinite where open."""
-ALL: Final[Span] = (-math.inf, math.inf)
+WHOLE_SPAN: Final[Span] = (-math.inf, math.inf)
 
 
 def scans_within(scans: Iterator[Scan], span_s: Span) -> Iterator[Scan]:
-    """The returns of scans in a span; what follows its end is not read.
-
-    Args:
-        scans: in the order of time.
-        span_s: first and last time.
-    """
-    if span_s == ALL:
+    """The returns of scans in a span; what follows its end is not read."""
+    if span_s == WHOLE_SPAN:
         yield from scans
         return
     for scan in scans:
@@ -43,12 +38,8 @@ def scans_within(scans: Iterator[Scan], span_s: Span) -> Iterator[Scan]:
 
 
 def track_within(track: GnssTrack, span_s: Span) -> GnssTrack:
-    """The positions in a span.
-
-    Raises:
-        InputError: if there is none.
-    """
-    if span_s == ALL:
+    """The positions in a span. Raises InputError if there is none."""
+    if span_s == WHOLE_SPAN:
         return track
     inside = (track.t_s >= span_s[0]) & (track.t_s <= span_s[1])
     if not inside.any():
@@ -57,12 +48,8 @@ def track_within(track: GnssTrack, span_s: Span) -> GnssTrack:
 
 
 def poses_within(poses: PoseTrack, span_s: Span) -> PoseTrack:
-    """The poses in a span.
-
-    Raises:
-        InputError: if there is none.
-    """
-    if span_s == ALL:
+    """The poses in a span. Raises InputError if there is none."""
+    if span_s == WHOLE_SPAN:
         return poses
     inside = (poses.t_s >= span_s[0]) & (poses.t_s <= span_s[1])
     if not inside.any():
@@ -86,3 +73,31 @@ def _nothing(source: str, t_s: FloatArray, span_s: Span) -> InputError:
         t_s=iso_utc(float(t_s[0])) if len(t_s) else None,
         t_s_last=iso_utc(float(t_s[-1])) if len(t_s) else None,
     )
+
+
+class Interval(Protocol):
+    """Something that begins and ends."""
+
+    @property
+    def begin_s(self) -> float:
+        """UTC of its beginning."""
+        ...
+
+    @property
+    def end_s(self) -> float:
+        """UTC of its end."""
+        ...
+
+
+def interval_numbers(intervals: Sequence[Interval], t_s: ArrayLike) -> NDArray[np.intp]:
+    """Number (n,) of the interval at times (n,), 1 for the first, its ends included; 0 between intervals.
+
+    Args:
+        intervals: in the order of time, apart from each other.
+    """
+    t = np.atleast_1d(np.asarray(t_s, np.float64))
+    if not intervals:
+        return np.zeros(len(t), np.intp)
+    number = np.searchsorted([when.begin_s for when in intervals], t, side="right")
+    ends_s = np.array([when.end_s for when in intervals])
+    return np.where((number > 0) & (t <= ends_s[number - 1]), number, 0)

@@ -8,7 +8,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.checks import check_columns
 
 
 class ToolState(IntEnum):
@@ -51,13 +52,10 @@ class ToolStates:
     common_share: float = 0.0
 
     def __post_init__(self) -> None:
-        n = len(self.begin_s)
-        for name in ("begin_s", "end_s", "state", "confidence", "begin_sigma_s", "end_sigma_s"):
-            if getattr(self, name).shape != (n,):
-                raise ValueError(f"ToolStates.{name} has shape {getattr(self, name).shape}, not {(n,)}")
+        check_columns(self, "begin_s")
         if not bool(np.all(self.end_s > self.begin_s)):
             raise ValueError("ToolStates: an interval ends before it begins")
-        if n > 1 and not bool(np.all(self.begin_s[1:] >= self.end_s[:-1])):
+        if not bool(np.all(self.begin_s[1:] >= self.end_s[:-1])):
             raise ValueError("ToolStates: intervals overlap or are not in the order of time")
 
     def __len__(self) -> int:

@@ -1,19 +1,20 @@
-"""Position and attitude of the vehicle as a function of time."""
+"""Position and attitude of the vehicle as a function of time, and at each scan."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.runtime import scratch
+from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.checks import check_columns
 from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_attitude
-
-FloatArray = NDArray[np.float64]
 
 
 class Motion(IntEnum):
@@ -29,11 +30,9 @@ class Motion(IntEnum):
         return self.name.lower()
 
 
-SIGMAS = ("e_m", "n_m", "h_m", "roll_deg", "pitch_deg", "heading_deg")
+SIGMA_NAMES: Final = ("e_m", "n_m", "h_m", "roll_deg", "pitch_deg", "heading_deg")
 """The columns of :attr:`Trajectory.sigma`."""
-
-
-SOURCES = ("heading_from", "position_from", "height_from", "level_from")
+SOURCE_NAMES: Final = ("heading_from", "position_from", "height_from", "level_from")
 """Names of the attributes with the source of each unknown."""
 
 
@@ -69,7 +68,7 @@ class Trajectory:
         speed_mps: (n,) along the vehicle's x axis, negative in reverse; nan where unknown.
         motion: (n,) int8, values of :class:`Motion`.
         fix: (n,) int8, GNSS quality behind the knot (GGA codes), −1 for poses from a file.
-        sigma: (n, 6) standard deviations in the order of :data:`SIGMAS`; nan where unknown.
+        sigma: (n, 6) standard deviations in the order of :data:`SIGMA_NAMES`; nan where unknown.
         heading_from: (n,) source of the heading ('gnss', 'antennas', 'relief', 'walls', 'standing', 'imu', 'attitude',
             'file').
         position_from: (n,) source of easting and northing ('gnss', 'relief', 'walls', 'carried', 'file').
@@ -92,15 +91,8 @@ class Trajectory:
     max_gap_s: float
 
     def __post_init__(self) -> None:
-        n = len(self.t_s)
-        shapes = {"xyz_m": (n, 3), "quaternion": (n, 4), "speed_mps": (n,), "motion": (n,), "fix": (n,)}
-        words = dict.fromkeys(SOURCES, (n,))
-        for name, shape in (shapes | {"sigma": (n, 6)} | words).items():
-            if getattr(self, name).shape != shape:
-                raise ValueError(f"Trajectory.{name} has shape {getattr(self, name).shape}, not {shape}")
-        if n > 1 and not bool(np.all(np.diff(self.t_s) > 0)):
-            raise ValueError("Trajectory.t_s does not increase")
-        if n and not bool(np.allclose(np.linalg.norm(self.quaternion, axis=1), 1.0, atol=1e-6)):
+        check_columns(self, xyz_m=3, quaternion=4, sigma=6)
+        if len(self) and not bool(np.allclose(np.linalg.norm(self.quaternion, axis=1), 1.0, atol=1e-6)):
             raise ValueError("Trajectory.quaternion must hold unit quaternions")
 
     def __len__(self) -> int:
@@ -120,11 +112,12 @@ class Trajectory:
     @cached_property
     def turn_rad(self) -> FloatArray:
         """(n − 1, 3) rotation vector from each knot to the next, in the frame of the earlier one."""
-        turn: FloatArray = scratch.zeros((max(len(self) - 1, 0), 3))
-        for part in scratch.parts(len(turn)):
+
+        def turns(part: slice) -> list[FloatArray]:
             rotation = Rotation.from_quat(self.quaternion[part.start : part.stop + 1], scalar_first=True)
-            turn[part] = (rotation[:-1].inv() * rotation[1:]).as_rotvec()
-        return turn
+            return [(rotation[:-1].inv() * rotation[1:]).as_rotvec()]
+
+        return arrays.in_parts(turns, len(self) - 1)[0] if len(self) > 1 else np.zeros((0, 3))
 
     def without_accuracy(self) -> Trajectory:
         """The same poses with unknown standard deviations."""
@@ -163,6 +156,11 @@ class Trajectory:
         return quaternion_to_attitude(self.quaternion)
 
 
+def source_columns(n: int, *words: str | NDArray[np.str_]) -> dict[str, Any]:
+    """The attributes :data:`SOURCE_NAMES` of n knots, each from one word or (n,) of them."""
+    return {name: np.full(n, word) for name, word in zip(SOURCE_NAMES, words, strict=True)}
+
+
 def trajectory_from_attitude(
     t_s: FloatArray,
     xyz_m: FloatArray,
@@ -177,14 +175,9 @@ def trajectory_from_attitude(
     """A trajectory from attitude in the conventions of files, without fix and sigma; its sources are "file".
 
     Args:
-        t_s: (n,) UTC.
         xyz_m: (n, 3) of the vehicle frame's origin in the map frame.
         roll_deg: (n,) or a number, as `pitch_deg` and `heading_deg`.
-        pitch_deg: see `roll_deg`.
         heading_deg: see `roll_deg`; clockwise from grid north.
-        max_gap_s: see :class:`Trajectory`.
-        speed_mps: (n,); None if unknown.
-        motion: (n,); None if unknown.
     """
     n = len(t_s)
     roll, pitch, heading = (
@@ -199,10 +192,7 @@ def trajectory_from_attitude(
         motion=np.zeros(n, np.int8) if motion is None else motion.astype(np.int8),
         fix=np.full(n, -1, np.int8),
         sigma=np.full((n, 6), np.nan),
-        heading_from=np.full(n, "file"),
-        position_from=np.full(n, "file"),
-        height_from=np.full(n, "file"),
-        level_from=np.full(n, "file"),
+        **source_columns(n, "file", "file", "file", "file"),
         max_gap_s=max_gap_s,
     )
 
@@ -212,6 +202,61 @@ def same_hemisphere(quaternion: FloatArray) -> FloatArray:
     if len(quaternion) < 2:
         return quaternion
     flips = np.cumsum(np.einsum("ij,ij->i", quaternion[1:], quaternion[:-1]) < 0) % 2
-    out: FloatArray = scratch.copied(quaternion)
+    out: FloatArray = arrays.copied(quaternion)
     out[1:][flips == 1] *= -1.0
     return out
+
+
+@dataclass(frozen=True)
+class ScanPoses:
+    """Pose of the vehicle frame at the middle of each scan that has one, in the order of time.
+
+    Scans without a pose are not included: all positions and attitudes are finite.
+
+    Attributes:
+        scan: (n,) int64 index of the scan in its recording, strictly increasing.
+        t_s: (n,) UTC of the pose.
+        xyz_m: (n, 3) easting, northing, height in the map frame.
+        quaternion: (n, 4) (w, x, y, z), vehicle to map.
+        speed_mps: (n,) along the vehicle's x axis, negative in reverse; nan where unknown.
+        motion: (n,) int8, values of :class:`~furrowmap.core.values.trajectory.Motion`.
+        fix: (n,) int8, values of :class:`~furrowmap.core.values.gnss.Fix`; −1 for poses from a file.
+        sigma: (n, 6) in the order of :data:`~furrowmap.core.values.trajectory.SIGMA_NAMES`; nan where unknown.
+        points: (n,) int64 number of points of the scan in the cloud; 0 if it was not placed.
+    """
+
+    scan: NDArray[np.int64]
+    t_s: FloatArray
+    xyz_m: FloatArray
+    quaternion: FloatArray
+    speed_mps: FloatArray
+    motion: NDArray[np.int8]
+    fix: NDArray[np.int8]
+    sigma: FloatArray
+    heading_from: NDArray[np.str_]
+    position_from: NDArray[np.str_]
+    height_from: NDArray[np.str_]
+    level_from: NDArray[np.str_]
+    points: NDArray[np.int64]
+
+    def __post_init__(self) -> None:
+        check_columns(self, "scan", xyz_m=3, quaternion=4, sigma=6)
+        for name in ("t_s", "xyz_m", "quaternion"):
+            if not bool(np.all(np.isfinite(getattr(self, name)))):
+                raise ValueError(f"ScanPoses.{name} is not finite: scans without a pose must not be included")
+
+    @classmethod
+    def at_knots(cls, trajectory: Trajectory) -> ScanPoses:
+        """The poses of a trajectory's knots as scans without points, for a recording without scans."""
+        columns = {name: column for name, column in vars(trajectory).items() if name in cls.__dataclass_fields__}
+        n = len(trajectory)
+        return cls(scan=np.arange(n), points=np.zeros(n, np.int64), **columns)
+
+    def __len__(self) -> int:
+        return len(self.scan)
+
+    def attitude_deg(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(roll_deg, pitch_deg, heading_deg), each (n,), in the conventions of files."""
+        if not len(self):
+            return np.zeros(0), np.zeros(0), np.zeros(0)
+        return quaternion_to_attitude(self.quaternion)

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.isolated import isolated
 from furrowmap.core.pointclouds.placed import unclassified
-from furrowmap.core.values.point_classes import PointClass
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.scan import PointClass, Scan
 from furrowmap.core.work.machine import Machine
 
 

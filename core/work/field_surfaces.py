@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
-from furrowmap.core.runtime.threads import threads
+from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.coverage import Coverage, coverage
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.heights import cell_surface
@@ -23,8 +23,8 @@ from furrowmap.core.surfaces.passage import Passage, Passages, Track
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 from furrowmap.core.surfaces.visits import block_differences
-from furrowmap.core.values.intervals import Interval
 from furrowmap.core.values.session import Implement
+from furrowmap.core.values.time_span import Interval
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.sweep import sweeps

@@ -13,10 +13,10 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.values.intervals import interval_numbers
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import REPLACE, Implement, Session
+from furrowmap.core.values.time_span import interval_numbers
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
 from furrowmap.core.work.depth import UNKNOWN_DEPTH, Depth, pass_depths

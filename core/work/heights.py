@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.work.model import Implement
 from furrowmap.core.work.range_image import column_of

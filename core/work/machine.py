@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.point_classes import PointClass
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.rotation import Mounting
+from furrowmap.core.values.scan import PointClass, Scan
 from furrowmap.core.work.model import Implement, Plane
 from furrowmap.core.work.near_scans import NearScan
 from furrowmap.core.work.range_image import median_image

@@ -20,7 +20,7 @@ from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_wi
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.trajectory.from_course import CourseTrajectory, trajectory_from_course
-from furrowmap.core.values.session import WIDEST_M, Crs, Implement
+from furrowmap.core.values.session import MAX_IMPLEMENT_WIDTH_M, Crs, Implement
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import Motion
 from furrowmap.core.work.field_work import FieldWork, with_ground
@@ -120,8 +120,8 @@ def task_works(
 def _expect_width(path: Path, width_m: float) -> None:
     if not np.isfinite(width_m) or width_m <= 0.0:
         raise InputError("width-unknown", path=path)
-    if width_m > WIDEST_M:
-        raise InputError("width-implausible.expect-width", width_m=width_m, widest_m=WIDEST_M)
+    if width_m > MAX_IMPLEMENT_WIDTH_M:
+        raise InputError("width-implausible.expect-width", width_m=width_m, widest_m=MAX_IMPLEMENT_WIDTH_M)
 
 
 def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:

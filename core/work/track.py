@@ -11,9 +11,9 @@ import shapely
 from numpy.typing import NDArray
 
 from furrowmap.core.trajectory.motion import length_m
-from furrowmap.core.values.intervals import interval_numbers
 from furrowmap.core.values.rotation import quaternion_to_matrix
 from furrowmap.core.values.session import Implement
+from furrowmap.core.values.time_span import interval_numbers
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
 from furrowmap.core.work.sweep import pass_times

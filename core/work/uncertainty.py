@@ -18,8 +18,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.values.positions import DRIFT_CORRELATION_S
-from furrowmap.core.values.trajectory import SIGMAS, Trajectory
+from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
+from furrowmap.core.values.trajectory import SIGMA_NAMES, Trajectory
 from furrowmap.core.work.ribbon import Ribbon
 from furrowmap.core.work.sweep import Sweep
 
@@ -92,7 +92,9 @@ class OutlineErrors:
     def _effects(self, t_s: FloatArray, place: FloatArray, normal: FloatArray) -> list[tuple[FloatArray, float]]:
         """What one standard deviation of easting, of northing and of heading at `t_s` adds to an area, each (n,)."""
         knots, sigma = self._trajectory.t_s, self._trajectory.sigma
-        e, n, heading = (np.interp(t_s, knots, sigma[:, SIGMAS.index(name)]) for name in ("e_m", "n_m", "heading_deg"))
+        e, n, heading = (
+            np.interp(t_s, knots, sigma[:, SIGMA_NAMES.index(name)]) for name in ("e_m", "n_m", "heading_deg")
+        )
         lever = place - np.column_stack([np.interp(t_s, knots, self._trajectory.xyz_m[:, k]) for k in range(2)])
         turned = normal[:, 0] * lever[:, 1] - normal[:, 1] * lever[:, 0]
         return [

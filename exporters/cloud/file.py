@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from furrowmap.core.runtime.threads import threads
+from furrowmap.core.runtime.settings import threads
 from furrowmap.exporters.cloud.chunk import Columns, compressed
 from furrowmap.exporters.cloud.cube import Cube
 from furrowmap.exporters.cloud.octree import Key

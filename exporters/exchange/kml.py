@@ -16,8 +16,8 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from furrowmap.core.runtime.errors import Notice, printable
-from furrowmap.core.runtime.languages.choice import language_of_user
-from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.exchange.kml_styles import PASSES, LayerLooks, Look, layer_looks, style_name
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import TRAJECTORY

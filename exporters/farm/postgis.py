@@ -18,7 +18,7 @@ from psycopg.sql import SQL, Composable, Composed, Identifier
 from pyproj import CRS
 
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.farm.connection import connected, public_name, public_parameters
 from furrowmap.exporters.farm.edit import (
     KNOWN_COLUMNS,

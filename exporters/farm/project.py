@@ -14,8 +14,8 @@ from xml.etree import ElementTree as ET
 
 from pyproj import CRS, Transformer
 
-from furrowmap.core.runtime.languages.choice import language_of_user
-from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.farm.memory import DERIVED, FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, TRACKS
 from furrowmap.exporters.files.qgis_project import (

@@ -12,7 +12,7 @@ from typing import Final
 from xml.etree import ElementTree as ET
 from zoneinfo import ZoneInfo
 
-from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.farm.edit import KnownSession
 from furrowmap.exporters.farm.field_words import FARM_ALIASES
 from furrowmap.exporters.farm.memory import MACHINES, VISITS

@@ -19,7 +19,7 @@ from rasterio.errors import CRSError
 from rasterio.shutil import copy
 from rasterio.windows import Window
 
-from furrowmap.core.runtime.threads import threads
+from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin

@@ -19,7 +19,7 @@ from furrowmap.core.images.orthophoto import Orthophoto, finer_grid, orthophoto,
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.threads import threads
+from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin

@@ -13,9 +13,8 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathDifferences
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.core.values.trajectory import Motion
+from furrowmap.core.values.trajectory import Motion, ScanPoses
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.rasters.relief import Box, ShadedRelief
 from furrowmap.exporters.reports.svg import (

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from furrowmap.core.crops.measure import MeasuredParcel
 from furrowmap.core.geodesy.local_time import span_words
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import PointClass
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.rasters.field_rasters import RasterFigures

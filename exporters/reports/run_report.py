@@ -21,14 +21,13 @@ from furrowmap.core.pipeline.position_notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 from furrowmap.core.runtime.json_text import json_text, plain
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES
-from furrowmap.core.runtime.languages.translation import translated
-from furrowmap.core.trajectory.distance import distance_and_standing
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
+from furrowmap.core.trajectory.motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import named_offset
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import PointClass
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.core.values.trajectory import SIGMAS
+from furrowmap.core.values.trajectory import SIGMA_NAMES
 from furrowmap.core.work.external_states import NEAR_S
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
@@ -313,7 +312,7 @@ def _area(name: str, area: Area) -> dict[str, float]:
 def _accuracy(found: RunResult) -> dict[str, Any]:
     """Median and 95th percentile of the poses' sigmas, None where unknown; which of them are assumed."""
     out: dict[str, Any] = {}
-    for name, sigma in zip(SIGMAS, found.placement.poses.sigma.T, strict=True):
+    for name, sigma in zip(SIGMA_NAMES, found.placement.poses.sigma.T, strict=True):
         known = sigma[np.isfinite(sigma)]
         digits = 3 if name.endswith("_deg") else 4
         quantiles = np.quantile(known, (0.5, 0.95)).round(digits).tolist() if len(known) else (None, None)

@@ -16,8 +16,7 @@ from pyproj import CRS, Proj, Transformer
 from furrowmap.core.geodesy.local_time import local_time, zone_words
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import RefusedError, printable
-from furrowmap.core.runtime.languages.catalogue import LANGUAGES
-from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder
 from furrowmap.exporters.rasters.images import encode_image

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import PointClass
 
 MAX_SHARED_POINTS: Final = 1_000_000
 COORDINATE_STEPS: Final = 65535

@@ -11,9 +11,8 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.core.values.trajectory import SIGMAS, SOURCES, Motion
+from furrowmap.core.values.trajectory import SIGMA_NAMES, SOURCE_NAMES, Motion, ScanPoses
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import Area, WorkedGround
 from furrowmap.core.work.strip_differences import StripDifferences
@@ -147,8 +146,8 @@ def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:
         "speed_mps": poses.speed_mps,
         "motion": _labels(poses.motion, {int(motion): motion.label for motion in Motion}),
         "fix": _labels(poses.fix, {int(fix): fix.label for fix in Fix}),
-        **{f"sigma_{name}": poses.sigma[:, i] for i, name in enumerate(SIGMAS)},
-        **{name: getattr(poses, name).astype(object) for name in SOURCES},
+        **{f"sigma_{name}": poses.sigma[:, i] for i, name in enumerate(SIGMA_NAMES)},
+        **{name: getattr(poses, name).astype(object) for name in SOURCE_NAMES},
     }
     columns |= _of_tool(poses, work)
     for number, other in enumerate(work.others, start=2):

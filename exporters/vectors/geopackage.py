@@ -15,10 +15,9 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.runtime.languages.catalogue import ENGLISH
-from furrowmap.core.runtime.languages.choice import language_of_user
-from furrowmap.core.runtime.languages.translation import translated
-from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.runtime.languages.catalogue import ENGLISH, translated
+from furrowmap.core.runtime.settings import language_of_user
+from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.ogr import pyogrio, unflushed
@@ -62,7 +61,7 @@ def write_field(
         zone: time zone of the times in map tips; None for UTC.
 
     Names of layers and fields that people read are in the language of
-    :func:`~furrowmap.core.runtime.languages.choice.using_language`.
+    :func:`~furrowmap.core.runtime.settings.using`.
 
     Raises:
         OSError: if the file cannot be written there.

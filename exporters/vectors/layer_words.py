@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Final
 
-from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import translated
 
 CATEGORIES: Final = "Fields|Forms|Actions"
 """Of QGIS's style categories: those that are added to a style."""

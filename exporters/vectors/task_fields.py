@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.task_work import TaskWork, TaskWorks
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.vectors.field_layers import Layer, concatenated, field_layers, geometry_array

@@ -17,7 +17,7 @@ import rasterio
 import rasterio.transform
 
 import furrowmap
-from furrowmap.core.values.trajectory import SIGMAS
+from furrowmap.core.values.trajectory import SIGMA_NAMES
 
 FIGURES = Path(__file__).resolve().parents[2] / "plugin" / "figures.py"
 PLACES = r"\[(?:antenna|lidar)\]\n(?:[^\[\n][^\n]*\n)*\n?"
@@ -123,14 +123,14 @@ def test_promise__no_accuracy_is_claimed_that_is_wrong(wrong: furrowmap.Result, 
 def test_promise__what_was_not_filled_in_claims_nothing(wrong: furrowmap.Result) -> None:
     report = wrong.report
     assert report["accuracy"]["unstated"] == ["antenna.xyz_m", "lidar.xyz_m", "lidar.rpy_deg"]
-    assert {value for name in SIGMAS for value in report["accuracy"][f"sigma_{name}"].values()} == {None}
+    assert {value for name in SIGMA_NAMES for value in report["accuracy"][f"sigma_{name}"].values()} == {None}
     assert [label for label in dock_rows(report) if "ccuracy" in label] == ["Accuracy"]
     assert not [row for row in dock_rows(report).values() if "±" in row]
     page = (wrong.path / "report.html").read_text(encoding="utf-8")
     claims = page[page.index("median standard deviation") : page.index("On this page, ±")]
     assert not re.search(r"\d (cm|°)", claims)
     layer = wrong.layer("trajectory")
-    assert layer[[f"sigma_{name}" for name in SIGMAS]].isna().all(axis=None)
+    assert layer[[f"sigma_{name}" for name in SIGMA_NAMES]].isna().all(axis=None)
     item = json.loads((wrong.path / "item.json").read_text(encoding="utf-8"))
     assert item["properties"]["furrowmap:unstated"] == report["accuracy"]["unstated"]
     with rasterio.open(wrong.path / "dsm.tif") as dsm:

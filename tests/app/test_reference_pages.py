@@ -24,9 +24,8 @@ import furrowmap
 from furrowmap.cli import worker
 from furrowmap.core.runtime import errors
 from furrowmap.core.runtime.errors import FurrowmapError, InputError
-from furrowmap.core.runtime.threads import threads, using_threads
-from furrowmap.core.session.file import parse_session
-from furrowmap.core.session.implements import FURTHER
+from furrowmap.core.runtime.settings import threads, using_threads
+from furrowmap.core.session.file import FURTHER, parse_session
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.inertial import IMU_CLASSES, IMU_MODELS, InertialNoise, inertial_noise

@@ -22,7 +22,7 @@ from furrowmap.core.checking.paired_points import PairedPoints
 from furrowmap.core.checking.positional_accuracy import Accuracy, Component
 from furrowmap.core.checking.statistics import ErrorStatistics
 from furrowmap.core.values.machine import Calibrated, Machine, MachineCamera, MachineImplement, MachineImu
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.session import Antenna, Lidar
 from furrowmap.workflows.batch.batch import Batch
 from furrowmap.workflows.calibrate.calibrate import Calibration

@@ -32,14 +32,13 @@ from furrowmap.core.surfaces.outliers import mean_distance_to, mean_neighbour_di
 from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.tiles import tiles
 from furrowmap.core.trajectory.positions import fixes_from_labels
-from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.datum import datum_shift_m
+from furrowmap.core.values.crs import datum_shift_m
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack
-from furrowmap.core.values.mount_motion import MountMotion
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.pose_track import AttitudeTrack, MountMotion
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.tool_states import ToolStates
@@ -83,10 +82,10 @@ def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: InertialTrack(TWO, np.zeros((2, 3)), np.zeros((3, 3))), "different lengths"),
+        (lambda: InertialTrack(TWO, np.zeros((2, 3)), np.zeros((3, 3))), "has shape"),
         (lambda: InertialTrack(TWO[::-1], np.zeros((2, 3)), np.zeros((2, 3))), "does not increase"),
-        (lambda: AttitudeTrack(TWO, TWO, THREE, TWO), "different lengths"),
-        (lambda: AttitudeTrack(TWO, TWO, TWO, THREE), "different lengths"),
+        (lambda: AttitudeTrack(TWO, TWO, THREE, TWO), "has shape"),
+        (lambda: AttitudeTrack(TWO, TWO, TWO, THREE), "has shape"),
         (lambda: AttitudeTrack(np.zeros(2), TWO, TWO, TWO), "does not increase"),
         (lambda: MountMotion(TWO, np.zeros((3, 4))), r"shape \(3, 4\), not \(2, 4\)"),
         (lambda: MountMotion(TWO[::-1], np.zeros((2, 4))), "does not increase"),
@@ -185,7 +184,7 @@ def test_npz__that_is_damaged(tmp_path: Path) -> None:
 
 
 def test_npz__of_too_many_arrays(tmp_path: Path) -> None:
-    np.savez(tmp_path / "a.npz", **{f"a{k}": ONE for k in range(npz.MOST_ARRAYS + 1)})
+    np.savez(tmp_path / "a.npz", **{f"a{k}": ONE for k in range(npz.MAX_ARRAYS + 1)})
     with pytest.raises(ValueError, match="1,001 arrays"):
         read_npz(tmp_path / "a.npz")
 

@@ -34,8 +34,8 @@ from furrowmap.core.readers.text_table import MAX_SHEET_BYTES, read_sheet
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.runtime.options import Option
 from furrowmap.core.session.file import parse_session
-from furrowmap.core.trajectory.imu_mounting import check_mounting
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.trajectory.inertial_checks import check_mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.saved import load_implement
@@ -100,7 +100,7 @@ def test_archives__without_one_layer(
 
 
 def test_archives__that_unpack_to_far_more_than_their_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("furrowmap.core.runtime.allowances.FREE_BYTES", 1000)
+    monkeypatch.setattr("furrowmap.core.runtime.limits.FREE_BYTES", 1000)
     with pytest.raises(RefusedError) as refused:
         read_area(zipped(tmp_path / "area.zip", {"a.shp": bytes(3_000_000)}), MAP)
     assert "--allow-large" in refused.value.remedy

@@ -9,18 +9,17 @@ import numpy as np
 import pytest
 
 from furrowmap.core.adjustment.steps import COARSE_EVERY
-from furrowmap.core.estimation.knots import STEP_S, knots_over
+from furrowmap.core.estimation.knots import KNOT_STEP_S, knots_over
 from furrowmap.core.matching.portions import windows
 from furrowmap.core.pointclouds import far_points
 from furrowmap.core.readers.rosbag import clouds
-from furrowmap.core.runtime import allowances
-from furrowmap.core.runtime import threads as threads_in_force
+from furrowmap.core.runtime import limits, settings
 from furrowmap.core.runtime.errors import RefusedError
-from furrowmap.core.session.file import FARTHEST_M, parse_session
+from furrowmap.core.session.file import MAX_PLACE_M, parse_session
 from furrowmap.core.trajectory.positions import usable
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import IMU_CLASSES
-from furrowmap.core.values.session import WIDEST_M
+from furrowmap.core.values.session import MAX_IMPLEMENT_WIDTH_M
 from furrowmap.exporters.cloud.writer import MEMORY_POINTS
 from furrowmap.exporters.files.lease import MAX_SILENCE_S
 
@@ -42,7 +41,7 @@ def test_glossary__distances_of_knots_and_length_of_windows() -> None:
     np.testing.assert_allclose(starts, [100.0 - 0.0125, 120.0 - 0.0125])
     assert all(0.0 < chain.end_s - end_s < 0.05 for chain, end_s in zip(few.chains, (101.0, 120.5), strict=True))
     stated("docs/reference/glossary.md", "*Coarse knots*, one second apart, carry slow corrections")
-    assert pytest.approx(1.0) == COARSE_EVERY * STEP_S
+    assert pytest.approx(1.0) == COARSE_EVERY * KNOT_STEP_S
     stated("docs/reference/glossary.md", "A part of three seconds of a chain that is matched to its own ground first")
     parts = windows(np.linspace(knots.t_s[0], knots.t_s[-1], 1000), knots, 1, [])
     assert max(0.004 * (part.stop - part.start) for _, part in parts) == pytest.approx(3.0, abs=0.05)
@@ -78,23 +77,23 @@ def test_session_page__defaults_of_an_imu() -> None:
 
 def test_commands_page__threads_by_default(monkeypatch: pytest.MonkeyPatch) -> None:
     stated("docs/reference/commands.md", "else the number of processors, at most 8]")
-    monkeypatch.delenv(threads_in_force.VARIABLE, raising=False)
+    monkeypatch.delenv(settings.THREADS_VARIABLE, raising=False)
     for processors, expected in ((1, 1), (5, 5), (8, 8), (9, 8), (64, 8)):
-        monkeypatch.setattr(threads_in_force, "available_processors", lambda processors=processors: processors)
-        assert threads_in_force.threads() == expected
+        monkeypatch.setattr(settings, "available_processors", lambda processors=processors: processors)
+        assert settings.threads() == expected
 
 
 def test_reliability_page__half_of_what_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stated("docs/reliability.md", "or takes more than half of the free memory or disk (`--allow-large`)")
-    free = 8 * allowances.FREE_BYTES
-    monkeypatch.setattr(allowances, "free_memory_bytes", lambda: free)
-    monkeypatch.setattr(allowances.shutil, "disk_usage", lambda _: type("Usage", (), {"free": free}))
-    allowances.expect_memory("x", free // 2)
-    allowances.expect_disk("x", tmp_path, free // 2)
+    free = 8 * limits.FREE_BYTES
+    monkeypatch.setattr(limits, "free_memory_bytes", lambda: free)
+    monkeypatch.setattr(limits.shutil, "disk_usage", lambda _: type("Usage", (), {"free": free}))
+    limits.expect_memory("x", free // 2)
+    limits.expect_disk("x", tmp_path, free // 2)
     with pytest.raises(RefusedError, match="More than half of the free memory"):
-        allowances.expect_memory("x", free // 2 + 1)
+        limits.expect_memory("x", free // 2 + 1)
     with pytest.raises(RefusedError, match="More than half of the free space"):
-        allowances.expect_disk("x", tmp_path, free // 2 + 1)
+        limits.expect_disk("x", tmp_path, free // 2 + 1)
 
 
 def test_reliability_page__points_in_memory() -> None:
@@ -107,8 +106,8 @@ def test_reliability_page__points_in_memory() -> None:
     [
         ("CHANGELOG.md", "infinite, farther than {} km or apart in time", clouds.FARTHEST_M / 1000.0),
         ("CHANGELOG.md", "a few points of a LAS cloud more than {} km from all others", far_points.FAR_M / 1000.0),
-        ("CHANGELOG.md", "`[implement] width_m` is at most {} m", WIDEST_M),
-        ("docs/reference/session.md", "more than {} m is an error", FARTHEST_M),
+        ("CHANGELOG.md", "`[implement] width_m` is at most {} m", MAX_IMPLEMENT_WIDTH_M),
+        ("docs/reference/session.md", "more than {} m is an error", MAX_PLACE_M),
         ("docs/explanation/files.md", "if its heartbeat does not change for {} s while one watches", MAX_SILENCE_S),
     ],
 )

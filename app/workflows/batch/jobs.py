@@ -151,7 +151,7 @@ def open_job(job: Job) -> OpenSession:
     """
     file = Path(job.file)
     session = _parsed(job.text, job.file)
-    inputs = Inputs.of(file, session)
+    inputs = Inputs.find(file, session)
     frame = map_frame(session.crs, inputs.parameters, inputs.geoid_grid)
     if job.visit is not None:
         boundary = _outline_file(Path(job.results) / FIELDS, job.visit.outline)
@@ -212,7 +212,7 @@ def visits_of(
 
 
 def _visits(file: Path, session: Session, fields: Sequence[FieldOutline]) -> list[Visit]:
-    inputs = Inputs.of(file, session)
+    inputs = Inputs.find(file, session)
     opened = OpenSession(file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
     t_s, xy_m = _places(opened)
     near = [field for field in fields if _near(field, opened, xy_m)]

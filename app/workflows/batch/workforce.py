@@ -9,11 +9,19 @@ from importlib.util import find_spec
 from types import TracebackType
 from typing import Final, Self
 
-from furrowmap.core.runtime.allowances import ALL, allowing, allows, free_memory_bytes
 from furrowmap.core.runtime.errors import RefusedError
-from furrowmap.core.runtime.languages.choice import language_of_user, using_language
+from furrowmap.core.runtime.limits import free_memory_bytes
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.runtime.threads import asked_threads, available_processors, using_threads
+from furrowmap.core.runtime.settings import (
+    ALLOWANCES,
+    allowing,
+    allows,
+    available_processors,
+    language_of_user,
+    settings,
+    using,
+    using_threads,
+)
 from furrowmap.workflows.batch.engine import Engine, Found, Item, OneProcess, WorkerDied
 
 BYTES_A_WORKER: Final = 3 << 30
@@ -35,16 +43,16 @@ class ProcessSettings:
     @classmethod
     def of_this_process(cls, threads: int | None) -> Self:
         """The settings of this process."""
-        return cls(threads, tuple(what for what in ALL if allows(what)), language_of_user())
+        return cls(threads, tuple(what for what in ALLOWANCES if allows(what)), language_of_user())
 
     @contextmanager
     def applied(self) -> Iterator[None]:
         """Within it, this process has these settings."""
         with ExitStack() as stack:
             stack.enter_context(using_threads(self.threads))
-            stack.enter_context(allowing(*(what for what in ALL if what in self.allowed)))
+            stack.enter_context(allowing(*(what for what in ALLOWANCES if what in self.allowed)))
             if self.language:
-                stack.enter_context(using_language(self.language))
+                stack.enter_context(using(language=self.language))
             yield
 
 
@@ -79,7 +87,7 @@ class Workforce:
     @property
     def threads(self) -> int | None:
         """Threads of each run: as asked for, else an even share of the cores; None for the default of a cluster."""
-        asked = asked_threads()
+        asked = settings().threads
         if asked is not None or self._scheduler is not None:
             return asked
         return max(1, available_processors() // self.workers)

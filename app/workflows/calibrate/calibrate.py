@@ -15,13 +15,13 @@ from furrowmap.core.adjustment.strips import strip_returns
 from furrowmap.core.pipeline.pipeline import companions
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.threads import using_threads
+from furrowmap.core.runtime.settings import using_threads
 from furrowmap.core.session.machine import LearnedMounting, learned, load_machine
 from furrowmap.core.session.opened import OpenSession, open_session, watched
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.trajectory.located import Located, locate
 from furrowmap.core.trajectory.moving_mount import carrier_of
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.workflows.session.machines import machine_file, write_machine
 

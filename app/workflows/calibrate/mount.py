@@ -23,13 +23,13 @@ from furrowmap.core.readers.exif import exif_images, expect_pillow, read_pixels
 from furrowmap.core.readers.image_table import is_image_table, read_image_table
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.threads import threads
+from furrowmap.core.runtime.settings import threads
 from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.file import load_session
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import Images
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.exporters.files.atomic import atomic_output
 
 FloatArray = NDArray[np.float64]

@@ -26,7 +26,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray
 from furrowmap.core.surfaces.cloth import require_cloth
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import RETURNS, PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter

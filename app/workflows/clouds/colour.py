@@ -21,7 +21,7 @@ from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray
-from furrowmap.core.runtime.scratch import scratch_in
+from furrowmap.core.runtime.settings import using
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.images import CONTRADICTING
@@ -67,7 +67,7 @@ def colour(
     opened = open_session(Path(session))
     clouds = open_clouds([source], None, opened.frame.crs)
     target.parent.mkdir(parents=True, exist_ok=True)
-    with scratch_in(target.parent):
+    with using(scratch_folder=target.parent):
         figures = _write(clouds, _frames(opened, notices, progress), target, progress)
     told = [*notices, *clouds.notices, *figures.notices]
     return dict(plain({"cloud": source.name, "figures": figures.plain(), "warnings": list(dict.fromkeys(told))}))

@@ -19,7 +19,7 @@ from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.files.result_folder import DSM, SURFACE_PRODUCTS, SURFACES_REPORT, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.settings import SurfaceSettings

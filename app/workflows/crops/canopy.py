@@ -28,7 +28,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
 from furrowmap.core.surfaces.spool import TILE, PointSpool
 from furrowmap.core.surfaces.statistic import Statistic
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.provenance import Origin

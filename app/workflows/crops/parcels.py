@@ -34,7 +34,7 @@ from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.surfaces.spool import PointSpool
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import SOIL_METHODS, Parcel, SoilMethod
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.provenance import Origin

@@ -16,10 +16,10 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
-from furrowmap.core.runtime.languages.choice import language_of_user
-from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.runtime.settings import language_of_user
+from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.farm.edit import FarmEdit, KnownSession
 from furrowmap.exporters.farm.geopackage import geopackage_edit
 from furrowmap.exporters.farm.ground_files import report_of, write_ground_files

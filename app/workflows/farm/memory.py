@@ -14,8 +14,8 @@ import shapely
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError, UsageError
-from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.farm.edit import FarmEdit
 from furrowmap.exporters.farm.memory import FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import TRACKS

@@ -19,7 +19,7 @@ from furrowmap.core.runtime.background import behind
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.values.clock import las_time_to_utc
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import PointClass
 from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO, packaged_style, style_of

@@ -17,13 +17,13 @@ from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.threads import using_threads
+from furrowmap.core.runtime.settings import using_threads
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.surfaces.passage import Passages
 from furrowmap.core.surfaces.statistic import Statistic
-from furrowmap.core.trajectory.distance import distance_and_standing
+from furrowmap.core.trajectory.motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.exporters.files.file_records import files_in
 from furrowmap.exporters.files.provenance import Origin

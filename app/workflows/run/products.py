@@ -29,14 +29,14 @@ from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.background import behind, beside
 from furrowmap.core.runtime.errors import Notice, printable
-from furrowmap.core.runtime.languages.choice import language_of_user, using_language
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.session.implements import together
+from furrowmap.core.runtime.settings import language_of_user, using
+from furrowmap.core.session.file import together
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.surfaces.local_ground import GroundSampler
 from furrowmap.core.values.clock import utc_to_las_time
-from furrowmap.core.values.intervals import Interval, interval_numbers
 from furrowmap.core.values.session import FeatureSearch, Session
+from furrowmap.core.values.time_span import Interval, interval_numbers
 from furrowmap.core.work.field_surfaces import REACH_M, FieldPoints
 from furrowmap.core.work.saved import save_implement
 from furrowmap.exporters.cloud.chunk import Columns
@@ -200,7 +200,7 @@ def write_products(
     layers += [parcel_layer(made.parcels.found)] if made.parcels is not None else []
     layers += made.features.layers if made.features is not None else []
     provenance = run_origin(found, made.inputs)
-    with using_language(language_of_user(found.session.report.language)):
+    with using(language=language_of_user(found.session.report.language)):
         write_field(
             staging / FIELD,
             found.placement.poses,

@@ -21,12 +21,12 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline import pipeline
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.runtime.arrays import release
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.packed import packed, unpacked
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.scratch import release, scratch_in
-from furrowmap.core.runtime.threads import threads, using_threads
+from furrowmap.core.runtime.settings import threads, using, using_threads
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.work.boundary import ground_to_map
 from furrowmap.exporters.files.atomic import atomic_output
@@ -98,7 +98,7 @@ def run_opened(
         raise RefusedError("disk-space", folder=folder, free=free / 1e9, needed=needed / 1e9)
     with (
         staged_folder(folder, resume=resume) as staging,
-        scratch_in(staging),
+        using(scratch_folder=staging),
         using_threads(opened.session.run.threads, by_default=True),
         ThreadPoolExecutor(1, "importing") as pool,
     ):

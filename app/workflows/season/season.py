@@ -18,7 +18,7 @@ from furrowmap.core.runtime.errors import FurrowmapError, Notice, RefusedError, 
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import MOST_CELLS, Grid
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.exchange.season_catalogue import (
     RasterAsset,
     SeasonContent,

@@ -18,7 +18,7 @@ from pyproj import CRS
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.file_names import is_file_name
-from furrowmap.core.values.crs_name import name_of
+from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.exchange.stac import session_identifier
 from furrowmap.exporters.farm.results import local_date, zone_of
 from furrowmap.exporters.farm.surface_file import horizontal, same_map

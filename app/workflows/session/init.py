@@ -94,14 +94,14 @@ def proposed(
 def _examined(path: Path, skipped: list[Notice]) -> list[Examined]:
     """A recording, or those in a folder of recordings; other files there are added to `skipped`."""
     if not path.is_dir() or is_recording(path):
-        return [Examined.of(path)]
+        return [Examined.read(path)]
     found: list[Examined] = []
     names = []
     for file in sorted(path.iterdir()):
         if file.name.startswith(".") or file.suffix.lower() in NOT_RECORDED:
             continue
         try:
-            found.append(Examined.of(file))
+            found.append(Examined.read(file))
         except InputError as error:
             names.append(printable(file.name))
             skipped.append(Notice("recording-unused", file=printable(file.name), what=error.what))

@@ -16,4 +16,4 @@ def inspect(path: str | Path) -> Examined:
     Raises:
         InputError: if no reader knows the file, or it cannot be read.
     """
-    return Examined.of(Path(path))
+    return Examined.read(Path(path))

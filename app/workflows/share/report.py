@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.languages.choice import language_of_user
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import REPORT_PAGE
 from furrowmap.exporters.reports.area_units import in_area_unit

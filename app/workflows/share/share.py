@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from furrowmap.core.runtime.json_text import json_text
-from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.result_folder import open_result, reading_result
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.share.field_project import FIELD_PRODUCTS, PROJECT_FILE, write_field_project

@@ -24,10 +24,10 @@ from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, 
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
-from furrowmap.core.runtime.languages.choice import language_of_user
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.values.crs_name import name_of
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.runtime.settings import language_of_user
+from furrowmap.core.values.crs import name_of
+from furrowmap.core.values.scan import PointClass
 from furrowmap.core.work.field_surfaces import BESIDE_M
 from furrowmap.exporters.farm.surface_file import heights_of, same_map
 from furrowmap.exporters.files.file_records import rooted_records

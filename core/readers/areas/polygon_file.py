@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.readers.areas.corner_table import corner_polygons, is_corner_table
 from furrowmap.core.readers.vector_file import Unreadable, read_polygons
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.values.datum import LARGEST_DATUM_SHIFT_M, datum_shift_m
+from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Final
 
-from furrowmap.core.runtime.allowances import expect_growth, expect_memory
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name, leads_out
+from furrowmap.core.runtime.limits import expect_growth, expect_memory
 
 MAIN: Final = "TASKDATA.XML"
 MOST_FILES: Final = 100_000

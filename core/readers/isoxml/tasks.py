@@ -158,7 +158,7 @@ def _joined(
     try:
         track, here, dropped = drop_implausible_positions(track)
     except InputError as error:
-        track, here, dropped = track[:0], np.zeros(len(track), bool), [Notice.of(error)]
+        track, here, dropped = track[:0], np.zeros(len(track), bool), [Notice.from_error(error)]
     notices += dropped
     return track, state[placed][here], width[here], states
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.isoxml.content import PARALLEL, DeviceElement
 from furrowmap.core.readers.isoxml.time_log import TimeLog
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.values.session import WIDEST_M
+from furrowmap.core.values.session import MAX_IMPLEMENT_WIDTH_M
 from furrowmap.core.values.tool_states import ToolState
 
 FloatArray = NDArray[np.float64]
@@ -126,11 +126,12 @@ def _width(
         notices: extended where a width is that of no machine, and taken as unknown.
     """
     widths = {log.header.channels[k].element: log.latest(k) / 1000.0 for k in log.channels(ACTUAL_WIDTH)}
-    wrong = sum(int(np.sum((values < 0.0) | (values > WIDEST_M))) for values in widths.values())
+    wrong = sum(int(np.sum((values < 0.0) | (values > MAX_IMPLEMENT_WIDTH_M))) for values in widths.values())
     if wrong:
-        notices.append(Notice("width-implausible", log=log.name, wrong=wrong, widest_m=WIDEST_M))
+        notices.append(Notice("width-implausible", log=log.name, wrong=wrong, widest_m=MAX_IMPLEMENT_WIDTH_M))
     widths = {
-        element: np.where((values >= 0.0) & (values <= WIDEST_M), values, np.nan) for element, values in widths.items()
+        element: np.where((values >= 0.0) & (values <= MAX_IMPLEMENT_WIDTH_M), values, np.nan)
+        for element, values in widths.items()
     }
     topmost = [element for element in widths if not set(ancestors(element, elements)) & widths.keys()]
     width = np.full(len(log), np.nan)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.las import decoding
-from furrowmap.core.runtime.threads import threads
+from furrowmap.core.runtime.settings import threads
 
 LEAST_S: Final = 20.0
 SLOWEST_BYTES_S: Final = 1e6

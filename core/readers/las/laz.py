@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.readers.las.header import LasHeader
 from furrowmap.core.readers.las.records import Record
-from furrowmap.core.runtime.allowances import allows, expect_growth
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.limits import expect_growth
+from furrowmap.core.runtime.settings import allows
 
 USER: Final = "laszip encoded"
 NUMBER: Final = 22204

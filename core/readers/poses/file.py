@@ -74,7 +74,7 @@ class RawPoses:
         except InputError as error:
             if error.code != "no-gps-week":
                 raise
-            notices.append(Notice.of(error))
+            notices.append(Notice.from_error(error))
             track = self._in_order(unroll(self.seconds, WEEK_S), notices)
             first, last = round(float(track.t_s[0]), 3), round(float(track.t_s[-1]), 3)
             return {"seconds_of_week": [first, last], **timing_facts(track.t_s), **pose_facts(track)}, ()

@@ -27,13 +27,13 @@ from furrowmap.core.readers.rosbag.messages import (
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.camera import DISTORTION, PINHOLE, Camera
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.pose_track import AttitudeTrack
 from furrowmap.core.values.scan import Clock, Scan
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ class _RosBag(FileReader):
             except InputError as error:
                 facts[name] = "none"
                 if error.code != "bag-nothing-usable":
-                    self._add_notices(Notice.of(error))
+                    self._add_notices(Notice.from_error(error))
             else:
                 facts[name] = found
                 clocks.append(clock)

@@ -18,7 +18,7 @@ from urllib.parse import quote
 
 from furrowmap.core.readers.rosbag.storage import LARGEST_BYTES, BagMessage, StorageFile, ros2_type
 from furrowmap.core.readers.source import Source
-from furrowmap.core.runtime.allowances import expect_disk
+from furrowmap.core.runtime.limits import expect_disk
 
 MAGIC: Final = b"SQLite format 3\x00"
 _JOURNALS: Final = ("-wal", "-journal")

@@ -79,7 +79,7 @@ class BagFiles:
             except InputError as error:
                 if len(self._files) == 1:
                     raise
-                self.notices.append(Notice.of(error))
+                self.notices.append(Notice.from_error(error))
                 continue
             self.notices += storage.notices
             total += count

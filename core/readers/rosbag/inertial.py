@@ -16,8 +16,8 @@ from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, i
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.attitude import UNSTATED, AttitudeTrack
 from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.pose_track import UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.rotation import quaternion_to_attitude
 
 NOT_MEASURED: Final = -1.0
@@ -79,7 +79,7 @@ class ImuLog:
         if not known.any():
             raise InputError("no-orientation", source=source, table=len(table))
         angles = np.column_stack(quaternion_to_attitude(table[known, 7:11]))
-        return attitude_track(table[known, 0], angles, UNSTATED, source, notices)
+        return attitude_track(table[known, 0], angles, UNSTATED_NORTH, source, notices)
 
     def track(self, source: str, notices: list[Notice]) -> InertialTrack:
         """All measurements in the order of recording.

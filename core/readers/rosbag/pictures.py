@@ -18,7 +18,7 @@ from furrowmap.core.readers.exif import MAX_PIXELS
 from furrowmap.core.readers.raw_pixels import layout_fault
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
-from furrowmap.core.runtime.scratch import scratch_file
+from furrowmap.core.runtime.arrays import scratch_file
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import RAW, Images, RawLayout, StoredImage
 

@@ -16,10 +16,10 @@ from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.vectornav import binary, sentences
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.attitude import UNSTATED, AttitudeTrack
 from furrowmap.core.values.clock import gps_to_utc_s
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.pose_track import UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]
@@ -65,7 +65,7 @@ class _VectorNav(FileReader, ABC):
         rows = self._rows()
         rows = rows[np.isfinite(rows[:, [0, 7, 8, 9]]).all(axis=1)]
         angles = np.column_stack([rows[:, 9], rows[:, 8], rows[:, 7] % 360.0])
-        return attitude_track(rows[:, 0], angles, UNSTATED, self.name, self.notices)
+        return attitude_track(rows[:, 0], angles, UNSTATED_NORTH, self.name, self.notices)
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report rates, span and the mean specific force."""

@@ -1,4 +1,4 @@
-"""The catalogue of a language: templates of English texts, and what they are in that language.
+"""Texts in the language of the user: a catalogue of templates of English texts, and of the same in the language.
 
 Texts of pages and layers are English in the code, and in the data: files such as `report.json` hold them, whatever the
 language. A catalogue is made of TOML files of tables: `[all]` for texts of any place, and one for each code of errors
@@ -15,7 +15,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from importlib.resources import files
 from typing import Final
 
@@ -28,6 +28,11 @@ HOLE: Final = "…"
 SPECIFIC: Final = 8
 """Letters that a template needs to be looked for in any text; others are looked for in texts of their own code."""
 _COMMON: Final = "all"
+MAX_DEPTH: Final = 5
+"""Texts in holes of texts in holes: a cause within a warning within a list."""
+_SENTENCE: Final = re.compile(r"(?<=[.!?]) (?=\S)")
+_LIST_MARKS: Final = (("; ", "；"), (", ", "、"))
+_TWO_WORDS: Final = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}")
 
 
 @dataclass(frozen=True)
@@ -113,11 +118,7 @@ def _ordered(table: Mapping[str, str]) -> tuple[Template, ...]:
 
 @cache
 def catalogue(language: str) -> Catalogue:
-    """The catalogue of a language; an empty one for English.
-
-    Raises:
-        ValueError: for another one.
-    """
+    """The catalogue of a language; an empty one for English. Raises ValueError for another one."""
     if language not in LANGUAGES:
         message = f"there is no catalogue of {language!r}"
         raise ValueError(message)
@@ -133,3 +134,77 @@ def catalogue(language: str) -> Catalogue:
             for part, template in parts.items():
                 table.update(expansions(template, templates(language)[key][part]))
     return Catalogue(tables)
+
+
+def translated(text: str, language: str, code: str = "") -> str:
+    """A text of the product in another language; what the catalogue does not know stays as it is.
+
+    Args:
+        language: one of :data:`~furrowmap.core.runtime.languages.catalogue.LANGUAGES`.
+        code: of the error or warning; its own texts are looked for first.
+
+    Raises:
+        ValueError: if there is no such language.
+    """
+    return text if language == ENGLISH else _translated(text, language, code, MAX_DEPTH)
+
+
+@lru_cache(maxsize=4096)
+def _translated(text: str, language: str, code: str, depth: int) -> str:
+    whole = _whole(text, language, code, depth)
+    if whole is not None or depth == 0:
+        return whole or text
+    sentences = _SENTENCE.split(text)
+    if len(sentences) > 1:
+        return _sentences(sentences, language, code, depth)
+    for mark, other in _LIST_MARKS:
+        if mark in text:
+            parts = text.split(mark)
+            found = [_translated(part, language, "", depth - 1) for part in parts]
+            # Half a translation, with words of English left, is worse than none.
+            left = any(part == new and _TWO_WORDS.search(part) for part, new in zip(parts, found, strict=True))
+            if found != parts and not left:
+                return other.join(found)
+    head, colon, rest = text.partition(": ")
+    if colon and _TWO_WORDS.search(rest):
+        found = [_translated(part, language, "", depth - 1) for part in (head, rest)]
+        if found[1] != rest:
+            return "：".join(found)
+    return text
+
+
+def _sentences(sentences: list[str], language: str, code: str, depth: int) -> str:
+    """Sentence by sentence; the longest rows of sentences that the catalogue has as one text come first."""
+    done, first = [], 0
+    while first < len(sentences):
+        for behind in range(len(sentences), first, -1):
+            if first == 0 and behind == len(sentences):
+                continue
+            row = " ".join(sentences[first:behind])
+            found = (
+                _whole(row, language, code, depth) if behind > first + 1 else _translated(row, language, code, depth)
+            )
+            if found is not None:
+                done.append(found)
+                first = behind
+                break
+    return "".join(f" {part}" if k and part[:1].isascii() else part for k, part in enumerate(done))
+
+
+def _whole(text: str, language: str, code: str, depth: int) -> str | None:
+    """A text that is in the catalogue as a whole."""
+    known = catalogue(language)
+    exact = known.of_code(code).get(text) or known.exact.get(text)
+    if exact is not None:
+        return exact
+    for template in known.templates(code):
+        values = template.values(text)
+        if values is None:
+            continue
+        if depth and template.source.startswith(HOLE) and ", " in values[0]:
+            parts = text.split(", ")  # the first hole took in entries of a list: each may have a translation of its own
+            found = [_translated(part, language, "", depth - 1) for part in parts]
+            if all(part != new for part, new in zip(parts, found, strict=True)):
+                return "、".join(found)
+        return template.filled(_translated(value, language, "", depth - 1) if depth else value for value in values)
+    return None

@@ -23,7 +23,7 @@ ERROR_PARTS: Final = ("what", "meaning", "remedy")
 Value: TypeAlias = str | bool | None
 """A value as it is printed, or the condition of a choice."""
 _TOKEN: Final = re.compile(r"\{\{|\}\}|[{}|]")
-_NAMED: Final = re.compile(r"([a-z_0-9]+)(![rs])?(:)?")
+_HOLE_NAME: Final = re.compile(r"([a-z_0-9]+)(![rs])?(:)?")
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,7 @@ class Choice:
 
 
 def parts_of(template: str) -> tuple[Part, ...]:
-    """The literal texts, holes and choices of a template.
-
-    Raises:
-        ValueError: if its braces do not match.
-    """
+    """The literal texts, holes and choices of a template. Raises ValueError if its braces do not match."""
     found, end = _parse(template, 0, "")
     if end != len(template):
         message = f"unbalanced braces: {template!r}"
@@ -73,7 +69,7 @@ def _parse(text: str, start: int, stops: str) -> tuple[tuple[Part, ...], int]:
 
 
 def _named_part(text: str, start: int) -> tuple[Part, int]:
-    named = _NAMED.match(text, start)
+    named = _HOLE_NAME.match(text, start)
     if named is None:
         message = f"a name is missing behind a brace: {text!r}"
         raise ValueError(message)
@@ -155,11 +151,8 @@ def printed(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
         elif value is None or value is False:
             found[name] = value
         else:
-            found[name] = (
-                format(repr(value) if hole.conversion == "r" else value, hole.spec)
-                if hole.spec
-                else (repr(value) if hole.conversion == "r" else str(value))
-            )
+            shown = repr(value) if hole.conversion == "r" else value
+            found[name] = format(shown, hole.spec) if hole.spec else str(shown)
     return found
 
 

@@ -12,7 +12,7 @@ import pytest
 
 import furrowmap
 from furrowmap.core.runtime.errors import RefusedError
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.workflows.calibrate.calibrate import Calibration, calibrated_text
 
 ORIGIN = "calibrated with the recording of 2026-06-11: ± 0.10, 0.10, 0.10 degrees"

@@ -17,7 +17,7 @@ from furrowmap.core.images.projection import unproject
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from tests.app.told_progress import Told
 
 FloatArray = NDArray[np.float64]

@@ -13,8 +13,7 @@ from furrowmap.core.pipeline import pipeline
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.opened import OpenSession
-from furrowmap.core.values.point_classes import PointClass
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.scan import PointClass, Scan
 from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.workflows.run.colours import ColourFigures, RunColours
 from tests.core.images.scenes import cloud, frames_above, texture

@@ -24,7 +24,7 @@ from furrowmap.core.values.machine import (
     MachineImplement,
     MachineImu,
 )
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.session import Antenna, Lidar
 
 PLACES = st.tuples(*[st.floats(-15, 15)] * 3)

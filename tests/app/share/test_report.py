@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import furrowmap
-from furrowmap.core.runtime.languages.choice import using_language
+from furrowmap.core.runtime.settings import using
 from furrowmap.exporters.reports import printed
 from tests.exporters.reports.test_page_language import PAGE
 
@@ -21,7 +21,7 @@ def result(tmp_path: Path) -> Path:
 
 
 def test_report__in_japanese_and_ares_and_back(result: Path) -> None:
-    with using_language("ja"):
+    with using(language="ja"):
         written = furrowmap.write_report_page(result, area_unit="10a")
     assert written == result / "report.html"
     assert ">54.21 a</data> を作業" in written.read_text(encoding="utf-8")

@@ -8,10 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.antenna_sway import AntennaSway, antenna_sway
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import STEP_S, knots_over
+from furrowmap.core.estimation.knots import KNOT_STEP_S, VEHICLE, State, knots_over
 from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.estimation.states import VEHICLE, State
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.gnss import Positions
 
 STATED_M = np.array([1.8, -0.4, 2.6])
 
@@ -32,7 +31,7 @@ def seen(off_m: tuple[float, float, float], every: int = 4, seconds: float = 30.
     positions = Positions(knots.t_s[at - late] + 1e-6, xyz_m, sigma, sigma, run, np.full(n, 4, np.int8), none)
     held = NormalEquations(len(s) * VEHICLE.size, 2 * VEHICLE.size)
     held.band[0] = 1e12
-    return antenna_sway(knots, state, AntennaPositions.of(positions, np.zeros(3), STATED_M), held)
+    return antenna_sway(knots, state, AntennaPositions.unweighted(positions, np.zeros(3), STATED_M), held)
 
 
 @pytest.mark.parametrize(
@@ -63,7 +62,7 @@ def test_sway__is_not_shown_by_few_or_rare_positions() -> None:
 def test_sway__that_comes_late_is_an_offset_of_the_clocks() -> None:
     found = seen((0.0, 0.0, 0.0), late=28)
     assert found.off
-    assert found.clock_s == pytest.approx(28 * STEP_S, abs=0.01)
+    assert found.clock_s == pytest.approx(28 * KNOT_STEP_S, abs=0.01)
     assert seen((1.0, 0.4, -0.6)).clock_s == 0.0
 
 

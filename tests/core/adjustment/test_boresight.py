@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.boresight import NAMES, Boresight, boresight, boresight_notices
 from furrowmap.core.adjustment.strips import strip_returns
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 

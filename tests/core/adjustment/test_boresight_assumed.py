@@ -8,9 +8,9 @@ import pytest
 from furrowmap.core.adjustment.boresight import boresight, boresight_notices
 from furrowmap.core.adjustment.strips import strip_returns
 from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial
-from furrowmap.core.trajectory.inertial_start import Imu
+from furrowmap.core.trajectory.inertial_start import MountedImu
 from furrowmap.core.values.inertial import inertial_noise
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from tests.core.trajectory.flights import BEGIN_S, LEVER_M, MOUNTING, Flight, frame
 
@@ -30,7 +30,7 @@ def over_flat_ground(flight: Flight, number: int) -> Scan:
 @pytest.mark.parametrize("scans", [0, 50])
 def test_boresight__without_smooth_ground_at_several_times_is_assumed(scans: int) -> None:
     flight = Flight(20.0, seed=1)
-    imu = Imu(flight.imu(), MOUNTING, inertial_noise("industrial"))
+    imu = MountedImu(flight.imu(), MOUNTING, inertial_noise("industrial"))
     trajectory = trajectory_from_inertial(flight.track(), imu, frame(), LEVER_M, None).trajectory
     returns = strip_returns((over_flat_ground(flight, k) for k in range(scans)), trajectory)
     found = boresight(returns, trajectory, STATED)

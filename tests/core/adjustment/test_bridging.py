@@ -22,11 +22,9 @@ from furrowmap.core.adjustment.bridging import (
     with_carried,
 )
 from furrowmap.core.adjustment.outages import outages
-from furrowmap.core.estimation.knots import Knots, knots_over
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.knots import Knots, State, knots_over
 from furrowmap.core.matching.portions import Gap, in_gaps, outside
-from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.gnss import Fix, Positions
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 
 GAP = Gap(8.0, 14.0, 0)

@@ -13,8 +13,7 @@ from furrowmap.core.adjustment.problem import Linearised
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots, fine_step
 from furrowmap.core.estimation.covariance import Considered
-from furrowmap.core.estimation.knots import STEP_S, knots_over
-from furrowmap.core.estimation.states import VEHICLE, State
+from furrowmap.core.estimation.knots import KNOT_STEP_S, VEHICLE, State, knots_over
 from furrowmap.core.matching.ground import CORRELATED
 
 SIZE = VEHICLE.size
@@ -85,7 +84,7 @@ def some_normals(n: int, first: int, last: int, seed: int, scale: float) -> tupl
 def test_information_of__is_what_the_returns_within_a_second_know() -> None:
     matrices, upper = some_normals(120, 20, 90, 6, 100.0)
     found = information_of(upper)
-    half = round(AROUND_S / STEP_S)
+    half = round(AROUND_S / KNOT_STEP_S)
     for k in (0, 15, 60, 100):
         near = matrices[max(0, k - half) : k + half + 1].sum(axis=0)
         if not near.any():
@@ -127,7 +126,7 @@ def test_held_by__changes_where_the_returns_know_more_than_what_was_known_before
 ) -> None:
     """The returns' own standard deviation is `ratio` of that of the heading before, and of 5 cm in place."""
     n = 60
-    within = 2 * round(AROUND_S / STEP_S) + 1  # slices about a knot in the middle
+    within = 2 * round(AROUND_S / KNOT_STEP_S) + 1  # slices about a knot in the middle
     known = np.diag([(ratio * 0.05) ** -2, (ratio * 0.05) ** -2, 1e6, 1e9, 1e9, (ratio * np.radians(sigma_deg)) ** -2])
     normals = np.tile(known[np.triu_indices(6)] / within, (n, 1))
     middle = slice(within // 2, n - within // 2)

@@ -30,7 +30,7 @@ from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.trajectory.located import locate
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import named_offset
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import Trajectory
 

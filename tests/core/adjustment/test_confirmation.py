@@ -12,7 +12,7 @@ from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.trajectory.located import Located
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 
 SESSION = parse_session(

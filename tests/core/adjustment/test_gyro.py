@@ -15,9 +15,16 @@ from furrowmap.core.estimation.aiding import AIDED, GYRO_SCALE, InertialAttitude
 from furrowmap.core.estimation.aiding import MISALIGNMENT as IMU_ASKEW
 from furrowmap.core.estimation.banded import Solution
 from furrowmap.core.estimation.inertial import RATE_BIAS
-from furrowmap.core.estimation.knots import Knots, knots_over, start_from
-from furrowmap.core.estimation.observation import Observation, normal_equations
-from furrowmap.core.estimation.states import VEHICLE, Layout, State
+from furrowmap.core.estimation.knots import (
+    VEHICLE,
+    Knots,
+    Observation,
+    State,
+    StateLayout,
+    knots_over,
+    normal_equations,
+    start_from,
+)
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.simulator.drive import drive_path
@@ -27,8 +34,8 @@ from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField
 from furrowmap.core.simulator.site import laid_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground
+from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.inertial import inertial_noise
-from furrowmap.core.values.positions import Positions
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere, trajectory_from_attitude
 from tests.core.conftest import Recording
 from tests.core.estimation.gyro import MISALIGNMENT, NOISE, SCALE, gyro_on
@@ -87,7 +94,7 @@ def positions_on(truth: Trajectory, outage_s: tuple[float, float]) -> Positions:
 def adjusted(
     truth: Trajectory,
     knots: Knots,
-    layout: Layout,
+    layout: StateLayout,
     observations: tuple[Observation, ...],
     outage_s: tuple[float, float],
 ) -> tuple[State, Solution]:
@@ -144,7 +151,7 @@ def test_gyroscopes_and_attitudes_of_an_imu_mounted_askew_fit_the_truth_and_lead
     stated = Rotation.from_quat(truth.quaternion, scalar_first=True) * askew
     sigma = np.column_stack([np.zeros((len(truth), 3)), np.full((len(truth), 3), (0.03, 0.03, 0.2))])
     by_imu = replace(truth, quaternion=same_hemisphere(stated.as_quat(scalar_first=True)), sigma=sigma)
-    attitudes = InertialAttitudes.of(by_imu, inertial_noise("consumer"), knots)
+    attitudes = InertialAttitudes.from_trajectory(by_imu, inertial_noise("consumer"), knots)
     level, headings = np.isfinite(attitudes.sigma_rad[:, [0, 2]]).sum(axis=0)
     assert 1 <= headings < level < 20
 

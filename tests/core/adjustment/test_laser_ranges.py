@@ -10,8 +10,7 @@ from furrowmap.core.adjustment.laser_ranges import LEAST_RETURNS, LaserSums
 from furrowmap.core.adjustment.matched import match, prepare
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
-from furrowmap.core.values.laser_ranges import LaserRanges, shortened
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.scan import LaserRanges, Scan, shortened
 from tests.core.conftest import Recording
 
 LASERS = 16

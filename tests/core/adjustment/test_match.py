@@ -12,7 +12,7 @@ from furrowmap.core.adjustment.matched import Matched, match, prepare
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import GroundReturns, ground_returns
 from furrowmap.core.values.rotation import wrap_deg
-from furrowmap.core.values.trajectory import SIGMAS, Motion, Trajectory
+from furrowmap.core.values.trajectory import SIGMA_NAMES, Motion, Trajectory
 from tests.core.conftest import Recording
 
 
@@ -21,7 +21,7 @@ class Judged:
     """What came of matching.
 
     Attributes:
-        before: errors (n, 6) of the approximate trajectory, in the order of SIGMAS.
+        before: errors (n, 6) of the approximate trajectory, in the order of SIGMA_NAMES.
         after: of the matched one.
         moving: (n,) where headings count.
     """
@@ -71,7 +71,7 @@ def test_roll_pitch_and_height_follow_the_sway(judged: Judged) -> None:
     """Their mean over so short a way is GNSS's to know."""
     assert judged.before[:, 3].std() > 0.2
     for column, most in ((2, 0.006), (3, 0.04), (4, 0.05)):
-        assert judged.after[:, column].std() <= most, SIGMAS[column]
+        assert judged.after[:, column].std() <= most, SIGMA_NAMES[column]
     assert abs(judged.after[:, 3].mean()) < 0.6
     assert abs(judged.after[:, 4].mean()) < 0.3
 

@@ -14,7 +14,7 @@ import numpy as np
 from furrowmap.core.adjustment.session_match import matched_to_ground
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import Located, locate
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.gnss import Positions
 from tests.core.conftest import Recording
 from tests.fuzz.positions import mend_nmea
 

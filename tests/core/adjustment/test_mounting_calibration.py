@@ -15,13 +15,11 @@ from furrowmap.core.adjustment.match_report import mounting_notices
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration, mounting_calibration
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.knots import Knots, knots_over
-from furrowmap.core.estimation.observation import normal_equations
-from furrowmap.core.estimation.states import VEHICLE, State
+from furrowmap.core.estimation.knots import VEHICLE, Knots, State, knots_over, normal_equations
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
 from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, heights, tiles_over
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.values.gnss import Positions
+from furrowmap.core.values.rotation import Mounting
 
 SIZE = VEHICLE.size
 CELL_M = 0.1

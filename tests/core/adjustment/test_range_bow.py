@@ -6,7 +6,7 @@ import numpy as np
 
 from furrowmap.core.adjustment.range_bow import ELEVATION_SIGMA, range_bow, range_bow_sigma
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.states import VEHICLE
+from furrowmap.core.estimation.knots import VEHICLE
 from furrowmap.core.matching.returns import GroundReturns
 
 SIZE = VEHICLE.size

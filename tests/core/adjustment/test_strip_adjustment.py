@@ -14,7 +14,7 @@ from furrowmap.core.adjustment.boresight import boresight
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, adjusted_by_strips
 from furrowmap.core.adjustment.strips import strip_returns
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
 from tests.core.adjustment.test_boresight import LINE_S, T0, Scene, flown
 

@@ -9,8 +9,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.yaw_ambiguity import Facing, facing
-from furrowmap.core.estimation.knots import Knots, knots_over
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.knots import Knots, State, knots_over
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from furrowmap.core.checking.evaluation import offset_notices
 from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.values.compass import compass_direction
+from furrowmap.core.values.rotation import compass_direction
 
 
 def told(east: float, north: float, up: float, scatter: float) -> list[str]:

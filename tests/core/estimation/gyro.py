@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.aiding import Gyroscopes
 from furrowmap.core.estimation.inertial import Site
-from furrowmap.core.estimation.knots import STEP_S, Knots
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots
 from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -29,8 +29,8 @@ def gyro_on(
     """
     t_s = knots.t_s[knots.linked]
     axes = Rotation.from_quat(truth.at(np.clip(knots.t_s, *truth.span_s)).quaternion, scalar_first=True)
-    earth = Rotation.from_rotvec(STEP_S * SITE.earth_rate_radps)
+    earth = Rotation.from_rotvec(KNOT_STEP_S * SITE.earth_rate_radps)
     true = (axes[knots.linked].inv() * earth * axes[knots.linked + 1]).as_rotvec()
-    noise = noisy * NOISE.rate * np.sqrt(STEP_S) * np.random.default_rng(seed).standard_normal(true.shape)
+    noise = noisy * NOISE.rate * np.sqrt(KNOT_STEP_S) * np.random.default_rng(seed).standard_normal(true.shape)
     askew = Rotation.from_rotvec(share * MISALIGNMENT).inv().apply(true)
-    return Gyroscopes(t_s, (1.0 + share * SCALE) * askew + STEP_S * bias_radps + noise, NOISE, SITE)
+    return Gyroscopes(t_s, (1.0 + share * SCALE) * askew + KNOT_STEP_S * bias_radps + noise, NOISE, SITE)

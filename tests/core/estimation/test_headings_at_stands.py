@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from furrowmap.core.estimation.headings import headings_at_stands
 from furrowmap.core.estimation.knots import knots_over
-from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.estimation.positions import headings_at_stands
+from furrowmap.core.values.gnss import Fix, Positions
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 
 T_S = np.arange(0.0, 60.0, 0.1)

@@ -10,30 +10,26 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.gnss_drift import GnssDrift
 from furrowmap.core.estimation.inertial import (
     FORCE_BIAS,
     INERTIAL,
-    LEAST_WAY_M,
+    MIN_WAY_SIGMA_M,
     RATE_BIAS,
     VELOCITY,
     InertialLinks,
     Site,
+    increments,
 )
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
-from furrowmap.core.estimation.observation import normal_equations
-from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.estimation.preintegration import increments
-from furrowmap.core.estimation.states import POSE, State
-from furrowmap.core.values.gnss import Fix
+from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, Chain, Knots, State, normal_equations
+from furrowmap.core.estimation.positions import AntennaPositions, GnssDrift
+from furrowmap.core.values.gnss import Fix, Positions
 from furrowmap.core.values.inertial import InertialTrack, inertial_noise
-from furrowmap.core.values.positions import Positions
 
 gtsam = pytest.importorskip("gtsam")
 
 FloatArray = NDArray[np.float64]
 RATE_HZ = 200
-A_KNOT = round(STEP_S * RATE_HZ)
+A_KNOT = round(KNOT_STEP_S * RATE_HZ)
 LENGTH_S = 8.0
 NOISE = inertial_noise("industrial")
 FLAT = Site(9.81, np.zeros(3), 1e15, 1.0)
@@ -89,7 +85,7 @@ def integrated(flown: Flown, rate: FloatArray, force: FloatArray, first: int, co
     params = gtsam.PreintegrationParams.MakeSharedU(FLAT.gravity_mps2)
     params.setGyroscopeCovariance(NOISE.rate**2 * np.eye(3))
     params.setAccelerometerCovariance(NOISE.force**2 * np.eye(3))
-    params.setIntegrationCovariance(LEAST_WAY_M**2 / STEP_S * np.eye(3))
+    params.setIntegrationCovariance(MIN_WAY_SIGMA_M**2 / KNOT_STEP_S * np.eye(3))
     out = gtsam.PreintegratedImuMeasurements(params, gtsam.imuBias.ConstantBias(bias[3:], bias[:3]))
     for k in range(first, first + count):
         middle = 0.5 * (rate[k] + rate[k + 1])
@@ -110,9 +106,9 @@ def test_increments__are_those_of_gtsam(flown: Flown) -> None:
 
 
 def links_of(flown: Flown, rate: FloatArray, force: FloatArray) -> tuple[InertialLinks, Knots]:
-    count = round(LENGTH_S / STEP_S) + 1
+    count = round(LENGTH_S / KNOT_STEP_S) + 1
     links = InertialLinks(InertialTrack(flown.t_s, rate, force), np.zeros(3), NOISE, FLAT)
-    return links, Knots((Chain(0, count, 0.0),), STEP_S * np.arange(count))
+    return links, Knots((Chain(0, count, 0.0),), KNOT_STEP_S * np.arange(count))
 
 
 def true_state(flown: Flown, knots: Knots) -> State:
@@ -156,7 +152,7 @@ def test_link__has_the_covariance_and_the_jacobians_of_gtsam(flown: Flown) -> No
     without_walk = to_ours.T @ ours @ to_ours
     for block, walk, spread in ((18, NOISE.force_walk, NOISE.force_bias), (21, NOISE.rate_walk, NOISE.rate_bias)):
         for k in range(block, block + 3):
-            without_walk[k, k] -= 1.0 / (walk**2 * STEP_S) + 1.0 / spread**2
+            without_walk[k, k] -= 1.0 / (walk**2 * KNOT_STEP_S) + 1.0 / spread**2
     scale = np.sqrt(np.outer(np.diag(information), np.diag(information)))
     assert (np.abs(without_walk - information) / scale).max() < 0.01
 
@@ -176,7 +172,7 @@ def test_adjustment__is_that_of_gtsam(flown: Flown) -> None:
         knots.t_s[seen] + 1e-9, places, np.full((m, 3), GNSS_M), np.full((m, 3), 1e-7), np.zeros(m, np.intp),
         np.full(m, Fix.FIXED), np.full(m, np.nan),
     )  # fmt: skip
-    antenna, state = AntennaPositions.of(positions, np.zeros(3), ARM_M), start
+    antenna, state = AntennaPositions.unweighted(positions, np.zeros(3), ARM_M), start
     for _ in range(5):
         solution = normal_equations((antenna, GnssDrift(positions), links), knots, state).solve()
         state = state.moved(solution.values.reshape(len(knots), -1))
@@ -209,7 +205,7 @@ def _by_gtsam(  # type: ignore[no-untyped-def]
 ):
     """The optimum of the same measurements and its covariances; keys are 3 k (pose), 3 k + 1, 3 k + 2."""
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
-    walk = np.repeat([NOISE.force_walk, NOISE.rate_walk], 3) * np.sqrt(STEP_S)
+    walk = np.repeat([NOISE.force_walk, NOISE.rate_walk], 3) * np.sqrt(KNOT_STEP_S)
     spread = np.repeat([NOISE.force_bias, NOISE.rate_bias], 3)
     none = gtsam.imuBias.ConstantBias()
     for k in range(len(knots)):

@@ -9,10 +9,19 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.knots import MOST_CHAINS, PAUSE_S, STEP_S, knots_over, place, start_from, turns
-from furrowmap.core.estimation.states import GNSS_DRIFT, State
+from furrowmap.core.estimation.knots import (
+    GNSS_DRIFT,
+    KNOT_STEP_S,
+    MAX_CHAINS,
+    MAX_SCAN_PAUSE_S,
+    State,
+    knots_over,
+    place,
+    start_from,
+    turns,
+)
 from furrowmap.core.pointclouds.placing import Placer
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 
@@ -46,7 +55,7 @@ def test_place__agrees_with_the_placing_of_clouds() -> None:
     state = start_from(trajectory, knots, np.zeros(3))
     chain = knots.chains[0]
     turn = turns(state.rotation)
-    found = place(t, points, chain.first, chain.begin_s, STEP_S, state.xyz_m, state.rotation, turn)
+    found = place(t, points, chain.first, chain.begin_s, KNOT_STEP_S, state.xyz_m, state.rotation, turn)
     expected, known = Placer(trajectory, Mounting(), (0.0, 0.0, 0.0)).place(scan_of(t, points))
     assert known.all()
     # Turns from knot to knot are taken to first order: what is left out is half their square.
@@ -71,15 +80,15 @@ def test_turns__keep_their_digits_when_small(angle: float) -> None:
     np.testing.assert_allclose(found[0], angle * axis, rtol=1e-6, atol=1e-15)
 
 
-@given(st.lists(st.floats(0.0, 2.5 * PAUSE_S), min_size=1, max_size=12))
+@given(st.lists(st.floats(0.0, 2.5 * MAX_SCAN_PAUSE_S), min_size=1, max_size=12))
 def test_knots__cover_all_times_and_no_pause(steps: list[float]) -> None:
     t = T0_S + np.cumsum(steps)
     knots = knots_over(t)
     k, share, inside = knots.at(t)
     assert inside.all()
-    np.testing.assert_allclose(knots.t_s[k] + share * STEP_S, t, atol=1e-6)
+    np.testing.assert_allclose(knots.t_s[k] + share * KNOT_STEP_S, t, atol=1e-6)
     assert np.isin(k, knots.linked).all()
-    pauses = np.flatnonzero(np.diff(t) > PAUSE_S)
+    pauses = np.flatnonzero(np.diff(t) > MAX_SCAN_PAUSE_S)
     assert len(knots.chains) == 1 + len(pauses)
     for before, after in zip(t[pauses], t[pauses + 1], strict=True):
         assert not knots.at(np.array([0.5 * (before + after)]))[2].any()
@@ -90,12 +99,12 @@ def test_knots__cover_all_times_and_no_pause(steps: list[float]) -> None:
 
 def test_of_very_many_pauses_the_longest_part_chains() -> None:
     long = np.random.default_rng(3).permutation(np.arange(400) < 100)
-    begins = T0_S + np.cumsum(np.where(long, 60.0, PAUSE_S + 1.0))
+    begins = T0_S + np.cumsum(np.where(long, 60.0, MAX_SCAN_PAUSE_S + 1.0))
     t = (begins[:, None] + np.linspace(0.0, 0.3, 5)).ravel()
     knots = knots_over(t)
-    assert len(knots.chains) == MOST_CHAINS
+    assert len(knots.chains) == MAX_CHAINS
     assert knots.at(t)[2].all()
-    parted = {round(chain.begin_s + 0.5 * STEP_S, 6) for chain in knots.chains}
+    parted = {round(chain.begin_s + 0.5 * KNOT_STEP_S, 6) for chain in knots.chains}
     assert parted >= set(np.round(begins[1:][long[1:]], 6).tolist())
 
 

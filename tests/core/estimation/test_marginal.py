@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.marginal import marginal_covariance
+from furrowmap.core.estimation.covariance import marginal_covariance
 
 SIZE = 3
 KNOTS = 30

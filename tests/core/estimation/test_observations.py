@@ -9,20 +9,27 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.headings import HEADING_CORRELATION_S, HEADING_SIGMA
-from furrowmap.core.estimation.knots import STEP_S, Knots, knots_over
-from furrowmap.core.estimation.level import LEVEL_CORRELATION_S, LEVEL_SIGMA
-from furrowmap.core.estimation.motion_prior import ACCELERATION, HEAVE, SWAY, TURNING
-from furrowmap.core.estimation.observation import normal_equations
-from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.estimation.registration import Registration
-from furrowmap.core.estimation.robust import HUBER, huber_weight
-from furrowmap.core.estimation.slices import SliceSums
-from furrowmap.core.estimation.states import GNSS_DRIFT, VEHICLE, State
-from furrowmap.core.estimation.vehicle import wheeled_vehicle
-from furrowmap.core.estimation.wheels import SLIP, SLIP_EVERY_S, SLIP_FLOOR_M
-from furrowmap.core.values.positions import DRIFT_CORRELATION_S, Positions
+from furrowmap.core.estimation.banded import HUBER_SIGMAS, NormalEquations, huber_weight
+from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S, VEHICLE, Knots, State, knots_over, normal_equations
+from furrowmap.core.estimation.positions import (
+    ANTENNA_HEADING_CORRELATION_S,
+    ANTENNA_HEADING_SIGMA_RAD,
+    AntennaPositions,
+)
+from furrowmap.core.estimation.registration import Registration, SliceSums
+from furrowmap.core.estimation.vehicle import (
+    ACCELERATION,
+    HEAVE,
+    LEVEL_CORRELATION_S,
+    LEVEL_SIGMA,
+    MIN_SLIP_SIGMA_M,
+    SLIP,
+    SLIP_EVERY_S,
+    SWAY,
+    TURNING,
+    wheeled_vehicle,
+)
+from furrowmap.core.values.gnss import DRIFT_CORRELATION_S, Positions
 
 FloatArray = NDArray[np.float64]
 
@@ -69,7 +76,7 @@ def residuals(knots: Knots, state: State, at: State, positions: Positions, trust
     n = len(knots)
 
     def between(values: FloatArray, t_s: float) -> FloatArray:
-        place = (t_s - knots.t_s[0]) / STEP_S
+        place = (t_s - knots.t_s[0]) / KNOT_STEP_S
         k = int(place)
         return np.asarray(values[k] + (place - k) * (values[k + 1] - values[k]))
 
@@ -79,11 +86,15 @@ def residuals(knots: Knots, state: State, at: State, positions: Positions, trust
         out.append((computed - positions.xyz_m[m]) / positions.white_m[m] * np.sqrt(trust[m]))
     shown = np.flatnonzero(np.isfinite(positions.yaw_rad))
     for m in shown.tolist():
-        k = int((positions.t_s[m] - knots.t_s[0]) / STEP_S)
+        k = int((positions.t_s[m] - knots.t_s[0]) / KNOT_STEP_S)
         yaw = np.arctan2(state.rotation[k, 1, 0], state.rotation[k, 0, 0])
         step_s = np.median(np.diff(positions.t_s[shown]))
-        out.append(np.array([yaw - positions.yaw_rad[m]]) / HEADING_SIGMA / np.sqrt(HEADING_CORRELATION_S / step_s))
-    kept = np.exp(-STEP_S / DRIFT_CORRELATION_S)
+        out.append(
+            np.array([yaw - positions.yaw_rad[m]])
+            / ANTENNA_HEADING_SIGMA_RAD
+            / np.sqrt(ANTENNA_HEADING_CORRELATION_S / step_s)
+        )
+    kept = np.exp(-KNOT_STEP_S / DRIFT_CORRELATION_S)
     nearest = np.searchsorted(positions.t_s, knots.t_s).clip(0, len(positions.t_s) - 1)
     run, spread = positions.run[nearest], positions.drift_m[nearest]
     for k in range(n):
@@ -94,17 +105,17 @@ def residuals(knots: Knots, state: State, at: State, positions: Positions, trust
             out.append(change / (spread[k] * np.sqrt(1 - kept**2)))
     for k in range(1, n - 1):
         jerked = state.xyz_m[k + 1] - 2 * state.xyz_m[k] + state.xyz_m[k - 1]
-        out.append(jerked / (np.array([ACCELERATION, ACCELERATION, HEAVE]) * STEP_S**1.5))
+        out.append(jerked / (np.array([ACCELERATION, ACCELERATION, HEAVE]) * KNOT_STEP_S**1.5))
         rotation = Rotation.from_matrix(state.rotation[k - 1 : k + 2])
         later = rotation[1].apply((rotation[1].inv() * rotation[2]).as_rotvec())
         earlier = rotation[0].apply((rotation[0].inv() * rotation[1]).as_rotvec())
-        out.append((later - earlier) / (np.array([SWAY, SWAY, TURNING]) * STEP_S**1.5))
+        out.append((later - earlier) / (np.array([SWAY, SWAY, TURNING]) * KNOT_STEP_S**1.5))
     for k in range(n - 1):
         left = 0.5 * (state.rotation[k, :, 1] + state.rotation[k + 1, :, 1])
         way = np.linalg.norm(at.xyz_m[k + 1] - at.xyz_m[k])
-        sigma = np.hypot(SLIP * way * np.sqrt(SLIP_EVERY_S / STEP_S), SLIP_FLOOR_M)
+        sigma = np.hypot(SLIP * way * np.sqrt(SLIP_EVERY_S / KNOT_STEP_S), MIN_SLIP_SIGMA_M)
         out.append(np.array([left @ (state.xyz_m[k + 1] - state.xyz_m[k])]) / sigma)
-    out.append(state.rotation[:, 2, :2].reshape(-1) / (LEVEL_SIGMA * np.sqrt(LEVEL_CORRELATION_S / STEP_S)))
+    out.append(state.rotation[:, 2, :2].reshape(-1) / (LEVEL_SIGMA * np.sqrt(LEVEL_CORRELATION_S / KNOT_STEP_S)))
     return np.concatenate(out)
 
 
@@ -157,7 +168,7 @@ def test_a_smooth_drive_with_exact_positions_stays_as_it_is() -> None:
     equations = equations_at(knots, state, positions, whole)
     step = equations.solve().values.reshape(-1, SIZE)
     assert np.abs(step).max() < 1e-9
-    assert AntennaPositions.of(positions, ORIGIN, LEVER).normalised(knots, state).max() < 1e-6
+    assert AntennaPositions.unweighted(positions, ORIGIN, LEVER).normalised(knots, state).max() < 1e-6
 
     # Off by a centimetre aside and a degree of heading it comes back, to first order.
     turned = Rotation.from_euler("z", np.radians(1.0)) * Rotation.from_matrix(rotation)
@@ -173,7 +184,7 @@ def test_positions_outside_the_scans_time_take_no_part() -> None:
     knots = knots_over(np.concatenate([np.arange(0, 1, 0.05), np.arange(9, 10, 0.05)]))
     state = turning_state(knots)
     t = np.array([-3.0, 0.5, 5.0, 9.5, 12.0])
-    antenna = AntennaPositions.of(positions_at(t, [0] * 5, np.full(5, np.nan)), ORIGIN, LEVER)
+    antenna = AntennaPositions.unweighted(positions_at(t, [0] * 5, np.full(5, np.nan)), ORIGIN, LEVER)
     assert np.isfinite(antenna.normalised(knots, state)).tolist() == [False, True, False, True, False]
 
 
@@ -182,7 +193,7 @@ def test_a_slice_of_returns_pulls_at_the_mean_of_its_two_knots() -> None:
     state = turning_state(knots)
     positions = positions_at(np.array([0.05, 0.15]), [0, 0], np.full(2, np.nan))
     random = np.random.default_rng(5)
-    sums = SliceSums.of(len(knots))
+    sums = SliceSums.empty(len(knots))
     n = len(knots) * SIZE
     expected, right = np.zeros((n, n)), np.zeros(n)
     for k in knots.linked:
@@ -202,5 +213,5 @@ def test_a_slice_of_returns_pulls_at_the_mean_of_its_two_knots() -> None:
 
 
 def test_huber_weight__is_huber_s() -> None:
-    normalised = np.array([0.0, HUBER, 2 * HUBER, 100.0, np.nan])
-    np.testing.assert_allclose(huber_weight(normalised), [1, 1, 0.5, HUBER / 100, 1])
+    normalised = np.array([0.0, HUBER_SIGMAS, 2 * HUBER_SIGMAS, 100.0, np.nan])
+    np.testing.assert_allclose(huber_weight(normalised), [1, 1, 0.5, HUBER_SIGMAS / 100, 1])

@@ -11,12 +11,10 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.adjustment.crab_angle import CrabAngle
 from furrowmap.core.adjustment.precision import information_of
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right, fine_step
-from furrowmap.core.estimation.knots import STEP_S, Knots, knots_over, start_from
-from furrowmap.core.estimation.observation import normal_equations
-from furrowmap.core.estimation.states import State
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State, knots_over, normal_equations, start_from
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
-from furrowmap.core.runtime import scratch
-from furrowmap.core.values.positions import Positions
+from furrowmap.core.runtime import arrays
+from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 
 
@@ -47,7 +45,7 @@ def _everything() -> list[np.ndarray]:
     knots, state, positions = _drive()
     rng = np.random.default_rng(6)
     equations = normal_equations(wheeled_vehicle(positions, np.zeros(3), np.array([1.0, 0.2, 2.0])), knots, state)
-    coarse = CoarseKnots.over(knots, round(1.0 / STEP_S), 1.0)
+    coarse = CoarseKnots.over(knots, round(1.0 / KNOT_STEP_S), 1.0)
     centre, size = coarse.centres(knots, state), state.layout.size
     step = fine_step(coarse, centre, state, rng.normal(size=coarse.count * size))
     moved = state.moved(step)
@@ -65,8 +63,8 @@ def _everything() -> list[np.ndarray]:
 
 def test_parts_give_the_same_as_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = _everything()
-    monkeypatch.setattr(scratch, "PART", 37)
-    monkeypatch.setattr(scratch, "LARGE", 1)
+    monkeypatch.setattr(arrays, "ROWS_AT_ONCE", 37)
+    monkeypatch.setattr(arrays, "LARGE", 1)
     for one, other in zip(whole, _everything(), strict=True):
         assert np.allclose(one, other, rtol=1e-9, atol=1e-12 * max(1.0, float(np.abs(one).max())))
 
@@ -77,7 +75,7 @@ def test_turns_between_poses_are_the_same_in_parts(monkeypatch: pytest.MonkeyPat
     track = trajectory_from_attitude(
         t, np.zeros((100, 3)), rng.normal(size=100), rng.normal(size=100), 40.0 * t, max_gap_s=2.0
     )
-    monkeypatch.setattr(scratch, "PART", 7)
+    monkeypatch.setattr(arrays, "ROWS_AT_ONCE", 7)
     turn = replace(track).turn_rad
     pose = Rotation.from_quat(track.quaternion, scalar_first=True)
     assert np.allclose((pose[:-1] * Rotation.from_rotvec(turn)).as_matrix(), pose[1:].as_matrix())

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
-from furrowmap.core.estimation.relaxation import LONGEST, Relaxation
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots
+from furrowmap.core.estimation.relaxation import MAX_STEP_FACTOR, Relaxation
 
 COUNT = 600
-KNOTS = Knots((Chain(0, COUNT, 0.0),), np.arange(COUNT, dtype=np.float64) * STEP_S)
+KNOTS = Knots((Chain(0, COUNT, 0.0),), np.arange(COUNT, dtype=np.float64) * KNOT_STEP_S)
 
 
 def steps_needed(share: float, *, lengthened: bool) -> int:
@@ -54,4 +54,4 @@ def test_a_step_is_never_turned_nor_shortened(seed: int, size: float) -> None:
         factor = taken / step
         np.testing.assert_allclose(factor, factor[:, :1] * np.ones(9), rtol=1e-9)
         assert factor.min() >= 1.0 - 1e-12
-        assert factor.max() <= LONGEST + 1e-9
+        assert factor.max() <= MAX_STEP_FACTOR + 1e-9

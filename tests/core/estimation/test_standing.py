@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.core.estimation.standing import Standing
+from furrowmap.core.estimation.vehicle import Standing
 from furrowmap.core.trajectory.inertial_start import Hints
+from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.inertial import InertialTrack
-from furrowmap.core.values.positions import Positions
 
 T_S = 1_779_529_272.0 + np.arange(0.0, 60.0, 0.01)
 
@@ -33,7 +33,7 @@ def recording(*, shakes: bool, moves: bool) -> tuple[InertialTrack, Positions]:
 
 @pytest.mark.parametrize(("shakes", "moves", "stands"), [(False, False, 1), (True, False, 0), (False, True, 0)])
 def test_stands__neither_shake_nor_move(shakes: bool, moves: bool, stands: int) -> None:
-    found = Standing.of(*recording(shakes=shakes, moves=moves))
+    found = Standing.find(*recording(shakes=shakes, moves=moves))
     assert len(found.begin_s) == stands
     if stands:
         assert found.begin_s[0] - T_S[0] == pytest.approx(20.0, abs=1.0)
@@ -55,6 +55,6 @@ def test_stands__end_where_the_shaking_begins_again(windows: int) -> None:
     still = np.zeros((len(t_s), 3))
     sigma = np.full((len(t_s), 3), 0.01)
     positions = Positions(t_s, still, sigma, sigma, np.zeros(len(t_s), np.intp), np.zeros(len(t_s), np.int8), t_s)
-    found = Standing.of(InertialTrack(t_s, shaken, shaken), positions)
+    found = Standing.find(InertialTrack(t_s, shaken, shaken), positions)
     assert found.begin_s.tolist() == [5.0]
     assert found.end_s.tolist() == [5.0 + windows]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.coarse import CoarseGrid
-from furrowmap.core.estimation.knots import STEP_S, Chain
-from furrowmap.core.estimation.patches import Patches
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain
+from furrowmap.core.estimation.registration import Patches
 from furrowmap.core.matching.ground import (
     CORRELATED,
     NOISE_M,
@@ -103,7 +103,7 @@ def matched() -> tuple[FloatArray, FloatArray, FloatArray, Found]:
     random = np.random.default_rng(5)
     surface = dense_surface(waves, 14.0)
     position = np.column_stack([0.03 * np.arange(KNOTS), np.zeros(KNOTS), 0.1 + 0.001 * np.arange(KNOTS)])
-    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * STEP_S, 6000))
+    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * KNOT_STEP_S, 6000))
     en = random.uniform(-6, 6, (len(t), 2))
     xyz = np.column_stack([en, waves(en)])
     xyz = moved(xyz, np.array([0.004, -0.003, 0.008, 2e-4, -3e-4, 5e-4]), np.zeros(3))
@@ -114,7 +114,7 @@ def test_equations_are_those_of_a_numerical_derivative(
     matched: tuple[FloatArray, FloatArray, FloatArray, Found],
 ) -> None:
     t, xyz, position, found = matched
-    local = ((t - CHAIN.begin_s) / STEP_S).astype(int)
+    local = ((t - CHAIN.begin_s) / KNOT_STEP_S).astype(int)
     for slot in range(CHAIN.count - 1):
         knot, mine = CHAIN.first + slot, local == slot
         residual, design = derivative(waves, xyz[mine], 0.5 * (position[knot] + position[knot + 1]))
@@ -134,7 +134,7 @@ def test_patches_are_those_of_a_numerical_derivative_shared_between_coarse_knots
     matched: tuple[FloatArray, FloatArray, FloatArray, Found],
 ) -> None:
     t, xyz, _, found = matched
-    local = ((t - CHAIN.begin_s) / STEP_S).astype(int)
+    local = ((t - CHAIN.begin_s) / KNOT_STEP_S).astype(int)
     place = np.floor(xyz[:, :2] / PATCH_M).astype(int)
     patches = found.patches
     assert len(patches.place) == len(np.unique(np.column_stack([place, local // 4]), axis=0))
@@ -173,7 +173,7 @@ def test_noise_is_not_taken_for_relief() -> None:
     n = len(en)
     half = (np.arange(n) % 2).astype(np.uint8)
     add_returns(surface, xyz, np.zeros(n, np.int8), half, np.full(n, 255, np.uint8))
-    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * STEP_S, 20_000))
+    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * KNOT_STEP_S, 20_000))
     probe = np.column_stack([random.uniform(-2.8, 2.8, (len(t), 2)), np.zeros(len(t))])
     relief = agreed(probe, t, surface, np.zeros((KNOTS, 3))).sums.relief()
     seen = (NOISE_M / CELL_M) ** 2 * 2 / 20  # what the noise of twenty returns a node makes of a slope between two
@@ -191,7 +191,7 @@ def test_relief_is_told_from_noise(noise_m: float) -> None:
 
     surface = dense_surface(furrows, 7.0, noise_m, per_cell=4)
     random = np.random.default_rng(11)
-    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * STEP_S, 30_000))
+    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * KNOT_STEP_S, 30_000))
     en = np.column_stack([random.uniform(-3, 3, len(t)), random.uniform(-3, 3, len(t))])
     probe = np.column_stack([en, furrows(en)])
     relief = agreed(probe, t, surface, np.zeros((KNOTS, 3))).sums.relief()
@@ -205,7 +205,7 @@ def test_the_foot_of_a_fence_makes_no_relief_of_smooth_soil() -> None:
 
     surface = dense_surface(fence, 7.0, 0.005, per_cell=4)
     random = np.random.default_rng(14)
-    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * STEP_S, 30_000))
+    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * KNOT_STEP_S, 30_000))
     en = random.uniform(-3, 3, (len(t), 2))
     probe = np.column_stack([en, fence(en)])
     whole, trimmed = (
@@ -224,7 +224,7 @@ def test_slopes_are_taken_for_what_they_are_worth() -> None:
     """With slopes of which half the variance is noise, the pull sideways is halved and heights count as before."""
     surface = dense_surface(waves, 8.0)
     random = np.random.default_rng(13)
-    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * STEP_S, 3000))
+    t = np.sort(CHAIN.begin_s + random.uniform(0, (CHAIN.count - 1) * KNOT_STEP_S, 3000))
     en = random.uniform(-3, 3, (len(t), 2))
     xyz = np.column_stack([en, waves(en) + 0.002])
     whole = agreed(xyz, t, surface, np.zeros((KNOTS, 3)))

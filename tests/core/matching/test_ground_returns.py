@@ -23,7 +23,7 @@ from furrowmap.core.matching.returns import (
 )
 from furrowmap.core.matching.walls import UprightReturns, no_upright
 from furrowmap.core.values.scan import ARRAYS
-from furrowmap.core.values.trajectory import SOURCES, Motion
+from furrowmap.core.values.trajectory import SOURCE_NAMES, Motion
 from tests.core.conftest import Recording
 
 
@@ -106,7 +106,7 @@ def test_scans_outside_the_trajectory_are_left_out(straight: Recording) -> None:
     start = straight.located.trajectory
     begin = float(start.t_s[0]) + 4.0
     half = len(start.t_s) // 2
-    names = ("t_s", "xyz_m", "quaternion", "speed_mps", "motion", "fix", "sigma", *SOURCES)
+    names = ("t_s", "xyz_m", "quaternion", "speed_mps", "motion", "fix", "sigma", *SOURCE_NAMES)
     late = replace(start, **{name: getattr(start, name)[half:] for name in names})
     found = ground_returns(straight.scans(), straight.session.lidar.mounting, late)
     assert begin < late.t_s[0] + 4.0

@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_equations, fine_step
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots, knots_over, place, turns
-from furrowmap.core.estimation.patches import Patches, free_patches, stored
-from furrowmap.core.estimation.states import VEHICLE, State
+from furrowmap.core.estimation.knots import KNOT_STEP_S, VEHICLE, Chain, Knots, State, knots_over, place, turns
+from furrowmap.core.estimation.registration import Patches, free_patches, stored
 from furrowmap.core.matching.ground import ChainPoses, GroundSums, PlacedReturns, Relief, register_ground
 from furrowmap.core.matching.surface import add_returns, empty_surface, tiles_over
 
@@ -97,7 +96,7 @@ def test_coarse_knots_are_the_vehicle_s_places_in_even_steps() -> None:
 def test_every_coarse_knot_moves_some_knot(count: int) -> None:
     """One that moves none would make the equations singular."""
     chain = Chain(0, count, 100.0)
-    t = 100.0 + STEP_S * np.arange(count)
+    t = 100.0 + KNOT_STEP_S * np.arange(count)
     state = State(np.zeros((count, 3)), np.broadcast_to(np.eye(3), (count, 3, 3)), np.zeros((count, 3)))
     knots = Knots((chain,), t)
     coarse = CoarseKnots.over(knots, EVERY, PATCH_M)
@@ -205,7 +204,7 @@ def turning() -> Turning:
     def placed(height: FloatArray) -> FloatArray:
         vehicle = np.column_stack([reach * np.cos(angle), reach * np.sin(angle), height]).astype(np.float32)
         found: FloatArray = place(
-            t, vehicle, chain.first, chain.begin_s, STEP_S, state.xyz_m, state.rotation, turns(state.rotation)
+            t, vehicle, chain.first, chain.begin_s, KNOT_STEP_S, state.xyz_m, state.rotation, turns(state.rotation)
         )
         return found
 
@@ -265,7 +264,7 @@ def test_stored__patches_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
         Patches(*(rng.integers(0, 9, (n, 3)), rng.integers(0, 9, n)), *(rng.normal(size=(n, k)) for k in (21, 21, 6)))
         for n in (2, 0, 3, 1, 4, 2)
     ]
-    monkeypatch.setattr("furrowmap.core.estimation.patches.STORED", 5)
+    monkeypatch.setattr("furrowmap.core.estimation.registration.MIN_STORED_ROWS", 5)
     found = stored(iter(parts))
     assert found[0].early.base is found[2].early.base  # of the first five rows
     for one, same in zip(parts, found, strict=True):

@@ -9,10 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseGrid, CoarseKnots, coarse_equations
-from furrowmap.core.estimation.knots import STEP_S, Chain, Knots
-from furrowmap.core.estimation.patches import Patches, free_patches
-from furrowmap.core.estimation.slices import SliceSums
-from furrowmap.core.estimation.states import VEHICLE, State
+from furrowmap.core.estimation.knots import KNOT_STEP_S, VEHICLE, Chain, Knots, State
+from furrowmap.core.estimation.registration import Patches, SliceSums, free_patches
 from furrowmap.core.matching.ground import ChainPoses
 from furrowmap.core.matching.walls import (
     FAR_M,
@@ -88,7 +86,7 @@ def test_what_is_no_wall_is_none() -> None:
 
 def poses(shift: FloatArray, turn: FloatArray) -> State:
     """The vehicle at 2 m/s to the east, moved as a whole: turned about its place half-way, and shifted."""
-    t = STEP_S * np.arange(KNOTS)
+    t = KNOT_STEP_S * np.arange(KNOTS)
     xyz = np.column_stack([2.0 * t, 0.0 * t, 0.3 + 0.0 * t])
     middle = xyz[KNOTS // 2]
     rotation = Rotation.from_rotvec(turn).as_matrix()
@@ -101,7 +99,7 @@ def scene(noise_m: float = 0.01) -> tuple[FloatArray, FloatArray, Lines]:
     """Times and vehicle coordinates of returns of two walls, and the walls."""
     here, there = ((2.0, 9.0), 4.0, 16.0), ((-9.0, 2.0), 95.0, 10.0)
     xyz = np.concatenate([wall(*here, 8000, 11, noise_m), wall(*there, 5000, 12, noise_m)])
-    t = np.sort(np.random.default_rng(5).uniform(0.0, STEP_S * (KNOTS - 1), len(xyz)))
+    t = np.sort(np.random.default_rng(5).uniform(0.0, KNOT_STEP_S * (KNOTS - 1), len(xyz)))
     order = np.random.default_rng(6).permutation(len(xyz))
     xyz = xyz[order]
     vehicle = xyz - np.column_stack([2.0 * t, 0.0 * t, 0.3 + 0.0 * t])
@@ -111,11 +109,11 @@ def scene(noise_m: float = 0.01) -> tuple[FloatArray, FloatArray, Lines]:
 def agreed(
     t_s: FloatArray, vehicle_m: FloatArray, walls: Lines, state: State, coarse: CoarseGrid, correlated: float = 10.0
 ) -> tuple[SliceSums, Patches, Scatter]:
-    k = np.minimum((t_s / STEP_S).astype(int), KNOTS - 2)
-    share = (t_s / STEP_S - k)[:, None]
+    k = np.minimum((t_s / KNOT_STEP_S).astype(int), KNOTS - 2)
+    share = (t_s / KNOT_STEP_S - k)[:, None]
     origin = state.xyz_m[k] + share * (state.xyz_m[k + 1] - state.xyz_m[k])
     placed = origin + np.einsum("nij,nj->ni", state.rotation[k], vehicle_m)
-    sums = SliceSums.of(KNOTS)
+    sums = SliceSums.empty(KNOTS)
     of_all = PlacedUpright(t_s, placed, halves(placed))
     patches, scatter = register_walls(of_all, walls, ChainPoses(CHAIN, state.xyz_m, coarse), correlated, 1.0, sums)
     return sums, patches, scatter
@@ -191,7 +189,7 @@ def of_slices(sums: SliceSums) -> NormalEquations:
 def test_walls_that_move_along_cost_a_movement_of_all_nothing() -> None:
     t, vehicle, walls = scene()
     state = poses(np.array([0.02, 0.01, 0.0]), np.array([0.0, 0.0, np.radians(0.1)]))
-    knots = Knots((CHAIN,), STEP_S * np.arange(KNOTS))
+    knots = Knots((CHAIN,), KNOT_STEP_S * np.arange(KNOTS))
     coarse = CoarseKnots.over(knots, 20, WALL_PATCH_M)
     centre = coarse.centres(knots, state)
     sums, patches, _ = agreed(t, vehicle, walls, state, coarse.grids[0])
@@ -228,12 +226,12 @@ def test_scatter_counts_groups_of_one_half_one_column_and_one_second() -> None:
     knots, spot = 161, ((2.0, 9.0), 4.0, 16.0)
     walls, xyz = standing(wall(*spot, 30_000, 21)), wall(*spot, 8000, 11)
     random = np.random.default_rng(4)
-    t = np.sort(random.uniform(0.0, STEP_S * (knots - 1), len(xyz)))
+    t = np.sort(random.uniform(0.0, KNOT_STEP_S * (knots - 1), len(xyz)))
     half = random.integers(0, 2, len(xyz), np.uint8)
     column = np.floor(xyz[:, :2] / 0.5).astype(int)
     xyz[:, 1] += 0.02 * random.standard_normal((100, 100))[column[:, 0], column[:, 1]]
     poses = ChainPoses(Chain(0, knots, 0.0), np.zeros((knots, 3)), CoarseGrid(0, 0, 1.0))
-    scatter = register_walls(PlacedUpright(t, xyz, half), walls, poses, 10.0, 1.0, SliceSums.of(knots))[1]
+    scatter = register_walls(PlacedUpright(t, xyz, half), walls, poses, 10.0, 1.0, SliceSums.empty(knots))[1]
     _, size = np.unique(np.column_stack([column, half, np.floor(t)]), axis=0, return_counts=True)
     assert scatter.groups == pytest.approx(np.sum(size > 10), rel=0.3)  # columns at the ends of the wall show no line
     shared = size[size > 10].mean()

@@ -13,7 +13,7 @@ from furrowmap.core.geodesy.local_time import in_local_time
 from furrowmap.core.pipeline.position_notices import fix_shares, quality_notices
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.scan_poses import ScanPoses
+from furrowmap.core.values.trajectory import ScanPoses
 from tests.exporters.vectors.worked_field import worked_field
 
 STEP_S = 0.1

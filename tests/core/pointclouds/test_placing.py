@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from furrowmap.core.pointclouds.placed import PlacedScan, place_scans
 from furrowmap.core.pointclouds.placing import Placer
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Motion, trajectory_from_attitude
 

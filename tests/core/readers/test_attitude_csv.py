@@ -115,7 +115,7 @@ def test_orientations_in_a_bag__are_those_of_rep_103(tmp_path: Path) -> None:
 def test_init__names_two_logs(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("\n".join([HEAD.replace("heading_true_deg", "x_rate"), *ROWS, ""]))
     (tmp_path / "b.csv").write_text("\n".join([HEAD.replace("roll_deg", "q"), *ROWS, ""]))
-    recordings = [Examined.of(tmp_path / name) for name in ("b.csv", "a.csv")]
+    recordings = [Examined.read(tmp_path / name) for name in ("b.csv", "a.csv")]
     session = parse_session(propose_session(recordings, tmp_path).text)
     assert session.attitude is not None
     assert (session.attitude.roll_pitch, session.attitude.heading) == ("a.csv", "b.csv")

@@ -197,7 +197,7 @@ def test_run__places_a_line_scanner(tmp_path: Path) -> None:
 def test_init__names_a_line_scanner_as_lidar(tmp_path: Path) -> None:
     flight(tmp_path)
     assert Recognised.by_content(tmp_path / "line.csv").reader is LineCsv
-    recordings = [Examined.of(tmp_path / name) for name in ("line.csv", "trajectory.csv")]
+    recordings = [Examined.read(tmp_path / name) for name in ("line.csv", "trajectory.csv")]
     assert recordings[0].inspection.facts["sweeps_per_s"] == pytest.approx(10.0, abs=0.1)
     proposal = propose_session(recordings, tmp_path)
     assert parse_session(proposal.text).recording.lidar == ("line.csv",)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.values.mount_motion import MountMotion
+from furrowmap.core.values.pose_track import MountMotion
 
 T0 = 1_781_172_000.0
 HEAD = "time_unix_s,roll_deg,pitch_deg,yaw_deg"

@@ -93,16 +93,16 @@ def test_topic__may_be_stated(tmp_path: Path) -> None:
 
 def test_bag_without_imu__holds_none(tmp_path: Path) -> None:
     bag = write_bag2(tmp_path / "a", [("/fix", T0_NS, nav_sat_fix(T0_NS))])
-    examined = Examined.of(bag)
+    examined = Examined.read(bag)
     assert isinstance(examined.reader, GivesInertial)
-    assert not examined.gives_inertial
+    assert not examined.gives(GivesInertial)
 
 
 def test_session__is_proposed_and_reads_the_imu(tmp_path: Path) -> None:
     fixes = [("/fix", T0_NS + 10**8 * k, nav_sat_fix(T0_NS + 10**8 * k, lat_deg=43.0 + 1e-6 * k)) for k in range(5)]
     write_bag2(tmp_path / "bag", [*turning_imu(), *fixes])
     path = tmp_path / "session.toml"
-    path.write_text(propose_session([Examined.of(tmp_path / "bag")], tmp_path).text, encoding="utf-8")
+    path.write_text(propose_session([Examined.read(tmp_path / "bag")], tmp_path).text, encoding="utf-8")
     opened = open_session(path)
     assert opened.session.imu is not None
     assert opened.session.imu.files == opened.session.recording.gnss == ("bag",)

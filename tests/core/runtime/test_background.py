@@ -10,7 +10,7 @@ import pytest
 from furrowmap.core.runtime.background import ahead, behind, beside
 from furrowmap.core.runtime.errors import Cancelled
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.runtime.threads import using_threads
+from furrowmap.core.runtime.settings import using_threads
 
 
 def threads() -> set[str]:

@@ -72,9 +72,9 @@ def pose_csv(path: Path, first_s: float, last_s: float) -> Path:
 def test_matches__scans_and_positions_are_set_against_each_other(shared_data: Path, tmp_path: Path) -> None:
     """The capture's GPS time is 2016-01-21T08:18:02.341Z to .728Z, as its README has it."""
     scans_s = 1_453_364_282.341
-    capture = Examined.of(shared_data / "velodyne" / "vlp16_single_gps.pcap")
-    together = Examined.of(pose_csv(tmp_path / "together.csv", scans_s - 10, scans_s + 10))
-    local = Examined.of(pose_csv(tmp_path / "local.csv", scans_s - 10 + 32_400, scans_s + 10 + 32_400))
+    capture = Examined.read(shared_data / "velodyne" / "vlp16_single_gps.pcap")
+    together = Examined.read(pose_csv(tmp_path / "together.csv", scans_s - 10, scans_s + 10))
+    local = Examined.read(pose_csv(tmp_path / "local.csv", scans_s - 10 + 32_400, scans_s + 10 + 32_400))
     fits, apart = time_matches([capture, together, local])
     assert (fits.scans, fits.positions) == (capture.path, together.path)
     assert fits.shared_s == pytest.approx(0.3875, abs=0.002)

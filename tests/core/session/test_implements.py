@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.session.file import parse_session
-from furrowmap.core.session.implements import apart, together
+from furrowmap.core.session.file import apart, parse_session, together
 from furrowmap.core.session.machine import machine_of, machine_text, parse_machine
 from furrowmap.core.session.proposed_places import implement_table
 from furrowmap.core.values.session import Implement, Session

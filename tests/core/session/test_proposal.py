@@ -16,7 +16,7 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.file import load_session, parse_session
 from furrowmap.core.session.opened import resolve
-from furrowmap.core.session.proposal import UNKNOWN, Proposal, common_folder, propose_session
+from furrowmap.core.session.proposal import FILL_IN, Proposal, common_folder, propose_session
 from furrowmap.core.values.session import Session
 
 
@@ -45,7 +45,7 @@ def capture(shared_data: Path, tmp_path: Path) -> Path:
 
 
 def proposed(folder: Path, *paths: Path) -> tuple[Proposal, Session]:
-    proposal = propose_session([Examined.of(path) for path in paths], folder)
+    proposal = propose_session([Examined.read(path) for path in paths], folder)
     (folder / "session.toml").write_text(proposal.text, encoding="utf-8")
     return proposal, load_session(folder / "session.toml")
 
@@ -95,7 +95,7 @@ def test_log_without_dates_alone__has_a_place_but_no_day(tmp_path: Path) -> None
 
 def test_lidar_alone__loads_and_says_what_is_missing(capture: Path, tmp_path: Path) -> None:
     proposal, session = proposed(tmp_path, capture)
-    assert (session.recording.gnss, session.crs.map) == ((UNKNOWN,), UNKNOWN)
+    assert (session.recording.gnss, session.crs.map) == ((FILL_IN,), FILL_IN)
     assert {"no-positions", "no-crs"} <= codes(proposal)
 
 
@@ -111,7 +111,7 @@ def test_trajectory__replaces_gnss(capture: Path, tmp_path: Path) -> None:
     assert "no-antenna" not in codes(proposal)
 
 
-@pytest.mark.parametrize(("shift_m", "crs"), [(0.0, "EPSG:32634"), (5e4, UNKNOWN)])
+@pytest.mark.parametrize(("shift_m", "crs"), [(0.0, "EPSG:32634"), (5e4, FILL_IN)])
 def test_trajectory_in_the_map__is_placed_by_its_longitudes_and_latitudes(
     shift_m: float, crs: str, tmp_path: Path
 ) -> None:
@@ -121,7 +121,7 @@ def test_trajectory_in_the_map__is_placed_by_its_longitudes_and_latitudes(
     path.write_text("time_unix_s,e_m,n_m,h_m,roll_deg,pitch_deg,heading_deg,lat_deg,lon_deg\n" + rows)
     proposal, session = proposed(tmp_path, path)
     assert session.crs.map == crs
-    assert ("no-place" in codes(proposal)) == (crs == UNKNOWN)
+    assert ("no-place" in codes(proposal)) == (crs == FILL_IN)
 
 
 def test_recordings_apart__are_told_with_the_offset_that_would_fit(capture: Path, tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ def test_recordings_apart__are_told_with_the_offset_that_would_fit(capture: Path
 def test_promise_22__any_file_name_comes_back_from_the_session(tmp_path: Path, name: str) -> None:
     assume(name not in (".", ".."))
     log = nmea(tmp_path / name)
-    text = propose_session([Examined.of(log)], tmp_path).text
+    text = propose_session([Examined.read(log)], tmp_path).text
     log.unlink()
     assert parse_session(text).recording.gnss == (name,)
 
@@ -146,7 +146,7 @@ def test_promise_22__any_file_name_comes_back_from_the_session(tmp_path: Path, n
 def test_name_that_is_no_text__is_refused(tmp_path: Path) -> None:
     log = nmea(tmp_path / "gnss\udcff.nmea")
     with pytest.raises(InputError, match="UTF-8"):
-        propose_session([Examined.of(log)], tmp_path)
+        propose_session([Examined.read(log)], tmp_path)
 
 
 @pytest.mark.parametrize("bag", ["leo_rover_points.bag", "leo_rover_points_db3", "leo_rover_points_mcap"])
@@ -165,7 +165,7 @@ def test_bag__is_named_for_its_scans_and_for_its_positions(bag: str, shared_data
 
 def test_bag_without_scans__is_named_for_its_positions_and_its_imu(shared_data: Path) -> None:
     folder = shared_data / "rosbag"
-    text = propose_session([Examined.of(folder / "husky_imu_odom_fix.bag")], folder).text
+    text = propose_session([Examined.read(folder / "husky_imu_odom_fix.bag")], folder).text
     session = parse_session(text)
     assert (session.recording.lidar, session.recording.gnss) == ((), ("husky_imu_odom_fix.bag",))
     assert session.imu is not None
@@ -173,7 +173,7 @@ def test_bag_without_scans__is_named_for_its_positions_and_its_imu(shared_data: 
 
 
 def test_finished_cloud__is_no_recording(shared_data: Path, capture: Path) -> None:
-    cloud = Examined.of(shared_data / "las" / "good" / "las12_pf3_autzen_trim.laz")
+    cloud = Examined.read(shared_data / "las" / "good" / "las12_pf3_autzen_trim.laz")
     with pytest.raises(InputError) as refused:
         propose_session([cloud], cloud.path.parent)
     assert refused.value.code == "no-recording"
@@ -187,7 +187,7 @@ def test_finished_cloud__is_no_recording(shared_data: Path, capture: Path) -> No
 def test_recording_outside__is_refused(capture: Path, tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     with pytest.raises(InputError, match="outside"):
-        propose_session([Examined.of(capture)], tmp_path / "elsewhere")
+        propose_session([Examined.read(capture)], tmp_path / "elsewhere")
 
 
 def test_common_folder__is_the_nearest_that_holds_all(tmp_path: Path) -> None:
@@ -200,7 +200,7 @@ def test_common_folder__is_the_nearest_that_holds_all(tmp_path: Path) -> None:
 
 def test_task_data__make_a_session_without_a_scanner(shared_data: Path, tmp_path: Path) -> None:
     shutil.copyfile(shared_data / "isoxml/field_days/tillage_two_fields_holes.zip", tmp_path / "day.zip")
-    proposal = propose_session([Examined.of(tmp_path / "day.zip")], tmp_path)
+    proposal = propose_session([Examined.read(tmp_path / "day.zip")], tmp_path)
     session = parse_session(proposal.text)
     assert session.recording.lidar == ()
     assert session.recording.gnss == ("day.zip",)
@@ -213,7 +213,7 @@ def test_task_data__make_a_session_without_a_scanner(shared_data: Path, tmp_path
 
 def test_imu__is_named_with_its_mounting_left_to_fill_in(shared_data: Path) -> None:
     folder = shared_data / "uav_wheat"
-    recordings = [Examined.of(folder / name) for name in ("imu.csv", "gnss.nmea")]
+    recordings = [Examined.read(folder / name) for name in ("imu.csv", "gnss.nmea")]
     proposal = propose_session(recordings, folder)
     session = parse_session(proposal.text)
     assert session.imu is not None

@@ -11,8 +11,7 @@ import pytest
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session import file as module
-from furrowmap.core.session.file import load_session, parse_session
-from furrowmap.core.session.implements import FURTHER
+from furrowmap.core.session.file import FURTHER, load_session, parse_session
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.values import session as values
 from furrowmap.core.values.session import EXAMPLES, Session

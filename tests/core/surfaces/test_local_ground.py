@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.local_ground import GroundSampler
-from furrowmap.core.values.point_classes import PointClass
+from furrowmap.core.values.scan import PointClass
 
 STEP_M = 0.001
 OTHER, GROUND, NOISE = PointClass.OTHER, PointClass.GROUND, PointClass.NOISE

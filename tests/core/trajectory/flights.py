@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack, inertial_noise
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.rotation import attitude_to_quaternion
+from furrowmap.core.values.rotation import Mounting, attitude_to_quaternion
 from furrowmap.core.values.session import Crs
 
 FloatArray = NDArray[np.float64]

@@ -17,7 +17,7 @@ from furrowmap.core.trajectory.from_attitude import (
     of_vehicle,
     trajectory_from_attitude_logs,
 )
-from furrowmap.core.values.attitude import GRID, MAGNETIC, TRUE, UNSTATED, AttitudeTrack
+from furrowmap.core.values.pose_track import GRID_NORTH, MAGNETIC_NORTH, TRUE_NORTH, UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.rotation import mounting_rotation, quaternion_to_attitude, wrap_deg
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.trajectory import Motion, Trajectory
@@ -28,7 +28,7 @@ FLIGHT = Flight(40.0, 3)
 CONVERGENCE_DEG = float(frame().convergence_deg(np.array([11.36]), np.array([55.33]))[0])
 
 
-def log(rate_hz: float = 50.0, north: str = GRID, off_deg: float = 0.0, begin: float = 0.2) -> AttitudeTrack:
+def log(rate_hz: float = 50.0, north: str = GRID_NORTH, off_deg: float = 0.0, begin: float = 0.2) -> AttitudeTrack:
     t = np.arange(begin, FLIGHT.length_s - 0.3, 1.0 / rate_hz)
     roll, pitch, heading = FLIGHT.attitude_deg(t)
     return AttitudeTrack(BEGIN_S + t, roll, pitch, heading + off_deg, north, "log")
@@ -70,7 +70,7 @@ def test_true_north__is_turned_by_the_papers_equation() -> None:
     assert frame().convergence_deg(lon, lat) == pytest.approx(paper, abs=1e-3)
     track = FLIGHT.track()
     here = np.degrees(np.arctan(np.tan(np.radians(track.lon_deg[0] - 9.0)) * np.sin(np.radians(track.lat_deg[0]))))
-    _, angle = errors(found(AttitudeLogs(log(), log(north=TRUE, off_deg=float(here)))))
+    _, angle = errors(found(AttitudeLogs(log(), log(north=TRUE_NORTH, off_deg=float(here)))))
     assert here > 1.5
     assert np.abs(angle[:, 2]).max() < 0.01
 
@@ -88,37 +88,37 @@ def test_turned_devices__are_turned_back() -> None:
     roll = np.degrees(np.arctan2(device[:, 2, 1], device[:, 2, 2]))
     pitch = np.degrees(np.arcsin(device[:, 2, 0]))
     heading = np.degrees(np.arctan2(device[:, 0, 0], device[:, 1, 0]))
-    back = of_vehicle(AttitudeTrack(exact.t_s, roll, pitch, heading, GRID), rpy)
+    back = of_vehicle(AttitudeTrack(exact.t_s, roll, pitch, heading, GRID_NORTH), rpy)
     assert back.roll_deg == pytest.approx(exact.roll_deg, abs=1e-9)
     assert back.pitch_deg == pytest.approx(exact.pitch_deg, abs=1e-9)
     assert wrap_deg(back.heading_deg - exact.heading_deg) == pytest.approx(0.0, abs=1e-9)
-    alone = of_vehicle(AttitudeTrack(exact.t_s, roll, pitch, np.full(len(roll), np.nan), GRID), rpy)
+    alone = of_vehicle(AttitudeTrack(exact.t_s, roll, pitch, np.full(len(roll), np.nan), GRID_NORTH), rpy)
     assert alone.roll_deg == pytest.approx(exact.roll_deg, abs=1e-9)
     assert np.isnan(alone.heading_deg).all()
 
 
 def test_declination__is_not_guessed() -> None:
-    magnetic = log(north=MAGNETIC)
+    magnetic = log(north=MAGNETIC_NORTH)
     with pytest.raises(InputError) as caught:
         from_stated_north(magnetic, None, None)
     assert caught.value.code == "no-declination"
     assert "declination_deg" in caught.value.remedy
     east = from_stated_north(magnetic, None, 4.5)
-    assert (east.north, float(east.heading_deg[0] - magnetic.heading_deg[0])) == (TRUE, pytest.approx(4.5))
+    assert (east.north, float(east.heading_deg[0] - magnetic.heading_deg[0])) == (TRUE_NORTH, pytest.approx(4.5))
 
 
 def test_unstated_north__is_an_error_unless_the_session_states_it() -> None:
     with pytest.raises(InputError) as caught:
-        from_stated_north(log(north=UNSTATED), None, None)
+        from_stated_north(log(north=UNSTATED_NORTH), None, None)
     assert caught.value.code == "north-unknown"
-    assert from_stated_north(log(north=UNSTATED), GRID, None).north == GRID
+    assert from_stated_north(log(north=UNSTATED_NORTH), GRID_NORTH, None).north == GRID_NORTH
 
 
 def test_gaps_of_a_log__are_gaps_of_the_trajectory() -> None:
     whole = log()
     t = whole.t_s - BEGIN_S
     kept = (t < 10.0) | (t > 14.0)
-    cut = AttitudeTrack(*(getattr(whole, n)[kept] for n in ("t_s", "roll_deg", "pitch_deg", "heading_deg")), GRID)
+    cut = AttitudeTrack(*(getattr(whole, n)[kept] for n in ("t_s", "roll_deg", "pitch_deg", "heading_deg")), GRID_NORTH)
     trajectory = found(AttitudeLogs(whole, cut))
     assert trajectory.gaps_s - BEGIN_S == pytest.approx(np.array([[9.98, 14.02]]), abs=0.03)
 
@@ -175,7 +175,7 @@ def _with_attitude(opened, attitude, folder):  # type: ignore[no-untyped-def]
     from furrowmap.core.values.session import Attitude
 
     session = msgspec.structs.replace(opened.session, imu=None, attitude=Attitude(**attitude))
-    return replace(opened, session=session, inputs=Inputs.of(folder / "session.toml", session))
+    return replace(opened, session=session, inputs=Inputs.find(folder / "session.toml", session))
 
 
 def test_hovering__has_no_speed_at_all_though_positions_scatter() -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.trajectory.from_course import LONGEST_GAP_S, trajectory_from_course
+from furrowmap.core.trajectory.from_course import MAX_COURSE_GAP_S, trajectory_from_course
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.trajectory import Motion
@@ -53,7 +53,7 @@ def test_lever__is_taken_off_along_the_heading() -> None:
 def test_stand__keeps_the_heading_and_gaps_stay_gaps() -> None:
     north = np.concatenate([np.arange(0.0, 40.0, 2.0), np.full(20, 38.0), np.arange(40.0, 80.0, 2.0)])
     t_s = np.arange(float(len(north)))
-    t_s[45:] += LONGEST_GAP_S + 1.0
+    t_s[45:] += MAX_COURSE_GAP_S + 1.0
     found = trajectory_from_course(track(t_s, np.column_stack([np.zeros(len(north)), north])), FRAME).trajectory
     turned = (found.attitude_deg()[2] + 180.0) % 360.0 - 180.0
     assert np.abs(turned).max() < 1.0

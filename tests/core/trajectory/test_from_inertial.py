@@ -10,15 +10,15 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.knots import STEP_S
-from furrowmap.core.runtime import scratch
+from furrowmap.core.estimation.knots import KNOT_STEP_S
+from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
 from furrowmap.core.trajectory.heading_hints import HeadingLog
-from furrowmap.core.trajectory.inertial_start import NO_HINTS, Hints, Imu
+from furrowmap.core.trajectory.inertial_checks import densities
+from furrowmap.core.trajectory.inertial_start import NO_HINTS, Hints, MountedImu
 from furrowmap.core.trajectory.located import Companions, locate
-from furrowmap.core.trajectory.shown_noise import densities
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack, inertial_noise
 from furrowmap.core.values.rotation import attitude_to_quaternion, wrap_deg
@@ -31,7 +31,7 @@ INDUSTRIAL = inertial_noise("industrial")
 
 
 def found(track: GnssTrack, imu: InertialTrack, hints: Hints = NO_HINTS) -> InertialTrajectory:
-    return trajectory_from_inertial(track, Imu(imu, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None, hints)
+    return trajectory_from_inertial(track, MountedImu(imu, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None, hints)
 
 
 def errors(trajectory: Trajectory, flight: Flight) -> FloatArray:
@@ -72,8 +72,8 @@ def test_flight_worked_on_in_parts__is_the_same(monkeypatch: pytest.MonkeyPatch)
     flight = Flight(40.0, seed=6)
     track, imu = flight.noisy_track(), flight.noisy_imu()
     whole = found(track, imu).trajectory
-    monkeypatch.setattr(scratch, "PART", 210)
-    monkeypatch.setattr(scratch, "LARGE", 1)
+    monkeypatch.setattr(arrays, "ROWS_AT_ONCE", 210)
+    monkeypatch.setattr(arrays, "LARGE", 1)
     parts = found(track, imu).trajectory
     for name in ("t_s", "xyz_m", "quaternion", "speed_mps", "sigma"):
         assert np.allclose(getattr(whole, name), getattr(parts, name), rtol=1e-6, atol=1e-8), name
@@ -325,5 +325,5 @@ def test_pose_errors__have_nodes_at_the_times_that_are_wanted() -> None:
     result = found(flight.noisy_track(), flight.noisy_imu())
     wanted_s = BEGIN_S + np.array([10.33, 11.33, 12.9])
     nodes_s = result.pose_errors(wanted_s).t_s
-    assert np.abs(nodes_s - wanted_s[:, None]).min(axis=1).max() <= 0.5 * STEP_S + 1e-6
+    assert np.abs(nodes_s - wanted_s[:, None]).min(axis=1).max() <= 0.5 * KNOT_STEP_S + 1e-6
     assert len(nodes_s) < len(result.pose_errors().t_s) + 3

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.knots import STEP_S
-from furrowmap.core.trajectory.heading_hints import LASTING_S, Course, HeadingLog, RecordedHeading
+from furrowmap.core.estimation.knots import KNOT_STEP_S
+from furrowmap.core.trajectory.heading_hints import HEADING_CHANGE_CORRELATION_S, Course, HeadingLog, RecordedHeading
 
 FloatArray = NDArray[np.float64]
 LEVER_M = np.array([0.8, 0.3, 1.0])
@@ -29,24 +29,24 @@ class Drive:
 
     @classmethod
     def of(cls, heading_rad: float, reverse: float, white_m: float) -> Drive:
-        t_s = STEP_S * np.arange(2400)
+        t_s = KNOT_STEP_S * np.arange(2400)
         yaw = 0.8 * np.sin(0.2 * t_s)
         turned = Rotation.from_euler("z", yaw[:, None]).as_matrix()
         speed = np.where(t_s < reverse * t_s[-1], -1.0, 1.0)
         nose = np.column_stack([np.cos(heading_rad + yaw), np.sin(heading_rad + yaw), 0.0 * t_s])
         rotation = Rotation.from_euler("z", heading_rad).as_matrix()
-        way = np.cumsum(speed[:, None] * nose * STEP_S, axis=0) + turned @ LEVER_M @ rotation.T
+        way = np.cumsum(speed[:, None] * nose * KNOT_STEP_S, axis=0) + turned @ LEVER_M @ rotation.T
         noise = np.random.default_rng(5).normal(0.0, white_m, (len(t_s) // 10 + 1, 3))  # four positions a second
         at_s = 0.25 * np.arange(len(noise))
         seen = way + np.column_stack([np.interp(t_s, at_s, noise[:, k]) for k in range(3)])
-        return cls(turned, np.cumsum(turned, axis=0) * STEP_S, seen)
+        return cls(turned, np.cumsum(turned, axis=0) * KNOT_STEP_S, seen)
 
 
 @settings(deadline=None, max_examples=20)
 @given(heading=st.floats(-3.1, 3.1), reverse=st.floats(0.0, 0.25), white_m=st.floats(0.0, 0.5))
 def test_course__shows_the_heading(heading: float, reverse: float, white_m: float) -> None:
     drive = Drive.of(heading, reverse, white_m)
-    course = Course.of(drive.antenna_m, max(white_m, 0.01), 0.1, LEVER_M)
+    course = Course.from_antenna(drive.antenna_m, max(white_m, 0.01), 0.1, LEVER_M)
     rotation = course.starts(Rotation.from_euler("z", 1.0).as_matrix(), drive)[0]
     for _ in range(3):
         rows = course.rows(rotation, np.zeros(6), drive)
@@ -60,12 +60,12 @@ def test_course__shows_the_heading(heading: float, reverse: float, white_m: floa
 
 def test_as_much_in_reverse_as_forward__shows_no_nose() -> None:
     drive = Drive.of(0.5, 0.5, 0.05)
-    assert Course.of(drive.antenna_m, 0.05, 0.1, LEVER_M).starts(np.eye(3), drive) == []
+    assert Course.from_antenna(drive.antenna_m, 0.05, 0.1, LEVER_M).starts(np.eye(3), drive) == []
 
 
 def test_derivatives__are_those_of_the_residuals() -> None:
     drive = Drive.of(0.5, 0.1, 0.05)
-    course = Course.of(drive.antenna_m, 0.05, 0.1, LEVER_M)
+    course = Course.from_antenna(drive.antenna_m, 0.05, 0.1, LEVER_M)
     rotation, bias = Rotation.from_euler("ZYX", [0.55, 0.02, -0.03]).as_matrix(), np.full(6, 0.001)
     rows = course.rows(rotation, bias, drive)
     for k in range(6):
@@ -93,7 +93,7 @@ def test_recorded_headings__have_a_mean_whose_error_stays_and_changes_that_show_
     about_z = rows.weight * rows.design[:, 2]
     assert 1.0 / (about_z @ rows.design[:, 2]) == pytest.approx(0.02**2)
     assert about_z @ rows.residual / (about_z @ rows.design[:, 2]) == pytest.approx(0.3)
-    assert rows.weight[1:] == pytest.approx(np.full(known, STEP_S / LASTING_S / 0.02**2))
+    assert rows.weight[1:] == pytest.approx(np.full(known, KNOT_STEP_S / HEADING_CHANGE_CORRELATION_S / 0.02**2))
     (start,) = hint.starts(np.eye(3), drive)
     assert Rotation.from_matrix(start).as_euler("ZYX")[0] == pytest.approx(0.3)
     step = np.append(np.zeros(3), [1e-6, -2e-6, 3e-6])
@@ -103,10 +103,10 @@ def test_recorded_headings__have_a_mean_whose_error_stays_and_changes_that_show_
 
 def circle(radius_m: float, speed_mps: float = 1.0) -> Drive:
     """Forward on a circle to the left, about which an antenna above the origin goes; a minute long."""
-    yaw = speed_mps / radius_m * STEP_S * np.arange(2400)
+    yaw = speed_mps / radius_m * KNOT_STEP_S * np.arange(2400)
     turned = Rotation.from_euler("z", yaw[:, None]).as_matrix()
     antenna = radius_m * np.column_stack([np.sin(yaw), 1.0 - np.cos(yaw), 0.0 * yaw])
-    return Drive(turned, np.cumsum(turned, axis=0) * STEP_S, antenna)
+    return Drive(turned, np.cumsum(turned, axis=0) * KNOT_STEP_S, antenna)
 
 
 @pytest.mark.parametrize(
@@ -118,8 +118,8 @@ def test_course__is_taken_over_the_shortest_time_whose_way_is_five_times_its_sig
 ) -> None:
     """At 1 m/s; the sigma is that of the difference between two positions."""
     white_m = way_m / 5.0 / np.sqrt(2.0)
-    course = Course.of(circle(1e9).antenna_m, white_m, 0.0, np.zeros(3))
-    assert course.knots * STEP_S == pytest.approx(length_s)
+    course = Course.from_antenna(circle(1e9).antenna_m, white_m, 0.0, np.zeros(3))
+    assert course.knots * KNOT_STEP_S == pytest.approx(length_s)
     assert course.sigma_m == pytest.approx(way_m / 5.0)
 
 
@@ -128,7 +128,7 @@ def test_course__is_certain_but_for_noise_slip_and_turns(radius_m: float) -> Non
     """A twentieth of the way aside, and three tenths of the turn within it; the ways are chords of two seconds."""
     turn = 2.0 / radius_m
     chord_m = 2.0 * radius_m * np.sin(0.5 * turn)
-    course = Course.of(circle(radius_m).antenna_m, 0.01, 0.0, np.zeros(3))
+    course = Course.from_antenna(circle(radius_m).antenna_m, 0.01, 0.0, np.zeros(3))
     rows = course.rows(np.eye(3), np.zeros(6), circle(radius_m))
     variance = 2.0 * 0.01**2 + (0.05**2 + (0.3 * turn) ** 2) * chord_m**2
     assert rows.weight == pytest.approx(np.full(len(rows.weight), 1.0 / variance), rel=1e-4)
@@ -138,7 +138,7 @@ def test_course__is_certain_but_for_noise_slip_and_turns(radius_m: float) -> Non
 def test_nose__is_shown_by_three_tenths_more_of_the_way_in_one_direction(reverse: float, is_shown: bool) -> None:
     """More in reverse than forward turns the likelier start round."""
     drive = Drive.of(0.5, reverse, 0.01)
-    found = Course.of(drive.antenna_m, 0.05, 0.1, LEVER_M).starts(np.eye(3), drive)
+    found = Course.from_antenna(drive.antenna_m, 0.05, 0.1, LEVER_M).starts(np.eye(3), drive)
     assert len(found) == (2 if is_shown else 0)
     if is_shown:
         off = Rotation.from_matrix(found[0]) * Rotation.from_euler("z", -0.5)

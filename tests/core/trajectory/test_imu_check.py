@@ -17,11 +17,10 @@ from furrowmap.core.readers.imu_csv import ImuCsv
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial
-from furrowmap.core.trajectory.imu_mounting import check_mounting
-from furrowmap.core.trajectory.inertial_start import Imu
+from furrowmap.core.trajectory.inertial_checks import check_mounting
+from furrowmap.core.trajectory.inertial_start import MountedImu
 from furrowmap.core.values.inertial import InertialTrack
-from furrowmap.core.values.mounting import Mounting
-from furrowmap.core.values.rotation import attitude_to_quaternion
+from furrowmap.core.values.rotation import Mounting, attitude_to_quaternion
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
 from tests.core.trajectory.flights import INDUSTRIAL, LEVER_M, MOUNTING, Flight, frame
 
@@ -101,7 +100,7 @@ def turned_by(*rpy_deg: float) -> Mounting:
 def run(mounting: Mounting) -> Any:
     forward = replace_course(FLIGHT)
     track, imu = forward.track(), forward.imu(100.0)
-    return trajectory_from_inertial(track, Imu(imu, mounting, INDUSTRIAL), frame(), LEVER_M, None)
+    return trajectory_from_inertial(track, MountedImu(imu, mounting, INDUSTRIAL), frame(), LEVER_M, None)
 
 
 class _Forward(Flight):
@@ -235,14 +234,14 @@ def test_left_handed_axes__are_named_by_the_positions() -> None:
     imu = FLIGHT.imu(100.0)
     wrong = replace(imu, rate_radps=-imu.rate_radps, force_mps2=-imu.force_mps2)
     with pytest.raises(InputError, match="left-handed") as caught:
-        trajectory_from_inertial(FLIGHT.track(), Imu(wrong, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None)
+        trajectory_from_inertial(FLIGHT.track(), MountedImu(wrong, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None)
     assert caught.value.code == "imu-contradicts"
 
 
 def test_clock_off_by_hours__is_named() -> None:
     late = replace(SOUND, t_s=SOUND.t_s + 7200.0)
     with pytest.raises(InputError, match="minus_gnss_s = 7200") as caught:
-        trajectory_from_inertial(FLIGHT.track(), Imu(late, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None)
+        trajectory_from_inertial(FLIGHT.track(), MountedImu(late, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None)
     assert caught.value.code == "imu-no-overlap"
 
 

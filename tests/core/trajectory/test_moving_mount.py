@@ -17,8 +17,8 @@ from furrowmap.core.readers.mount_csv import read_mount
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.moving_mount import carrier_of, mount_trajectory
-from furrowmap.core.values.mount_motion import MountMotion
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.pose_track import MountMotion
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs, Mount, Recording, Session
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude

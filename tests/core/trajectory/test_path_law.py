@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.core.trajectory import kinematic
-from furrowmap.core.trajectory.kinematic import Antenna, Chain, solve_path
+from furrowmap.core.trajectory.kinematic import EpochMeasurements, PathEpochs, solve_path
 
 FloatArray = NDArray[np.float64]
 LEVER_M = (1.2, -0.3, 1.6)
@@ -78,8 +78,8 @@ def test_path__has_the_standard_deviations_of_its_model(speed_mps: float, turn_r
     standing[STANDS] = True
     stretch = np.repeat([0, 1], [STANDS.stop, n - STANDS.stop])
     path = solve_path(
-        Chain(np.arange(n) * STEP_S, standing, np.zeros(n - 1, dtype=bool), stretch),
-        Antenna(
+        PathEpochs(np.arange(n) * STEP_S, standing, np.zeros(n - 1, dtype=bool), stretch),
+        EpochMeasurements(
             en_m=antenna,
             height_m=np.full(n, 50.0),
             white_m=np.full(n, WHITE_M),

@@ -17,12 +17,12 @@ from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rosbag.bags import RosBag1
 from furrowmap.core.runtime.errors import RefusedError
-from furrowmap.core.trajectory.climbs import climb_notices
 from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
-from furrowmap.core.trajectory.inertial_start import Hints, Imu
+from furrowmap.core.trajectory.inertial_start import Hints, MountedImu
+from furrowmap.core.trajectory.positions import climb_notices
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import inertial_noise
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.session import Crs
 from furrowmap.core.values.trajectory import Motion
 
@@ -40,31 +40,33 @@ def whole(shared_data: Path) -> GnssTrack:
 
 
 @pytest.fixture(scope="module")
-def robot(whole: GnssTrack, shared_data: Path) -> tuple[GnssTrack, Imu]:
+def robot(whole: GnssTrack, shared_data: Path) -> tuple[GnssTrack, MountedImu]:
     track, imu = whole, RosBag1([shared_data / BAG], ReadOptions())
     measured = imu.inertial()
     first, end = np.searchsorted(measured.t_s, track.t_s[0] + np.array(PART_S)).tolist()
     part = measured.part(slice(first, end))
     mounting = Mounting((0.0, -0.3, 0.52), (90.0, 0.0, -90.0))
     since_s = track.t_s - track.t_s[0]
-    return track[(since_s > PART_S[0]) & (since_s < PART_S[1])], Imu(part, mounting, inertial_noise("industrial"))
+    return track[(since_s > PART_S[0]) & (since_s < PART_S[1])], MountedImu(
+        part, mounting, inertial_noise("industrial")
+    )
 
 
 @pytest.fixture(scope="module")
-def half(robot: tuple[GnssTrack, Imu]) -> InertialTrajectory:
+def half(robot: tuple[GnssTrack, MountedImu]) -> InertialTrajectory:
     """By one in two of the positions."""
     track, imu = robot
     return trajectory_from_inertial(track[::2], imu, FRAME, (0.0, 0.0, 0.0), None, Hints(on_wheels=True))
 
 
-def test_without_wheels__the_heading_is_not_shown(robot: tuple[GnssTrack, Imu]) -> None:
+def test_without_wheels__the_heading_is_not_shown(robot: tuple[GnssTrack, MountedImu]) -> None:
     with pytest.raises(RefusedError) as caught:
         trajectory_from_inertial(*robot, FRAME, (0.0, 0.0, 0.0), None)
     assert caught.value.code == "heading-unknown"
 
 
 def test_positions_left_out__are_met_within_their_sigmas(
-    robot: tuple[GnssTrack, Imu], half: InertialTrajectory
+    robot: tuple[GnssTrack, MountedImu], half: InertialTrajectory
 ) -> None:
     left, poses = robot[0][1::2], half.trajectory
     left = left[(left.t_s > poses.t_s[0]) & (left.t_s < poses.t_s[-1])]
@@ -102,7 +104,7 @@ def test_speed__is_that_of_the_wheels(shared_data: Path, half: InertialTrajector
     assert np.sqrt((((np.diff(ours) - np.diff(driven)) / 2.0) ** 2).mean()) < 0.25
 
 
-def test_stand__is_one(robot: tuple[GnssTrack, Imu], half: InertialTrajectory) -> None:
+def test_stand__is_one(robot: tuple[GnssTrack, MountedImu], half: InertialTrajectory) -> None:
     begin_s = robot[0].t_s[0] - PART_S[0]
     poses = half.trajectory
     inside = (poses.t_s > begin_s + STAND_S[0]) & (poses.t_s < begin_s + STAND_S[1])

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.trajectory.shown_noise import densities, with_shown_noise
+from furrowmap.core.trajectory.inertial_checks import densities, with_shown_noise
 from furrowmap.core.values.inertial import InertialTrack
 from tests.core.trajectory.flights import INDUSTRIAL
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.core.trajectory.vague_headings import with_vague_headings
+from furrowmap.core.trajectory.from_gnss import with_vague_headings
 
 
 def test_headings__beyond_15_degrees_may_be_any() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.trajectory.whiteness import Whiteness
+from furrowmap.core.trajectory.inertial_checks import Whiteness
 
 FloatArray = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ def runs(*lengths: int, count: int, size: float = 0.01) -> FloatArray:
 
 def of(*axes: FloatArray, assumed_m: float = 0.01) -> Whiteness:
     residual = np.column_stack(axes * 3 if len(axes) == 1 else axes)
-    return Whiteness.of(residual, np.full(residual.shape, assumed_m))
+    return Whiteness.of_residuals(residual, np.full(residual.shape, assumed_m))
 
 
 @pytest.mark.parametrize(("lengths", "correlation"), [((3,), 1 / 3), ((2, 3), 0.2), ((4,), 0.5), ((10,), 0.8)])
@@ -39,7 +39,7 @@ def test_noise__of_a_process_of_first_order_is_that_of_its_means() -> None:
     values = np.zeros((40_000, 3))
     for k in range(1, len(values)):
         values[k] = r * values[k - 1] + random.normal(0.0, 0.01, 3)
-    found = Whiteness.of(values, np.full(values.shape, 0.01))
+    found = Whiteness.of_residuals(values, np.full(values.shape, 0.01))
     means = values.reshape(200, 200, 3).mean(axis=1)
     assert found.noise_m == pytest.approx(np.sqrt(200.0) * means.std(axis=0), rel=0.2)
 

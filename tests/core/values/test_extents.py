@@ -29,7 +29,7 @@ def test_bounds_and_cells__are_those_of_the_points(seed: int, count: int, cell_m
 def test_points_far_apart__and_none(monkeypatch: pytest.MonkeyPatch) -> None:
     xyz = np.array([[0.0, 0.0, 0.0], [7.0, 9.0, 0.0], [0.5, 0.5, 1.0]])
     near = cells_with_points(xyz, 1.0)
-    monkeypatch.setattr(extents, "MOST_CELLS", 4)
+    monkeypatch.setattr(extents, "MAX_RASTER_CELLS", 4)
     np.testing.assert_array_equal(near, cells_with_points(xyz, 1.0))
     assert len(cells_with_points(xyz[:0], 1.0)) == 0
     with pytest.raises(ValueError, match="no points"):

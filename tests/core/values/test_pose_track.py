@@ -18,7 +18,7 @@ GOOD: dict[str, Any] = {
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"position": np.zeros((3, 2))}, "PoseTrack.position must be"),
+        ({"position": np.zeros((3, 2))}, "PoseTrack.position has shape"),
         ({"sigma": np.zeros((3, 3))}, "PoseTrack.sigma"),
         ({"roll_deg": np.zeros(2)}, "PoseTrack.roll_deg has shape"),
         ({"heading_deg": np.zeros((3, 1))}, "PoseTrack.heading_deg has shape"),

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from furrowmap.core.values.mounting import Mounting
 from furrowmap.core.values.rotation import (
+    Mounting,
     attitude_to_quaternion,
     heading_deg,
     mounting_rotation,

@@ -10,17 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from furrowmap.core.runtime.toml_text import parse_toml
+from furrowmap.core.session.file import parse_toml
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.values.attitude import AttitudeTrack
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack
-from furrowmap.core.values.mount_motion import MountMotion
-from furrowmap.core.values.pose_track import PoseTrack
+from furrowmap.core.values.pose_track import AttitudeTrack, MountMotion, PoseTrack
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.tool_states import ToolStates
-from furrowmap.core.values.trajectory import Trajectory
+from furrowmap.core.values.trajectory import ScanPoses, Trajectory
 
 N = 4
 T_S = np.arange(float(N))

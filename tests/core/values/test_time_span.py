@@ -14,7 +14,7 @@ from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.time_span import ALL, inertial_within, poses_within, scans_within, track_within
+from furrowmap.core.values.time_span import WHOLE_SPAN, inertial_within, poses_within, scans_within, track_within
 
 ENDS = st.one_of(st.just(-math.inf), st.just(math.inf), st.floats(-2.0, 14.0))
 
@@ -69,8 +69,8 @@ def test_tracks__of_positions_poses_and_imu_are_cut_at_both_ends() -> None:
         assert found.t_s.tolist() == [3.0, 4.0, 5.0, 6.0]
     assert track_within(track, (2.5, 6.0)).lon_deg.tolist() == [3.0, 4.0, 5.0, 6.0]
     assert poses_within(poses, (2.5, 6.0)).heading_deg.tolist() == [3.0, 4.0, 5.0, 6.0]
-    assert track_within(track, ALL) is track
-    assert len(inertial_within(imu, ALL)) == 10
+    assert track_within(track, WHOLE_SPAN) is track
+    assert len(inertial_within(imu, WHOLE_SPAN)) == 10
 
 
 @pytest.mark.parametrize("span_s", [(20.0, 30.0), (-math.inf, -1.0), (4.2, 4.8)])

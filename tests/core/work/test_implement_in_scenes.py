@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.work.learning import learn_implement
 from furrowmap.core.work.near_scans import NearScans

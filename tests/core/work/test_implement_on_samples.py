@@ -9,7 +9,7 @@ import pytest
 
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
 from furrowmap.core.session.file import load_session
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.work.heights import ToolHeightTracker

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.values.point_classes import PointClass
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.scan import PointClass, Scan
 from furrowmap.core.work.learning import learn_implement
 from furrowmap.core.work.machine import Machine, learn_machine
 from furrowmap.core.work.near_scans import NearScans

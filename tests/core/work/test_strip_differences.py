@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.strips import StripReturns
-from furrowmap.core.values.mounting import Mounting
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.work.strip_differences import strip_differences
 
 HEIGHT_M = 10.0

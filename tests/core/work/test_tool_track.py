@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import shapely
 
-from furrowmap.core.values.intervals import interval_numbers
 from furrowmap.core.values.session import Implement
+from furrowmap.core.values.time_span import interval_numbers
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.sweep import pass_times
 from furrowmap.core.work.track import events, tool_at, tool_paths

@@ -7,7 +7,7 @@ import io
 import zipfile
 from xml.etree import ElementTree as ET
 
-from furrowmap.core.runtime.languages.choice import using_language
+from furrowmap.core.runtime.settings import using
 from furrowmap.exporters.farm.project import CLOUDS, POINT_CLOUD, background_layer, layer_title, project_archive
 from furrowmap.exporters.files.qgis_project import ProjectLayer
 from tests.exporters.farm.result_folders import JAPAN
@@ -18,7 +18,7 @@ NAMES = ("fields", "visits", "seasons", "machines", "sessions", "tracks", "cover
 
 def project(language: str) -> ET.Element:
     noon = dt.datetime(2026, 6, 11, 12, tzinfo=dt.UTC)
-    with using_language(language):
+    with using(language=language):
         layers = [ProjectLayer(name, "Polygon", name, "ogr", None, layer_title(name)) for name in NAMES]
         layers.append(ProjectLayer(CLOUDS, POINT_CLOUD, "./farm_clouds.vpc", "vpc", None, "Point clouds"))
         layers.append(background_layer(JAPAN, BOUNDS))
@@ -50,7 +50,7 @@ def test_points__have_a_colour_for_each_class() -> None:
 
 
 def test_background__names_its_source_and_where_to_try_it() -> None:
-    with using_language("en"):
+    with using(language="en"):
         layer = background_layer(JAPAN, BOUNDS)
     told = dict(layer.properties)
     assert told["furrowmap/probe"] == "https://cyberjapandata.gsi.go.jp/xyz/seamlessphoto/0/0/0.jpg"

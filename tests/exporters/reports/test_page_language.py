@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.exporters.reports.area_units import (
     ACRE_M2,
     AREA_UNITS,

@@ -14,7 +14,7 @@ import numpy as np
 import pyogrio
 import pytest
 
-from furrowmap.core.runtime.languages.choice import using_language
+from furrowmap.core.runtime.settings import using
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.exporters.vectors.geopackage import write_field
 from tests.core.work.drives_with_tool import FRAME
@@ -144,7 +144,7 @@ def test_qgis__opens_every_layer_in_its_style_and_plays_the_day(field: Path, qgi
 
 def test_qgis__shows_names_rounded_figures_words_and_actions_without_the_plugin(tmp_path: Path, qgis: QgisRoot) -> None:
     poses, work = worked_field()
-    with using_language("ja"):
+    with using(language="ja"):
         write_field(tmp_path / "field.gpkg", poses, FRAME.crs, work)
     told = qgis.run("python3", Path(__file__).with_name("words_in_qgis.py"), tmp_path / "field.gpkg").splitlines()[-4:]
     assert {"行程", "長さ（m）", "面積・地図平面（m²）", "深さ・目安（m）"} <= set(told[0].split("; "))

@@ -17,8 +17,7 @@ import shapely
 from pyproj import CRS
 
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.scan_poses import ScanPoses
-from furrowmap.core.values.trajectory import Motion, trajectory_from_attitude
+from furrowmap.core.values.trajectory import Motion, ScanPoses, trajectory_from_attitude
 from furrowmap.exporters.vectors.geopackage import _check, read_layer, write_field, write_layer
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.exporters.farm.field_words import FARM_ALIASES
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.layer_words import ALIASES, NAMES, VALUES, with_words

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from furrowmap.core.runtime.languages.choice import using_language
+from furrowmap.core.runtime.settings import using
 from furrowmap.exporters.farm.styling import styles
 from furrowmap.exporters.vectors.style_words import in_language
 
@@ -64,7 +64,7 @@ def test_style__keeps_its_fields_and_symbols(name: str) -> None:
 
 
 def test_farm_map__has_its_words_in_the_language_of_the_user() -> None:
-    with using_language("ja"):
+    with using(language="ja"):
         found = styles({"coverage": (), "passes": ("pass",), "sessions": ("worked_area_m2", "implement")}, [])
     labels = [one.get("label") for one in ET.fromstring(found["coverage"]).iter("category")]
     assert labels == ["その他の日"]
@@ -73,5 +73,5 @@ def test_farm_map__has_its_words_in_the_language_of_the_user() -> None:
     names = {one.get("field"): one.get("name") for one in ET.fromstring(found["sessions"]).iter("alias")}
     assert names == {"worked_area_m2": "作業面積・地図平面（m²）", "implement": "作業機"}
     assert "ValueMap" not in found["sessions"], "the kind of the tool is no state"
-    with using_language("en"):
+    with using(language="en"):
         assert "other days" in styles({"coverage": ()}, [])["coverage"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import shapely
 
-from furrowmap.core.values.scan_poses import ScanPoses
 from furrowmap.core.values.session import Implement
+from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.depth import pass_depths
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import worked_ground

@@ -95,7 +95,7 @@ def test_drop__takes_the_table_and_leaves_the_rest(session_lines: ModuleType) ->
 
 def test_lines__read_what_init_proposes(session_lines: ModuleType, shared_data: Path) -> None:
     recordings = [shared_data / "tractor_loop" / "gnss.nmea"]
-    text = propose_session([Examined.of(path) for path in recordings], recordings[0].parent).text
+    text = propose_session([Examined.read(path) for path in recordings], recordings[0].parent).text
     lines = session_lines.SessionLines(text)
     assert lines.get("crs", "map") == tomllib.loads(text)["crs"]["map"]
     lines.set("antenna", "xyz_m", [1.0, 2.0, 3.0])

@@ -77,7 +77,7 @@ def test_error__comes_back_from_another_process() -> None:
     back = pickle.loads(pickle.dumps(error))
     assert type(back) is RefusedError
     assert (back.lines, back.lines_in("ja"), back.code) == (error.lines, error.lines_in("ja"), "too-large")
-    assert Notice.of(error).text == " ".join(error.lines)
+    assert Notice.from_error(error).text == " ".join(error.lines)
 
 
 @given(st.text(string.ascii_letters + " {}", max_size=20), st.integers())

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import UsageError
-from furrowmap.core.runtime.languages.catalogue import HOLE, Template, catalogue
-from furrowmap.core.runtime.languages.choice import VARIABLE, language_of_user, using_language
-from furrowmap.core.runtime.languages.translation import translated
+from furrowmap.core.runtime.languages.catalogue import HOLE, Template, catalogue, translated
+from furrowmap.core.runtime.settings import LANGUAGE_VARIABLE, language_of_user, using
 
 
 def test_catalogue__takes_every_value_over_once_at_least() -> None:
@@ -51,14 +50,14 @@ def test_translated__leaves_what_it_does_not_know_and_all_of_english() -> None:
 def test_language__of_the_command_line_before_that_of_the_session_before_that_of_the_environment(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.delenv(LANGUAGE_VARIABLE, raising=False)
     assert language_of_user() == "en"
-    monkeypatch.setenv(VARIABLE, "ja")
+    monkeypatch.setenv(LANGUAGE_VARIABLE, "ja")
     assert language_of_user() == "ja"
     assert language_of_user("en") == "en"
-    with using_language("ja"):
+    with using(language="ja"):
         assert language_of_user("en") == "ja"
-    monkeypatch.setenv(VARIABLE, "xx")
+    monkeypatch.setenv(LANGUAGE_VARIABLE, "xx")
     with pytest.raises(UsageError) as refused:
         language_of_user()
     assert refused.value.code == "usage"

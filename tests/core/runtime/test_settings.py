@@ -11,16 +11,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from furrowmap.core.runtime.background import in_threads, in_turn
 from furrowmap.core.runtime.errors import UsageError
-from furrowmap.core.runtime.threads import VARIABLE, available_processors, in_threads, in_turn, threads, using_threads
+from furrowmap.core.runtime.settings import THREADS_VARIABLE, available_processors, threads, using_threads
 
 
 def test_threads__innermost_count_wins_then_the_environment_then_the_processors(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.delenv(THREADS_VARIABLE, raising=False)
     assert threads() == min(available_processors(), 8)
-    monkeypatch.setenv(VARIABLE, "3")
+    monkeypatch.setenv(THREADS_VARIABLE, "3")
     assert threads() == 3
     with using_threads(5):
         assert threads() == 5
@@ -48,8 +49,8 @@ def test_processors__are_those_of_the_process_where_the_system_says_so(monkeypat
 
 @pytest.mark.parametrize("stated", ["0", "-1", "many", "2.5"])
 def test_threads__an_environment_that_states_no_count_is_refused(monkeypatch: pytest.MonkeyPatch, stated: str) -> None:
-    monkeypatch.setenv(VARIABLE, stated)
-    with pytest.raises(UsageError, match=VARIABLE):
+    monkeypatch.setenv(THREADS_VARIABLE, stated)
+    with pytest.raises(UsageError, match=THREADS_VARIABLE):
         threads()
 
 

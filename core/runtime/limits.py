@@ -1,72 +1,33 @@
-"""What a user allows of foreign files: content far larger than the file, and damage; and the limits that then rest."""
+"""Limits of content that is unpacked from foreign files; a user may allow more."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
-from furrowmap.core.runtime.errors import RefusedError, UsageError
+from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.settings import allows
 
-Allowance = Literal["large", "damaged"]
-
-VARIABLE: Final = "FURROWMAP_ALLOW"
-ALL: Final[tuple[Allowance, ...]] = ("large", "damaged")
 FREE_BYTES: Final = 256 << 20
 """Content up to this size is unpacked from a file of any size."""
-MOST_GROWTH: Final = 200
+MAX_GROWTH: Final = 200
 """More bytes of content for each byte of a file are no recording: those of scanners and receivers have up to 20, a
 table of a machine that stands still 100."""
-
-_allowed: list[frozenset[Allowance]] = []
-"""Those in force, the innermost last."""
-
-
-def allows(what: Allowance) -> bool:
-    """Whether the user allows large content ("large") or the undamaged parts of damaged files ("damaged").
-
-    By the innermost `allowing`; else by the environment variable FURROWMAP_ALLOW, words separated by commas.
-
-    Raises:
-        UsageError: if the environment variable has another word.
-    """
-    stated = {word.strip() for word in os.environ.get(VARIABLE, "").split(",")} - {""}
-    if not stated <= set(ALL):
-        raise UsageError("usage.allows", environ=os.environ[VARIABLE], all=" or ".join(ALL))
-    return what in stated or any(what in allowed for allowed in _allowed)
-
-
-@contextmanager
-def allowing(*what: Allowance) -> Iterator[None]:
-    """Within it, what is named is allowed: "large" content of small files, "damaged" files without their damaged parts.
-
-    The setting is the process's: threads started within see it as well.
-    """
-    _allowed.append(frozenset(what))
-    try:
-        yield
-    finally:
-        _allowed.pop()
 
 
 def expect_growth(what: str | Path, packed_bytes: int, unpacked_bytes: int) -> None:
     """Refuse content that is implausibly large for its file.
 
-    Args:
-        what: the file, or the part of one.
-        packed_bytes: its size.
-        unpacked_bytes: size of its content as far as known.
-
     Raises:
         RefusedError: if it is, and the user does not allow it.
     """
-    if unpacked_bytes > FREE_BYTES + MOST_GROWTH * packed_bytes and not allows("large"):
+    if unpacked_bytes > FREE_BYTES + MAX_GROWTH * packed_bytes and not allows("large"):
         raise RefusedError(
-            "too-large", what=what, packed=_size(packed_bytes), unpacked=_size(unpacked_bytes), growth=MOST_GROWTH
+            "too-large", what=what, packed=_size(packed_bytes), unpacked=_size(unpacked_bytes), growth=MAX_GROWTH
         )
 
 

@@ -1,4 +1,4 @@
-"""Distance of a datum from that of GNSS positions."""
+"""Names of a CRS for users, and the distance of its datum from that of GNSS positions."""
 
 from __future__ import annotations
 
@@ -15,6 +15,18 @@ SATELLITES: Final = "EPSG:4326"
 """WGS 84: modern datums agree with it within a metre or two, and PROJ treats most of them as equal."""
 LARGEST_DATUM_SHIFT_M: Final = 5.0
 """Largest distance of a modern datum from WGS 84."""
+
+
+def name_of(crs: CRS) -> str:
+    """The code, such as ``EPSG:6677``, or the CRS's name if it has none."""
+    authority = crs.to_authority()
+    return ":".join(authority) if authority else crs.name
+
+
+def full_name_of(crs: CRS) -> str:
+    """Code and name, such as ``EPSG:6677 (JGD2011 / Japan Plane Rectangular CS IX)``; without a code only the name."""
+    code = name_of(crs)
+    return crs.name if code == crs.name else f"{code} ({crs.name})"
 
 
 @lru_cache(maxsize=16)

@@ -1,0 +1,95 @@
+"""Arrays that grow with the recording: large ones lie in nameless files instead of memory.
+
+The system writes their pages out as it needs the memory, and takes the file back with the array. The room is reserved
+first: a full disk is an error when the array is made, not a signal that ends the process when it is written to.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import mmap
+import os
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from math import prod
+from typing import IO, Any, Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from furrowmap.core.runtime.settings import settings
+
+FloatArray: TypeAlias = NDArray[np.float64]
+LARGE: Final = 8 << 20
+"""Arrays of fewer bytes stay in memory."""
+ROWS_AT_ONCE: Final = 1 << 15
+"""Rows that are computed together where intermediate results would be large."""
+
+
+def scratch_file() -> IO[bytes]:
+    """A nameless file; the system takes it back when it is closed and no array maps it.
+
+    Raises:
+        OSError: if it cannot be made.
+    """
+    return tempfile.TemporaryFile(prefix="furrowmap-", dir=settings().scratch_folder)
+
+
+def zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64, order: Literal["C", "F"] = "C") -> NDArray[Any]:
+    """An array of zeros, in a file if it is LARGE. Raises OSError if the disk has no room for it."""
+    size = prod(shape if isinstance(shape, tuple) else (shape,)) * np.dtype(dtype).itemsize
+    if size < LARGE:
+        return np.zeros(shape, dtype, order)
+    with scratch_file() as file:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, size)
+        else:
+            for begin in range(0, size, 1 << 20):
+                file.write(bytes(min(1 << 20, size - begin)))
+            file.flush()
+        mapped = mmap.mmap(file.fileno(), size)
+    return np.ndarray(shape, dtype, mapped, order=order)
+
+
+def full(shape: int | tuple[int, ...], value: float, dtype: DTypeLike = np.float64) -> NDArray[Any]:
+    """An array of one value, as :func:`zeros`."""
+    out = zeros(shape, dtype)
+    out[...] = value
+    return out
+
+
+def copied(array: NDArray[Any]) -> NDArray[Any]:
+    """A copy with the same order in memory, as :func:`zeros`."""
+    out = zeros(array.shape, array.dtype, "F" if array.flags.f_contiguous and not array.flags.c_contiguous else "C")
+    out[...] = array
+    return out
+
+
+def parts(rows: int, most: int | None = None) -> Iterator[slice]:
+    """Slices of at most `most` rows, by default ROWS_AT_ONCE, in their order."""
+    length = most or ROWS_AT_ONCE
+    return (slice(begin, min(begin + length, rows)) for begin in range(0, rows, length))
+
+
+def in_parts(work: Callable[[slice], Sequence[NDArray[Any]]], rows: int) -> list[NDArray[Any]]:
+    """The arrays that `work` gives for a slice of rows, computed part by part and put together as :func:`zeros`."""
+    out: list[NDArray[Any]] = []
+    for part in parts(rows) if rows else [slice(0, 0)]:
+        found = work(part)
+        out = out or [zeros((rows, *one.shape[1:]), one.dtype) for one in found]
+        for whole, one in zip(out, found, strict=True):
+            whole[part] = one
+    return out
+
+
+def concatenated(pieces: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Arrays of one type behind each other, as :func:`zeros`."""
+    rows = sum(len(piece) for piece in pieces)
+    return np.concatenate(pieces, out=zeros((rows, *pieces[0].shape[1:]), pieces[0].dtype))
+
+
+def release() -> None:
+    """Give memory that is free back to the system: glibc keeps what lies between blocks that are still used."""
+    with suppress(AttributeError, OSError, TypeError):  # macOS, Windows and musl have no such function
+        ctypes.CDLL(None).malloc_trim(0)
