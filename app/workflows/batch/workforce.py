@@ -33,7 +33,7 @@ class ProcessSettings:
     """Settings of the whole process that the user has chosen, for the processes of workers.
 
     Attributes:
-        allowed: what is allowed (`core/runtime/allowances.py`).
+        allowed: what is allowed (`core/runtime/settings.py`).
     """
 
     threads: int | None
