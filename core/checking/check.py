@@ -12,12 +12,12 @@ import pyproj
 from numpy.typing import NDArray
 
 from furrowmap.core.checking.cloud_at_points import Targets, cloud_at_points
-from furrowmap.core.checking.internal_precision import InternalPrecision, SwathKey
-from furrowmap.core.checking.point_check import Box, PointCheck
+from furrowmap.core.checking.internal_precision import InternalPrecision
+from furrowmap.core.checking.point_check import PointCheck
 from furrowmap.core.checking.positional_accuracy import MIN_CHECK_POINTS, Accuracy, Component
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.readers.las.header import SIGNATURE
-from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions
+from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent
 
@@ -86,8 +86,16 @@ def check_product(
     stated = np.where(
         np.isfinite(survey.sigma_m), survey.sigma_m, np.nan if options.sigma_m is None else options.sigma_m
     )
-    accuracy = _accuracy(checks, stated, found.swath_key)
+    error = np.array([check.error_m for check in checks])
+    easting, northing, vertical = (
+        Component.from_errors(error[known, axis], stated[known, axis]) if known.any() else None
+        for axis, known in enumerate(np.isfinite(error).T)
+    )
+    precision = InternalPrecision.over_places((check.swaths for check in checks), found.swath_key)
+    accuracy = Accuracy(vertical, easting, northing, precision)
     if accuracy.vertical is None:
+        (north, east), (low_e, low_n, high_e, high_n) = survey.xyz_m[:, :2].T, found.box_m
+        swapped = int(((east >= low_e) & (east <= high_e) & (north >= low_n) & (north <= high_n)).sum())
         raise InputError(
             "check-nowhere",
             count=len(survey),
@@ -95,28 +103,12 @@ def check_product(
             product=product.name,
             first=checks[0].name,
             why_not=checks[0].why_not,
-            swapped=_inside_if_swapped(survey, found.box_m) or None,
+            swapped=swapped or None,
         )
     notices = [*found.notices, *accuracy_notices(checks, accuracy, class_m, targets=targets != "none")]
     if is_cloud:
         notices += precision_notices(accuracy.precision, class_m)
     return Check("cloud" if is_cloud else "surface", found.crs, checks, accuracy, tuple(notices))
-
-
-def _inside_if_swapped(survey: SurveyedPoints, box: Box) -> int:
-    """Number of points that lie in the product once easting and northing are swapped."""
-    north, east = survey.xyz_m[:, 0], survey.xyz_m[:, 1]
-    return int(((east >= box[0]) & (east <= box[2]) & (north >= box[1]) & (north <= box[3])).sum())
-
-
-def _accuracy(checks: tuple[PointCheck, ...], sigma_m: FloatArray, swath_key: SwathKey) -> Accuracy:
-    error = np.array([check.error_m for check in checks])
-    parts: list[Component | None] = []
-    for axis in range(3):
-        known = np.isfinite(error[:, axis])
-        parts.append(Component.from_errors(error[known, axis], sigma_m[known, axis]) if known.any() else None)
-    precision = InternalPrecision.over_places((check.swaths for check in checks), swath_key)
-    return Accuracy(vertical=parts[2], easting=parts[0], northing=parts[1], precision=precision)
 
 
 def precision_notices(precision: InternalPrecision, class_m: float | None) -> list[Notice]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
@@ -12,7 +11,7 @@ import pyproj
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from furrowmap.core.checking.internal_precision import NO_SWATHS, SwathHeights, SwathKey, find_swath_key, swath_numbers
+from furrowmap.core.checking.internal_precision import NO_SWATHS, SwathHeights, find_swath_key, swath_numbers
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
 from furrowmap.core.checking.target_discs import find_disc
 from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours, open_clouds
@@ -68,14 +67,22 @@ def cloud_at_points(
     (cloud,) = clouds.files
     own = is_ours(cloud)
     near = _near(clouds, survey, reach_m, progress, own=own)
-    swath_key = _swath_key(near, own=own)
-    around = _by_point(near, survey, reach_m, targets, swath_key, own=own)
+    times = [part.gps_time for part in near if part.gps_time is not None]
+    t_s = np.concatenate(times) if near and len(times) == len(near) else None
+    source = np.concatenate([np.empty(0, np.uint16), *(part.point_source_id for part in near)])
+    swath_key = find_swath_key(source, t_s, own=own) if near else "nothing"
+    light = _light(near, targets)
+    xyz = np.concatenate([np.empty((0, 3)), *(part.xyz_m for part in near)])
+    tree = cKDTree(xyz[:, :2])
+    points = []
+    for name, place in zip(survey.name, survey.xyz_m, strict=True):
+        index = tree.query_ball_point(place[:2], reach_m)
+        swath = swath_numbers(source[index], t_s[index] if t_s is not None else None, swath_key, own=own)
+        around = _ReturnsAround(xyz[index] - place, light[index] if light is not None else None, swath)
+        points.append(_point_check(name, three(place), around, diameter_m))
     return ProductAtPoints(
         crs=clouds.crs,
-        points=tuple(
-            _point_check(name, three(xyz_m), returns, diameter_m)
-            for name, xyz_m, returns in zip(survey.name, survey.xyz_m, around, strict=True)
-        ),
+        points=tuple(points),
         survey=survey,
         box_m=(*cloud.header.low[:2], *cloud.header.high[:2]),
         swath_key=swath_key,
@@ -128,21 +135,6 @@ def _cells(xy_m: FloatArray, side_m: float, *, around: bool = False) -> NDArray[
     return np.concatenate([((column + i) << 32) + row + j for i in shift for j in shift])
 
 
-def _swath_key(near: list[CloudBatch], *, own: bool) -> SwathKey:
-    """What separates the swaths of the returns around all points."""
-    if not near:
-        return "nothing"
-    source, t_s = np.concatenate([part.point_source_id for part in near]), _seconds(near)
-    return find_swath_key(source, t_s, own=own)
-
-
-def _seconds(near: list[CloudBatch]) -> FloatArray | None:
-    """Times of returns from an arbitrary origin; None where any has none."""
-    times = [part.gps_time for part in near]
-    known = [t_s for t_s in times if t_s is not None]
-    return np.concatenate(known) if len(known) == len(times) else None
-
-
 @dataclass(frozen=True)
 class _ReturnsAround:
     """The returns around a point, n of them.
@@ -158,29 +150,9 @@ class _ReturnsAround:
     swath: NDArray[np.int64]
 
 
-def _by_point(
-    near: list[CloudBatch], survey: SurveyedPoints, reach_m: float, targets: Targets, swath_key: SwathKey, *, own: bool
-) -> Iterator[_ReturnsAround]:
-    """The returns around each point."""
-    if not near:
-        yield from [_ReturnsAround(np.empty((0, 3)), None, np.empty(0, np.int64))] * len(survey)
-        return
-    xyz = np.concatenate([part.xyz_m for part in near])
-    source, t_s = np.concatenate([part.point_source_id for part in near]), _seconds(near)
-    light = _light(near, targets)
-    tree = cKDTree(xyz[:, :2])
-    for place in survey.xyz_m:
-        index = tree.query_ball_point(place[:2], reach_m)
-        yield _ReturnsAround(
-            xyz[index] - place,
-            light[index] if light is not None else None,
-            swath_numbers(source[index], t_s[index] if t_s is not None else None, swath_key, own=own),
-        )
-
-
 def _light(near: list[CloudBatch], targets: Targets) -> FloatArray | None:
     """Brightness (n,) of the returns for target detection; None where there is none."""
-    if targets == "none":
+    if targets == "none" or not near:
         return None
     if targets == "intensity":
         return np.concatenate([part.intensity for part in near]).astype(np.float64)

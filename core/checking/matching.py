@@ -120,7 +120,16 @@ def match(
     covered, inside = curve.covers(test.t_s)
     outside, in_gaps = int(np.sum(~inside)), int(np.sum(inside & ~covered))
     if not covered.any():
-        raise _apart(test, reference, in_gaps)
+        if in_gaps:
+            raise InputError("reference-gaps", source=reference.source, in_gaps=in_gaps, test_source=test.source)
+        spans = [f"{iso_utc(float(track.t_s[0]))} to {iso_utc(float(track.t_s[-1]))}" for track in (test, reference)]
+        raise InputError(
+            "no-time-in-common",
+            source=test.source,
+            spans=spans[0],
+            reference_source=reference.source,
+            spans_other=spans[1],
+        )
     t_s = test.t_s[covered]
     place = curve.at(t_s)
     turn = east_north_up(*_directions(reference, t_s))
@@ -304,12 +313,3 @@ class _Curve:
             return np.full(2, np.nan)
         away = np.linalg.norm(half.at(t_s[covered]) - place[covered], axis=1)
         return np.asarray(np.quantile(away, [0.5, 0.95]), np.float64)
-
-
-def _apart(test: GnssTrack, reference: GnssTrack, in_gaps: int) -> InputError:
-    spans = [f"{iso_utc(float(track.t_s[0]))} to {iso_utc(float(track.t_s[-1]))}" for track in (test, reference)]
-    if in_gaps:
-        return InputError("reference-gaps", source=reference.source, in_gaps=in_gaps, test_source=test.source)
-    return InputError(
-        "no-time-in-common", source=test.source, spans=spans[0], reference_source=reference.source, spans_other=spans[1]
-    )

@@ -63,11 +63,7 @@ class AttitudeCsv(FileReader):
         return attitude_track(t_s, angles, north, self.name, self.notices)
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report rate, span, and what it holds.
-
-        Raises:
-            InputError: as :meth:`attitude`.
-        """
+        """Read the whole first file and report rate, span, and what it holds."""
         reader = AttitudeCsv(self.paths[:1], self.options)
         track = reader.attitude()
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), "from its time column")

@@ -45,9 +45,18 @@ def read_image_table(path: Path, folder: Path, notices: list[Notice]) -> Images:
     rows = [(line, row[file], row[time]) for line, row in cells if row.get(file) and row.get(time)]
     if len(rows) < len(cells):
         notices.append(Notice("rows-incomplete", source=path, whole=len(cells) - len(rows), rows=len(cells)))
-    seconds = np.array([_seconds(text, time, f"{path}, line {line}") for line, _, text in rows], np.float64)
-    times = utc_of(seconds, TIMES.get(time, "unix"), str(path), ReadOptions())
-    paths = [_inside(path, folder, name) for _, name, _ in rows]
+    seconds, paths = [], []
+    for line, name, text in rows:
+        try:
+            seconds.append(float(text) if time in TIMES else unix_time(text))
+        except ValueError:
+            seconds.append(math.nan)
+        if not math.isfinite(seconds[-1]):
+            raise InputError("not-a-time", where=f"{path}, line {line}", column=time, text=text[:40])
+        paths.append(path.parent / name.replace("\\", "/"))
+        if "\0" in name or leads_out(paths[-1], folder):
+            raise InputError("session-path-outside", table=path, name=name[:80])
+    times = utc_of(np.array(seconds, np.float64), TIMES.get(time, "unix"), str(path), ReadOptions())
     there = np.array([_is_file(image) for image in paths], bool)
     if not there.all():
         first = rows[int(np.argmin(there))][1]
@@ -60,24 +69,6 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except OSError:  # the name is too long
         return False
-
-
-def _inside(table: Path, folder: Path, name: str) -> Path:
-    """The path of an image."""
-    image = table.parent / name.replace("\\", "/")
-    if "\0" in name or leads_out(image, folder):
-        raise InputError("session-path-outside", table=table, name=name[:80])
-    return image
-
-
-def _seconds(text: str, column: str, where: str) -> float:
-    try:
-        seconds = float(text) if column in TIMES else unix_time(text)
-    except ValueError:
-        seconds = math.nan
-    if not math.isfinite(seconds):
-        raise InputError("not-a-time", where=where, column=column, text=text[:40])
-    return seconds
 
 
 def is_image_table(path: Path) -> bool:

@@ -100,11 +100,7 @@ class ImuCsv(FileReader):
         return inertial_track(t_s, values, self.name, self.notices)
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report rates, span, and the mean of the specific force.
-
-        Raises:
-            InputError: as :meth:`inertial`.
-        """
+        """Read the whole first file and report rates, span, and the mean of the specific force."""
         reader = ImuCsv(self.paths[:1], self.options)
         track = reader.inertial()
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), "from its time column")

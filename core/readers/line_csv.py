@@ -74,16 +74,20 @@ class LineCsv(FileReader):
                 for scan in self._sweeps(file):
                     self.share_read = (i + file.share_read) / len(self.paths)
                     yield scan
-        self._judge(counts)
+        name = str(self.paths[0])
+        if counts.far > counts.points:
+            raise mostly_invalid(name, counts.far, counts.far + counts.points)
+        if counts.late > MAX_LATE_SHARE * counts.rows:
+            raise InputError("time-disorder.judge", name=name, late=counts.late, rows=counts.rows)
+        if counts.late:
+            self.notices.append(Notice("time-runs-back.judge", name=name, late=counts.late, rows=counts.rows))
+        if counts.far:
+            self.notices.append(Notice("points-invalid.far", source=name, far=counts.far, farthest_m=MAX_RANGE_M))
         if counts.scans:
             self.clocks = (ClockReading(self.clock, counts.first_s, counts.last_s, "from its time column"),)
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains.
-
-        Raises:
-            InputError: as :meth:`scans`.
-        """
+        """Read the whole first file and report what it contains."""
         reader = LineCsv(self.paths[:1], self.options)
         for _ in reader.scans():
             pass
@@ -104,7 +108,12 @@ class LineCsv(FileReader):
             if not len(rows):
                 continue
             rows[:, 0] = utc_of(rows[:, 0], file.time_scale, str(file.path), self.options)
-            rows = np.concatenate([rest, self._forward(rows)])
+            counts = self.counts
+            latest = np.maximum.accumulate(np.concatenate([[counts.latest_s], rows[:, 0]]))
+            forward = rows[:, 0] >= latest[:-1]
+            counts.latest_s, counts.rows = latest[-1], counts.rows + len(rows)
+            counts.late += int((~forward).sum())
+            rows = np.concatenate([rest, rows[forward]])
             if len(rows) < 2:
                 rest = rows
                 continue
@@ -114,18 +123,6 @@ class LineCsv(FileReader):
                 yield from self._sweep(rows[first:last])
             rest = rows[begins[-1] :]
         yield from self._sweep(rest)
-
-    def _forward(self, rows: FloatArray) -> FloatArray:
-        """The rows that are not earlier than those before."""
-        counts = self.counts
-        latest = np.maximum.accumulate(np.concatenate([[counts.latest_s], rows[:, 0]]))
-        forward = rows[:, 0] >= latest[:-1]
-        counts.latest_s, counts.late, counts.rows = (
-            latest[-1],
-            counts.late + int((~forward).sum()),
-            counts.rows + len(rows),
-        )
-        return rows[forward]
 
     def _sweep(self, rows: FloatArray) -> Iterator[Scan]:
         counts = self.counts
@@ -138,17 +135,6 @@ class LineCsv(FileReader):
         t_s, angle, distance, intensity = rows[returned].T
         counts.take(t_s, angle)
         yield sweep(counts.scans - 1, t_s, angle, distance, intensity, np.flatnonzero(returned))
-
-    def _judge(self, counts: _LineCounts) -> None:
-        name = str(self.paths[0])
-        if counts.far > counts.points:
-            raise mostly_invalid(name, counts.far, counts.far + counts.points)
-        if counts.late > MAX_LATE_SHARE * counts.rows:
-            raise InputError("time-disorder.judge", name=name, late=counts.late, rows=counts.rows)
-        if counts.late:
-            self.notices.append(Notice("time-runs-back.judge", name=name, late=counts.late, rows=counts.rows))
-        if counts.far:
-            self.notices.append(Notice("points-invalid.far", source=name, far=counts.far, farthest_m=MAX_RANGE_M))
 
 
 @dataclass

@@ -66,11 +66,7 @@ class StatesCsv(FileReader):
         )
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains.
-
-        Raises:
-            InputError: as :meth:`states`.
-        """
+        """Read the whole first file and report what it contains."""
         reader = StatesCsv(self.paths[:1], self.options)
         states = reader.states()
         length_s = np.where(np.isfinite(states.end_s), states.end_s, states.begin_s) - states.begin_s

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.areas.area import nothing_within, read_area
 from furrowmap.core.readers.areas.polygon_file import horizontal_part
-from furrowmap.core.readers.text_table import read_table
+from furrowmap.core.readers.text_table import TextTable, read_table
 from furrowmap.core.readers.vector_file import named_by_content
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
@@ -118,7 +118,9 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     xyz = xyz[whole]
     kept, sigma = np.flatnonzero(whole), np.column_stack([columns[f"sigma_{k}"] for k in "xyh"])[whole]
     names = tuple(str(columns["name"][k]) for k in kept)
-    _expect_same_heights(path, source, target)
+    kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in (source, target)]
+    if None not in kinds and kinds[0] != kinds[1]:
+        raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
     flat, wanted = horizontal_part(source), horizontal_part(target)
     if not flat.equals(wanted, ignore_axis_order=True):
         low, high = xyz[:, :2].min(axis=0), xyz[:, :2].max(axis=0)
@@ -143,18 +145,11 @@ def in_degrees(path: Path) -> bool:
 def _from_csv(path: Path) -> tuple[dict[str, Any], bool]:
     """The columns, and whether they are longitudes and latitudes."""
     table = read_table(path, lambda why: _unreadable(path, f"is no table: {why}"))
-    found = {key: table.find(names) for key, names in _SURVEY_COLUMNS.items()}
+    found, columns = _columns(table)
     missing = [_SURVEY_COLUMNS[key][0] for key in "xyh" if found[key] is None]
     if missing:
         raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {table.names})")
-    n = len(table.lines)
-    columns: dict[str, Any] = {
-        key: table.numbers(column) if column is not None else np.full(n, np.nan)
-        for key, column in found.items()
-        if key != "name"
-    }
-    name, degrees = found["name"], found["x"] in _DEGREE_COLUMNS
-    columns["name"] = np.array(table.columns[name], object) if name is not None else np.arange(1, n + 1).astype(str)
+    degrees = found["x"] in _DEGREE_COLUMNS
     if not all(np.isfinite(columns[key]).any() for key in "xyh"):
         faults = [(column, table.first_fault(column)) for key in "xyh" if (column := found[key]) is not None]
         said = [f"line {at[0]} holds {at[1]!r} under {column}" for column, at in faults if at is not None]
@@ -181,38 +176,25 @@ def _from_geopackage(path: Path) -> tuple[dict[str, Any], pyproj.CRS | None]:
     if not len(shapes) or not all(isinstance(shape, shapely.Point) for shape in shapes):
         raise _unreadable(path, "holds other geometries than points in its first layer")
     attributes = table.drop(columns=table.geometry.name)
-    attributes.columns = [str(column).strip().casefold() for column in attributes.columns]
-    found = {key: next((n for n in names if n in attributes.columns), None) for key, names in _SURVEY_COLUMNS.items()}
-    columns = _columns(attributes, found)
+    cells = {str(name).strip().casefold(): attributes[name].astype(str).tolist() for name in attributes.columns}
+    _, columns = _columns(TextTable(cells, list(range(1, 1 + len(shapes))), decimal_comma=False))
     columns["x"], columns["y"] = shapely.get_x(shapes), shapely.get_y(shapes)
     z = shapely.get_z(shapes)
     columns["h"] = np.where(np.isfinite(z), z, columns["h"])
     return columns, pyproj.CRS.from_user_input(table.crs) if table.crs is not None else None
 
 
-def _columns(table: Any, found: dict[str, str | None]) -> dict[str, Any]:
-    """Arrays of the columns that are there; nan, or numbers as names, for the others."""
-    import pandas as pd
-
-    n = len(table)
-    out: dict[str, Any] = {
-        key: pd.to_numeric(table[column], errors="coerce").to_numpy(np.float64)
-        if column is not None
-        else np.full(n, np.nan)
+def _columns(table: TextTable) -> tuple[dict[str, str | None], dict[str, Any]]:
+    """Names of the columns that are there, and their values; nan, or numbers as names, for the others."""
+    found = {key: table.find(names) for key, names in _SURVEY_COLUMNS.items()}
+    n, name = len(table.lines), found["name"]
+    columns: dict[str, Any] = {
+        key: table.numbers(column) if column is not None else np.full(n, np.nan)
         for key, column in found.items()
         if key != "name"
     }
-    name = found["name"]
-    out["name"] = table[name].astype(str).to_numpy(object) if name is not None else np.arange(1, n + 1).astype(str)
-    return out
-
-
-def _expect_same_heights(path: Path, source: pyproj.CRS, target: pyproj.CRS) -> None:
-    """Raises RefusedError where both state height systems that differ."""
-    kinds = [crs.sub_crs_list[1].name if crs.is_compound else None for crs in (source, target)]
-    if None in kinds or kinds[0] == kinds[1]:
-        return
-    raise RefusedError("check-heights", path=path, kinds=kinds[0], kinds_other=kinds[1])
+    columns["name"] = np.array(table.columns[name], object) if name is not None else np.arange(1, n + 1).astype(str)
+    return found, columns
 
 
 def _unreadable(path: Path, why: str) -> InputError:

@@ -62,7 +62,7 @@ class TextTable:
         cells = [cell.strip() for cell in self.columns[name]]
         if self.decimal_comma:
             cells = [cell.replace(",", ".") for cell in cells]
-        return np.array([_number(cell) for cell in cells])
+        return np.array([value if isinstance(value := number_or_text(cell), float) else np.nan for cell in cells])
 
     def first_fault(self, name: str) -> tuple[int, str] | None:
         """Line and text of the first cell of a column that is not a number; None if there is none."""
@@ -116,7 +116,13 @@ def read_sheet(path: Path, unreadable: Callable[[str], InputError]) -> TextTable
         if not head.startswith((ZIP, _OLE)):
             return _parse_table(path.read_bytes())
         if head.startswith(ZIP):
-            _expect_plain(path, size)
+            try:
+                with zipfile.ZipFile(path) as archive:
+                    whole = sum(file.file_size for file in archive.infolist())
+            except Exception as error:  # noqa: BLE001 damage ends in errors of many families
+                raise unreadable(f"it is a damaged spreadsheet ({str(error)[:100]})") from None
+            expect_growth(path, size, whole)
+            expect_memory(path, _BYTES_PER_UNPACKED * whole)
         rows = [row for row in _sheet_rows(path) if any(cell.strip() for cell in row)]
     except (ValueError, OSError) as error:
         raise unreadable(_reason(error)) from None
@@ -169,23 +175,6 @@ def _decoded(content: bytes) -> str:
         except UnicodeDecodeError:
             continue
     raise ValueError("its text is neither UTF-8 nor Shift-JIS")
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return float("nan")
-
-
-def _expect_plain(path: Path, size: int) -> None:
-    try:
-        with zipfile.ZipFile(path) as archive:
-            whole = sum(file.file_size for file in archive.infolist())
-    except Exception as error:  # noqa: BLE001 damage ends in errors of many families
-        raise ValueError(f"it is a damaged spreadsheet ({str(error)[:100]})") from None
-    expect_growth(path, size, whole)
-    expect_memory(path, _BYTES_PER_UNPACKED * whole)
 
 
 def _sheet_rows(path: Path) -> list[list[str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -72,7 +72,9 @@ def read_area(path: Path, target: CRS) -> Area:
     Raises:
         InputError: if the file cannot be read, has no polygon or an invalid one, or one outside the domain of `target`.
     """
-    found = polygons_on_map(path, target, partial(_unreadable, path))
+    found = polygons_on_map(
+        path, target, lambda why: InputError("within-unreadable", path=path, why=why, formats=VECTOR_FORMATS)
+    )
     faulty = [k for k, shape in enumerate(found.shapes, start=1) if not (shape.is_valid and shape.area > 0.0)]
     if faulty:
         raise InputError("within-invalid", path=path, faulty=faulty[0])
@@ -96,7 +98,3 @@ def nothing_within(area: Area, what: str, at_m: tuple[float, float] | None) -> I
         at_m=at_m[0] if at_m is not None else None,
         at_m_other=at_m[1] if at_m is not None else None,
     )
-
-
-def _unreadable(path: Path, why: str) -> InputError:
-    return InputError("within-unreadable", path=path, why=why, formats=VECTOR_FORMATS)

@@ -70,11 +70,7 @@ class PoseCsv(PoseFile):
         return 0.2 if len(names) >= 6 and "roll" in words and "pitch" in words else 0.0
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains, its columns and where it is.
-
-        Raises:
-            InputError: as :meth:`poses`, but an unknown week is only a notice.
-        """
+        """Read the whole first file and report what it contains, its columns and where it is."""
         inspection = super().inspect()
         with CsvFile(self.paths[0], []) as file:
             columns = _columns(file)

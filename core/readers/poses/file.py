@@ -148,11 +148,7 @@ class PoseFile(FileReader, ABC):
         return joined([self._read(path) for path in self.paths]).track(self.options, self.notices)
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains.
-
-        Raises:
-            InputError: as :meth:`poses`, but an unknown week is only a notice.
-        """
+        """Read the whole first file and report what it contains."""
         self.notices = []
         facts, clocks = self._read(self.paths[0]).facts(self.options, self.notices)
         return Inspection(self.paths[0], self.format, self.title, facts, clocks, tuple(self.notices))

@@ -72,7 +72,10 @@ class Sbet(PoseFile):
                     at = (count + int(np.flatnonzero(bad)[0])) * RECORD_BYTES
                     raise InputError("damaged-record", path=path, at=at)
                 seconds.append(records[:, TIME].copy())
-                values.append(_values(records))
+                position = np.column_stack([np.degrees(records[:, (LON, LAT)]), records[:, HEIGHT]])
+                heading = records[:, HEADING] - records[:, WANDER]
+                attitude = np.degrees(np.column_stack([records[:, (ROLL, PITCH)], heading]))
+                values.append(np.column_stack([position, attitude, np.full((len(records), 6), np.nan)]))
                 count += len(records)
                 rest = len(block) % RECORD_BYTES
             fault = source.fault
@@ -98,18 +101,6 @@ def _records(data: bytes) -> FloatArray:
     """The complete records (n, 17) at the start of `data`."""
     count = len(data) // RECORD_BYTES
     return np.frombuffer(data, "<f8", count * SBET_FIELDS).reshape(count, SBET_FIELDS)
-
-
-def _values(records: FloatArray) -> FloatArray:
-    """Values (n, 12) as :class:`RawPoses` has them, of records (n, 17)."""
-    out = np.full((len(records), 12), np.nan)
-    out[:, 0] = np.degrees(records[:, LON])
-    out[:, 1] = np.degrees(records[:, LAT])
-    out[:, 2] = records[:, HEIGHT]
-    out[:, 3] = np.degrees(records[:, ROLL])
-    out[:, 4] = np.degrees(records[:, PITCH])
-    out[:, 5] = np.degrees(records[:, HEADING] - records[:, WANDER])
-    return out
 
 
 def _plausible(records: FloatArray) -> NDArray[np.bool_]:
