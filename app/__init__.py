@@ -124,7 +124,7 @@ if TYPE_CHECKING:
 
     __version__ = version("furrowmap")
 
-_NAMES = {
+_PUBLIC_NAMES = {
     "core.checking.check": "Check",
     "core.checking.evaluation": "Evaluation",
     "core.checking.paired_points": "PairedPoints",
@@ -183,7 +183,7 @@ _NAMES = {
 }
 """The public names of each module; they are imported on first use, so that `import furrowmap` takes no time."""
 
-_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
+_MODULES = {name: module for module, names in _PUBLIC_NAMES.items() for name in names.split()}
 
 __all__ = ["__version__", *_MODULES]
 

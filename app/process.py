@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
-VARIABLE: Final = "NUMBA_CACHE_DIR"
+CACHE_VARIABLE: Final = "NUMBA_CACHE_DIR"
 _M_TRIM_THRESHOLD: Final = -1
 _M_MMAP_THRESHOLD: Final = -3
 _M_ARENA_MAX: Final = -8
@@ -36,7 +36,7 @@ def keep_kernels() -> None:
     A folder already set is respected. Where the user may write nowhere, a temporary folder serves this process, because
     numba does not load kernels that it cannot cache.
     """
-    if VARIABLE in os.environ:
+    if CACHE_VARIABLE in os.environ:
         return
     folder = _caches() / "furrowmap" / f"kernels-{version('furrowmap')}"
     try:
@@ -45,7 +45,7 @@ def keep_kernels() -> None:
             pass
     except OSError:
         folder = Path(tempfile.mkdtemp(prefix="furrowmap-kernels-"))
-    os.environ[VARIABLE] = str(folder)
+    os.environ[CACHE_VARIABLE] = str(folder)
 
 
 def keep_blas_single() -> None:

@@ -58,7 +58,7 @@ class Layers(Mapping[str, "geopandas.GeoDataFrame"]):
         return f"Layers({', '.join(self)})"
 
 
-class Layer:
+class ResultLayer:
     """An attribute of a result that reads the layer of its name."""
 
     def __set_name__(self, owner: type[Result], name: str) -> None:
@@ -77,21 +77,21 @@ class Result:
     products. A layer that the run did not write, such as `passes` where no implement is known, raises `InputError`.
     """
 
-    trajectory = Layer()
+    trajectory = ResultLayer()
     """Pose of the vehicle at each scan, with its standard deviations and the state of the implement."""
-    passes = Layer()
+    passes = ResultLayer()
     """Ground worked by each pass."""
-    coverage = Layer()
+    coverage = ResultLayer()
     """All ground worked."""
-    overlaps = Layer()
+    overlaps = ResultLayer()
     """Ground worked by two passes."""
-    misses = Layer()
+    misses = ResultLayer()
     """Ground missed."""
-    zones = Layer()
+    zones = ResultLayer()
     """Headland and body of the field."""
-    tool_path = Layer()
+    tool_path = ResultLayer()
     """Path of the implement, a line for each stretch in one state."""
-    events = Layer()
+    events = ResultLayer()
     """Implement down and up, stops, reversals, gaps."""
 
     def __init__(self, folder: ResultFolder) -> None:

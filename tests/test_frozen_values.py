@@ -30,7 +30,7 @@ COLLECTING: Final = {
     "core/readers/velodyne/counts.py PacketCounts",
     "core/readers/velodyne/traffic.py Traffic",
     "core/runtime/record_spool.py _Block",
-    "app/workflows/clouds/clean.py _Lost",
+    "app/workflows/clouds/clean.py _LostAttributes",
     "exporters/exchange/partitions.py Partition",
 }
 READ_ONCE: Final = {"cli/worker.py _Order", "exporters/files/result_folder.py _Input"}

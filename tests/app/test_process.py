@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from furrowmap.process import COMPILING, VARIABLE, importing, keep_blas_single, keep_kernels
+from furrowmap.process import CACHE_VARIABLE, COMPILING, importing, keep_blas_single, keep_kernels
 
 CODE = """
 import os, sys
@@ -28,33 +28,33 @@ KERNEL = "from numba import njit\n@njit(cache=True)\ndef double(x):\n    return 
 
 
 def test_folder__is_the_users_and_the_versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, "")
-    monkeypatch.delenv(VARIABLE)
+    monkeypatch.setenv(CACHE_VARIABLE, "")
+    monkeypatch.delenv(CACHE_VARIABLE)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     keep_kernels()
-    assert os.environ[VARIABLE] == str(tmp_path / "furrowmap" / f"kernels-{version('furrowmap')}")
+    assert os.environ[CACHE_VARIABLE] == str(tmp_path / "furrowmap" / f"kernels-{version('furrowmap')}")
 
 
 def test_folder_already_set__is_respected(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(VARIABLE, "mine")
+    monkeypatch.setenv(CACHE_VARIABLE, "mine")
     keep_kernels()
-    assert os.environ[VARIABLE] == "mine"
+    assert os.environ[CACHE_VARIABLE] == "mine"
 
 
 def test_no_place_to_write__serves_this_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "cache").write_text("a file where a folder should be")
-    monkeypatch.setenv(VARIABLE, "")
-    monkeypatch.delenv(VARIABLE)
+    monkeypatch.setenv(CACHE_VARIABLE, "")
+    monkeypatch.delenv(CACHE_VARIABLE)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     keep_kernels()
-    assert Path(os.environ[VARIABLE]).parent == tmp_path
-    assert Path(os.environ[VARIABLE]).is_dir()
+    assert Path(os.environ[CACHE_VARIABLE]).parent == tmp_path
+    assert Path(os.environ[CACHE_VARIABLE]).is_dir()
 
 
 def test_compilation__is_reported_once_and_only_when_it_happens(tmp_path: Path) -> None:
     (tmp_path / "kernels_to_compile.py").write_text(KERNEL)
-    environment = {name: value for name, value in os.environ.items() if name != VARIABLE}
+    environment = {name: value for name, value in os.environ.items() if name != CACHE_VARIABLE}
 
     def run() -> str:
         return subprocess.run(

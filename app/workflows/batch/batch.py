@@ -33,7 +33,7 @@ from furrowmap.settings import BatchSettings
 from furrowmap.workflows.batch.engine import ATTEMPTS
 from furrowmap.workflows.batch.jobs import (
     Job,
-    Prepared,
+    PreparedSource,
     identity,
     key_of,
     open_job,
@@ -41,7 +41,7 @@ from furrowmap.workflows.batch.jobs import (
     prepare,
 )
 from furrowmap.workflows.batch.places import Store, find_remote, is_url, scratch
-from furrowmap.workflows.batch.sources import Source, find_sources, named, stamp
+from furrowmap.workflows.batch.sources import BatchSource, find_sources, named, stamp
 from furrowmap.workflows.batch.task import input_stamps, run_job
 from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
 from furrowmap.workflows.session.machines import machine_file
@@ -153,7 +153,7 @@ class _Batch:
     say: Callable[[str], None]
     url: str
 
-    def estimate(self, sources: Sequence[Source], state: BatchState) -> Batch:
+    def estimate(self, sources: Sequence[BatchSource], state: BatchState) -> Batch:
         """What would be done, and how long it would take."""
         outcomes = state.outcomes()
         force = Workforce(self.settings.workers, self.settings.scheduler, self.say)
@@ -167,7 +167,7 @@ class _Batch:
         estimate_s = sum(each[0] * plan.bytes_due.get(name, 0) + each[1] for name in plan.due) / force.cores
         return self._summary(plan, outcomes, estimate_s)
 
-    def run(self, sources: Sequence[Source], state: BatchState) -> Batch:
+    def run(self, sources: Sequence[BatchSource], state: BatchState) -> Batch:
         """Run what is due, the longest first, and write the tables."""
         outcomes = state.outcomes()
         with Workforce(self.settings.workers, self.settings.scheduler, self.say) as force:
@@ -189,7 +189,7 @@ class _Batch:
 
     def _plan(
         self,
-        sources: Sequence[Source],
+        sources: Sequence[BatchSource],
         state: BatchState,
         outcomes: dict[str, SessionOutcome],
         force: Workforce,
@@ -232,8 +232,8 @@ class _Batch:
         return plan
 
     def _prepare(
-        self, sources: Sequence[Source], state: BatchState, force: Workforce, plan: _Plan, *, dry_run: bool
-    ) -> dict[str, Prepared]:
+        self, sources: Sequence[BatchSource], state: BatchState, force: Workforce, plan: _Plan, *, dry_run: bool
+    ) -> dict[str, PreparedSource]:
         """The session and the visits of each source, by its file."""
         machine = str(machine_file(self.settings.machine).resolve()) if self.settings.machine is not None else ""
         boundaries = str(Path(self.settings.boundaries).resolve()) if self.settings.boundaries is not None else ""
@@ -247,14 +247,14 @@ class _Batch:
         if not usable:
             raise InputError("batch-nothing", without_count=len(without) if without else None)
         decisive = [stamp(Path(path)) for path in (machine, boundaries) if path]
-        found, due, keys = dict[str, Prepared](), list[tuple[str, Source]](), dict[str, str]()
+        found, due, keys = dict[str, PreparedSource](), list[tuple[str, BatchSource]](), dict[str, str]()
         for source in usable:
             content = msgspec.json.encode([own_version(), source.stamps, decisive])
             key = keys[source.place] = hashlib.sha256(content).hexdigest()
             if not source.made and not boundaries:
                 found[source.place] = _read_session(source)
             elif (kept := state.prepared(source.place, key)) is not None:
-                found[source.place] = msgspec.json.decode(kept, type=Prepared)
+                found[source.place] = msgspec.json.decode(kept, type=PreparedSource)
             else:
                 due.append((source.place, source))
         work = partial(prepare, machine=machine, boundaries=boundaries)
@@ -263,7 +263,7 @@ class _Batch:
             if dry_run
             else force.each(work, due, _LOOKING, self.progress)
         ):
-            found[name] = result if isinstance(result, Prepared) else Prepared(failure=_lost(name))
+            found[name] = result if isinstance(result, PreparedSource) else PreparedSource(failure=_lost(name))
             if not dry_run and found[name].failure is None:
                 state.keep_prepared(name, keys[name], msgspec.json.encode(found[name]))
         return found
@@ -302,13 +302,13 @@ class _Batch:
         )
 
 
-def _read_session(source: Source) -> Prepared:
+def _read_session(source: BatchSource) -> PreparedSource:
     try:
         if source.url:
-            return Prepared((Store(source.url).read(source.file.name) or b"").decode())
-        return Prepared(source.file.read_text(encoding="utf-8"))
+            return PreparedSource((Store(source.url).read(source.file.name) or b"").decode())
+        return PreparedSource(source.file.read_text(encoding="utf-8"))
     except Exception as error:  # noqa: BLE001 whatever is wrong with one session is a row of the table
-        return Prepared(failure=Failure.from_error(as_furrowmap_error(error)))
+        return PreparedSource(failure=Failure.from_error(as_furrowmap_error(error)))
 
 
 def _size(stamps: Sequence[Stamp]) -> int:

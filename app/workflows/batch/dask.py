@@ -16,14 +16,13 @@ from distributed.scheduler import KilledWorker
 
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.process import prepare_process
-from furrowmap.workflows.batch.engine import ATTEMPTS, Found, Item, WorkerDied
+from furrowmap.workflows.batch.engine import ATTEMPTS, TICK_S, Found, Item, WorkerDied
 
 IN_HAND: Final = 4
 """Items for each worker that the scheduler has at a time: more would only take its memory."""
 RECONNECT_S: Final = 60.0
 """A scheduler that is gone is waited for so long."""
-_CONNECT_S: Final = 5.0
-_TICK_S: Final = 0.2
+_CONNECT_TIMEOUT_S: Final = 5.0
 _TRIM: Final = ("MALLOC_TRIM_THRESHOLD_", "65536")
 """What Dask sets for its workers: freed memory goes back to the system at once, and comes again as pages to be filled
 with zeros, four times as many in a run. No setting of the user that :func:`.prepare_process` had to respect."""
@@ -62,7 +61,7 @@ class DaskWorkers:
     def close(self) -> None:
         """Disconnect; what still runs on workers is given up."""
         with suppress(Exception):
-            self.client.close(timeout=_CONNECT_S)
+            self.client.close(timeout=_CONNECT_TIMEOUT_S)
 
     def each(
         self, work: Callable[[Item], Found], items: Sequence[tuple[str, Item]], tick: Callable[[], None]
@@ -76,7 +75,7 @@ class DaskWorkers:
                 try:
                     self._hand_out(work, waiting, in_hand)
                     with suppress(TimeoutError, CancelledError):  # what a lost scheduler had is cancelled
-                        wait(list(in_hand), timeout=_TICK_S, return_when="FIRST_COMPLETED")
+                        wait(list(in_hand), timeout=TICK_S, return_when="FIRST_COMPLETED")
                     done = [future for future in in_hand if future.status != "pending"]
                 except (OSError, TimeoutError, RuntimeError, ValueError) as error:
                     if self.client.status == "running":
@@ -134,7 +133,7 @@ def local_cluster(workers: int, say: Callable[[str], None]) -> Iterator[DaskWork
         stack.enter_context(config.set(_QUIET))
         cluster = stack.enter_context(_worker_processes(workers))
         say(f"{workers} workers; dashboard: {cluster.dashboard_link}")
-        engine = DaskWorkers(lambda: Client(cluster, timeout=_CONNECT_S))
+        engine = DaskWorkers(lambda: Client(cluster, timeout=_CONNECT_TIMEOUT_S))
         stack.callback(engine.close)
         yield engine
 
@@ -159,7 +158,7 @@ def cluster_of_scheduler(address: str, say: Callable[[str], None]) -> Iterator[D
         FurrowmapError: if it cannot be reached.
     """
     try:
-        engine = DaskWorkers(lambda: Client(address, timeout=_CONNECT_S))
+        engine = DaskWorkers(lambda: Client(address, timeout=_CONNECT_TIMEOUT_S))
     except (OSError, TimeoutError, ValueError) as error:
         raise FurrowmapError("no-scheduler", address=address, error=error) from None
     try:

@@ -19,7 +19,7 @@ ATTEMPTS: Final = 3
 """Workers that an item may lose before it is given up."""
 SESSIONS_A_PROCESS: Final = 200
 """Then a process makes room for a new one."""
-_TICK_S: Final = 0.2
+TICK_S: Final = 0.2
 
 
 class WorkerDied:
@@ -82,7 +82,7 @@ class _Worker:
     def do(self, work: Callable[[Any], Any], item: object, tick: Callable[[], None]) -> Any:
         """`work` on an item."""
         self._pipe.send((work, item))
-        while not self._pipe.poll(_TICK_S):
+        while not self._pipe.poll(TICK_S):
             tick()
         self.done += 1
         return self._pipe.recv()

@@ -34,22 +34,22 @@ from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.exporters.files.atomic import atomic_output, relative_path
 from furrowmap.exporters.files.batch_state import Failure, Stamp
 from furrowmap.workflows.batch.places import scratch, staged
-from furrowmap.workflows.batch.sources import Source
+from furrowmap.workflows.batch.sources import BatchSource
 from furrowmap.workflows.batch.workforce import ProcessSettings
 from furrowmap.workflows.session.init import proposed
 
-FIELDS: Final = ".batch-fields"
+OUTLINES_FOLDER: Final = ".batch-fields"
 """Folder of the outlines that runs take as the boundary of their field."""
-LEAST_VISIT_S: Final = 30.0
+MIN_VISIT_S: Final = 30.0
 """A field in which the vehicle is for less is passed by or crossed."""
-BEFORE_AND_AFTER_S: Final = 30.0
+VISIT_MARGIN_S: Final = 30.0
 """Part of the drive before the first and after the last place in the field that its run has as well: a turn."""
-_GAP_S: Final = 10.0
+MAX_POSITION_GAP_S: Final = 10.0
 """Longer gaps between positions do not count as time in a field."""
 
 
 @dataclass(frozen=True)
-class Visit:
+class FieldVisit:
     """A part of a recording in one field.
 
     Attributes:
@@ -63,11 +63,11 @@ class Visit:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedSource:
     """What a source holds."""
 
     text: str = ""
-    visits: tuple[Visit, ...] = ()
+    visits: tuple[FieldVisit, ...] = ()
     failure: Failure | None = None
 
 
@@ -86,7 +86,7 @@ class Job:
     text: str
     results: str
     process: ProcessSettings
-    visit: Visit | None = None
+    visit: FieldVisit | None = None
     overwrite: bool = False
     url: str = ""
     stamps: tuple[Stamp, ...] = ()
@@ -98,7 +98,7 @@ class Job:
         return Path(self.results) / self.name
 
 
-def identity(file: str, visit: Visit | None) -> str:
+def identity(file: str, visit: FieldVisit | None) -> str:
     """What tells the run of a source, or of its visit of a field, from all others."""
     return json.dumps([file, *([visit.name] if visit is not None else [])], ensure_ascii=False)
 
@@ -115,7 +115,7 @@ def _parsed(text: str, file: str) -> Session:
     return parse_session(text, file)
 
 
-def prepare(source: Source, machine: str, boundaries: str) -> Prepared:
+def prepare(source: BatchSource, machine: str, boundaries: str) -> PreparedSource:
     """Propose a session for the recordings of a source, and find the fields that they enter.
 
     Errors are returned, because one source must not stop the others.
@@ -136,10 +136,10 @@ def prepare(source: Source, machine: str, boundaries: str) -> Prepared:
             )
             session = parse_session(text, str(file))
             if not boundaries or session.field.boundary is not None:
-                return Prepared(text)
-            return Prepared(text, tuple(_visits(file, session, read_fields(Path(boundaries)))))
+                return PreparedSource(text)
+            return PreparedSource(text, tuple(_visits(file, session, read_fields(Path(boundaries)))))
     except Exception as error:  # noqa: BLE001 whatever is wrong with one source is a row of the table
-        return Prepared(failure=Failure.from_error(as_furrowmap_error(error)))
+        return PreparedSource(failure=Failure.from_error(as_furrowmap_error(error)))
 
 
 def open_job(job: Job) -> OpenSession:
@@ -154,7 +154,7 @@ def open_job(job: Job) -> OpenSession:
     inputs = Inputs.find(file, session)
     frame = map_frame(session.crs, inputs.parameters, inputs.geoid_grid)
     if job.visit is not None:
-        boundary = _outline_file(Path(job.results) / FIELDS, job.visit.outline)
+        boundary = _outline_file(Path(job.results) / OUTLINES_FOLDER, job.visit.outline)
         session = _of_visit(session, job.visit, relative_path(boundary, file.parent) or str(boundary))
         inputs = replace(inputs, boundary=boundary)
     return OpenSession(file, session, inputs, frame)
@@ -197,11 +197,11 @@ def visits_of(
             near[near] = shapely.contains_xy(shape, *xy_m[near].T)
             field[near] = k
     step_s = np.diff(t_s, append=t_s[-1:])
-    step_s[step_s > _GAP_S] = 0.0
+    step_s[step_s > MAX_POSITION_GAP_S] = 0.0
     inside = np.flatnonzero(field >= 0)
     kept: list[tuple[int, float, float]] = []
     for part in np.split(inside, np.flatnonzero(np.diff(field[inside])) + 1):
-        if not len(part) or float(step_s[part].sum()) < LEAST_VISIT_S:
+        if not len(part) or float(step_s[part].sum()) < MIN_VISIT_S:
             continue
         k, first, last = int(field[part[0]]), float(t_s[part[0]]), float(t_s[part[-1]])
         if kept and kept[-1][0] == k:
@@ -211,24 +211,24 @@ def visits_of(
     return kept
 
 
-def _visits(file: Path, session: Session, fields: Sequence[FieldOutline]) -> list[Visit]:
+def _visits(file: Path, session: Session, fields: Sequence[FieldOutline]) -> list[FieldVisit]:
     inputs = Inputs.find(file, session)
     opened = OpenSession(file, session, inputs, map_frame(session.crs, inputs.parameters, inputs.geoid_grid))
     t_s, xy_m = _places(opened)
     near = [field for field in fields if _near(field, opened, xy_m)]
     found = visits_of(t_s, xy_m, [boundary_on_map(field.outline, opened.frame) for field in near])
-    visits: list[Visit] = []
+    visits: list[FieldVisit] = []
     for n, (k, first, last) in enumerate(found):
         before = found[n - 1][2] if n else -math.inf
         after = found[n + 1][1] if n + 1 < len(found) else math.inf
-        span = (max(first - BEFORE_AND_AFTER_S, before), min(last + BEFORE_AND_AFTER_S, after))
+        span = (max(first - VISIT_MARGIN_S, before), min(last + VISIT_MARGIN_S, after))
         name = near[k].names[0] if near[k].names else f"field {fields.index(near[k]) + 1}"
         again = 1 + sum(earlier == k for earlier, *_ in found[:n])
         name = f"{name} ({again})" if again > 1 else name
         shape = json.loads(shapely.to_geojson(near[k].outline))
         feature = {"type": "Feature", "properties": {"name": name}, "geometry": shape}
         outline = json.dumps({"type": "FeatureCollection", "features": [feature]}, ensure_ascii=False)
-        visits.append(Visit(name, outline, (math.floor(span[0]), math.ceil(span[1]))))
+        visits.append(FieldVisit(name, outline, (math.floor(span[0]), math.ceil(span[1]))))
     return visits
 
 
@@ -264,7 +264,7 @@ def _outline_file(folder: Path, outline: str) -> Path:
     return path
 
 
-def _of_visit(session: Session, visit: Visit, boundary: str) -> Session:
+def _of_visit(session: Session, visit: FieldVisit, boundary: str) -> Session:
     recording, first, last = session.recording, *session.recording.span_s
     begin, end = max(first, visit.span_s[0]), min(last, visit.span_s[1])
     replaced: dict[str, Any] = {

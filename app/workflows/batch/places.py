@@ -15,7 +15,7 @@ from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedErr
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.exporters.files.batch_state import SessionOutcome, Stamp, same_files
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
-from furrowmap.workflows.batch.sources import Source, holds_scans
+from furrowmap.workflows.batch.sources import BatchSource, holds_scans
 
 MARKER: Final = "complete.json"
 """The file of a result in a store that is written last: what became of the session."""
@@ -111,7 +111,7 @@ class Store:
         return system, str(root).rstrip("/")
 
 
-def find_remote(url: str) -> Iterator[Source]:
+def find_remote(url: str) -> Iterator[BatchSource]:
     """The sources below a URL, as :func:`~.batch_sources.find_sources` finds them on the disk.
 
     Raises:
@@ -135,7 +135,7 @@ def find_remote(url: str) -> Iterator[Source]:
         of_session.append(home)
         inside = tuple(stamp for name, stamp in sorted(files.items()) if _is_in(name, home))
         parts = tuple(home.split("/")) if home else (posixpath.basename(store.url),)
-        yield Source(Path(SESSION_FILE), parts, made, inside, url=f"{store.url}/{home}".rstrip("/"))
+        yield BatchSource(Path(SESSION_FILE), parts, made, inside, url=f"{store.url}/{home}".rstrip("/"))
 
 
 def staged(url: str, stamps: Sequence[Stamp], folder: Path) -> Path:

@@ -14,13 +14,13 @@ from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.exporters.files.batch_state import Stamp
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
 
-SCANS: Final = frozenset({".pcap", ".pcapng", ".bag", ".mcap", ".db3"})
+SCAN_SUFFIXES: Final = frozenset({".pcap", ".pcapng", ".bag", ".mcap", ".db3"})
 """Suffixes of recordings that show a folder to be one of recordings."""
 _PACKED: Final = frozenset({".gz", ".zst", ".xz", ".bz2"})
 
 
 @dataclass(frozen=True)
-class Source:
+class BatchSource:
     """A session file, or a folder of recordings.
 
     Attributes:
@@ -43,7 +43,7 @@ class Source:
         return f"{self.url}/{self.file.name}" if self.url else str(self.file)
 
 
-def find_sources(folders: Sequence[Path], results: Path) -> list[Source]:
+def find_sources(folders: Sequence[Path], results: Path) -> list[BatchSource]:
     """The sources in folders and the folders below, in the order of their paths.
 
     Results of runs, hidden folders and the folder of the batch's own results are left out.
@@ -51,11 +51,11 @@ def find_sources(folders: Sequence[Path], results: Path) -> list[Source]:
     Raises:
         InputError: if there is no such folder or file.
     """
-    found: dict[Path, Source] = {}
+    found: dict[Path, BatchSource] = {}
     for folder in folders:
         if folder.is_file():
             path = folder.resolve()
-            found.setdefault(path, Source(path, (path.parent.name,), made=False, stamps=(stamp(path),)))
+            found.setdefault(path, BatchSource(path, (path.parent.name,), made=False, stamps=(stamp(path),)))
         elif folder.is_dir():
             for source in _below(folder.resolve(), results.resolve()):
                 found.setdefault(source.file, source)
@@ -101,12 +101,12 @@ def holds_scans(names: Iterable[str]) -> bool:
     """Whether one of the file names is that of a scanner's recording, packed or not."""
     for name in names:
         path = PurePosixPath(name.lower())
-        if (PurePosixPath(path.stem).suffix if path.suffix in _PACKED else path.suffix) in SCANS:
+        if (PurePosixPath(path.stem).suffix if path.suffix in _PACKED else path.suffix) in SCAN_SUFFIXES:
             return True
     return False
 
 
-def _below(root: Path, results: Path) -> Iterator[Source]:
+def _below(root: Path, results: Path) -> Iterator[BatchSource]:
     of_session: list[Path] = []
     for place, folders, files in os.walk(root):
         here = Path(place)
@@ -117,11 +117,11 @@ def _below(root: Path, results: Path) -> Iterator[Source]:
         if SESSION_FILE in files:
             of_session.append(here)
             parts = here.relative_to(root).parts or (root.name,)
-            yield Source(here / SESSION_FILE, parts, made=False, stamps=(stamp(here / SESSION_FILE),))
+            yield BatchSource(here / SESSION_FILE, parts, made=False, stamps=(stamp(here / SESSION_FILE),))
         elif holds_scans(files) and not any(here.is_relative_to(home) for home in of_session):
             bag = "metadata.yaml" in files and here != root  # a ROS 2 bag is a folder that is one recording
             home = here.parent if bag else here
             parts = home.relative_to(root).parts or (root.name,)
             content = sorted(path for path in (home.rglob("*") if bag else home.iterdir()) if path.is_file())
-            yield Source(home / SESSION_FILE, parts, made=True, stamps=tuple(stamp(path) for path in content))
+            yield BatchSource(home / SESSION_FILE, parts, made=True, stamps=tuple(stamp(path) for path in content))
             folders.clear()

@@ -34,8 +34,8 @@ from furrowmap.exporters.files.atomic import atomic_output
 
 FloatArray = NDArray[np.float64]
 
-SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
-HEADER: Final = "time_unix_s,roll_deg,pitch_deg,yaw_deg,sigma_deg,rms_px"
+IMAGE_SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
+MOUNT_HEADER: Final = "time_unix_s,roll_deg,pitch_deg,yaw_deg,sigma_deg,rms_px"
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def calibrate_mount(
     t_s = images.t_s[found.frame] + found.camera.shutter_delay_s
     with atomic_output(target) as unfinished:
         rows = np.column_stack([t_s, *turned, found.sigma_deg, found.rms_px])
-        np.savetxt(unfinished, rows, ["%.6f", *["%.5f"] * 4, "%.4f"], ",", header=HEADER, comments="")
+        np.savetxt(unfinished, rows, ["%.6f", *["%.5f"] * 4, "%.4f"], ",", header=MOUNT_HEADER, comments="")
     notices += board_notices(found, len(images))
     return MountCalibration(
         target, t_s, *turned, found.sigma_deg, found.rms_px, len(images), found.camera, tuple(notices)
@@ -142,7 +142,7 @@ def _images(source: Path, notices: list[Notice]) -> Images:
     """The frames of a folder or a table."""
     if source.is_dir():
         tables = [path for path in sorted(source.glob("*.csv")) if is_image_table(path)]
-        files = [path for path in sorted(source.iterdir()) if path.suffix.lower() in SUFFIXES]
+        files = [path for path in sorted(source.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES]
         images = read_image_table(tables[0], source, notices) if tables else exif_images(files, notices)
     else:
         images = read_image_table(source, source.resolve().parent, notices)

@@ -36,9 +36,9 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.settings import CleanSettings
 from furrowmap.workflows.clouds.inputs import area_records, input_records, input_rows
 
-FINEST_M: Final = 1e-4
+MIN_SCALE_M: Final = 1e-4
 """Steps of coordinates; in a 32-bit number they reach 214 km."""
-USUAL_M: Final = 1e-3
+USUAL_SCALE_M: Final = 1e-3
 NO_TIME: Final = float(las_time_to_utc(0.0))
 """UTC of what LAS counts as 0, which stands for no time."""
 
@@ -132,7 +132,7 @@ def write_records(
         InputError: if there is no point.
         OSError: if the file cannot be written.
     """
-    lost = _Lost()
+    lost = _LostAttributes()
     first = next((records for records in points if len(records)), None)
     if first is None:
         raise no_points_error(clouds, box)
@@ -158,7 +158,7 @@ def write_records(
 
 
 @dataclass
-class _Lost:
+class _LostAttributes:
     """Counts of what points lose in the file."""
 
     points: int = 0
@@ -208,8 +208,8 @@ def batch_of(
 def scale_of(clouds: Clouds) -> float:
     """A millimetre, or finer where a file is."""
     if clouds.change is not None or clouds.unit_m != 1.0:
-        return USUAL_M
-    return max(FINEST_M, min([USUAL_M, *(step for file in clouds.files for step in file.header.scale)]))
+        return USUAL_SCALE_M
+    return max(MIN_SCALE_M, min([USUAL_SCALE_M, *(step for file in clouds.files for step in file.header.scale)]))
 
 
 def _parameters(cleaning: Cleaning, clouds: Clouds) -> dict[str, Any]:

@@ -39,9 +39,9 @@ from furrowmap.exporters.rasters.cog import FILLED_BAND, SURFACE_BANDS, Band, Ba
 from furrowmap.exporters.rasters.windows import is_last, plots_of, share_done, shared_cells, window, windows
 from furrowmap.settings import SurfaceSettings
 
-SURFACE: Final = "surface"
+SURFACE_TITLE: Final = "surface"
 """Title of the raster whose statistic the user chooses."""
-MOST_LOW_SPOT_CELLS: Final = 2_000_000
+MAX_LOW_SPOT_CELLS: Final = 2_000_000
 """Low spots need the whole surface in memory: larger ones are coarsened."""
 BRIDGED_M: Final = 1.0
 """Gaps up to this distance from seen heights are interpolated, so that no water runs off through them."""
@@ -93,7 +93,7 @@ class CloudRasters:
         """Write the surfaces of the points."""
         settings = self.settings
         with ExitStack() as stack:
-            put_dsm = stack.enter_context(self._output(_unfilled(DSM, settings), SURFACE, SURFACE_BANDS))
+            put_dsm = stack.enter_context(self._output(_unfilled(DSM, settings), SURFACE_TITLE, SURFACE_BANDS))
             if self.method != "none":
                 put_dtm = stack.enter_context(self._output(_unfilled(DTM, settings), "ground", SURFACE_BANDS))
                 above = Band("height above ground")
@@ -150,7 +150,7 @@ class CloudRasters:
             for name, value in self.parameters.items()
             if value is not None
         }
-        statistic = self.settings.cell_statistic if title == SURFACE or self.method == "none" else MEDIAN
+        statistic = self.settings.cell_statistic if title == SURFACE_TITLE or self.method == "none" else MEDIAN
         parameters = {**stated, "statistic": statistic.name, "heights_unit_m": f"{self.clouds.unit_m:.10g}"}
         if self.clouds.crs.is_compound:
             parameters["heights"] = self.clouds.crs.sub_crs_list[1].name
@@ -161,7 +161,7 @@ class CloudRasters:
         """Fill the gaps of a surface, window by window with a margin."""
         source = self.folder / _unfilled(name, self.settings)
         reach = self.settings.fill_m / self.grid.cell_m
-        title = SURFACE if name == DSM else "ground"
+        title = SURFACE_TITLE if name == DSM else "ground"
         with self._output(name, title, [*SURFACE_BANDS, FILLED_BAND]) as put, rasterio.open(source) as raster:
             for inner, outer in windows(self.grid, int(2 * reach) + 1):
                 bands = raster.read(window=window(outer, self.grid))
@@ -199,7 +199,7 @@ class CloudRasters:
         """Write the low spots of the ground; returns them, and a notice where the surface was coarsened."""
         grid = self.grid
         factor = 1
-        while (grid.rows // factor + 1) * (grid.columns // factor + 1) > MOST_LOW_SPOT_CELLS:
+        while (grid.rows // factor + 1) * (grid.columns // factor + 1) > MAX_LOW_SPOT_CELLS:
             factor += 1
         coarse = grid.coarser(factor)
         total, count = np.zeros(coarse.shape), np.zeros(coarse.shape, np.uint32)

@@ -53,7 +53,7 @@ from furrowmap.workflows.clouds.surface import ground_method, no_warning
 
 FloatArray = NDArray[np.float64]
 
-COARSEST_PIXEL_M: Final = 1.0
+MAX_PIXEL_M: Final = 1.0
 GROUND_REACH_M: Final = 20.0
 """Around polygons, for the ground below their edges."""
 HIGHEST: Final = Statistic.parse("max")
@@ -97,7 +97,7 @@ def canopy(
     box, notices = _box(opened, areas, settings, progress)
     records = [*input_records(opened, progress), *(file_records([file], file.parent) if file is not None else [])]
     with staged_folder(folder) as staging:
-        pixel_m = settings.pixel_m or min(cell_for(opened, box, settings.classes, progress), COARSEST_PIXEL_M)
+        pixel_m = settings.pixel_m or min(cell_for(opened, box, settings.classes, progress), MAX_PIXEL_M)
         with PointSpool(pixel_m, folder=staging) as points, PointSpool(pixel_m, folder=staging) as ground:
             spooled = spool_clouds(opened, points, ground, box, settings.classes, progress=progress)
             if points.grid is None:

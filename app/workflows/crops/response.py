@@ -39,7 +39,7 @@ from furrowmap.settings import ResponseSettings
 
 FloatArray = NDArray[np.float64]
 
-REPORT: Final = "response.json"
+RESPONSE_REPORT: Final = "response.json"
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def response(
         RefusedError: if the folder holds such a result.
     """
     folder, days = Path(out), _days(settings.days or (), len(tables))
-    refuse_existing(folder / REPORT, overwrite=overwrite)
+    refuse_existing(folder / RESPONSE_REPORT, overwrite=overwrite)
     measure = settings.measure or MEASURE
     notices: list[Notice] = []
     flights = [
@@ -117,8 +117,8 @@ def response(
                 sheets["curve"] = [{"parameter": name, **asdict(getattr(curve, name))} for name in names]
             write_workbook(staging / "trial.xlsx", sheets)
         products = sorted(path.name for path in staging.iterdir())
-        answer: dict[str, Any] = plain({**account, "products": [*products, REPORT]})
-        (staging / REPORT).write_text(json_text(answer), encoding="utf-8")
+        answer: dict[str, Any] = plain({**account, "products": [*products, RESPONSE_REPORT]})
+        (staging / RESPONSE_REPORT).write_text(json_text(answer), encoding="utf-8")
     return answer
 
 

@@ -30,14 +30,16 @@ from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.settings import TrafficSettings
 from furrowmap.workflows.farm.farm import DB_SCHEMA, open_edit
 
-_FIGURES: Final = (
+_FIELD_FIGURES: Final = (
     "worked_area_m2", "overlap_area_m2", "missed_area_m2", "swept_area_m2", "hours", "work_rate_ha_h", "distance_m",
     "soil_moved_m3", "depth_m",
 )  # fmt: skip
 _WHOLE: Final = frozenset({"sessions", "season", "times_worked"})
 FIELD_COLUMNS: Final = ("field", "name", "area_m2", "sessions", "first_date", "last_date")
-SEASON_COLUMNS: Final = ("field", "name", "season", "times_worked", "first_date", "last_date", "ground_m2", *_FIGURES)
-VISIT_COLUMNS: Final = ("field", "date", "season", "name", "machine", "implement", *_FIGURES, "session")
+SEASON_COLUMNS: Final = (
+    "field", "name", "season", "times_worked", "first_date", "last_date", "ground_m2", *_FIELD_FIGURES,
+)  # fmt: skip
+VISIT_COLUMNS: Final = ("field", "date", "season", "name", "machine", "implement", *_FIELD_FIGURES, "session")
 MACHINE_COLUMNS: Final = (
     "machine", "implement", "sessions", "first_date", "last_date", "worked_area_m2", "hours", "work_rate_ha_h",
     "distance_m", "soil_moved_m3",

@@ -25,7 +25,7 @@ SYSTEMS: Final = "G,R,E,J,C"
 """GPS, GLONASS, Galileo, QZSS, BeiDou."""
 _KINEMATIC, _STATIC = "2", "3"
 _APPROXIMATE: Final = re.compile(rb"^(.{14})(.{14})(.{14}).{18}APPROX POSITION XYZ", re.MULTILINE)
-LEAST_RADIUS_M: Final = 6_000_000.0
+MIN_RADIUS_M: Final = 6_000_000.0
 """Nearer to the earth's centre no antenna stands: the header was left at 0."""
 
 
@@ -125,7 +125,7 @@ def _base_position(base: Path, settings: SolveSettings) -> tuple[list[str], tupl
         xyz = [float(part) for part in found.groups()] if found is not None else [0.0]
     except ValueError:
         xyz = [0.0]
-    if sum(value**2 for value in xyz) < LEAST_RADIUS_M**2:
+    if sum(value**2 for value in xyz) < MIN_RADIUS_M**2:
         return [], (Notice("base-position-assumed.base-position", base=base.name),)
     return ["-r", *(f"{value:.4f}" for value in xyz)], (Notice("base-position-assumed", base=base.name),)
 

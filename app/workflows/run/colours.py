@@ -26,7 +26,7 @@ from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO, packaged_st
 from furrowmap.exporters.rasters.orthophoto_file import write_orthophoto
 
 SCANS_BEHIND: Final = 32
-"""Scans that wait for the depth maps."""
+"""Scans that wait for the depth maps, and those that wait to be packed."""
 NOT_COLOURED: Final = np.array([PointClass.NOISE, PointClass.VEHICLE, PointClass.IMPLEMENT], np.uint8)
 """Classes without colours: the machine is elsewhere in the next frame."""
 

@@ -33,10 +33,10 @@ from furrowmap.exporters.rasters.cog import SURFACE_BANDS, cog_output, surface_a
 from furrowmap.exporters.reports.run_report import run_origin
 from furrowmap.exporters.vectors.geopackage import write_field
 
-CELL_M: Final = 0.25
-MOST_KNOTS: Final = 20_000
+PREVIEW_CELL_M: Final = 0.25
+MAX_PREVIEW_KNOTS: Final = 20_000
 """Points of the track: more take a map seconds to draw and show nothing more."""
-LOW: Final = Statistic.parse("p10")
+LOW_RETURNS: Final = Statistic.parse("p10")
 """Percentile of a cell's returns: those of the vehicle, which a preview does not classify, lie above it."""
 
 
@@ -60,7 +60,7 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
     folder = Path(out) if out is not None else file.resolve().parent / f"{file.stem}_preview"
     opened = open_session(file)
     with staged_folder(folder) as staging, using_threads(opened.session.run.threads, by_default=True):
-        with FieldPoints(staging, CELL_M) as land:
+        with FieldPoints(staging, PREVIEW_CELL_M) as land:
 
             def open_sink(
                 frame: MapFrame,  # noqa: ARG001
@@ -78,7 +78,7 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
                 figures |= _write_surface(staging, land, found, origin)
         frame = found.frame
         knots = ScanPoses.at_knots(found.located.trajectory)
-        some = slice(None, None, max(1, math.ceil(len(knots) / MOST_KNOTS)))
+        some = slice(None, None, max(1, math.ceil(len(knots) / MAX_PREVIEW_KNOTS)))
         track = ScanPoses(**{name: values[some] for name, values in vars(knots).items()})
         write_field(staging / PREVIEW_TRACK, track, frame.wkt, words=frame.words, origin=origin)
         account = {
@@ -124,7 +124,7 @@ def _write_surface(folder: Path, land: FieldPoints, found: RunResult, origin: Or
         return {}
     crs, seen = with_heights(found.frame.whole_crs, found.session.crs.heights), 0
     with cog_output(folder / PREVIEW_DSM, grid, crs, SURFACE_BANDS, origin) as write:
-        for tile in land.tiles(Passages([]), LOW):
+        for tile in land.tiles(Passages([]), LOW_RETURNS):
             write(tile.grid, surface_arrays(tile.after))
             seen += int(tile.after.seen.sum())
     style = files("furrowmap.exporters").joinpath("styles", "dsm.qml").read_text(encoding="utf-8")

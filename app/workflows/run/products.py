@@ -66,15 +66,13 @@ from furrowmap.exporters.vectors.parcel_table import parcel_layer
 from furrowmap.exporters.vectors.states_table import write_states
 from furrowmap.workflows.clouds.features import found_layers, sparse_notices
 from furrowmap.workflows.crops.parcels import WrittenParcels, parcel_settings, write_parcels
-from furrowmap.workflows.run.colours import ColourFigures, RunColours
+from furrowmap.workflows.run.colours import SCANS_BEHIND, ColourFigures, RunColours
 
 SCALE_M: Final = 0.001
 """Resolution of the cloud's coordinates."""
-MOST_PASSES: Final = 65_535
+MAX_PASSES: Final = 65_535
 """What a LAS file has numbers for."""
-UNCOLOURED: Final = np.zeros(3, np.uint16)
-SCANS_BEHIND: Final = 32
-"""Scans that wait to be packed."""
+NO_COLOUR: Final = np.zeros(3, np.uint16)
 
 
 @dataclass(frozen=True)
@@ -315,7 +313,7 @@ class RunCloud:
                 return_number=scan.return_number,
                 returns=scan.returns,
                 classification=placed.classification,
-                rgb=np.broadcast_to(UNCOLOURED, (len(scan), 3)) if self._colours is not None else None,
+                rgb=np.broadcast_to(NO_COLOUR, (len(scan), 3)) if self._colours is not None else None,
                 extra={"scan": scan.number},
             )
         )
@@ -331,7 +329,7 @@ class RunCloud:
         def mark(points: Columns) -> None:
             ground.classify(points.x, points.y, points.z, SCALE_M, points.classification)
             if spans:
-                points.point_source_id[:] = np.minimum(interval_numbers(spans, points.gps_time), MOST_PASSES)
+                points.point_source_id[:] = np.minimum(interval_numbers(spans, points.gps_time), MAX_PASSES)
             if self._colours is not None:
                 self._colours.paint(points, SCALE_M)
 

@@ -24,10 +24,10 @@ from furrowmap.exporters.files.result_folder import FIELD, result_origin
 from furrowmap.exporters.rasters.cog import Band
 from furrowmap.workflows.batch.workforce import ProcessSettings
 from furrowmap.workflows.season.sources import SeasonSession
-from furrowmap.workflows.season.tasks import Part, Tables, Tile
+from furrowmap.workflows.season.tasks import MosaicTile, Part, SessionTables
 
 SEASON: Final = "season.json"
-TILE: Final = 8192
+MOSAIC_TILE_CELLS: Final = 8192
 """Side length of a tile in cells: 410 m with cells of 5 cm."""
 COVERAGE: Final = "coverage"
 TITLES: Final = {"dsm": "Surface", "change": "Change of the surface", COVERAGE: "Times worked"}
@@ -76,14 +76,14 @@ class Planned:
 
 
 @dataclass(frozen=True)
-class Record:
+class EarlierSeason:
     """What an earlier season in a folder was made of."""
 
     folder: Path
     parts: Mapping[str, Any]
 
     @classmethod
-    def read(cls, folder: Path) -> Record:
+    def read(cls, folder: Path) -> EarlierSeason:
         """From its `season.json`; empty where there is none that can be read."""
         try:
             parts = json.loads((folder / SEASON).read_bytes())["parts"]
@@ -153,7 +153,7 @@ def plan_tables(plan: SeasonPlan, kind: str, most_rows: int, spacing_m: float = 
         origin = result_origin(dict(session.report), session.name)
         wkt, own = plan.crs.to_wkt(), session.crs.to_wkt()
         out = plan.staging / place
-        part = Tables(out, session.name, source, wkt, own, spacing_m, most_rows, origin, plan.process)
+        part = SessionTables(out, session.name, source, wkt, own, spacing_m, most_rows, origin, plan.process)
         key = _key(wkt, spacing_m, most_rows, place, [_source_key(session, file)])
         found[f"{place}/{session.name}"] = Planned(part, kind, place, key, session.date, session.span)
     return found
@@ -180,7 +180,7 @@ def _planned_tile(
     bands = tuple(band.description for band in plan.bands[kind]) if kind != COVERAGE else ()
     wkt = (crs if kind != COVERAGE else plan.crs).to_wkt()
     sources = tuple(source for _, source in members)
-    tile = Tile(plan.staging / place / name, grid, wkt, bands, sources, origin, plan.process)
+    tile = MosaicTile(plan.staging / place / name, grid, wkt, bands, sources, origin, plan.process)
     files = [source / FIELD if kind == COVERAGE else source for source in sources]
     decisive = [_source_key(session, file) for session, file in zip(sessions, files, strict=True)]
     key = _key(wkt, [grid.cell_m, grid.west, grid.north, *grid.shape], bands, decisive)
@@ -213,10 +213,11 @@ def _bounds_in(crs: CRS, session: SeasonSession) -> tuple[float, float, float, f
 def _tiles(grid: Grid) -> Iterator[tuple[tuple[int, int], _Extent]]:
     """The tiles that cells lie in, and the extent of those in each."""
     west, south, east, north = grid.west, grid.north - grid.rows, grid.west + grid.columns, grid.north
-    for column in range(west // TILE, (east - 1) // TILE + 1):
-        for row in range(south // TILE, (north - 1) // TILE + 1):
-            left, bottom = column * TILE, row * TILE
-            own = (max(west, left), max(south, bottom), min(east, left + TILE), min(north, bottom + TILE))
+    for column in range(west // MOSAIC_TILE_CELLS, (east - 1) // MOSAIC_TILE_CELLS + 1):
+        for row in range(south // MOSAIC_TILE_CELLS, (north - 1) // MOSAIC_TILE_CELLS + 1):
+            left, bottom = column * MOSAIC_TILE_CELLS, row * MOSAIC_TILE_CELLS
+            right, top = left + MOSAIC_TILE_CELLS, bottom + MOSAIC_TILE_CELLS
+            own = (max(west, left), max(south, bottom), min(east, right), min(north, top))
             yield (column, row), own
 
 

@@ -39,8 +39,8 @@ from furrowmap.workflows.season.parts import (
     COVERAGE,
     SEASON,
     TITLES,
+    EarlierSeason,
     Planned,
-    Record,
     SeasonPlan,
     plan_tables,
     plan_tiles,
@@ -51,8 +51,8 @@ from furrowmap.workflows.share.export import refuse_result
 
 MOSAICS: Final = "mosaics"
 POINTS: Final = "points"
-TRAJECTORIES: Final = "trajectories"
-CONTENTS: Final = (MOSAICS, POINTS, TRAJECTORIES)
+TRAJECTORY_TABLES: Final = "trajectories"
+CONTENTS: Final = (MOSAICS, POINTS, TRAJECTORY_TABLES)
 _WRITING: Final = "writing the season"
 
 
@@ -133,9 +133,9 @@ def season(
             parts |= plan_tiles(plan, settings.cell_m)
         if POINTS in content:
             parts |= plan_tables(plan, POINTS, settings.most_rows, settings.spacing_m)
-        if TRAJECTORIES in content:
-            parts |= plan_tables(plan, TRAJECTORIES, settings.most_rows)
-        record = Record.read(folder)
+        if TRAJECTORY_TABLES in content:
+            parts |= plan_tables(plan, TRAJECTORY_TABLES, settings.most_rows)
+        record = EarlierSeason.read(folder)
         told = {name: kept for name, part in parts.items() if (kept := record.kept(name, part)) is not None}
         unchanged = len(told)
         due = [(name, part.part) for name, part in parts.items() if name not in told]
@@ -145,7 +145,7 @@ def season(
         put_catalogue(plan, parts, told, folder)
         _put_record(staging, parts, told)
     rows = [sum(rows for name, part in parts.items() for _, rows in told[name]["files"] if part.kind == kind)
-            for kind in (POINTS, TRAJECTORIES)]  # fmt: skip
+            for kind in (POINTS, TRAJECTORY_TABLES)]  # fmt: skip
     tiles = sum(len(told[name]["files"]) for name, part in parts.items() if part.grid is not None)
     dates = tuple(sorted({session.date.isoformat() for session in sessions}))
     counts = (len(sessions), tiles, rows[0], rows[1], len(due), unchanged)

@@ -27,11 +27,11 @@ from furrowmap.workflows.season.sources import PASSES
 if TYPE_CHECKING:
     from furrowmap.exporters.exchange.partitions import Partition
 
-BATCH_POINTS: Final = 500_000
+TABLE_BATCH_POINTS: Final = 500_000
 
 
 @dataclass(frozen=True)
-class Tile:
+class MosaicTile:
     """A tile of a mosaic to be written.
 
     Attributes:
@@ -50,7 +50,7 @@ class Tile:
 
 
 @dataclass(frozen=True)
-class Tables:
+class SessionTables:
     """Points or trajectory of a session to be written.
 
     Attributes:
@@ -72,7 +72,7 @@ class Tables:
     process: ProcessSettings
 
 
-Part = Tile | Tables
+Part = MosaicTile | SessionTables
 Told = dict[str, Any]
 """What came of a part: `files` with their rows, and `bounds_m`; of a tile `bands`: least, greatest, known cells."""
 
@@ -81,14 +81,14 @@ def write_part(part: Part) -> Told | FurrowmapError:
     """Write a part; an error that ends it is what comes of it."""
     try:
         with part.process.applied():
-            if isinstance(part, Tables):
+            if isinstance(part, SessionTables):
                 return _tables(part)
             return _surface(part) if part.bands else _coverage(part)
     except Exception as error:  # noqa: BLE001 whatever ends a part is raised where the season is made
         return as_furrowmap_error(error)
 
 
-def _surface(tile: Tile) -> Told:
+def _surface(tile: MosaicTile) -> Told:
     tile.out.parent.mkdir(parents=True, exist_ok=True)
     surfaces = [surface_file(path) for path in tile.sources]
     found = write_mosaic_part(surfaces, tile.out, tile.grid, CRS.from_wkt(tile.crs), tile.bands, tile.origin)
@@ -97,7 +97,7 @@ def _surface(tile: Tile) -> Told:
     return {"files": [[tile.out.name, 0]], "bands": [[*row] for row in found.tolist()]}
 
 
-def _coverage(tile: Tile) -> Told:
+def _coverage(tile: MosaicTile) -> Told:
     crs = CRS.from_wkt(tile.crs)
     shapes = [_passes(folder, crs) for folder in tile.sources]
     passes = np.concatenate(shapes) if shapes else np.empty(0, object)
@@ -117,7 +117,7 @@ def _passes(folder: Path, crs: CRS) -> NDArray[np.object_]:
     return shapes[~shapely.is_missing(shapes)]
 
 
-def _tables(tables: Tables) -> Told:
+def _tables(tables: SessionTables) -> Told:
     from furrowmap.exporters.exchange.partitions import POINT_COLUMNS, POSE_COLUMNS, Partition
 
     is_cloud = tables.source.is_file()
@@ -126,7 +126,7 @@ def _tables(tables: Tables) -> Told:
     with Partition(tables.out, tables.name, schema, crs, tables.origin, tables.most_rows) as partition:
         if is_cloud:
             resolution = tables.spacing_m or None
-            for batch in open_cloud(tables.source).batches(resolution=resolution, batch_points=BATCH_POINTS):
+            for batch in open_cloud(tables.source).batches(resolution=resolution, batch_points=TABLE_BATCH_POINTS):
                 points = batch.where(~batch.withheld)
                 if not len(points):
                     continue
@@ -144,7 +144,7 @@ def _tables(tables: Tables) -> Told:
     return {"files": [list(one) for one in partition.files], "bounds_m": partition.bounds_m.tolist()}
 
 
-def _write_poses(tables: Tables, partition: Partition) -> None:
+def _write_poses(tables: SessionTables, partition: Partition) -> None:
     result = open_result(tables.source)
     layer = result.layer(TRAJECTORY)
     with reading_result(tables.source / FIELD):
@@ -156,7 +156,7 @@ def _write_poses(tables: Tables, partition: Partition) -> None:
             partition.write(_moved(xyz, tables), columns)
 
 
-def _moved(xyz_m: NDArray[np.float64], tables: Tables) -> NDArray[np.float64]:
+def _moved(xyz_m: NDArray[np.float64], tables: SessionTables) -> NDArray[np.float64]:
     """Coordinates (n, 3) in the CRS of the season; heights are unchanged."""
     own, target = CRS.from_wkt(tables.own_crs), CRS.from_wkt(tables.crs)
     if same_map(own, target):

@@ -15,7 +15,7 @@ from furrowmap.core.values.machine import Machine
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
 from furrowmap.workflows.share.qgis_plugin import user_data
 
-VARIABLE: Final = "FURROWMAP_MACHINES"
+MACHINES_VARIABLE: Final = "FURROWMAP_MACHINES"
 """Environment variable: another folder, such as one that several people share."""
 SUFFIX: Final = ".toml"
 
@@ -36,7 +36,7 @@ class KnownMachine:
 
 def machines_folder() -> Path:
     """The folder of the saved machines, which need not exist."""
-    stated = os.environ.get(VARIABLE)
+    stated = os.environ.get(MACHINES_VARIABLE)
     return Path(stated) if stated else user_data() / "furrowmap" / "machines"
 
 

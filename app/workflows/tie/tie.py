@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib.metadata import version
-from itertools import islice, product
+from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
@@ -55,22 +55,21 @@ from furrowmap.workflows.tie.reference import Reference, open_reference, referen
 
 FloatArray = NDArray[np.float64]
 
-MOST_APART: Final = 4
+MAX_DATES_APART: Final = 4
 """Dates between which ties are looked for: each with so many of those after it."""
-CONTRADICTED: Final = 3.0
+CONTRADICTION_TENSION: Final = 3.0
 """Tension of a tie from which on it contradicts the others."""
 UNSEEN_SHARE: Final = 0.7
 """Share of the receivers' standard deviation from which on a place counts as not seen."""
 
 
-FloatArray = NDArray[np.float64]
-_FIELDS: Final = ("east_m", "north_m", "height_m", "tilt_east_deg", "tilt_north_deg", "turn_deg")
-_UNITS: Final = np.array([1.0, 1.0, 1.0, *3 * (math.degrees(1.0),)])
+_MOVE_FIELDS: Final = ("east_m", "north_m", "height_m", "tilt_east_deg", "tilt_north_deg", "turn_deg")
+_MOVE_UNITS: Final = np.array([1.0, 1.0, 1.0, *3 * (math.degrees(1.0),)])
 
-TILE_M: Final = 30.0
-MARGIN_M: Final = 1.0
-MOST_TILES: Final = 64
-SPACING_M: Final = 0.03
+UPRIGHT_TILE_M: Final = 30.0
+UPRIGHT_MARGIN_M: Final = 1.0
+MAX_UPRIGHT_TILES: Final = 64
+UPRIGHT_SPACING_M: Final = 0.03
 """Point spacing that is sufficient."""
 _NOT_STANDING: Final = (PointClass.NOISE, PointClass.VEHICLE, PointClass.IMPLEMENT)
 
@@ -178,7 +177,7 @@ def _find_ties(work: _Work, progress: Progress) -> None:
     for k, date in enumerate(dates):
         progress("finding walls and posts", k / len(dates))
         work.upright.append(what_stands(date.folder / CLOUD, date.after.bounds_m))
-    pairs = [(i, j) for i in range(len(dates)) for j in range(i + 1, min(i + 1 + MOST_APART, len(dates)))]
+    pairs = [(i, j) for i in range(len(dates)) for j in range(i + 1, min(i + 1 + MAX_DATES_APART, len(dates)))]
     for number, (i, j) in enumerate(pairs):
         progress("tying dates", number / max(len(pairs), 1))
         touched = union_shapes([date.touched for date in dates[i:j]])
@@ -211,7 +210,7 @@ def _notices(work: _Work, net: Network, prior: FloatArray) -> list[Notice]:
     if unknown:
         found.append(Notice("tie-work-unknown", unknown=", ".join(unknown)))
     for (one, other), tension in net.tension.items():
-        if tension > CONTRADICTED:
+        if tension > CONTRADICTION_TENSION:
             names = (_name(work, one), _name(work, other))
             found.append(Notice("tie-contradiction", names=names[0], names_other=names[1], tension=tension))
     for (one, other), tied in work.ties.items():
@@ -391,7 +390,7 @@ def moved_figures(found: ChangeFigures, left: tuple[float, float]) -> dict[str, 
 
 def _values(move: FloatArray, sigma: FloatArray, *, known: bool) -> dict[str, float | None]:
     values: dict[str, float | None] = {}
-    for name, value, one_sigma in zip(_FIELDS, move * _UNITS, sigma * _UNITS, strict=True):
+    for name, value, one_sigma in zip(_MOVE_FIELDS, move * _MOVE_UNITS, sigma * _MOVE_UNITS, strict=True):
         values[name] = round(float(value), 5) if known else None
         values[f"{name}_sigma"] = round(float(one_sigma), 5) if known else None
     return values
@@ -410,19 +409,22 @@ def what_stands(cloud: Path, bounds_m: tuple[float, float, float, float]) -> Upr
         return join_uprights([])
     file = open_cloud(cloud)
     west, south, east, north = bounds_m
-    tiles = list(product(np.arange(west, east, TILE_M).tolist(), np.arange(south, north, TILE_M).tolist()))
-    return join_uprights([_of_tile(file, *corner) for corner in islice(tiles, 0, None, -(-len(tiles) // MOST_TILES))])
+    corners = (np.arange(low, high, UPRIGHT_TILE_M).tolist() for low, high in ((west, east), (south, north)))
+    tiles = list(product(*corners))
+    some = tiles[:: max(1, -(-len(tiles) // MAX_UPRIGHT_TILES))]
+    return join_uprights([_uprights_of_tile(file, *corner) for corner in some])
 
 
-def _of_tile(file: CloudFile, west: float, south: float) -> Upright:
-    box = (west - MARGIN_M, south - MARGIN_M, west + TILE_M + MARGIN_M, south + TILE_M + MARGIN_M)
+def _uprights_of_tile(file: CloudFile, west: float, south: float) -> Upright:
+    reach_m = UPRIGHT_TILE_M + UPRIGHT_MARGIN_M
+    box = (west - UPRIGHT_MARGIN_M, south - UPRIGHT_MARGIN_M, west + reach_m, south + reach_m)
     xyz, ground = [np.zeros((0, 3))], [np.zeros(0, bool)]
-    for batch in file.batches(box, SPACING_M):
+    for batch in file.batches(box, UPRIGHT_SPACING_M):
         kept = ~np.isin(batch.classification, _NOT_STANDING) & ~batch.withheld
         xyz.append(batch.xyz_m[kept])
         ground.append(batch.classification[kept] == PointClass.GROUND)
     found = find_uprights(np.concatenate(xyz), np.concatenate(ground))
-    within = (found.xy_m >= (west, south)) & (found.xy_m < (west + TILE_M, south + TILE_M))
+    within = (found.xy_m >= (west, south)) & (found.xy_m < (west + UPRIGHT_TILE_M, south + UPRIGHT_TILE_M))
     return found.at(np.flatnonzero(within.all(axis=1)))
 
 

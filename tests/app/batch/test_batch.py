@@ -23,7 +23,7 @@ from furrowmap.workflows.batch.batch import _lost
 from furrowmap.workflows.batch.dask import _lost_scheduler, _not_started, _unusable, cluster_of_scheduler, local_cluster
 from furrowmap.workflows.batch.engine import Engine, OneProcess, WorkerDied
 from furrowmap.workflows.batch.jobs import Job, open_job, prepare, visits_of
-from furrowmap.workflows.batch.sources import Source, find_sources, holds_scans, named
+from furrowmap.workflows.batch.sources import BatchSource, find_sources, holds_scans, named
 from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
 from tests.app.ending_workers import end_worker, variable
 
@@ -136,7 +136,7 @@ def test_recordings_of_a_machine__get_a_session_and_are_split_by_fields(shared_d
     ]
     fields = tmp_path / "fields.gpkg"
     gpd.GeoDataFrame({"name": ["West", "Far"]}, geometry=halves, crs="EPSG:4326").to_file(fields)
-    source = Source(home / "session.toml", ("card",), made=True, stamps=())
+    source = BatchSource(home / "session.toml", ("card",), made=True, stamps=())
     found = prepare(source, str(tmp_path / "machine.toml"), str(fields))
     assert found.failure is None
     assert not (home / "session.toml").exists()

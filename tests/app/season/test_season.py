@@ -38,7 +38,7 @@ from furrowmap.workflows.season import parts
 from furrowmap.workflows.season.parts import SeasonPlan, plan_tiles
 from furrowmap.workflows.season.season import _lost
 from furrowmap.workflows.season.sources import find_sessions
-from furrowmap.workflows.season.tasks import Tables, write_part
+from furrowmap.workflows.season.tasks import SessionTables, write_part
 from tests.app.files_server import served
 from tests.exporters.rasters.written_cogs import write_cog
 
@@ -85,7 +85,7 @@ def results(result: furrowmap.Result, tmp_path_factory: pytest.TempPathFactory) 
 def made(results: Path) -> Iterator[Path]:
     """The season of them, in tiles of 15 m."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts, "TILE", TILE)
+        patch.setattr(parts, "MOSAIC_TILE_CELLS", TILE)
         assert command_line(["season", str(results), "-o", str(results.parent / "season"), *OPTIONS]) == 0
         yield results.parent / "season"
 
@@ -278,10 +278,10 @@ def test_season__again_makes_only_what_has_changed(results: Path, made: Path, tm
     assert ds.dataset(list(own.glob("points/*/*.parquet"))).count_rows() == changed.points
 
 
-def tables(source: Path, out: Path, **other: Any) -> Tables:
+def tables(source: Path, out: Path, **other: Any) -> SessionTables:
     wkt = JAPAN.to_wkt()
     origin, process = Origin("test"), ProcessSettings(None, (), "")
-    return replace(Tables(out, "x", source, wkt, wkt, 0.0, 10**6, origin, process), **other)
+    return replace(SessionTables(out, "x", source, wkt, wkt, 0.0, 10**6, origin, process), **other)
 
 
 def test_points__in_another_crs_and_of_coarse_levels(results: Path, tmp_path: Path) -> None:
