@@ -49,7 +49,6 @@ FACTORS: Final = {
     "core/simulator/path.py _arc(gear)": 1,
     "core/simulator/path.py _turn.arc(gear)": 1,
     "core/geodesy/parameter_file.py ParameterFile.from_map": True,
-    "core/estimation/positions.py RecordedHeadings.axis[0]": 1.0,  # the nose
 }
 """Factors and directions."""
 POINTS: Final = {

@@ -18,7 +18,7 @@ from furrowmap.core.estimation.knots import (
     GNSS_DRIFT,
     KNOT_STEP_S,
     POSE,
-    POSITION,
+    POSITION_COLUMN,
     ROTATION,
     Knots,
     Observation,
@@ -218,7 +218,7 @@ class InertialLinks(Observation):
         velocity_rows[:, :, size + velocity : size + velocity + 3] = np.eye(3)
         velocity_rows[:, :, ROTATION:POSE] = cross_matrix(pushed)
         velocity_rows[:, :, force : force + 3] = dt * rotation
-        way_rows[:, :, POSITION:ROTATION], way_rows[:, :, size : size + 3] = -np.eye(3), np.eye(3)
+        way_rows[:, :, POSITION_COLUMN:ROTATION], way_rows[:, :, size : size + 3] = -np.eye(3), np.eye(3)
         way_rows[:, :, velocity : velocity + 3] = -dt * np.diag(stretch)
         way_rows[:, :, ROTATION:POSE] = cross_matrix(moved + arm)
         way_rows[:, :, size + ROTATION : size + POSE] = -cross_matrix(arm_next)

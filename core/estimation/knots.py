@@ -29,7 +29,7 @@ MAX_CHAINS: Final = 150
 """Of more pauses only the longest part chains: each chain has coarse knots of its own, whose equations are dense."""
 TIMES_AT_ONCE: Final = 1 << 20
 """So many times are looked at together."""
-POSITION: Final = 0
+POSITION_COLUMN: Final = 0
 """First column of a pose's position: easting, northing, height in metres."""
 ROTATION: Final = 3
 """First column of its rotation vector, in radians about the map's axes."""

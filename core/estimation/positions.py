@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations, huber_weight
-from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S, POSITION, ROTATION, Knots, Observation, State
+from furrowmap.core.estimation.knots import (
+    GNSS_DRIFT,
+    KNOT_STEP_S,
+    POSITION_COLUMN,
+    ROTATION,
+    Knots,
+    Observation,
+    State,
+)
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S, Positions
@@ -21,7 +29,8 @@ ANTENNA_HEADING_SIGMA_RAD: Final = np.radians(0.5)
 """Of a two-antenna heading, whose error lasts for ANTENNA_HEADING_CORRELATION_S."""
 STANDS_WITHIN_M: Final = 1.0
 """An antenna that moves by less shows no heading: it sways, or the vehicle turns about its axle."""
-NOSE: Final = np.array([1.0, 0.0, 0.0])
+MAX_HEADING_GAP_S: Final = 1.0
+"""Recorded headings further apart are not interpolated."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +81,7 @@ class AntennaPositions(Observation):
         for first, weight in ((0, 1.0 - share[:, 0]), (size, share[:, 0])):
             for axis in range(3):
                 one, two = (axis + 1) % 3, (axis + 2) % 3
-                design[:, axis, first + POSITION + axis] = weight
+                design[:, axis, first + POSITION_COLUMN + axis] = weight
                 design[:, axis, first + ROTATION + one] = weight * arm[:, two]
                 design[:, axis, first + ROTATION + two] = -weight * arm[:, one]
                 design[:, axis, first + drift + axis] = weight
@@ -168,21 +177,31 @@ class RecordedHeadings(Observation):
         t_s: (m,) UTC, increasing.
         yaw_rad: (m,) of the axis; nan where unknown.
         lasting_s: time over which the error is the same: infinite for that of a magnetometer.
+        axis_rad: direction of the axis in the vehicle frame, from the nose to the left.
     """
 
     t_s: FloatArray
     yaw_rad: FloatArray
     sigma_rad: float
     lasting_s: float = np.inf
-    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    axis_rad: float = 0.0
+
+    def at(self, t_s: FloatArray) -> FloatArray:
+        """Yaw of the nose of a level vehicle at times (n,); nan outside and in gaps of more than a second."""
+        if len(self.t_s) < 2:
+            return np.full(len(t_s), np.nan)
+        after = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
+        known = (t_s >= self.t_s[0]) & (t_s <= self.t_s[-1])
+        known &= self.t_s[after] - self.t_s[after - 1] <= MAX_HEADING_GAP_S
+        return np.where(known, np.interp(t_s, self.t_s, np.unwrap(self.yaw_rad)) - self.axis_rad, np.nan)
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """One equation for each heading."""
         t_s = self.t_s[np.isfinite(self.yaw_rad)]
         step_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else 1.0
         alike = min(max(1.0, self.lasting_s / step_s), max(1.0, float(len(t_s))))
-        yaws = (self.t_s, self.yaw_rad)
-        _add_yaws(equations, knots, state, yaws, self.sigma_rad * float(np.sqrt(alike)), np.array(self.axis))
+        sigma = self.sigma_rad * float(np.sqrt(alike))
+        _add_yaws(equations, knots, state, (self.t_s, self.yaw_rad), sigma, self.axis_rad)
 
 
 def headings_at_stands(start: Trajectory, knots: Knots, positions: Positions) -> tuple[RecordedHeadings, ...]:
@@ -211,7 +230,7 @@ def _add_yaws(
     state: State,
     yaws: tuple[FloatArray, FloatArray],
     sigma_rad: float,
-    axis: FloatArray = NOSE,
+    axis_rad: float = 0.0,
 ) -> None:
     """One equation for each yaw (m,) at a time (m,) that is known and inside the chains.
 
@@ -219,6 +238,7 @@ def _add_yaws(
     direction of an axis that is not level depends on roll and pitch as well.
     """
     t_s, yaw_rad = yaws
+    axis = np.array([np.cos(axis_rad), np.sin(axis_rad), 0.0])
     k, share, inside = knots.at(t_s)
     shown = inside & np.isfinite(yaw_rad)
     k, share = k[shown], share[shown, None]

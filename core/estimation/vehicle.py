@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.inertial import VELOCITY
-from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, POSITION, ROTATION, Knots, Observation, State, turns
+from furrowmap.core.estimation.knots import (
+    KNOT_STEP_S,
+    POSE,
+    POSITION_COLUMN,
+    ROTATION,
+    Knots,
+    Observation,
+    State,
+    turns,
+)
 from furrowmap.core.estimation.positions import AntennaHeadings, AntennaPositions, GnssDrift
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
@@ -211,7 +220,10 @@ class MotionPrior(Observation):
             rotation = state.rotation[around]
             turn = np.einsum("kij,kj->ki", rotation, turns(np.ascontiguousarray(rotation)))
             turned = turn[inner - around.start] - turn[inner - 1 - around.start]
-            for first, values, spread in ((POSITION, change, self.acceleration), (ROTATION, turned, self.turning)):
+            for first, values, spread in (
+                (POSITION_COLUMN, change, self.acceleration),
+                (ROTATION, turned, self.turning),
+            ):
                 for axis in range(3):
                     sigma = np.full(len(inner), spread[axis] * KNOT_STEP_S**1.5)
                     equations.add((inner - 1) * size + first + axis, design, -values[:, axis], sigma)

@@ -50,7 +50,7 @@ _NORTH_COMMENT: Final = """\
 # north = "magnetic"
 # declination_deg = 4.2   # positive east, of the place and date
 """
-_TRAJECTORY: Final = """\
+_TRAJECTORY_TABLE: Final = """\
 # External trajectory, used instead of GNSS and scan matching.
 [trajectory]
 {}
@@ -129,7 +129,7 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
             _recording(lidar, gnss, poses, [*states, *inertial, *attitude], folder),
             _times([match.text for match in matches], date, undated=undated),
             _crs(crs),
-            _TRAJECTORY.format(_comments(poses), _names(poses, folder)) if poses else antenna_table(machine),
+            _TRAJECTORY_TABLE.format(_comments(poses), _names(poses, folder)) if poses else antenna_table(machine),
             *([_lidar(lidar, machine)] if lidar or not (states or inertial or attitude) else []),
             *(
                 [f"[imu]\n{_comments(inertial)}\nfiles = {_names(inertial, folder)}\n{imu_lines(machine)}"]

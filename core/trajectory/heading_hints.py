@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.inertial import Increments
 from furrowmap.core.estimation.knots import KNOT_STEP_S
-from furrowmap.core.estimation.positions import RecordedHeadings
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 
@@ -27,8 +26,6 @@ OF_TURN: Final = 0.3
 """Error of a way's direction as a share of the turn within it: speed changes in turns."""
 DIRECTED: Final = 0.3
 """The way forward less that in reverse, as a share of both: with less it is not certain where the nose is."""
-MAX_HEADING_GAP_S: Final = 1.0
-"""Recorded headings further apart are not interpolated."""
 HEADING_CHANGE_CORRELATION_S: Final = 10.0
 """Time over which what changes of a recorded heading's error, as large as what stays, is the same."""
 DECISIVE: Final = 25.0
@@ -172,41 +169,6 @@ class Course(HeadingHint):
         design[:, :3] = np.cross(left, own) @ rotation.T
         design[:, 3:6] = np.einsum("ki,kij->kj", -np.cross(axes[:, :, 1], own), swept)
         return HintRows(design, of_arm - (left * own).sum(axis=1), self._sigma_m(way, turn) ** -2)
-
-
-@dataclass(frozen=True)
-class HeadingLog:
-    """Directions of the vehicle by another device, by the IMU's own filter, or by two antennas.
-
-    Attributes:
-        t_s: (m,) UTC, increasing.
-        yaw_rad: (m,) of an axis of the vehicle, counterclockwise from the map's x axis.
-        sigma_rad: standard deviation of the error.
-        lasting_s: time over which the error is the same.
-        axis_rad: direction of the axis in the vehicle frame, from the nose to the left.
-    """
-
-    t_s: FloatArray
-    yaw_rad: FloatArray
-    sigma_rad: float
-    lasting_s: float = np.inf
-    axis_rad: float = 0.0
-
-    @property
-    def observation(self) -> RecordedHeadings:
-        """The headings as observations of the adjustment."""
-        axis = (float(np.cos(self.axis_rad)), float(np.sin(self.axis_rad)), 0.0)
-        return RecordedHeadings(self.t_s, self.yaw_rad, self.sigma_rad, self.lasting_s, axis)
-
-    def at(self, t_s: FloatArray) -> FloatArray:
-        """Yaw of the nose of a level vehicle at times (n,); nan outside and in gaps of more than a second."""
-        if len(self.t_s) < 2:
-            return np.full(len(t_s), np.nan)
-        after = np.clip(np.searchsorted(self.t_s, t_s), 1, len(self.t_s) - 1)
-        known = (
-            (t_s >= self.t_s[0]) & (t_s <= self.t_s[-1]) & (self.t_s[after] - self.t_s[after - 1] <= MAX_HEADING_GAP_S)
-        )
-        return np.where(known, np.interp(t_s, self.t_s, np.unwrap(self.yaw_rad)) - self.axis_rad, np.nan)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.inertial import INERTIAL, InertialLinks, Site, increments
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots, Observation, State, knots_over
+from furrowmap.core.estimation.positions import RecordedHeadings
 from furrowmap.core.estimation.vehicle import AlongNose, Standing
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
@@ -20,7 +21,7 @@ from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.trajectory.alignment import HALF_S, attitudes
-from furrowmap.core.trajectory.heading_hints import Course, HeadingHint, HeadingLog, RecordedHeading
+from furrowmap.core.trajectory.heading_hints import Course, HeadingHint, RecordedHeading
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S, GnssTrack, Positions
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
@@ -96,7 +97,7 @@ class Hints:
     """
 
     on_wheels: bool = False
-    heading: HeadingLog | None = None
+    heading: RecordedHeadings | None = None
     unasked: bool = False
 
     def of_chain(self, t_s: FloatArray, antenna_m: FloatArray, p: Positions, lever_m: FloatArray) -> HeadingHint | None:
@@ -111,8 +112,7 @@ class Hints:
     def observations(self, track: InertialTrack, positions: Positions) -> tuple[Observation, ...]:
         """What joins the adjustment of an IMU and positions."""
         wheels = (AlongNose(), Standing.find(track, positions)) if self.on_wheels else ()
-        log = self.heading
-        return wheels if log is None else (*wheels, log.observation)
+        return wheels if self.heading is None else (*wheels, self.heading)
 
 
 NO_HINTS: Final = Hints()

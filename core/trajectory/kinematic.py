@@ -37,7 +37,7 @@ STAND_STEP_M: Final = 0.0005
 STAND_STEP_RAD: Final = np.radians(0.005)
 PATH_ROUNDS: Final = 12
 CONVERGED_RAD: Final = 1e-5
-OUTLIER_SIGMAS: Final = 6.0
+POSITION_OUTLIER_SIGMAS: Final = 6.0
 """Standard deviations beyond which a position is counted as one that does not fit. Of normal noise in two axes 1.1 %
 are beyond three, and on ploughed ground the antenna sways by up to five of its noise."""
 MAX_SCATTER: Final = 3.0
@@ -158,7 +158,7 @@ def outliers(normed: FloatArray) -> BoolArray:
     """
     known = normed[np.isfinite(normed)]
     scatter = float(np.clip(np.median(known) / USUAL, 1.0, MAX_SCATTER)) if len(known) else 1.0
-    return np.asarray(np.nan_to_num(normed) > OUTLIER_SIGMAS * scatter)
+    return np.asarray(np.nan_to_num(normed) > POSITION_OUTLIER_SIGMAS * scatter)
 
 
 def _turned(yaw_rad: FloatArray, lever_m: tuple[float, float, float]) -> FloatArray:

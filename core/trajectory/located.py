@@ -11,7 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.aiding import Aid
-from furrowmap.core.estimation.positions import ANTENNA_HEADING_CORRELATION_S, ANTENNA_HEADING_SIGMA_RAD
+from furrowmap.core.estimation.positions import (
+    ANTENNA_HEADING_CORRELATION_S,
+    ANTENNA_HEADING_SIGMA_RAD,
+    RecordedHeadings,
+)
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.readers.imu_check import imu_notices
@@ -27,7 +31,6 @@ from furrowmap.core.trajectory.from_course import trajectory_from_course
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory, trajectory_from_gnss
 from furrowmap.core.trajectory.from_inertial import InertialFigures, trajectory_from_inertial
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
-from furrowmap.core.trajectory.heading_hints import HeadingLog
 from furrowmap.core.trajectory.inertial_start import Hints, MountedImu, site_of
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.trajectory.positions import fixes_from_labels, quality_words
@@ -36,7 +39,7 @@ from furrowmap.core.values.inertial import inertial_noise
 from furrowmap.core.values.pose_track import TRUE_NORTH
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.session import ORIGIN, Antenna, Session
-from furrowmap.core.values.time_span import inertial_within, poses_within, track_within
+from furrowmap.core.values.time_span import inertial_within, track_within
 from furrowmap.core.values.trajectory import Trajectory
 
 SLOWEST_DIRECTIONS_S: Final = 0.3
@@ -103,7 +106,7 @@ def locate(
         return [Notice("attitude-unused", used=used)] if session.attitude is not None else []
 
     if isinstance(positions, GivesPoses) and session.trajectory is not None:
-        poses, transformed = transform_poses(poses_within(positions.poses(), session.recording.span_s), frame)
+        poses, transformed = transform_poses(track_within(positions.poses(), session.recording.span_s), frame)
         notices = (*transformed.notices, *unused_attitude("[trajectory]"))
         return Located(trajectory_from_poses(poses, frame), "file", {}, notices, transformed=transformed)
     assert isinstance(positions, GivesTrack)
@@ -144,7 +147,7 @@ def middle_s(track: GnssTrack) -> float:
     return float(np.median(track.t_s)) if len(track) else 0.0
 
 
-def _heading_log(session: Session, frame: MapFrame, track: GnssTrack, reader: AttitudeReader) -> HeadingLog:
+def _heading_log(session: Session, frame: MapFrame, track: GnssTrack, reader: AttitudeReader) -> RecordedHeadings:
     """The headings of the vehicle that `[attitude] heading` names, from grid north."""
     table = session.attitude
     assert table is not None
@@ -157,7 +160,7 @@ def _heading_log(session: Session, frame: MapFrame, track: GnssTrack, reader: At
         lon, lat = middle_deg(track.lon_deg, track.lat_deg)
         heading = heading - float(frame.convergence_deg(np.array([lon]), np.array([lat]))[0])
     sigma_deg = table.heading_sigma_deg or HEADING_SIGMA_DEG
-    return HeadingLog(log.t_s[known], np.radians(90.0 - heading), float(np.radians(sigma_deg)))
+    return RecordedHeadings(log.t_s[known], np.radians(90.0 - heading), float(np.radians(sigma_deg)))
 
 
 def _of_nose(track: GnssTrack, session: Session) -> GnssTrack:
@@ -167,7 +170,7 @@ def _of_nose(track: GnssTrack, session: Session) -> GnssTrack:
     return replace(track, heading_deg=(track.heading_deg + session.antenna.baseline_yaw_deg) % 360.0)
 
 
-def _antennas_log(session: Session, frame: MapFrame, track: GnssTrack) -> HeadingLog:
+def _antennas_log(session: Session, frame: MapFrame, track: GnssTrack) -> RecordedHeadings:
     """The directions of the baseline between two antennas that the log of positions holds, from grid north."""
     known = np.isfinite(track.heading_deg)
     if known.sum() < 2:
@@ -178,7 +181,7 @@ def _antennas_log(session: Session, frame: MapFrame, track: GnssTrack) -> Headin
     stated = antenna.heading_sigma_deg
     sigma = float(np.radians(stated)) if stated is not None else float(ANTENNA_HEADING_SIGMA_RAD)
     baseline = float(np.radians(antenna.baseline_yaw_deg))
-    return HeadingLog(track.t_s[known], yaw, sigma, ANTENNA_HEADING_CORRELATION_S, baseline)
+    return RecordedHeadings(track.t_s[known], yaw, sigma, ANTENNA_HEADING_CORRELATION_S, baseline)
 
 
 def _with_imu(

@@ -46,7 +46,7 @@ JUMP_SIGMAS: Final = 6.0
 MIN_POSITIONS_FOR_STEPS: Final = 10
 MAX_STEP_INTERVALS: Final = 5.5
 """Steps across gaps longer than this many intervals show nothing."""
-MAX_SPEED_MPS: Final = 15.0
+MAX_DRIVE_SPEED_MPS: Final = 15.0
 MAX_ACCELERATION_MPS2: Final = 3.0
 """A position that is further from its neighbours than a tractor's speed and acceleration explain is a jump."""
 CLIMB_WINDOWS_S: Final = (3.0, 10.0, 30.0)
@@ -248,7 +248,7 @@ def jumps(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np
     around = n - 1 - np.abs(n - 1 - around)
     off = np.abs(xyz_m - np.median(xyz_m[around], axis=1))
     dt = t_s[around] - t_s[:, None]
-    reach = 0.5 * MAX_ACCELERATION_MPS2 * (dt**2).max(axis=1) + MAX_SPEED_MPS * np.abs(dt.mean(axis=1))
+    reach = 0.5 * MAX_ACCELERATION_MPS2 * (dt**2).max(axis=1) + MAX_DRIVE_SPEED_MPS * np.abs(dt.mean(axis=1))
     limit = reach[:, None] + np.maximum([JUMP_FLOOR_M, HEIGHT_JUMP_FLOOR_M], JUMP_SIGMAS * sigma_m)
     with np.errstate(invalid="ignore"):
         return np.asarray((np.hypot(off[:, 0], off[:, 1]) > limit[:, 0]) | (off[:, 2] > limit[:, 1]))

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Final, Protocol
+from typing import Final, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import GnssTrack
@@ -18,6 +17,7 @@ from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.scan import Scan
 
+Track = TypeVar("Track", GnssTrack, PoseTrack)
 Span = tuple[float, float]
 """First and last UTC (POSIX seconds), both included; infinite where open."""
 WHOLE_SPAN: Final[Span] = (-math.inf, math.inf)
@@ -37,42 +37,27 @@ def scans_within(scans: Iterator[Scan], span_s: Span) -> Iterator[Scan]:
         yield scan if inside.all() else replace(scan[inside], whole=False)
 
 
-def track_within(track: GnssTrack, span_s: Span) -> GnssTrack:
-    """The positions in a span. Raises InputError if there is none."""
+def track_within(track: Track, span_s: Span) -> Track:
+    """The positions or poses in a span. Raises InputError if there is none."""
     if span_s == WHOLE_SPAN:
         return track
     inside = (track.t_s >= span_s[0]) & (track.t_s <= span_s[1])
-    if not inside.any():
-        raise _nothing(track.source, track.t_s, span_s)
-    return track[inside]
-
-
-def poses_within(poses: PoseTrack, span_s: Span) -> PoseTrack:
-    """The poses in a span. Raises InputError if there is none."""
-    if span_s == WHOLE_SPAN:
-        return poses
-    inside = (poses.t_s >= span_s[0]) & (poses.t_s <= span_s[1])
-    if not inside.any():
-        raise _nothing(poses.source, poses.t_s, span_s)
-    return poses[inside]
+    if inside.any():
+        return track[inside]
+    ends = ["the start" if t == -math.inf else "the end" if t == math.inf else iso_utc(t) for t in span_s]
+    raise InputError(
+        "no-such-time",
+        source=track.source,
+        wanted=" to ".join(ends),
+        t_s=iso_utc(float(track.t_s[0])) if len(track) else None,
+        t_s_last=iso_utc(float(track.t_s[-1])) if len(track) else None,
+    )
 
 
 def inertial_within(measured: InertialTrack, span_s: Span) -> InertialTrack:
     """The measurements of an IMU in a span."""
     first, end = np.searchsorted(measured.t_s, span_s[0]), np.searchsorted(measured.t_s, span_s[1], side="right")
     return measured.part(slice(int(first), int(end)))
-
-
-def _nothing(source: str, t_s: FloatArray, span_s: Span) -> InputError:
-    ends = ["the start" if t == -math.inf else "the end" if t == math.inf else iso_utc(t) for t in span_s]
-    wanted = " to ".join(ends)
-    return InputError(
-        "no-such-time",
-        source=source,
-        wanted=wanted,
-        t_s=iso_utc(float(t_s[0])) if len(t_s) else None,
-        t_s_last=iso_utc(float(t_s[-1])) if len(t_s) else None,
-    )
 
 
 class Interval(Protocol):

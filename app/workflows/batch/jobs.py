@@ -29,7 +29,7 @@ from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import Inputs, OpenSession
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
 from furrowmap.core.values.session import Session
-from furrowmap.core.values.time_span import poses_within, track_within
+from furrowmap.core.values.time_span import track_within
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.exporters.files.atomic import atomic_output, relative_path
 from furrowmap.exporters.files.batch_state import Failure, Stamp
@@ -237,7 +237,7 @@ def _places(opened: OpenSession) -> tuple[NDArray[np.float64], NDArray[np.float6
     reader, span_s = opened.positions(), opened.session.recording.span_s
     if opened.session.trajectory is not None:
         assert isinstance(reader, GivesPoses)
-        poses, _ = transform_poses(poses_within(reader.poses(), span_s), opened.frame)
+        poses, _ = transform_poses(track_within(reader.poses(), span_s), opened.frame)
         trajectory = trajectory_from_poses(poses, opened.frame)
         return trajectory.t_s, trajectory.xyz_m[:, :2]
     assert isinstance(reader, GivesTrack)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.knots import KNOT_STEP_S
+from furrowmap.core.estimation.positions import RecordedHeadings
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.from_inertial import InertialTrajectory, trajectory_from_inertial
-from furrowmap.core.trajectory.heading_hints import HeadingLog
 from furrowmap.core.trajectory.inertial_checks import densities
 from furrowmap.core.trajectory.inertial_start import NO_HINTS, Hints, MountedImu
 from furrowmap.core.trajectory.located import Companions, locate
@@ -179,7 +179,7 @@ def test_hover__shows_no_heading_and_is_refused() -> None:
     assert caught.value.code == "heading-unknown"
 
 
-def baseline(flight: Flight, across_rad: float, sigma_deg: float, lasting_s: float = 10.0) -> HeadingLog:
+def baseline(flight: Flight, across_rad: float, sigma_deg: float, lasting_s: float = 10.0) -> RecordedHeadings:
     """Headings of two antennas at 10 Hz, with errors that last."""
     t, random = np.arange(0.1, flight.length_s, 0.1), np.random.default_rng([flight.seed, 97])
     axis = (np.cos(across_rad), np.sin(across_rad), 0.0)
@@ -189,7 +189,7 @@ def baseline(flight: Flight, across_rad: float, sigma_deg: float, lasting_s: flo
         off.append(kept * off[-1] + np.sqrt(1.0 - kept**2) * random.normal())
     sigma = float(np.radians(sigma_deg))
     yaw = np.arctan2(along[:, 1], along[:, 0]) + sigma * np.array(off)
-    return HeadingLog(BEGIN_S + t, yaw, sigma, lasting_s, across_rad)
+    return RecordedHeadings(BEGIN_S + t, yaw, sigma, lasting_s, across_rad)
 
 
 @pytest.mark.parametrize("across_deg", [90.0, -160.0])
@@ -212,7 +212,7 @@ def test_two_antennas_at_a_hover__show_the_heading_within_its_sigma() -> None:
         yaw, sigma = 0.3 * seed, float(np.radians(0.5))
         noise = baseline(flight, 0.0, 0.5)
         exact = baseline(flight, 0.0, 0.0)
-        log = HeadingLog(noise.t_s, yaw + (noise.yaw_rad - exact.yaw_rad), sigma, 10.0)
+        log = RecordedHeadings(noise.t_s, yaw + (noise.yaw_rad - exact.yaw_rad), sigma, 10.0)
         hovered = found(track, rest, Hints(heading=log)).trajectory
         off = wrap_deg(hovered.attitude_deg()[2] - (90.0 - np.degrees(yaw)))
         ratio.append(np.median(off) / np.median(hovered.sigma[:, 5]))

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.knots import KNOT_STEP_S
-from furrowmap.core.trajectory.heading_hints import HEADING_CHANGE_CORRELATION_S, Course, HeadingLog, RecordedHeading
+from furrowmap.core.estimation.positions import RecordedHeadings
+from furrowmap.core.trajectory.heading_hints import HEADING_CHANGE_CORRELATION_S, Course, RecordedHeading
 
 FloatArray = NDArray[np.float64]
 LEVER_M = np.array([0.8, 0.3, 1.0])
@@ -147,8 +148,8 @@ def test_nose__is_shown_by_three_tenths_more_of_the_way_in_one_direction(reverse
 
 def test_heading_log__has_headings_within_its_times_and_gaps_of_a_second() -> None:
     """From 3 to -3 rad is a turn to the left through half a circle; the axis is square to the left of the nose."""
-    log = HeadingLog(np.array([10.0, 11.0, 12.5]), np.array([3.0, -3.0, -2.9]), 0.01, axis_rad=0.5 * np.pi)
+    log = RecordedHeadings(np.array([10.0, 11.0, 12.5]), np.array([3.0, -3.0, -2.9]), 0.01, axis_rad=0.5 * np.pi)
     found = log.at(np.array([9.99, 10.0, 10.5, 11.0, 11.7, 12.51]))
     assert np.isfinite(found).tolist() == [False, True, True, True, False, False]
     assert found[1:4] == pytest.approx(np.array([3.0, np.pi, 2.0 * np.pi - 3.0]) - 0.5 * np.pi)
-    assert np.isnan(HeadingLog(np.array([10.0]), np.array([3.0]), 0.01).at(np.array([10.0]))).all()
+    assert np.isnan(RecordedHeadings(np.array([10.0]), np.array([3.0]), 0.01).at(np.array([10.0]))).all()

@@ -14,7 +14,7 @@ from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import PoseTrack
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.time_span import WHOLE_SPAN, inertial_within, poses_within, scans_within, track_within
+from furrowmap.core.values.time_span import WHOLE_SPAN, inertial_within, scans_within, track_within
 
 ENDS = st.one_of(st.just(-math.inf), st.just(math.inf), st.floats(-2.0, 14.0))
 
@@ -65,10 +65,10 @@ def test_tracks__of_positions_poses_and_imu_are_cut_at_both_ends() -> None:
     track = GnssTrack.build(t_s, source="gnss.nmea", lon_deg=t_s, lat_deg=t_s)
     poses = PoseTrack(t_s, zeros, True, t_s, t_s, t_s, False, np.zeros((10, 6)), "poses.csv")
     imu = InertialTrack(t_s, zeros, zeros, "imu.csv")
-    for found in (track_within(track, (2.5, 6.0)), poses_within(poses, (2.5, 6.0)), inertial_within(imu, (2.5, 6.0))):
+    for found in (track_within(track, (2.5, 6.0)), track_within(poses, (2.5, 6.0)), inertial_within(imu, (2.5, 6.0))):
         assert found.t_s.tolist() == [3.0, 4.0, 5.0, 6.0]
     assert track_within(track, (2.5, 6.0)).lon_deg.tolist() == [3.0, 4.0, 5.0, 6.0]
-    assert poses_within(poses, (2.5, 6.0)).heading_deg.tolist() == [3.0, 4.0, 5.0, 6.0]
+    assert track_within(poses, (2.5, 6.0)).heading_deg.tolist() == [3.0, 4.0, 5.0, 6.0]
     assert track_within(track, WHOLE_SPAN) is track
     assert len(inertial_within(imu, WHOLE_SPAN)) == 10
 
@@ -78,7 +78,7 @@ def test_spans_without_positions__are_refused_with_the_times_there_are(span_s: t
     t_s = np.arange(10.0)
     track = GnssTrack.build(t_s, source="gnss.nmea", lon_deg=t_s, lat_deg=t_s)
     poses = PoseTrack(t_s, np.zeros((10, 3)), True, t_s, t_s, t_s, False, np.zeros((10, 6)), "a.csv")
-    for call in (lambda: track_within(track, span_s), lambda: poses_within(poses, span_s)):
+    for call in (lambda: track_within(track, span_s), lambda: track_within(poses, span_s)):
         with pytest.raises(InputError) as error:
             call()
         assert error.value.code == "no-such-time"
