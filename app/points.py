@@ -72,7 +72,7 @@ class Points:
             if self.classes is not None:
                 kept &= np.isin(batch.classification, list(self.classes))
             if kept.any():
-                yield _structured(batch.where(kept))
+                yield _to_structured(batch.where(kept))
 
     def read(self) -> NDArray[np.void]:
         """All points, a structured array (n,) of dtype `POINT`; 45 bytes a point."""
@@ -116,7 +116,7 @@ def open_points(path: str | Path, bounds: Box | None = None, classes: Iterable[i
     return Points(open_cloud(Path(path)), bounds, frozenset(classes) if classes is not None else None)
 
 
-def _structured(batch: CloudBatch) -> NDArray[np.void]:
+def _to_structured(batch: CloudBatch) -> NDArray[np.void]:
     out = np.zeros(len(batch), POINT)
     out["x"], out["y"], out["z"] = batch.xyz_m.T
     out["t_s"] = batch.t_s if batch.t_s is not None else np.nan

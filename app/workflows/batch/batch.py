@@ -41,7 +41,7 @@ from furrowmap.workflows.batch.jobs import (
     prepare,
 )
 from furrowmap.workflows.batch.places import Store, find_remote, is_url, scratch
-from furrowmap.workflows.batch.sources import BatchSource, find_sources, named, stamp
+from furrowmap.workflows.batch.sources import BatchSource, assign_names, find_sources, stamp
 from furrowmap.workflows.batch.task import input_stamps, run_job
 from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
 from furrowmap.workflows.session.machines import machine_file
@@ -207,7 +207,7 @@ class _Batch:
                 key = identity(source.place, visit)
                 wanted.append((key, (*source.parts, visit.name) if visit is not None else source.parts))
                 made[key] = (source, found, visit)
-        names = named(wanted, state.sources())
+        names = assign_names(wanted, state.sources())
         if not dry_run:
             state.keep_names(names)
         process = ProcessSettings.of_this_process(force.threads)

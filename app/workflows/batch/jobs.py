@@ -33,7 +33,7 @@ from furrowmap.core.values.time_span import track_within
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.exporters.files.atomic import atomic_output, relative_path
 from furrowmap.exporters.files.batch_state import Failure, Stamp
-from furrowmap.workflows.batch.places import scratch, staged
+from furrowmap.workflows.batch.places import fetch_session, scratch
 from furrowmap.workflows.batch.sources import BatchSource
 from furrowmap.workflows.batch.workforce import ProcessSettings
 from furrowmap.workflows.session.init import proposed
@@ -128,7 +128,7 @@ def prepare(source: BatchSource, machine: str, boundaries: str) -> PreparedSourc
         with ExitStack() as stack:
             file = source.file
             if source.url:
-                file = staged(source.url, source.stamps, Path(stack.enter_context(scratch())))
+                file = fetch_session(source.url, source.stamps, Path(stack.enter_context(scratch())))
             text = (
                 proposed([file.parent], file.parent, machine or None)[0].text
                 if source.made
@@ -155,7 +155,7 @@ def open_job(job: Job) -> OpenSession:
     frame = map_frame(session.crs, inputs.parameters, inputs.geoid_grid)
     if job.visit is not None:
         boundary = _outline_file(Path(job.results) / OUTLINES_FOLDER, job.visit.outline)
-        session = _of_visit(session, job.visit, relative_path(boundary, file.parent) or str(boundary))
+        session = _restrict_to_visit(session, job.visit, relative_path(boundary, file.parent) or str(boundary))
         inputs = replace(inputs, boundary=boundary)
     return OpenSession(file, session, inputs, frame)
 
@@ -233,7 +233,7 @@ def _visits(file: Path, session: Session, fields: Sequence[FieldOutline]) -> lis
 
 
 def _places(opened: OpenSession) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times (n,) and places (n, 2) on the map of the antenna, or of a trajectory from elsewhere."""
+    """Times (n,) and places (n, 2) on the map of the antenna, or of an external trajectory."""
     reader, span_s = opened.positions(), opened.session.recording.span_s
     if opened.session.trajectory is not None:
         assert isinstance(reader, GivesPoses)
@@ -264,7 +264,7 @@ def _outline_file(folder: Path, outline: str) -> Path:
     return path
 
 
-def _of_visit(session: Session, visit: FieldVisit, boundary: str) -> Session:
+def _restrict_to_visit(session: Session, visit: FieldVisit, boundary: str) -> Session:
     recording, first, last = session.recording, *session.recording.span_s
     begin, end = max(first, visit.span_s[0]), min(last, visit.span_s[1])
     replaced: dict[str, Any] = {

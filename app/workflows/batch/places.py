@@ -138,7 +138,7 @@ def find_remote(url: str) -> Iterator[BatchSource]:
         yield BatchSource(Path(SESSION_FILE), parts, made, inside, url=f"{store.url}/{home}".rstrip("/"))
 
 
-def staged(url: str, stamps: Sequence[Stamp], folder: Path) -> Path:
+def fetch_session(url: str, stamps: Sequence[Stamp], folder: Path) -> Path:
     """The session file of a source in a store, after its files have been copied into a folder."""
     home = folder / (posixpath.basename(url) or "session")
     Store(url).fetch([posixpath.relpath(one.path, url) for one in stamps], home)

@@ -74,7 +74,7 @@ def stamp(path: Path) -> Stamp:
     return Stamp(str(path), status.st_size, str(status.st_mtime_ns))
 
 
-def named(sources: Iterable[tuple[str, Sequence[str]]], known: Mapping[str, str]) -> dict[str, str]:
+def assign_names(sources: Iterable[tuple[str, Sequence[str]]], known: Mapping[str, str]) -> dict[str, str]:
     """A name for each source, which is that of its result folder.
 
     A source keeps the name that it has. Others are named after their folders, with a few digits of a hash where that

@@ -20,7 +20,7 @@ from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.vectors.batch_table import FIGURES, outlines
 from furrowmap.results import Result, open_result
 from furrowmap.workflows.batch.jobs import Job, key_of, open_job
-from furrowmap.workflows.batch.places import earlier_in_store, put_result, scratch, staged, store_failure
+from furrowmap.workflows.batch.places import earlier_in_store, fetch_session, put_result, scratch, store_failure
 from furrowmap.workflows.batch.sources import stamp
 from furrowmap.workflows.run.run import run_opened
 
@@ -62,7 +62,7 @@ def _run_with_store(job: Job) -> SessionOutcome:
         if target and job.url and (earlier := earlier_in_store(target, key, job.stamps)) is not None:
             return earlier
         with scratch() as folder:
-            file = str(staged(job.url, job.stamps, Path(folder))) if job.url else job.file
+            file = str(fetch_session(job.url, job.stamps, Path(folder))) if job.url else job.file
             results = str(Path(folder) / "results") if target else job.results
             local = replace(job, file=file, results=results, url="", results_url="")
             outcome = run_job(local)
@@ -70,10 +70,10 @@ def _run_with_store(job: Job) -> SessionOutcome:
             if target and outcome.failure is None:
                 put_result(local.folder, target, outcome)
             return outcome
-    except Exception as error:  # noqa: BLE001 whatever a store or its library raises is told in the table
+    except Exception as error:  # noqa: BLE001 whatever a store or its library raises is a row of the table
         ours = isinstance(error, FurrowmapError | MemoryError)
-        told = as_furrowmap_error(error) if ours else store_failure(job.url or target, error)
-        return SessionOutcome("", job.stamps, Failure.from_error(told))
+        ended_by = as_furrowmap_error(error) if ours else store_failure(job.url or target, error)
+        return SessionOutcome("", job.stamps, Failure.from_error(ended_by))
 
 
 def input_stamps(opened: OpenSession) -> tuple[Stamp, ...]:

@@ -90,7 +90,7 @@ def calibrate(
     before = load_machine(profile) if profile is not None else None
     opened = open_session(file)
     with using_threads(opened.session.run.threads, by_default=True):
-        found = _estimate(opened, progress)
+        found = _calibrate_session(opened, progress)
     if write and found.differs:
         write_calibration(file, found)
     if profile is not None and before is not None:
@@ -110,11 +110,11 @@ def write_calibration(session_file: Path, calibration: Calibration) -> None:
         unfinished.write_bytes(text.encode("utf-8"))
 
 
-def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
+def _calibrate_session(opened: OpenSession, progress: Progress) -> Calibration:
     session_file, session = opened.file, opened.session
     located = locate(opened.positions(), session, opened.frame, companions(opened))
     if located.source == "imu" and located.antenna is None:
-        return _by_strips(opened, located, progress)
+        return _calibrate_by_strips(opened, located, progress)
     if located.antenna is None:
         raise _not_shown(session_file, "its trajectory comes from a file, not from GNSS")
     try:
@@ -141,7 +141,7 @@ def _estimate(opened: OpenSession, progress: Progress) -> Calibration:
     )
 
 
-def _by_strips(opened: OpenSession, located: Located, progress: Progress) -> Calibration:
+def _calibrate_by_strips(opened: OpenSession, located: Located, progress: Progress) -> Calibration:
     """The boresight of a scanner on an aircraft, from ground that is seen at several times."""
     stated, trajectory = opened.session.lidar.mounting, located.trajectory
     carrier, _ = carrier_of(located, opened.session, opened.inputs.mount)

@@ -69,8 +69,8 @@ def colour(
     target.parent.mkdir(parents=True, exist_ok=True)
     with using(scratch_folder=target.parent):
         figures = _write(clouds, _frames(opened, notices, progress), target, progress)
-    told = [*notices, *clouds.notices, *figures.notices]
-    return dict(plain({"cloud": source.name, "figures": figures.plain(), "warnings": list(dict.fromkeys(told))}))
+    warnings = [*notices, *clouds.notices, *figures.notices]
+    return dict(plain({"cloud": source.name, "figures": figures.plain(), "warnings": list(dict.fromkeys(warnings))}))
 
 
 def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> Frames:

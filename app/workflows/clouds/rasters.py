@@ -89,7 +89,7 @@ class CloudRasters:
         """The input of derived rasters: the ground, or the surface where the ground is not classified."""
         return DSM if self.method == "none" else DTM
 
-    def surfaces(self, spooled: SpooledClouds, progress: Progress) -> None:
+    def write_surfaces(self, spooled: SpooledClouds, progress: Progress) -> None:
         """Write the surfaces of the points."""
         settings = self.settings
         with ExitStack() as stack:
@@ -107,7 +107,7 @@ class CloudRasters:
             for name in (DSM, DTM) if self.method != "none" else (DSM,):
                 self._fill(name, progress)
 
-    def derived(self, progress: Progress) -> tuple[dict[str, Any], list[Notice]]:
+    def write_derived(self, progress: Progress) -> tuple[dict[str, Any], list[Notice]]:
         """Write the rasters derived from the surfaces; returns their figures and notices."""
         grid, cell_m = self.grid, self.grid.cell_m
         notices: list[Notice] = []

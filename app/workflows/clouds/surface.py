@@ -104,12 +104,12 @@ def _write_surfaces(
         if grid is None:
             raise no_points_error(clouds, box)
         method = ground_method(settings.ground, spooled)
-        report([*clouds.notices, *spooled.notices, *_mostly_empty(grid, spooled.count)])
+        report([*clouds.notices, *spooled.notices, *_sparse_notices(grid, spooled.count)])
         records = input_records(clouds, progress)
         files = [*records, *area_records(clouds)]
         rasters = CloudRasters(staging, clouds, grid, settings, box, method, files, spooled.span_s)
-        rasters.surfaces(spooled, progress)
-    figures, notices = rasters.derived(progress)
+        rasters.write_surfaces(spooled, progress)
+    figures, notices = rasters.write_derived(progress)
     report(notices)
     size = {"points": spooled.count, "cell_m": cell_m, "columns": grid.columns, "rows": grid.rows}
     return {
@@ -136,7 +136,7 @@ def ground_method(stated: GroundMethod | Literal["auto"], spooled: SpooledClouds
     return stated
 
 
-def _mostly_empty(grid: Grid, points: int) -> list[Notice]:
+def _sparse_notices(grid: Grid, points: int) -> list[Notice]:
     """A warning about a grid that is mostly empty, before the long work on it."""
     cells = grid.rows * grid.columns
     if cells < MANY_CELLS or points >= SPARSE_SHARE * cells:

@@ -44,7 +44,7 @@ from furrowmap.exporters.vectors.parcel_table import write_parcel_table
 from furrowmap.settings import GrowthSettings
 from furrowmap.workflows.clouds.inputs import input_records, input_rows
 from furrowmap.workflows.clouds.surface import no_warning
-from furrowmap.workflows.crops.parcels import collect
+from furrowmap.workflows.crops.parcels import collect_points
 
 
 def growth(
@@ -84,17 +84,17 @@ def growth(
         refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
-    by_day, notices = _by_day(opened, areas, settings.days), list(opened.notices)
+    by_day, notices = _clouds_by_day(opened, areas, settings.days), list(opened.notices)
     with staged_folder(folder) as staging, ExitStack() as stack:
         flights = [stack.enter_context(ParcelPoints(areas, staging.parent)) for _ in by_day]
         for points, part in zip(flights, by_day.values(), strict=True):
-            notices += collect(part, file, points, settings.classes, progress)[0]
+            notices += collect_points(part, file, points, settings.classes, progress)[0]
         days = list(by_day)
         cells, changes = align_flights(days, flights)
         grown = measure_growth(days, flights, cells, changes, progress)
         records = [*input_records(opened, progress), *file_records([file], file.parent)]
         layer = _write(staging, grown, days, opened.crs, records)
-        for notice in (notices := [*notices, *_unmeasured(grown)]):
+        for notice in (notices := [*notices, *_unmeasured_notices(grown)]):
             warn(notice)
         account = {
             "furrowmap": version("furrowmap"),
@@ -134,7 +134,7 @@ def _flights(by_day: Mapping[dt.date, Clouds], changes: Sequence[SoilChange]) ->
     ]
 
 
-def _by_day(clouds: Clouds, parcels: Sequence[Parcel], stated: Sequence[str] | None) -> dict[dt.date, Clouds]:
+def _clouds_by_day(clouds: Clouds, parcels: Sequence[Parcel], stated: Sequence[str] | None) -> dict[dt.date, Clouds]:
     """The clouds of each day, days increasing."""
     if stated is not None and len(stated) != len(clouds.files):
         raise UsageError("usage.by-day", stated=len(stated), files=len(clouds.files))
@@ -174,7 +174,7 @@ def _rows(layer: Layer) -> list[dict[str, Any]]:
     ]
 
 
-def _unmeasured(grown: Sequence[GrownParcel]) -> list[Notice]:
+def _unmeasured_notices(grown: Sequence[GrownParcel]) -> list[Notice]:
     """A warning about parcels without growth."""
     names = [row.parcel.id for row in grown if row.growth is None]
     if not names:

@@ -95,11 +95,11 @@ def parcels(
         refuse_products(folder, PARCEL_PRODUCTS, overwrite=overwrite)
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
-    _treated(areas, settings, dt.date.max)  # what is wrong with the table is told before the work
+    _assign_treatments(areas, settings, dt.date.max)  # an error of the table is raised before the work
     around_m = PUBLISHED_STRIP_M if settings.published else None
     with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, around_m) as points:
         expect_soil(soil_file(settings.soil), opened.crs, points.box_m)
-        notices, span_s = collect(opened, file, points, settings.classes, progress)
+        notices, span_s = collect_points(opened, file, points, settings.classes, progress)
         records = _records(opened, (soil_file(settings.soil), file), progress)
         origin = Origin("Crop height", inputs=[(record.name, record.sha256) for record in records], span_s=span_s)
         written = write_parcels(staging, points, settings, opened.crs, origin, progress)
@@ -155,13 +155,13 @@ def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints 
         yield None
         return
     areas = read_parcels(path, opened.frame.crs, settings.net_inset_m)
-    _treated(areas, settings, dt.date.max)  # what is wrong with the table is told before the work
+    _assign_treatments(areas, settings, dt.date.max)  # an error of the table is raised before the work
     with ParcelPoints(areas, folder, PUBLISHED_STRIP_M if settings.published else None) as points:
         expect_soil(soil_file(settings.soil), opened.frame.crs, points.box_m)
         yield points
 
 
-def collect(
+def collect_points(
     clouds: Clouds, parcels: Path, points: ParcelPoints, classes: frozenset[int] | None, progress: Progress
 ) -> tuple[list[Notice], tuple[float, float] | None]:
     """Collect the points of the parcels; notices about the clouds, and the first and last UTC.
@@ -217,13 +217,13 @@ def write_parcels(
         if heights.write(folder / CROP_HEIGHT, crs, origin):
             (folder / style_of(CROP_HEIGHT)).write_text(packaged_style(style_of(CROP_HEIGHT)), encoding="utf-8")
     day = local_day(origin.span_s[0], crs, (place.x, place.y)) if origin.span_s is not None else None
-    treated, notices = _treated([row.parcel for row in found], settings, day)
+    treated, notices = _assign_treatments([row.parcel for row in found], settings, day)
     found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]
     layer = parcel_layer(found)
     write_parcel_table(folder / PARCEL_TABLE, layer)
     write_parcel_sheet(folder / PARCEL_SHEET, layer)
     unknown = [row.parcel.id for row in found if math.isnan(row.figures.mean_height_m)]
-    notices += [*soil.notices, *([_unmeasured(unknown, len(found))] if unknown else [])]
+    notices += [*soil.notices, *([_unmeasured_notice(unknown, len(found))] if unknown else [])]
     account = {
         "parameters": {
             "method": settings.method,
@@ -236,7 +236,7 @@ def write_parcels(
     return WrittenParcels(found, account, notices)
 
 
-def _treated(
+def _assign_treatments(
     parcels: Sequence[Parcel], settings: ParcelSettings, day: dt.date | None
 ) -> tuple[Sequence[Parcel], list[Notice]]:
     """The parcels with their treatments, and which have none; `day` is that of the points."""
@@ -245,7 +245,7 @@ def _treated(
     return with_treatments(parcels, read_treatments(Path(settings.treatments), day_of(settings.day) or day))
 
 
-def _unmeasured(names: Sequence[str], total: int) -> Notice:
+def _unmeasured_notice(names: Sequence[str], total: int) -> Notice:
     shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
     return Notice("parcels-unmeasured", names=len(names), total=total, shown=shown)
 
@@ -286,7 +286,7 @@ def soil_source(
         yield next(method for method in SOIL_METHODS if method == source)
     elif _is_cloud(path):
         with tempfile.TemporaryDirectory(prefix="soil-", dir=folder) as made:
-            raster = _gridded(_clouds(path, target), Path(made), box_m, progress)
+            raster = _grid_cloud(_clouds(path, target), Path(made), box_m, progress)
             with open_soil_raster(raster, target, box_m) as opened:
                 yield replace(opened, path=path)
     else:
@@ -303,7 +303,7 @@ def _clouds(path: Path, target: CRS) -> Clouds:
     return open_clouds([path], target, target)
 
 
-def _gridded(clouds: Clouds, folder: Path, box_m: Box, progress: Progress) -> Path:
+def _grid_cloud(clouds: Clouds, folder: Path, box_m: Box, progress: Progress) -> Path:
     """The surface of a cloud in a box."""
     with PointSpool(SOIL_CELL_M, folder=folder) as points, PointSpool(SOIL_CELL_M, folder=folder) as ground:
         spooled = spool_clouds(clouds, points, ground, box_m, progress=progress)
@@ -312,7 +312,7 @@ def _gridded(clouds: Clouds, folder: Path, box_m: Box, progress: Progress) -> Pa
         method: GroundMethod = "class" if spooled.classified else "none"
         settings = SurfaceSettings(cell_m=SOIL_CELL_M)
         records = input_records(clouds, progress)
-        CloudRasters(folder, clouds, points.grid, settings, box_m, method, records, spooled.span_s).surfaces(
+        CloudRasters(folder, clouds, points.grid, settings, box_m, method, records, spooled.span_s).write_surfaces(
             spooled, progress
         )
     return folder / (DTM if method == "class" else DSM)

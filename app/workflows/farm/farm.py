@@ -135,7 +135,7 @@ def add_to_farm_map(
         target = _target_crs(edit, wanted) or next(iter(results.values())).crs
         known = {session.session: session for session in edit.sessions()}
         fresh = [r for r in results.values() if r.session not in known or known[r.session].digest != r.digest]
-        placed, notices = _transformed(fresh, target, edit.name(), same_crs=same_crs)
+        placed, notices = _transform_results(fresh, target, edit.name(), same_crs=same_crs)
         notices += _plausibility_notices([*known.values()], fresh)
         added, replaced = (tuple(r.session for r in placed if (r.session in known) == old) for old in (False, True))
         edit.remove(replaced)
@@ -250,7 +250,7 @@ def _target_crs(edit: FarmEdit, wanted: CRS | None) -> CRS | None:
     return current or wanted
 
 
-def _transformed(
+def _transform_results(
     results: Sequence[SessionResult], target: CRS, farm_map: str, *, same_crs: bool
 ) -> tuple[list[SessionResult], list[Notice]]:
     """The results in the CRS of the farm map, and notices on the transformations."""
@@ -320,8 +320,8 @@ def _ground_layers(edit: FarmEdit, sessions: Sequence[KnownSession], crs: CRS) -
     path = edit.file()
     if path is None:
         return []
-    told = edit.read(PROVENANCE, ("session", "report"))
-    reports = dict(zip(told.columns["session"], map(report_of, told.columns["report"]), strict=True))
+    stored = edit.read(PROVENANCE, ("session", "report"))
+    reports = dict(zip(stored.columns["session"], map(report_of, stored.columns["report"]), strict=True))
     results = [(Path(s.folder), reports[s.session]) for s in sessions if reports.get(s.session)]
     written = write_ground_files(path, results, crs)
     language = language_of_user()

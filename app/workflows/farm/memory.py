@@ -153,7 +153,7 @@ def field_history(
         row = _field_row(fields, field, edit.name())
         seasons, visits = edit.read(SEASONS, SEASON_COLUMNS), edit.read(VISITS, VISIT_COLUMNS)
     chosen = str(fields.columns["field"][row])
-    told = _rows(fields)[row]
+    chosen_row = _rows(fields)[row]
     own_seasons, own_visits = ((layer.columns["field"] == chosen).nonzero()[0] for layer in (seasons, visits))
     own_seasons = own_seasons[np.argsort(-seasons.columns["season"][own_seasons], kind="stable")]
     own_visits = own_visits[np.argsort(visits.columns["date"][own_visits], kind="stable")[::-1]]
@@ -162,11 +162,11 @@ def field_history(
         if target.suffix == ".csv":
             text = _csv(by_visit)
         else:
-            page = history_page(told, fields.shapes[row], by_season, by_visit, visits.shapes[own_visits])
+            page = history_page(chosen_row, fields.shapes[row], by_season, by_visit, visits.shapes[own_visits])
             text = in_language(in_area_unit(page, HECTARE), language or language_of_user())
         with atomic_output(target) as unfinished:
             unfinished.write_text(text, encoding="utf-8", newline="")
-    return FieldHistory(target, told, by_season, by_visit)
+    return FieldHistory(target, chosen_row, by_season, by_visit)
 
 
 def farm_traffic(

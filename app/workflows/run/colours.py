@@ -28,7 +28,7 @@ from furrowmap.exporters.rasters.orthophoto_file import write_orthophoto
 SCANS_BEHIND: Final = 32
 """Scans that wait for the depth maps, and those that wait to be packed."""
 NOT_COLOURED: Final = np.array([PointClass.NOISE, PointClass.VEHICLE, PointClass.IMPLEMENT], np.uint8)
-"""Classes without colours: the machine is elsewhere in the next frame."""
+"""Classes without colours: the machine has moved in the next frame."""
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def run_opened(
     """Run an open session; arguments and errors as :func:`run`."""
     start = perf_counter()
     if opened.inputs.within is not None:
-        ground_to_map(opened.inputs.within, opened.frame)  # what is wrong with the polygons is told before the work
+        ground_to_map(opened.inputs.within, opened.frame)  # an error of the polygons is raised before the work
     if opened.file.resolve() in {(folder / name).resolve() for name in RUN_PRODUCTS}:
         raise RefusedError("output-is-input.refuse-original", folder=folder, session_file=opened.file.name)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
@@ -111,7 +111,7 @@ def run_opened(
             if opened.session.parcels is not None:
                 from furrowmap.workflows.crops.parcels import session_parcels
 
-                # What is wrong with the parcels is an error before the work.
+                # An error of the parcels is raised before the work.
                 parcels = stack.enter_context(session_parcels(opened, staging))
 
             def open_sink(

@@ -1,4 +1,4 @@
-"""What a season is made of: the tiles of its mosaics and the tables of its sessions, each with what decides it."""
+"""The parts of a season: tiles of its mosaics and tables of its sessions, each with a key of its content."""
 
 from __future__ import annotations
 
@@ -92,15 +92,15 @@ class EarlierSeason:
         return cls(folder, parts if isinstance(parts, dict) else {})
 
     def kept(self, name: str, part: Planned) -> Any:
-        """What was told of a part, if it is there and would be made of the same; else None."""
+        """The account of a part, if its files are there and its key is the same; else None."""
         try:
             earlier = self.parts[name]
-            told = earlier["told"]
-            files = [str(file) for file, _ in told["files"]]
+            account = earlier["told"]
+            files = [str(file) for file, _ in account["files"]]
         except (KeyError, TypeError, ValueError):
             return None
         there = all(is_file_name(file) and (self.folder / part.place / file).is_file() for file in files)
-        return told if there and earlier.get("key") == part.key else None
+        return account if there and earlier.get("key") == part.key else None
 
 
 def plan_tiles(plan: SeasonPlan, cell_m: float | None) -> dict[str, Planned]:
@@ -132,7 +132,7 @@ def plan_tiles(plan: SeasonPlan, cell_m: float | None) -> dict[str, Planned]:
                 extents[tile] = _union(extents.get(tile, extent), extent)
                 contents.setdefault((session.date, kind, tile), []).append((session, source))
     return dict(
-        _planned_tile(plan, key, members, _grid(cell_m, extents[key[2]]), crs)
+        _plan_tile(plan, key, members, _grid(cell_m, extents[key[2]]), crs)
         for key, members in sorted(contents.items(), key=lambda item: item[0])
     )
 
@@ -159,7 +159,7 @@ def plan_tables(plan: SeasonPlan, kind: str, most_rows: int, spacing_m: float = 
     return found
 
 
-def _planned_tile(
+def _plan_tile(
     plan: SeasonPlan,
     of: tuple[dt.date, str, tuple[int, int]],
     members: Sequence[tuple[SeasonSession, Path]],

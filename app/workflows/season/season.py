@@ -57,7 +57,7 @@ _WRITING: Final = "writing the season"
 
 
 Parts = Mapping[str, Planned]
-Told = Mapping[str, Any]
+Accounts = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -136,17 +136,17 @@ def season(
         if TRAJECTORY_TABLES in content:
             parts |= plan_tables(plan, TRAJECTORY_TABLES, settings.most_rows)
         record = EarlierSeason.read(folder)
-        told = {name: kept for name, part in parts.items() if (kept := record.kept(name, part)) is not None}
-        unchanged = len(told)
-        due = [(name, part.part) for name, part in parts.items() if name not in told]
-        _make(due, told, force, progress)
+        accounts = {name: kept for name, part in parts.items() if (kept := record.kept(name, part)) is not None}
+        unchanged = len(accounts)
+        due = [(name, part.part) for name, part in parts.items() if name not in accounts]
+        _make(due, accounts, force, progress)
         remove_unfinished(staging)
-        put_virtual_mosaics(plan, parts, told)
-        put_catalogue(plan, parts, told, folder)
-        _put_record(staging, parts, told)
-    rows = [sum(rows for name, part in parts.items() for _, rows in told[name]["files"] if part.kind == kind)
+        put_virtual_mosaics(plan, parts, accounts)
+        put_catalogue(plan, parts, accounts, folder)
+        _put_record(staging, parts, accounts)
+    rows = [sum(rows for name, part in parts.items() for _, rows in accounts[name]["files"] if part.kind == kind)
             for kind in (POINTS, TRAJECTORY_TABLES)]  # fmt: skip
-    tiles = sum(len(told[name]["files"]) for name, part in parts.items() if part.grid is not None)
+    tiles = sum(len(accounts[name]["files"]) for name, part in parts.items() if part.grid is not None)
     dates = tuple(sorted({session.date.isoformat() for session in sessions}))
     counts = (len(sessions), tiles, rows[0], rows[1], len(due), unchanged)
     return Season(folder, name_of(crs), dates, *counts, (*notices, *changes))
@@ -162,38 +162,38 @@ def _content(settings: SeasonSettings) -> tuple[str, ...]:
     return content
 
 
-def _make(due: Sequence[tuple[str, Any]], told: dict[str, Any], force: Workforce, progress: Progress) -> None:
-    """Make parts; what there is to say of them is added to `told`."""
+def _make(due: Sequence[tuple[str, Any]], accounts: dict[str, Any], force: Workforce, progress: Progress) -> None:
+    """Make parts; their accounts are added to `accounts`."""
     for name, found in force.each(write_part, due, _WRITING, progress):
         if isinstance(found, FurrowmapError):
             raise found
         if not isinstance(found, dict):
             raise _lost(name)
-        told[name] = found
+        accounts[name] = found
 
 
 def _lost(name: str) -> FurrowmapError:
     return FurrowmapError("season-worker-lost", name=name, attempts=ATTEMPTS)
 
 
-def _put_record(staging: Path, parts: Mapping[str, Planned], told: Mapping[str, Any]) -> None:
+def _put_record(staging: Path, parts: Mapping[str, Planned], accounts: Mapping[str, Any]) -> None:
     """Write `season.json`: all products, and what each part was made of."""
-    kept = {f"{part.place}/{file}" for name, part in parts.items() for file, _ in told[name]["files"]}
+    kept = {f"{part.place}/{file}" for name, part in parts.items() for file, _ in accounts[name]["files"]}
     written = {path.relative_to(staging).as_posix() for path in staging.rglob("*") if path.is_file()}
     record = {
         "furrowmap": version("furrowmap"),
         "products": sorted({*kept, *written, SEASON}),
-        "parts": {name: {"key": part.key, "told": told[name]} for name, part in parts.items()},
+        "parts": {name: {"key": part.key, "told": accounts[name]} for name, part in parts.items()},
     }
     (staging / SEASON).write_text(json_text(record), encoding="utf-8")
 
 
-def put_virtual_mosaics(plan: SeasonPlan, parts: Parts, told: Told) -> None:
+def put_virtual_mosaics(plan: SeasonPlan, parts: Parts, accounts: Accounts) -> None:
     """Write a virtual raster over the tiles of each mosaic of a date, such as `mosaics/2026-05-01/dsm.vrt`.
 
     None is written where it would have more cells than a raster may have, as fields far from each other do.
     """
-    tiles = [(part.place, part.kind, part, told[name]["files"]) for name, part in parts.items() if part.grid]
+    tiles = [(part.place, part.kind, part, accounts[name]["files"]) for name, part in parts.items() if part.grid]
     tiles = [tile for tile in tiles if tile[3]]
     for (place, kind), group in groupby(sorted(tiles, key=lambda tile: tile[:2]), key=lambda tile: tile[:2]):
         members = [(part, plan.staging / place / files[0][0]) for _, _, part, files in group]
@@ -213,17 +213,17 @@ def put_virtual_mosaics(plan: SeasonPlan, parts: Parts, told: Told) -> None:
         (folder / f"{kind}.vrt").write_text(text, encoding="utf-8")
 
 
-def put_catalogue(plan: SeasonPlan, parts: Parts, told: Told, target: Path) -> None:
+def put_catalogue(plan: SeasonPlan, parts: Parts, accounts: Accounts, target: Path) -> None:
     """Write the catalogue of a season into its staging folder."""
     content = SeasonContent(
         crs=plan.crs,
         software=version("furrowmap"),
         sessions=[(session.folder, session.report, session.date) for session in plan.sessions],
-        tiles=list(_tile_items(plan, parts, told)),
+        tiles=list(_tile_items(plan, parts, accounts)),
         tables={
             kind: Table(title, columns, items)
             for kind, title in (("points", "Points of all sessions"), ("trajectories", "Poses of all sessions"))
-            if (items := list(_table_items(kind, parts, told))) and (columns := _columns(kind))
+            if (items := list(_table_items(kind, parts, accounts))) and (columns := _columns(kind))
         },
     )
     write_season_catalogue(plan.staging, content, target)
@@ -235,11 +235,11 @@ def _columns(kind: str) -> Sequence[Mapping[str, str]]:
     return table_columns(POINT_COLUMNS if kind == "points" else POSE_COLUMNS)
 
 
-def _tile_items(plan: SeasonPlan, parts: Parts, told: Told) -> Iterator[TileItem]:
+def _tile_items(plan: SeasonPlan, parts: Parts, accounts: Accounts) -> Iterator[TileItem]:
     found: dict[tuple[dt.date, tuple[int, int]], list[tuple[Planned, Any]]] = {}
     for name, part in parts.items():
-        if part.tile is not None and told[name]["files"]:
-            found.setdefault((part.date, part.tile), []).append((part, told[name]))
+        if part.tile is not None and accounts[name]["files"]:
+            found.setdefault((part.date, part.tile), []).append((part, accounts[name]))
     for (date, (column, row)), members in sorted(found.items(), key=lambda item: item[0]):
         rasters = {part.kind: _raster(plan, part, said) for part, said in members}
         grid = members[0][0].grid
@@ -259,8 +259,8 @@ def _raster(plan: SeasonPlan, part: Planned, said: Any) -> RasterAsset:
     return RasterAsset(f"{part.place}/{said['files'][0][0]}", TITLES[part.kind], bands)
 
 
-def _table_items(kind: str, parts: Parts, told: Told) -> Iterator[TableItem]:
-    own = [(part, told[name]) for name, part in parts.items() if part.kind == kind and told[name]["files"]]
+def _table_items(kind: str, parts: Parts, accounts: Accounts) -> Iterator[TableItem]:
+    own = [(part, accounts[name]) for name, part in parts.items() if part.kind == kind and accounts[name]["files"]]
     for date, group in groupby(sorted(own, key=lambda one: one[0].date), key=lambda one: one[0].date):
         members = list(group)
         bounds = np.array([said["bounds_m"] for _, said in members])

@@ -89,7 +89,7 @@ def find_sessions(sources: Sequence[Path], out: Path) -> tuple[list[SeasonSessio
         folders |= dict.fromkeys(results)
     if not folders:
         raise _nothing(sources[0])
-    moved = {place: path for tie in ties for place, path in _moved(tie)}
+    moved = {place: path for tie in ties for place, path in _moved_surfaces(tie)}
     sessions = [_session(open_result(folder), moved.get(folder)) for folder in folders]
     _expect_different(sessions)
     sessions.sort(key=lambda session: (session.span[1], session.name))
@@ -137,7 +137,7 @@ def _folders(source: Path, out: Path) -> Iterator[tuple[Path, list[str]]]:
         yield Path(place), names
 
 
-def _moved(tie: Path) -> Iterator[tuple[Path, Path]]:
+def _moved_surfaces(tie: Path) -> Iterator[tuple[Path, Path]]:
     """The result that each surface of a tie belongs to, and the surface."""
     with reading_result(tie / TIE_REPORT):
         dates = json.loads((tie / TIE_REPORT).read_bytes())["dates"]

@@ -73,22 +73,22 @@ class SessionTables:
 
 
 Part = MosaicTile | SessionTables
-Told = dict[str, Any]
-"""What came of a part: `files` with their rows, and `bounds_m`; of a tile `bands`: least, greatest, known cells."""
+PartAccount = dict[str, Any]
+"""Account of a part: `files` with their rows, and `bounds_m`; of a tile `bands`: least, greatest, known cells."""
 
 
-def write_part(part: Part) -> Told | FurrowmapError:
-    """Write a part; an error that ends it is what comes of it."""
+def write_part(part: Part) -> PartAccount | FurrowmapError:
+    """Write a part; returns its account, or the error that ended it."""
     try:
         with part.process.applied():
             if isinstance(part, SessionTables):
-                return _tables(part)
-            return _surface(part) if part.bands else _coverage(part)
+                return _write_tables(part)
+            return _write_tile(part) if part.bands else _write_coverage(part)
     except Exception as error:  # noqa: BLE001 whatever ends a part is raised where the season is made
         return as_furrowmap_error(error)
 
 
-def _surface(tile: MosaicTile) -> Told:
+def _write_tile(tile: MosaicTile) -> PartAccount:
     tile.out.parent.mkdir(parents=True, exist_ok=True)
     surfaces = [surface_file(path) for path in tile.sources]
     found = write_mosaic_part(surfaces, tile.out, tile.grid, CRS.from_wkt(tile.crs), tile.bands, tile.origin)
@@ -97,7 +97,7 @@ def _surface(tile: MosaicTile) -> Told:
     return {"files": [[tile.out.name, 0]], "bands": [[*row] for row in found.tolist()]}
 
 
-def _coverage(tile: MosaicTile) -> Told:
+def _write_coverage(tile: MosaicTile) -> PartAccount:
     crs = CRS.from_wkt(tile.crs)
     shapes = [_passes(folder, crs) for folder in tile.sources]
     passes = np.concatenate(shapes) if shapes else np.empty(0, object)
@@ -117,7 +117,7 @@ def _passes(folder: Path, crs: CRS) -> NDArray[np.object_]:
     return shapes[~shapely.is_missing(shapes)]
 
 
-def _tables(tables: SessionTables) -> Told:
+def _write_tables(tables: SessionTables) -> PartAccount:
     from furrowmap.exporters.exchange.partitions import POINT_COLUMNS, POSE_COLUMNS, Partition
 
     is_cloud = tables.source.is_file()
@@ -138,7 +138,7 @@ def _tables(tables: SessionTables) -> Told:
                 }
                 names = ("intensity", "return_number", "returns", "classification", "point_source_id")
                 columns |= {name: getattr(points, name) for name in names}
-                partition.write(_moved(points.xyz_m, tables), columns)
+                partition.write(_to_season_crs(points.xyz_m, tables), columns)
         else:
             _write_poses(tables, partition)
     return {"files": [list(one) for one in partition.files], "bounds_m": partition.bounds_m.tolist()}
@@ -153,10 +153,10 @@ def _write_poses(tables: SessionTables, partition: Partition) -> None:
         columns = {name: layer[name].to_numpy() for name in layer.columns if name != layer.geometry.name}
         columns |= {"time": layer["t_s"].to_numpy(np.float64), "session": np.full(len(layer), tables.name, object)}
         if len(layer):
-            partition.write(_moved(xyz, tables), columns)
+            partition.write(_to_season_crs(xyz, tables), columns)
 
 
-def _moved(xyz_m: NDArray[np.float64], tables: SessionTables) -> NDArray[np.float64]:
+def _to_season_crs(xyz_m: NDArray[np.float64], tables: SessionTables) -> NDArray[np.float64]:
     """Coordinates (n, 3) in the CRS of the season; heights are unchanged."""
     own, target = CRS.from_wkt(tables.own_crs), CRS.from_wkt(tables.crs)
     if same_map(own, target):

@@ -76,7 +76,7 @@ _NOT_STANDING: Final = (PointClass.NOISE, PointClass.VEHICLE, PointClass.IMPLEME
 
 @dataclass(frozen=True)
 class _Work:
-    """What a tie is made of."""
+    """The dates that are tied, and what ties them."""
 
     dates: list[DatedSurface]
     surfaces: list[tuple[OpenSurface, OpenSurface]]
@@ -133,7 +133,7 @@ def tie(
     dates = sorted((dated_surface(open_result(Path(each))) for each in results), key=lambda date: date.start)
     _expect_alike(dates)
     with staged_folder(folder) as staging, ExitStack() as stack:
-        work = _opened(dates, settings, stack)
+        work = _open_work(dates, settings, stack)
         _find_ties(work, progress)
         if not work.ties:
             raise InputError("tie-nothing-common", dates=len(dates))
@@ -155,7 +155,7 @@ def _expect_alike(dates: Sequence[DatedSurface]) -> None:
                 raise RefusedError("tie-crs", surface=surface.path, after=first.after.path)
 
 
-def _opened(dates: list[DatedSurface], settings: TieSettings, stack: ExitStack) -> _Work:
+def _open_work(dates: list[DatedSurface], settings: TieSettings, stack: ExitStack) -> _Work:
     surfaces = []
     for date in dates:
         after = stack.enter_context(open_surface(date.after))
@@ -176,7 +176,7 @@ def _find_ties(work: _Work, progress: Progress) -> None:
     dates, first = work.dates, work.first
     for k, date in enumerate(dates):
         progress("finding walls and posts", k / len(dates))
-        work.upright.append(what_stands(date.folder / CLOUD, date.after.bounds_m))
+        work.upright.append(find_standing(date.folder / CLOUD, date.after.bounds_m))
     pairs = [(i, j) for i in range(len(dates)) for j in range(i + 1, min(i + 1 + MAX_DATES_APART, len(dates)))]
     for number, (i, j) in enumerate(pairs):
         progress("tying dates", number / max(len(pairs), 1))
@@ -184,7 +184,10 @@ def _find_ties(work: _Work, progress: Progress) -> None:
         pieces = list(ground_pairs(work.surfaces[i][1], work.surfaces[j][1], touched))
         sigma = np.hypot(dates[i].sigma, dates[j].sigma)[PLACE]
         standing = tie_uprights(
-            outside(touched, work.upright[i]), outside(touched, work.upright[j]), work.middle_m, sigma
+            off_touched_ground(touched, work.upright[i]),
+            off_touched_ground(touched, work.upright[j]),
+            work.middle_m,
+            sigma,
         )
         found = tie_pair(pieces, work.middle_m, sigma, standing)
         if found is not None:
@@ -263,11 +266,11 @@ def _write(
         if tied[k] and mover.surface.grid is not None:
             own = Origin("Surface moved by its tie", date.name, origin.inputs)
             write_moved(staging / dates[k]["surface"], mover, mover.surface.grid, work.crs, own)
-    changes = _changes(staging, work, net, movers, origin)
+    changes = _write_changes(staging, work, net, movers, origin)
     outlines = [shapely.box(*date.after.bounds_m) for date in work.dates]
     for layer in tie_layers(outlines, dates, work.ties, ties):
         write_layer(staging / TIE, layer, work.crs, indexed=False, origin=origin)
-    account: Mapping[str, Any] = {
+    content: Mapping[str, Any] = {
         "furrowmap": version("furrowmap"),
         "inputs": records,
         "crs": name_of(work.crs),
@@ -280,17 +283,19 @@ def _write(
         "warnings": list(notices),
         "products": sorted([*(path.name for path in staging.iterdir()), TIE_REPORT, TIE_PAGE]),
     }
-    told = dict(plain(account))
-    page = in_language(in_area_unit(tie_page(told), HECTARE), language_of_user())
+    account = dict(plain(content))
+    page = in_language(in_area_unit(tie_page(account), HECTARE), language_of_user())
     (staging / TIE_PAGE).write_text(page, encoding="utf-8")
-    (staging / TIE_REPORT).write_text(json_text(told), encoding="utf-8")
-    return told
+    (staging / TIE_REPORT).write_text(json_text(account), encoding="utf-8")
+    return account
 
 
-def _changes(staging: Path, work: _Work, net: Network, movers: Sequence[Mover], origin: Origin) -> list[dict[str, Any]]:
+def _write_changes(
+    staging: Path, work: _Work, net: Network, movers: Sequence[Mover], origin: Origin
+) -> list[dict[str, Any]]:
     """Write the change from each date to the next one that it is tied to; the figures."""
     rows = []
-    worked_by = [_moved(date.worked, mover) for date, mover in zip(work.dates, movers, strict=True)]
+    worked_by = [_move_ground(date.worked, mover) for date, mover in zip(work.dates, movers, strict=True)]
     for k in range(len(work.dates)):
         a = work.first + k
         later = [j for j in range(k + 1, len(work.dates)) if net.group[work.first + j] == net.group[a]]
@@ -316,7 +321,7 @@ def _changes(staging: Path, work: _Work, net: Network, movers: Sequence[Mover], 
     return rows
 
 
-def _moved(shape: BaseGeometry, mover: Mover) -> BaseGeometry:
+def _move_ground(shape: BaseGeometry, mover: Mover) -> BaseGeometry:
     """Ground that a tool worked, moved in place with the surface: two centimetres are a percent of a lane."""
     moved: BaseGeometry = shapely.transform(shape, lambda xy: move_places(xy, mover.move, mover.middle_m))
     return moved
@@ -396,7 +401,7 @@ def _values(move: FloatArray, sigma: FloatArray, *, known: bool) -> dict[str, fl
     return values
 
 
-def what_stands(cloud: Path, bounds_m: tuple[float, float, float, float]) -> Upright:
+def find_standing(cloud: Path, bounds_m: tuple[float, float, float, float]) -> Upright:
     """Walls and posts of a result, tile by tile, of some tiles where there are many; none without a cloud.
 
     Args:
@@ -428,6 +433,6 @@ def _uprights_of_tile(file: CloudFile, west: float, south: float) -> Upright:
     return found.at(np.flatnonzero(within.all(axis=1)))
 
 
-def outside(touched: BaseGeometry, things: Upright) -> Upright:
+def off_touched_ground(touched: BaseGeometry, things: Upright) -> Upright:
     """Those that do not stand on ground that a tool touched."""
     return things.at(np.flatnonzero(~shapely.contains_xy(touched, things.xy_m[:, 0], things.xy_m[:, 1])))

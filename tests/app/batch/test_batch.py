@@ -23,7 +23,7 @@ from furrowmap.workflows.batch.batch import _lost
 from furrowmap.workflows.batch.dask import _lost_scheduler, _not_started, _unusable, cluster_of_scheduler, local_cluster
 from furrowmap.workflows.batch.engine import Engine, OneProcess, WorkerDied
 from furrowmap.workflows.batch.jobs import Job, open_job, prepare, visits_of
-from furrowmap.workflows.batch.sources import BatchSource, find_sources, holds_scans, named
+from furrowmap.workflows.batch.sources import BatchSource, assign_names, find_sources, holds_scans
 from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
 from tests.app.ending_workers import end_worker, variable
 
@@ -201,10 +201,10 @@ def test_sources__leave_out_results_and_what_is_hidden(tmp_path: Path) -> None:
     st.lists(st.tuples(st.text(max_size=20), st.lists(st.text(max_size=6), max_size=3)), unique_by=lambda one: one[0])
 )
 def test_names__are_unique_and_stay(sources: list[tuple[str, list[str]]]) -> None:
-    names = named(sources, {})
+    names = assign_names(sources, {})
     assert len({name.casefold() for name in names.values()}) == len(sources)
     assert all("/" not in name and not name.startswith(".") for name in names.values())
-    assert named([*sources, ("another", ["x"])], names).items() >= names.items()
+    assert assign_names([*sources, ("another", ["x"])], names).items() >= names.items()
 
 
 def work_through(engine: Engine, tmp_path: Path, **kills_of: int) -> dict[str, object]:
