@@ -208,11 +208,20 @@ def _guessed(trajectory: Trajectory, t: FloatArray) -> tuple[FloatArray, FloatAr
     driven = (step > trajectory.max_gap_s) & (motion != Motion.STANDING) & (motion == trajectory.motion[k + 1])
     driven &= np.isfinite(trajectory.speed_mps[k] + trajectory.speed_mps[k + 1])
     if driven.any():
-        k, share, step = k[driven], share[driven, None], step[driven, None]
-        ends = trajectory.xyz_m[k, :2], trajectory.xyz_m[k + 1, :2]
-        curve = _hermite(*ends, step * _velocity(trajectory, k), step * _velocity(trajectory, k + 1), share)
-        xyz[driven, :2] = curve[0]
-        tangent = curve[1] * motion[driven, None]
+        k, s, step = k[driven], share[driven, None], step[driven, None]
+        r, begin, end = 1.0 - s, trajectory.xyz_m[k, :2], trajectory.xyz_m[k + 1, :2]
+        nose = [
+            Rotation.from_quat(trajectory.quaternion[j], scalar_first=True).as_matrix()[:, :2, 0] for j in (k, k + 1)
+        ]
+        leaving, reaching = (
+            step * (trajectory.speed_mps[j, None] * forward) for j, forward in zip((k, k + 1), nose, strict=True)
+        )
+        # The cubic with these ends, and derivatives by the share of the gap there (Hermite).
+        xyz[driven, :2] = (
+            begin * r * r * (1 + 2 * s) + leaving * s * r * r + end * s * s * (1 + 2 * r) - reaching * s * s * r
+        )
+        slope = 6 * s * r * (end - begin) + leaving * r * (1 - 3 * s) + reaching * s * (3 * s - 2)
+        tangent = slope * motion[driven, None]
         turned = np.arctan2(tangent[:, 1], tangent[:, 0])
         now = rotation[driven].as_matrix()[:, :2, 0]
         back = Rotation.from_rotvec(np.column_stack([np.zeros((len(k), 2)), turned - np.arctan2(now[:, 1], now[:, 0])]))
@@ -220,23 +229,6 @@ def _guessed(trajectory: Trajectory, t: FloatArray) -> tuple[FloatArray, FloatAr
         matrix[driven] = (back * rotation[driven]).as_matrix()
         return xyz, matrix
     return xyz, rotation.as_matrix()
-
-
-def _velocity(trajectory: Trajectory, k: IntArray) -> FloatArray:
-    """(n, 2) velocity in plan at some knots of a trajectory."""
-    forward = Rotation.from_quat(trajectory.quaternion[k], scalar_first=True).as_matrix()[:, :2, 0]
-    velocity: FloatArray = trajectory.speed_mps[k, None] * forward
-    return velocity
-
-
-def _hermite(
-    begin: FloatArray, end: FloatArray, leaving: FloatArray, reaching: FloatArray, share: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Places and derivatives by `share` on the cubic with these ends and derivatives there."""
-    s, r = share, 1.0 - share
-    place = begin * r * r * (1 + 2 * s) + leaving * s * r * r + end * s * s * (1 + 2 * r) - reaching * s * s * r
-    slope = 6 * s * r * (end - begin) + leaving * r * (1 - 3 * s) + reaching * s * (3 * s - 2)
-    return place, slope
 
 
 @numba.njit(cache=True, nogil=True)

@@ -58,11 +58,18 @@ def unpacked(data: bytes | memoryview, kind: type[T]) -> T:
     begin = _LENGTH + int.from_bytes(whole[:_LENGTH], "little")
     if begin > len(whole):
         raise ValueError("the head is cut off")
-    decoded = partial(_decoded, whole[begin:])
-    return msgspec.msgpack.decode(whole[_LENGTH:begin], type=kind, dec_hook=_typed, ext_hook=decoded)
+
+    def typed(kind: Any, value: Any) -> Any:
+        if not isinstance(value, np.ndarray):
+            raise TypeError(f"{type(value).__name__} instead of {kind}")  # which msgspec makes a ValidationError
+        return value
+
+    return msgspec.msgpack.decode(
+        whole[_LENGTH:begin], type=kind, dec_hook=typed, ext_hook=partial(_decode_array, whole[begin:])
+    )
 
 
-def _decoded(contents: memoryview, code: int, data: memoryview) -> Any:
+def _decode_array(contents: memoryview, code: int, data: memoryview) -> Any:
     if code != _ARRAY:
         raise ValueError(f"unknown code {code}")
     kind, shape, begin = msgspec.msgpack.decode(data, type=tuple[str, tuple[_Count, ...], _Count])
@@ -73,9 +80,3 @@ def _decoded(contents: memoryview, code: int, data: memoryview) -> Any:
     except OverflowError as error:
         raise ValueError("an array lies beyond the end") from error
     return arrays.copied(there)
-
-
-def _typed(kind: Any, value: Any) -> Any:
-    if not isinstance(value, np.ndarray):
-        raise TypeError(f"{type(value).__name__} instead of {kind}")  # which msgspec makes a ValidationError
-    return value

@@ -88,7 +88,14 @@ def apart(data: dict[str, Any]) -> dict[str, Any]:
     tools = data.get(IMPLEMENT_TABLE)
     if not isinstance(tools, list) or not tools or not all(isinstance(tool, dict) for tool in tools):
         return data
-    first = min(range(len(tools)), key=lambda k: (tools[k].get("moves_soil") is not True, _x_m(tools[k])))
+
+    def x_m(tool: Mapping[str, Any]) -> int | float:
+        """How far forward a tool is, as the file has it; accepts any integer."""
+        place = tool.get("xy_m")
+        found = place[0] if isinstance(place, list) and place else 0.0
+        return found if isinstance(found, int | float) else 0.0
+
+    first = min(range(len(tools)), key=lambda k: (tools[k].get("moves_soil") is not True, x_m(tools[k])))
     return data | {IMPLEMENT_TABLE: tools[first], FURTHER: tools[:first] + tools[first + 1 :]}
 
 
@@ -111,13 +118,6 @@ def implement_faults(tools: Sequence[Implement | MachineImplement]) -> Iterator[
         yield f"two [[implement]] have the name {next(name for name in names if names.count(name) > 1)!r}"
     if sum(tool.moves_soil for tool in tools) > 1:
         yield "implement.moves_soil is true of more than one [[implement]]"
-
-
-def _x_m(tool: Mapping[str, Any]) -> int | float:
-    """How far forward a tool is, as the file has it, also a whole number of any length; no place is refused later."""
-    place = tool.get("xy_m")
-    x_m = place[0] if isinstance(place, list) and place else 0.0
-    return x_m if isinstance(x_m, int | float) else 0.0
 
 
 def load_session(path: Path) -> Session:

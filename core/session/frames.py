@@ -88,7 +88,20 @@ class FrameTree:
 
     def plain(self) -> dict[str, Any]:
         """For JSON: each frame with its parent, translation, angles and quaternion (x, y, z, w, as in ROS)."""
-        return {"frames": [_plain(frame) for frame in self.frames]}
+        out = []
+        for frame in self.frames:
+            pose, turned = frame.pose, frame.pose if frame.has_axes else None
+            out.append(
+                {
+                    "name": frame.name,
+                    "parent": frame.parent or None,
+                    "description": frame.words,
+                    "xyz_m": list(pose.xyz_m) if pose else None,
+                    "rpy_deg": list(turned.rpy_deg) if turned else None,
+                    "quaternion_xyzw": Rotation.from_matrix(turned.rotation).as_quat().tolist() if turned else None,
+                }
+            )
+        return {"frames": out}
 
     def _lines(self, parent: str, before: str) -> list[str]:
         children = [frame for frame in self.frames if frame.parent == parent]
@@ -161,13 +174,3 @@ def direction_words(direction: FloatArray) -> str:
 
 def _numbers(values: tuple[float, float, float], digits: int) -> str:
     return " ".join(f"{value + 0.0:.{digits}f}" for value in values)
-
-
-def _plain(frame: Frame) -> dict[str, Any]:
-    out: dict[str, Any] = {"name": frame.name, "parent": frame.parent or None, "description": frame.words}
-    if frame.pose is None:
-        return out | {"xyz_m": None, "rpy_deg": None, "quaternion_xyzw": None}
-    turn = Rotation.from_matrix(frame.pose.rotation).as_quat().tolist()
-    has = frame.has_axes
-    rpy, quaternion = (list(frame.pose.rpy_deg), turn) if has else (None, None)
-    return out | {"xyz_m": list(frame.pose.xyz_m), "rpy_deg": rpy, "quaternion_xyzw": quaternion}

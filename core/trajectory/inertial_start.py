@@ -207,7 +207,16 @@ def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[Inerti
         notices.append(Notice("imu-not-aligned", left=", ".join(left)))
     worst = max(guess.misfit for guess in guesses)
     if worst > MAX_MISFIT:
-        raise _contradiction(problem, worst)
+        track, chain = problem.links.track, max(problem.knots.chains, key=lambda c: c.count)
+        part = replace(chain, count=min(chain.count, KNOTS_TRIED))
+        better = []
+        for words, rate, force in _ALTERNATIVES:
+            tried = replace(track, rate_radps=track.rate_radps * rate, force_mps2=track.force_mps2 * force)
+            guess = _guess_states(problem, part, tried)
+            if guess is not None and guess.misfit < worst / 3.0:
+                better.append((guess.misfit, words))
+        mended = min(better)[1] if better else None
+        raise InputError("imu-contradicts", source=track.source or "The IMU", misfit=worst, better_other=mended)
     chains, first = [], 0
     for guess in guesses:
         chains.append(replace(guess.chain, first=first))
@@ -246,24 +255,6 @@ def _guess_states(problem: InertialProblem, chain: Chain, track: InertialTrack) 
     added = np.column_stack([np.zeros((chain.count, 3)), velocity, found.bias])
     xyz = stretch * (antenna - found.rotation @ problem.lever_m)
     return _Guess(chain, xyz, found.rotation, added, found.misfit)
-
-
-def _contradiction(problem: InertialProblem, misfit: float) -> InputError:
-    """The error of measurements that are not of this drive, and what they would have to be instead."""
-    track, chain = problem.links.track, max(problem.knots.chains, key=lambda c: c.count)
-    part = replace(chain, count=min(chain.count, KNOTS_TRIED))
-    better = []
-    for words, rate, force in _ALTERNATIVES:
-        tried = replace(track, rate_radps=track.rate_radps * rate, force_mps2=track.force_mps2 * force)
-        guess = _guess_states(problem, part, tried)
-        if guess is not None and guess.misfit < misfit / 3.0:
-            better.append((guess.misfit, words))
-    return InputError(
-        "imu-contradicts",
-        source=track.source or "The IMU",
-        misfit=misfit,
-        better_other=min(better)[1] if better else None,
-    )
 
 
 def without_positions(t_s: FloatArray, known_s: FloatArray) -> NDArray[np.bool_]:
