@@ -96,7 +96,8 @@ class State:
             turn = Rotation.from_rotvec(step[part, ROTATION:POSE]) * Rotation.from_matrix(self.rotation[part])
             return self.xyz_m[part] + step[part, :ROTATION], turn.as_matrix(), self.added[part] + step[part, POSE:]
 
-        return State(*arrays.in_parts(moved, len(step)), self.layout)
+        xyz, rotation, added = arrays.in_parts(moved, len(step))
+        return State(xyz, rotation, added, self.layout)
 
     def part(self, chosen: slice) -> State:
         """The state at some knots."""
@@ -193,7 +194,8 @@ def start_from(trajectory: Trajectory, knots: Knots, origin_m: FloatArray, layou
         return xyz - origin_m, rotation
 
     added = arrays.zeros((len(knots), layout.size - POSE))
-    return State(*arrays.in_parts(guessed, len(knots)), added, layout)
+    xyz, rotation = arrays.in_parts(guessed, len(knots))
+    return State(xyz, rotation, added, layout)
 
 
 def _guessed(trajectory: Trajectory, t: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -222,8 +222,9 @@ def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[Inerti
         chains.append(replace(guess.chain, first=first))
         first += guess.chain.count
     knots = Knots(tuple(chains), np.concatenate([c.begin_s + KNOT_STEP_S * np.arange(c.count) for c in chains]))
-    columns = [arrays.concatenated([getattr(g, name) for g in guesses]) for name in ("xyz_m", "rotation", "added")]
-    return replace(problem, knots=knots), State(*columns, INERTIAL)
+    names = ("xyz_m", "rotation", "added")
+    xyz, rotation, added = (arrays.concatenated([getattr(g, name) for g in guesses]) for name in names)
+    return replace(problem, knots=knots), State(xyz, rotation, added, INERTIAL)
 
 
 @dataclass(frozen=True)
