@@ -28,9 +28,9 @@ from furrowmap.core.pipeline.pipeline import run
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.session.opened import open_session
 from furrowmap.exporters.cloud.file import CopcFormat, las_header
-from furrowmap.exporters.cloud.octree import Key, Limits, Octree
+from furrowmap.exporters.cloud.octree import Key, Octree
 from furrowmap.exporters.cloud.points import PointBatch, pack
-from furrowmap.exporters.cloud.records import Chosen, Records, gathered
+from furrowmap.exporters.cloud.records import Chosen, Records, gather_records
 from furrowmap.exporters.cloud.writer import MEMORY_POINTS, NODE_POINTS, CopcWriter
 
 LOOP = Path(__file__).resolve().parents[2] / "shared" / "data" / "tractor_loop" / "session.toml"
@@ -104,7 +104,7 @@ class CopclibNodes:
 
     def put(self, key: Key, parts: Sequence[Chosen]) -> Future[None]:
         """Write a node."""
-        records = np.concatenate([gathered(part.records, part.members) for part in parts])
+        records = np.concatenate([gather_records(part.records, part.members) for part in parts])
         self._writer.AddNode(copclib.VoxelKey(*key), copclib.VectorChar(records.view(np.int8)))
         done: Future[None] = Future()
         done.set_result(None)
@@ -117,13 +117,13 @@ class CopclibNodes:
 
 def write_copclib(path: Path, cloud: Collected) -> None:
     """Packing and octree as ours, the file by copclib."""
-    octree = Octree(LAYOUT, Limits(MEMORY_POINTS, NODE_POINTS, path.parent), np.random.default_rng(0))
+    octree = Octree(LAYOUT, MEMORY_POINTS, NODE_POINTS, path.parent, np.random.default_rng(0))
     for batch in cloud.batches:
         room = octree.room(len(batch))
         extent = pack(batch, room, 0.001)
         octree.filled(len(room), extent.low, extent.high)
     nodes = CopclibNodes(path, cloud)
-    octree.finish(nodes)
+    octree.finish(nodes.put)
     nodes.close()
 
 

@@ -1,4 +1,4 @@
-"""Adaptive arithmetic coding of LAZ, in inlined kernels.
+"""Adaptive arithmetic coding of symbols and integers in LAZ, in inlined kernels.
 
 Said, "Introduction to arithmetic coding: theory and practice" (HP Labs report HPL-2004-76, 2004): 32-bit intervals,
 adaptive models of symbols. Isenburg, "LASzip: lossless compression of
@@ -9,6 +9,10 @@ A **coder** is a tuple (base, length, at): the interval, and the offset of its n
 are below 2^32. A **table** is an int32 array of models, initially zeros. A **model** of n symbols takes ``2 n + 3``
 numbers: symbols until the next update (0 in an unused model), symbols between updates, symbols counted; n cumulative
 probabilities in units of 2^-15; n counts.
+
+An integer is coded as the error of its prediction: its bit length is one symbol, its highest bits are another. A
+**coding of integers** in a table has for each context a model of the bit length, then a model of the bit that separates
+errors of 0 and 1, then for each greater bit length a model of the highest eight bits.
 """
 
 from __future__ import annotations
@@ -28,14 +32,14 @@ LENGTH_BITS: Final = 15
 """Precision of a symbol's probability."""
 BIT_LENGTH_BITS: Final = 13
 """Precision of a single bit's probability."""
-LEAST_LENGTH: Final = 1 << 24
+MIN_LENGTH: Final = 1 << 24
 """Shorter intervals output their first byte."""
 HEAD: Final = 3
 """Numbers of a model before its probabilities."""
 BIT_MODEL: Final = 5
 """Numbers of a model of a bit: bits until its update, bits between updates, bits, zeros, their probability."""
-MOST_BITS_BETWEEN: Final = 64
-MOST_RAW_BITS: Final = 19
+MAX_BITS_BETWEEN: Final = 64
+MAX_RAW_BITS: Final = 19
 
 
 def model_size(symbols: int) -> int:
@@ -68,7 +72,7 @@ def settled(out, base, length, at):  # type: ignore[no-untyped-def]
     out[np.uint64(at)] = base >> 24
     out[np.uint64(at + 1)] = base >> 16
     out[np.uint64(at + 2)] = base >> 8
-    certain = (length < LEAST_LENGTH) + (length < LEAST_LENGTH >> 8) + (length < LEAST_LENGTH >> 16)
+    certain = (length < MIN_LENGTH) + (length < MIN_LENGTH >> 8) + (length < MIN_LENGTH >> 16)
     return (base << (8 * certain)) & 0xFFFFFFFF, length << (8 * certain), at + certain
 
 
@@ -138,7 +142,7 @@ def refresh_bit(table, model):  # type: ignore[no-untyped-def]
     if table[model + 1] == 0:
         cycle, bits, zeros = 4, 2, 1
     else:
-        cycle = min((5 * table[model + 1]) >> 2, MOST_BITS_BETWEEN)
+        cycle = min((5 * table[model + 1]) >> 2, MAX_BITS_BETWEEN)
         bits, zeros = table[model + 2] + table[model + 1], table[model + 3]
         if bits > 1 << BIT_LENGTH_BITS:
             bits, zeros = (bits + 1) >> 1, (zeros + 1) >> 1
@@ -150,7 +154,7 @@ def refresh_bit(table, model):  # type: ignore[no-untyped-def]
 @inlined()
 def write_bits(out, coder, bits, value):  # type: ignore[no-untyped-def]
     """The coder after a number of up to 32 uncompressed bits."""
-    if bits > MOST_RAW_BITS:
+    if bits > MAX_RAW_BITS:
         base, length, at = coder
         length >>= 16
         coder = settled(out, base + (value & 0xFFFF) * length, length, at)
@@ -165,12 +169,61 @@ def write_bits(out, coder, bits, value):  # type: ignore[no-untyped-def]
 def finish(out, coder):  # type: ignore[no-untyped-def]
     """The end of the output after the final bytes."""
     base, length, at = coder
-    if length > 2 * LEAST_LENGTH:
-        base, length, zeros = base + LEAST_LENGTH, LEAST_LENGTH >> 1, 3
+    if length > 2 * MIN_LENGTH:
+        base, length, zeros = base + MIN_LENGTH, MIN_LENGTH >> 1, 3
     else:
-        base, length, zeros = base + (LEAST_LENGTH >> 1), LEAST_LENGTH >> 9, 2
+        base, length, zeros = base + (MIN_LENGTH >> 1), MIN_LENGTH >> 9, 2
     _, _, at = settled(out, base, length, at)
     for _ in range(zeros):
         out[at] = 0
         at += 1
     return at
+
+
+DIRECT_BITS: Final = 8
+"""Modelled bits of an error; lower ones are written uncompressed."""
+INTEGER_BITS: Final = 32
+CORRECTORS: Final = np.cumsum(
+    [0, BIT_MODEL, *(model_size(1 << min(k, DIRECT_BITS)) for k in range(1, INTEGER_BITS + 1))]
+)
+"""Offset of the model of errors of k bits from that of 0 bits; last, the end."""
+
+
+def integers_size(bits: int, contexts: int) -> int:
+    """Numbers that a coding of integers of `bits` bits takes in its table."""
+    return contexts * model_size(bits + 1) + int(CORRECTORS[bits + 1])
+
+
+@inlined()
+def wrapped(value):  # type: ignore[no-untyped-def]
+    """The int32 that the lowest 32 bits of a number are."""
+    return ((value + 0x80000000) & 0xFFFFFFFF) - 0x80000000
+
+
+@inlined()
+def bit_length(value):  # type: ignore[no-untyped-def]
+    """Bit length of a number from 0 to 2^32, by the exponent of its float."""
+    return max((np.float64(value).view(np.int64) >> 52) - 1022, 0)
+
+
+@inlined()
+def encode_integer(out, coder, table, start, bits, contexts, context, error):  # type: ignore[no-untyped-def]
+    """The coder after the error of an integer's prediction, and its bit length.
+
+    The coding begins at `start` and is for integers of `bits` bits in `contexts` contexts.
+    """
+    half = 1 << (bits - 1)
+    error = ((error + half) & ((1 << bits) - 1)) - half
+    k = bit_length(error - 1 if error > 0 else -error)
+    size = HEAD + 2 * (bits + 1)
+    coder = encode(out, coder, table, start + context * size, bits + 1, k)
+    correctors = start + contexts * size
+    if k == 0:
+        coder = encode_bit(out, coder, table, correctors, error)
+    elif k < INTEGER_BITS:
+        place = error - 1 if error > 0 else error + (1 << k) - 1
+        rest = max(k - DIRECT_BITS, 0)
+        coder = encode(out, coder, table, correctors + CORRECTORS[k], 1 << (k - rest), place >> rest)
+        if rest:
+            coder = write_bits(out, coder, rest, place & ((1 << rest) - 1))
+    return coder, k

@@ -10,26 +10,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.exporters.cloud.colour_layer import COLOURS_END, encode_colours
-from furrowmap.exporters.cloud.layers import (
-    LAYERS_END,
-    MEMORY_SIZE,
-    encode_bytes,
-    encode_classes,
-    encode_heights,
-    encode_intensities,
-    encode_places,
-    encode_sources,
-)
-from furrowmap.exporters.cloud.time_layer import TIMES_END, encode_times
+from furrowmap.exporters.cloud import layers
 
-MOST_POINT_BYTES: Final = 80
+MAX_POINT_BYTES: Final = 80
 """Upper bound of all layers of a point without its extra bytes."""
-MOST_EXTRA_BYTES: Final = 2
-MOST_END_BYTES: Final = 64
+MAX_EXTRA_BYTES: Final = 2
+MAX_END_BYTES: Final = 64
 """Upper bound of the ends of all layers."""
-TABLE_SIZE: Final = max(LAYERS_END, COLOURS_END, TIMES_END)
-FIRST: Final = struct.Struct("<3iHBxBx2xHd")
+RECORD: Final = struct.Struct("<3iHBxBx2xHd")
 """A record of point format 6; flags, user data and scan angle are 0."""
 
 
@@ -38,16 +26,11 @@ class Columns:
     """The points of a chunk as columns; all arrays have n > 0 elements and may be changed in place.
 
     Attributes:
-        x: int32 steps of the coordinates' scale.
-        y: int32 steps.
-        z: int32 steps.
-        intensity: uint16.
-        returns: uint8 return number, and number of returns of the pulse times 16.
-        classification: uint8.
-        point_source_id: uint16.
-        gps_time: float64 adjusted standard GPS time.
-        rgb: (3, n) uint16; None in point format 6.
-        extra: (bytes, n) uint8, each byte of the dimensions beyond those of LAS.
+        x, y, z: steps of the coordinates' scale.
+        returns: return number, and number of returns of the pulse times 16.
+        gps_time: adjusted standard GPS time.
+        rgb: (3, n); None in point format 6.
+        extra: (bytes, n) of the dimensions beyond those of LAS.
     """
 
     x: NDArray[np.int32]
@@ -65,16 +48,14 @@ class Columns:
         return len(self.x)
 
 
-def compressed(points: Columns) -> bytes:
+def compress_points(points: Columns) -> bytes:
     """The chunk of points: the first point uncompressed, their number, the layers' lengths, and the layers.
 
     Layers of columns with a single value are empty.
     """
     n, extra = len(points), points.extra
-    out = np.empty(
-        n * (MOST_POINT_BYTES + MOST_EXTRA_BYTES * len(extra)) + MOST_END_BYTES * (10 + len(extra)), np.uint8
-    )
-    table, memory = np.empty(TABLE_SIZE, np.int32), np.empty(MEMORY_SIZE, np.int64)
+    out = np.empty(n * (MAX_POINT_BYTES + MAX_EXTRA_BYTES * len(extra)) + MAX_END_BYTES * (10 + len(extra)), np.uint8)
+    table, memory = np.empty(layers.TABLE_SIZE, np.int32), np.empty(layers.MEMORY_SIZE, np.int64)
     z_context = np.empty(n, np.uint8)
     x, y, z, returns, time = points.x, points.y, points.z, points.returns, points.gps_time
     ends = [0]
@@ -82,35 +63,27 @@ def compressed(points: Columns) -> bytes:
     def layer(column: NDArray[Any], encode: Callable[..., int], *columns: NDArray[Any]) -> None:
         ends.append(encode(out, ends[-1], table, *columns) if differs(column) else ends[-1])
 
-    ends.append(encode_places(out, 0, table, memory, x, y, returns, points.point_source_id, time, z_context))
-    ends.append(encode_heights(out, ends[-1], table, memory, z, returns, z_context))
-    layer(points.classification, encode_classes, points.classification, returns)
+    ends.append(layers.encode_places(out, 0, table, memory, x, y, returns, points.point_source_id, time, z_context))
+    ends.append(layers.encode_heights(out, ends[-1], table, memory, z, returns, z_context))
+    layer(points.classification, layers.encode_classes, points.classification, returns)
     ends.append(ends[-1])  # flags
-    layer(points.intensity, encode_intensities, memory, points.intensity, returns, time)
+    layer(points.intensity, layers.encode_intensities, memory, points.intensity, returns, time)
     ends += [ends[-1]] * 2  # scan angle, user data
-    layer(points.point_source_id, encode_sources, points.point_source_id)
-    layer(time, encode_times, memory, time, time.view(np.int64))
+    layer(points.point_source_id, layers.encode_sources, points.point_source_id)
+    layer(time, layers.encode_times, memory, time, time.view(np.int64))
     if points.rgb is not None:
         red, green, blue = points.rgb
         coloured = differs(red) or differs(green) or differs(blue)
-        ends.append(encode_colours(out, ends[-1], table, red, green, blue) if coloured else ends[-1])
+        ends.append(layers.encode_colours(out, ends[-1], table, red, green, blue) if coloured else ends[-1])
     for values in extra:
-        layer(values, encode_bytes, values)
+        layer(values, layers.encode_bytes, values)
     lengths = np.diff(ends).astype("<u4").tobytes()
-    return b"".join([_first_record(points), struct.pack("<I", n), lengths, out[: ends[-1]].data])
+    fields = (x, y, z, points.intensity, returns, points.classification, points.point_source_id, time)
+    colour = b"" if points.rgb is None else points.rgb[:, 0].astype("<u2").tobytes()
+    first = RECORD.pack(*(column[0] for column in fields)) + colour + extra[:, 0].tobytes()
+    return b"".join([first, struct.pack("<I", n), lengths, out[: ends[-1]].data])
 
 
 def differs(column: NDArray[Any]) -> bool:
     """Whether not all values are the same."""
     return bool((column[1:] != column[0]).any())
-
-
-def _first_record(points: Columns) -> bytes:
-    """The first point as a LAS record."""
-    columns = (
-        points.x, points.y, points.z, points.intensity, points.returns, points.classification,
-        points.point_source_id, points.gps_time,
-    )  # fmt: skip
-    record = FIRST.pack(*(column[0] for column in columns))
-    colour = b"" if points.rgb is None else points.rgb[:, 0].astype("<u2").tobytes()
-    return record + colour + points.extra[:, 0].tobytes()

@@ -6,9 +6,8 @@ import datetime as dt
 import io
 import struct
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -24,20 +23,22 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from furrowmap.core.runtime.settings import threads
-from furrowmap.exporters.cloud.chunk import Columns, compressed
+from furrowmap.exporters.cloud.chunk import Columns, compress_points
 from furrowmap.exporters.cloud.cube import Cube
 from furrowmap.exporters.cloud.octree import Key
 from furrowmap.exporters.cloud.points import Extent
-from furrowmap.exporters.cloud.records import Chosen, columns_of
+from furrowmap.exporters.cloud.records import Chosen, select_columns
 
-MOST_COMING: Final = 64
+MAX_COMING: Final = 64
 """Maximum number of nodes in compression; each waits with a few bytes a point."""
 TABLE_OFFSET: Final = struct.Struct("<q")
 """Before the chunks: offset of the table of their lengths."""
-MOST_RECORD_BYTES: Final = 65_535
+MAX_RECORD_BYTES: Final = 65_535
 INFO: Final = struct.Struct("<5d2Q2d88x")
 """The info record: centre, half a side, spacing; offset and length of the hierarchy; first and last time."""
 ENTRY: Final = np.dtype([("key", "<i4", 4), ("offset", "<u8"), ("bytes", "<i4"), ("points", "<i4")])
+Chunk = tuple[bytes, int, NDArray[np.int64]]
+"""A compressed node: its data, number of points, and points of each class."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,6 @@ class CopcFormat:
     Attributes:
         crs_wkt: of the coordinates; see :func:`las_wkt`.
         origin_m: easting, northing, height that the coordinates of batches are relative to.
-        scale_m: resolution of the coordinates.
         extra: name, numpy scalar type and description (at most 32 bytes) of additional dimensions.
         colour: whether points have colour (point format 7 instead of 6).
         week_time: whether times are seconds of an unknown GPS week instead of UTC.
@@ -95,25 +95,13 @@ def las_header(kind: CopcFormat) -> laspy.LasHeader:
     return header
 
 
-def _state_extra(header: laspy.LasHeader, extent: Extent) -> None:
-    """State the least and greatest values of extra dimensions; none where there is no value."""
-    for record in header.vlrs.get("ExtraBytesVlr"):
-        for dimension in record.extra_bytes_structs:
-            ends = extent.extra.get(dimension.format_name())
-            if ends is None:
-                dimension.options &= ~(dimension.MIN_BIT_MASK | dimension.MAX_BIT_MASK)
-                dimension._min = dimension._max = type(dimension._min)()
-            else:
-                dimension.grow({dimension.format_name(): np.array(ends, dimension.dtype())[:, None]})
-
-
 def describe(header: laspy.LasHeader, text: str) -> None:
     """Add a "Text Area Description" (LAS 1.4 R15) to a header, as much as a record holds."""
-    fitting = text.encode("utf-8", "backslashreplace")[:MOST_RECORD_BYTES].decode("utf-8", "ignore")
+    fitting = text.encode("utf-8", "backslashreplace")[:MAX_RECORD_BYTES].decode("utf-8", "ignore")
     header.vlrs.append(laspy.VLR("LASF_Spec", 3, "text area description", fitting.encode()))
 
 
-class DiskFile(io.FileIO):
+class _DiskFile(io.FileIO):
     """A file that keeps the system's error on writing, which lazrs does not pass on."""
 
     refusal: OSError | None = None
@@ -131,8 +119,6 @@ class CopcFile:
     """Compresses nodes, in any order, and writes them to a file.
 
     Args:
-        path: of the new file.
-        header: of :func:`las_header`.
         written: receives the number of points written so far.
         complete: completes the points of a node in place; called from several threads at once.
     """
@@ -145,12 +131,12 @@ class CopcFile:
         complete: Callable[[Columns], None] | None = None,
     ) -> None:
         self._header, self._written, self._complete = header, written, complete
-        self._disk = DiskFile(path, "w+")
+        self._disk = _DiskFile(path, "w+")
         self._stream = io.BufferedRandom(self._disk)
         header.write_to(self._stream)
         self._stream.write(bytes(TABLE_OFFSET.size))
         self._threads = ThreadPoolExecutor(threads(), "compress")
-        self._coming: deque[Future[_Chunk]] = deque()
+        self._coming: deque[Future[Chunk]] = deque()
         self._keys: list[Key] = []
         self._chunks: list[tuple[int, int]] = []
         self._done = 0
@@ -162,31 +148,43 @@ class CopcFile:
         self._threads.shutdown(cancel_futures=True)
         self._stream.close()
 
-    def put(self, key: Key, parts: Sequence[Chosen]) -> Future[_Chunk]:
+    def put(self, key: Key, parts: Sequence[Chosen]) -> Future[Chunk]:
         """Add a node; a thread reads and compresses its records until the returned future is done.
 
         Raises:
             OSError: if an earlier node cannot be written.
         """
         self._keys.append(key)
-        chunk = self._threads.submit(_chunk_of, parts, self._complete)
+        chunk = self._threads.submit(_compress_node, parts, self._complete)
         self._coming.append(chunk)
-        while self._coming and (len(self._coming) > MOST_COMING or self._coming[0].done()):
+        while self._coming and (len(self._coming) > MAX_COMING or self._coming[0].done()):
             self._write_next()
         return chunk
 
-    def finish(self, extent: Extent, cube: Cube, spacing_m: float) -> None:
-        """Write the remaining nodes, the hierarchy and the final header."""
+    def finish(self, extent: Extent, cube: Cube, spacing_m: float) -> tuple[int, NDArray[np.int64]]:
+        """Write the remaining nodes, the hierarchy and the final header.
+
+        Returns:
+            Number of nodes, and points of each level.
+        """
         while self._coming:
             self._write_next()
         table = self._stream.tell()
-        with self._refusals():
+        try:
             lazrs.write_chunk_table(self._stream, self._chunks, lazrs.LazVlr(self._header.vlrs[1].record_data))
+        except (lazrs.LazrsError, OSError) as error:
+            raise self._disk.refusal or error from error
         start = self._stream.seek(0, io.SEEK_END)
         self._stream.seek(self._header.offset_to_point_data)
         self._stream.write(TABLE_OFFSET.pack(table))
         self._stream.seek(start)
-        hierarchy = self._hierarchy()
+        # One page with all nodes in the order of their chunks; a file without points has an empty root.
+        points, lengths = np.array(self._chunks or [(0, 0)], np.int64).T
+        hierarchy = np.zeros(len(points), ENTRY)
+        if self._keys:
+            hierarchy["key"], hierarchy["points"], hierarchy["bytes"] = self._keys, points, lengths
+            first = self._header.offset_to_point_data + TABLE_OFFSET.size
+            hierarchy["offset"] = first + np.cumsum(lengths) - lengths
         record = laspy.VLR("copc", 1000, "EPT Hierarchy", hierarchy.tobytes())
         VLRList([record]).write_to(self._stream, as_extended=True)
         offset = self._stream.tell() - hierarchy.nbytes
@@ -203,64 +201,33 @@ class CopcFile:
             *centre, 0.5 * cube.side * scale_m, spacing_m, offset, hierarchy.nbytes, extent.first_time, extent.last_time
         )
         header.vlrs[0] = laspy.VLR("copc", 1, "COPC info VLR", info)
-        _state_extra(header, extent)
+        for record in header.vlrs.get("ExtraBytesVlr"):
+            for dimension in record.extra_bytes_structs:
+                ends = extent.extra.get(dimension.format_name())
+                if ends is not None:
+                    dimension.grow({dimension.format_name(): np.array(ends, dimension.dtype())[:, None]})
+                else:  # no value
+                    dimension.options &= ~(dimension.MIN_BIT_MASK | dimension.MAX_BIT_MASK)
+                    dimension._min = dimension._max = type(dimension._min)()
         self._stream.seek(0)
         header.write_to(self._stream, ensure_same_size=True)
         self._stream.flush()
-
-    @property
-    def nodes(self) -> int:
-        """Nodes so far."""
-        return len(self._keys)
-
-    @property
-    def points_by_level(self) -> NDArray[np.int64]:
-        """Points in each level so far."""
-        levels, points = [key.level for key in self._keys], [points for points, _ in self._chunks]
-        return np.bincount(levels, weights=points).astype(np.int64)
+        levels = [key.level for key in self._keys]
+        return len(levels), np.bincount(levels, points[: len(levels)]).astype(np.int64)
 
     def _write_next(self) -> None:
         """Write the oldest chunk, once it is compressed."""
-        chunk = self._coming.popleft().result()
-        self._stream.write(chunk.data)
-        self._chunks.append((chunk.points, len(chunk.data)))
-        self.points_by_class += chunk.points_by_class
-        self._done += chunk.points
+        data, points, points_by_class = self._coming.popleft().result()
+        self._stream.write(data)
+        self._chunks.append((points, len(data)))
+        self.points_by_class += points_by_class
+        self._done += points
         self._written(self._done)
 
-    @contextmanager
-    def _refusals(self) -> Iterator[None]:
-        """Raise the system's own error where the disk refused to write."""
-        try:
-            yield
-        except (lazrs.LazrsError, OSError) as error:
-            raise self._disk.refusal or error from error
 
-    def _hierarchy(self) -> NDArray[np.void]:
-        """One page with all nodes in the order of their chunks; a file without points has an empty root."""
-        if not self._keys:
-            return np.zeros(1, ENTRY)
-        points, lengths = np.array(self._chunks, np.int64).T
-        entries = np.zeros(len(self._keys), ENTRY)
-        entries["key"] = self._keys
-        entries["offset"] = self._header.offset_to_point_data + TABLE_OFFSET.size + np.cumsum(lengths) - lengths
-        entries["bytes"] = lengths
-        entries["points"] = points
-        return entries
-
-
-@dataclass(frozen=True)
-class _Chunk:
-    """A compressed node."""
-
-    data: bytes
-    points: int
-    points_by_class: NDArray[np.int64]
-
-
-def _chunk_of(parts: Sequence[Chosen], complete: Callable[[Columns], None] | None) -> _Chunk:
+def _compress_node(parts: Sequence[Chosen], complete: Callable[[Columns], None] | None) -> Chunk:
     """Complete and compress the points of a node."""
-    columns = columns_of(parts)
+    columns = select_columns(parts)
     if complete is not None:
         complete(columns)
-    return _Chunk(compressed(columns), len(columns), np.bincount(columns.classification, minlength=256))
+    return compress_points(columns), len(columns), np.bincount(columns.classification, minlength=256)

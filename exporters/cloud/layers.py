@@ -1,9 +1,9 @@
-"""The layers of a LAZ chunk of point formats 6 and up but for times and colours, each a stream of bytes of its own.
+"""The layers of a LAZ chunk of point formats 6 and 7, each a stream of bytes of its own.
 
 Content and contexts follow Isenburg's published source of LASzip 3 (items of version 3). Columns have one value for
 each point of the chunk. The first point is stored uncompressed, so each layer begins with the second.
 
-All functions take the output, the start of their layer in it, an int32 `table` of :data:`LAYERS_END` for the models and
+All functions take the output, the start of their layer in it, an int32 `table` of :data:`TABLE_SIZE` for the models and
 an int64 `memory` of :data:`MEMORY_SIZE` for preceding values, and return the end of the layer.
 """
 
@@ -13,8 +13,19 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.exporters.cloud.arithmetic import coder_at, encode, ends_of, finish, inlined, kernel, model_size
-from furrowmap.exporters.cloud.integers import encode_integer, integers_size, wrapped
+from furrowmap.exporters.cloud.arithmetic import (
+    coder_at,
+    encode,
+    encode_integer,
+    ends_of,
+    finish,
+    inlined,
+    integers_size,
+    kernel,
+    model_size,
+    wrapped,
+    write_bits,
+)
 
 # Kind of a return (0 to 5) by number of returns (rows) and return number (columns).
 RETURN_KINDS: Final = np.array(
@@ -66,7 +77,25 @@ CLASSES_END: Final = 64 * BYTES_SIZE
 INTENSITY_CONTEXTS: Final = 4
 INTENSITY_END: Final = integers_size(16, INTENSITY_CONTEXTS)
 SOURCE_END: Final = integers_size(16, 1)
-LAYERS_END: Final = max(PLACES_END, Z_END, CLASSES_END, INTENSITY_END, SOURCE_END)
+COLOUR_CHANGES: Final = 128
+"""Symbols of which bytes of a colour differ from the point before (six bits), and whether it is other than grey."""
+RED_LOW, RED_HIGH, GREEN_LOW, GREEN_HIGH, BLUE_LOW, BLUE_HIGH, COLOURS_END = (
+    model_size(COLOUR_CHANGES) + i * BYTES_SIZE for i in range(7)
+)
+SEQUENCES: Final = 4
+MAX_MULTIPLE: Final = 500
+"""Greatest multiple of the step with a symbol."""
+MIN_MULTIPLE: Final = -10
+OTHER_SEQUENCE: Final = MAX_MULTIPLE - MIN_MULTIPLE + 1
+"""The symbol of a new sequence; those of the other three follow."""
+MULTIPLES: Final = OTHER_SEQUENCE + SEQUENCES
+FIRSTS: Final = 1 + SEQUENCES
+"""Symbols without a step: 0 for this sequence, 1 for a new one, then the other three."""
+MAX_UNSTEADY: Final = 3
+"""After more consecutive multiples of 0 or beyond the limits, the step becomes the last difference."""
+T_CONTEXTS: Final = 9
+FIRSTS_AT, STEPS_AT, TIMES_END = ends_of(model_size(MULTIPLES), model_size(FIRSTS), integers_size(32, T_CONTEXTS))[1:]
+TABLE_SIZE: Final = max(PLACES_END, Z_END, CLASSES_END, INTENSITY_END, SOURCE_END, COLOURS_END, TIMES_END)
 
 MEDIAN: Final = 6
 """Numbers of a running median: see :func:`take_into_median`."""
@@ -197,4 +226,125 @@ def encode_bytes(out, at, table, values):  # type: ignore[no-untyped-def]
     coder = coder_at(at)
     for i in range(1, len(values)):
         coder = encode(out, coder, table, 0, BYTES, (np.int64(values[i]) - values[i - 1]) & 255)
+    return finish(out, coder)
+
+
+@inlined()
+def encode_byte(out, coder, table, model, value, guess):  # type: ignore[no-untyped-def]
+    """The coder after a byte, coded as the error of a prediction."""
+    return encode(out, coder, table, model, BYTES, (value - min(max(guess, 0), 255)) & 255)
+
+
+@inlined()
+def half(value):  # type: ignore[no-untyped-def]
+    """Half of a number, rounded towards 0."""
+    return (value + (value < 0)) >> 1
+
+
+@kernel()
+def encode_colours(out, at, table, red, green, blue):  # type: ignore[no-untyped-def]
+    """Bytes of red, green and blue; green and blue are predicted to change as red does."""
+    table[:COLOURS_END] = 0
+    coder = coder_at(at)
+    for i in range(1, len(red)):
+        r, g, b = np.int64(red[i]), np.int64(green[i]), np.int64(blue[i])
+        last_r, last_g, last_b = np.int64(red[i - 1]), np.int64(green[i - 1]), np.int64(blue[i - 1])
+        low_r, low_g, low_b = r & 255, g & 255, b & 255
+        high_r, high_g, high_b = r >> 8, g >> 8, b >> 8
+        was_low_r, was_low_g, was_low_b = last_r & 255, last_g & 255, last_b & 255
+        was_high_r, was_high_g, was_high_b = last_r >> 8, last_g >> 8, last_b >> 8
+        change = (low_r != was_low_r) | (high_r != was_high_r) << 1
+        change |= (low_g != was_low_g) << 2 | (high_g != was_high_g) << 3
+        change |= (low_b != was_low_b) << 4 | (high_b != was_high_b) << 5
+        coloured = (r != g) | (r != b)
+        coder = encode(out, coder, table, 0, COLOUR_CHANGES, change | coloured << 6)
+        if low_r != was_low_r:
+            coder = encode_byte(out, coder, table, RED_LOW, low_r, was_low_r)
+        if high_r != was_high_r:
+            coder = encode_byte(out, coder, table, RED_HIGH, high_r, was_high_r)
+        if coloured:
+            step_low, step_high = low_r - was_low_r, high_r - was_high_r
+            if low_g != was_low_g:
+                coder = encode_byte(out, coder, table, GREEN_LOW, low_g, was_low_g + step_low)
+            if low_b != was_low_b:
+                step_low = half(step_low + low_g - was_low_g)
+                coder = encode_byte(out, coder, table, BLUE_LOW, low_b, was_low_b + step_low)
+            if high_g != was_high_g:
+                coder = encode_byte(out, coder, table, GREEN_HIGH, high_g, was_high_g + step_high)
+            if high_b != was_high_b:
+                step_high = half(step_high + high_g - was_high_g)
+                coder = encode_byte(out, coder, table, BLUE_HIGH, high_b, was_high_b + step_high)
+    return finish(out, coder)
+
+
+@inlined()
+def is_int32(value):  # type: ignore[no-untyped-def]
+    """Whether a number fits into 32 bits."""
+    return (value >= -0x80000000) & (value <= 0x7FFFFFFF)
+
+
+@inlined()
+def rest_context(multiple):  # type: ignore[no-untyped-def]
+    """The context of the remainder."""
+    if multiple > 0:
+        return 1 if multiple == 1 else 2 if multiple < 10 else 3 if multiple < MAX_MULTIPLE else 4
+    return 7 if multiple == 0 else 5 if multiple > MIN_MULTIPLE else 6
+
+
+@kernel()
+def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped-def]
+    """Times, where they differ, as differences of their bits, which are `bits` as int64.
+
+    Up to four sequences of times are followed, each with a step: the next difference is coded as a multiple of the step
+    and a remainder.
+    """
+    table[:TIMES_END] = 0
+    memory[: 3 * SEQUENCES] = 0
+    last, step, unsteady = memory[:4], memory[4:8], memory[8:12]
+    last[0] = bits[0]
+    now, newest = 0, 0
+    coder = coder_at(at)
+    for i in range(1, len(bits)):
+        if time[i] == time[i - 1]:
+            continue
+        value = bits[i]
+        if not is_int32(value - last[now]):
+            other = 1
+            while other < SEQUENCES and not is_int32(value - last[(now + other) & 3]):
+                other += 1
+            other &= 3
+            if step[now] == 0:
+                coder = encode(out, coder, table, FIRSTS_AT, FIRSTS, 1 + other)
+            else:
+                coder = encode(out, coder, table, 0, MULTIPLES, OTHER_SEQUENCE + other)
+            if other == 0:
+                error = (value >> 32) - (last[now] >> 32)
+                coder, _ = encode_integer(out, coder, table, STEPS_AT, 32, T_CONTEXTS, 8, error)
+                coder = write_bits(out, coder, 16, value & 0xFFFF)
+                coder = write_bits(out, coder, 16, (value >> 16) & 0xFFFF)
+                now = newest = (newest + 1) & 3
+                last[now], step[now], unsteady[now] = value, 0, 0
+                continue
+            now = (now + other) & 3
+        difference = value - last[now]
+        last[now] = value
+        if step[now] == 0:
+            coder = encode(out, coder, table, FIRSTS_AT, FIRSTS, 0)
+            coder, _ = encode_integer(out, coder, table, STEPS_AT, 32, T_CONTEXTS, 0, difference)
+            step[now], unsteady[now] = difference, 0
+            continue
+        # In single precision, as every decoder has it.
+        ratio = np.float32(difference) / np.float32(step[now])
+        ratio += np.float32(0.5) if ratio >= 0 else np.float32(-0.5)
+        multiple = np.int64(max(min(ratio, np.float32(MAX_MULTIPLE)), np.float32(MIN_MULTIPLE)))
+        symbol = multiple if multiple >= 0 else MAX_MULTIPLE - multiple
+        coder = encode(out, coder, table, 0, MULTIPLES, symbol)
+        error = difference - multiple * step[now]
+        coder, _ = encode_integer(out, coder, table, STEPS_AT, 32, T_CONTEXTS, rest_context(multiple), error)
+        if multiple == 1:
+            unsteady[now] = 0
+        elif multiple in (0, MAX_MULTIPLE, MIN_MULTIPLE):
+            unsteady[now] += 1
+            if unsteady[now] > MAX_UNSTEADY:
+                step[now], unsteady[now] = difference, 0
     return finish(out, coder)

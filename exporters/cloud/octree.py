@@ -1,24 +1,26 @@
-"""Sorting records into the nodes of an octree, in bounded memory."""
+"""Sorting records into the nodes of an octree, in bounded memory; each point's level is random."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.record_spool import RecordSpool
 from furrowmap.exporters.cloud.cube import DEPTH, Cube, codes_of, places, sorted_order
-from furrowmap.exporters.cloud.levels import Plan, draw_nodes, plan_levels
-from furrowmap.exporters.cloud.records import Chosen, Records, copy_records, gathered
+from furrowmap.exporters.cloud.records import Chosen, Records, copy_records, gather_records
 
 SLICE: Final = 1_000_000
 """Records copied in one go when a half of memory is sorted into the file."""
+CERTAIN: Final = 1 << 31
+"""A threshold above all random numbers."""
 
 
 class Key(NamedTuple):
@@ -38,27 +40,100 @@ class Key(NamedTuple):
 ROOT: Final = Key(0, 0, 0, 0)
 
 
-class NodeSink(Protocol):
-    """Takes complete nodes."""
-
-    def put(self, key: Key, parts: Sequence[Chosen]) -> Future[Any]:
-        """Add a node; a thread reads the records until the returned future is done."""
-        ...
+PutNode = Callable[[Key, Sequence[Chosen]], Future[Any]]
+"""Adds a complete node; a thread reads the records until the returned future is done."""
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Limits of an octree.
+class Plan:
+    """The share of points that stays in each node.
+
+    Nodes are numbered by level, then by their cells' codes: node `first[level] + code`.
 
     Attributes:
-        memory_points: maximum number of records in memory; others are kept in a file in `folder`.
-        node_points: records of a node that has children; a leaf may have twice as many.
-        folder: for temporary files.
+        first: (depth + 2,) number of the first node of each level, and of nodes.
+        threshold: (nodes,) uint32: of the points in a node's cell, those with a random number (0 to 2^31 − 1) below it
+            stay there or above.
+        full: (8^depth,) bool: nodes of the deepest level with too many points.
     """
 
-    memory_points: int
-    node_points: int
-    folder: Path
+    depth: int
+    first: NDArray[np.int64]
+    threshold: NDArray[np.uint32]
+    full: NDArray[np.bool_]
+
+    def level_of(self, node: int) -> int:
+        """The level of a node."""
+        return int(np.searchsorted(self.first, node, side="right")) - 1
+
+    def is_full(self, node: int) -> bool:
+        """Whether it is of the deepest level and has too many points."""
+        code = node - int(self.first[self.depth])
+        return code >= 0 and bool(self.full[code])
+
+    def codes_below(self, node: int) -> tuple[int, int]:
+        """The codes of a node's cells of the deepest level, as first and end."""
+        level = self.level_of(node)
+        code, shift = node - int(self.first[level]), 3 * (self.depth - level)
+        return code << shift, (code + 1) << shift
+
+
+def plan_levels(counts: NDArray[np.int64], depth: int, node_points: int) -> Plan:
+    """The plan for a histogram of points by cell.
+
+    From the root down, a node that receives more than `2 × node_points` points keeps a random `node_points` of them and
+    passes the rest to its children; any other keeps all.
+
+    Args:
+        counts: (8^depth,) points in each cell.
+    """
+    first = np.cumsum([0, *(8**level for level in range(depth + 1))])
+    reached = [counts]
+    for _ in range(depth):
+        reached.append(reached[-1].reshape(-1, 8).sum(axis=1))
+    reached.reverse()
+    threshold = np.empty(int(first[-1]), np.uint32)
+    passed = np.ones(1)
+    rest = np.zeros(1)
+    for level, points in enumerate(reached):
+        rest = points * passed
+        keeps_all = (rest <= 2 * node_points) | (level == depth)
+        passed = np.where(keeps_all, 0.0, passed * (1.0 - node_points / np.maximum(rest, 1.0)))
+        threshold[first[level] : first[level + 1]] = np.rint((1.0 - passed) * CERTAIN)
+        if level < depth:
+            passed = np.repeat(passed, 8)
+    return Plan(depth, first, threshold, rest > 2 * node_points)
+
+
+def draw_nodes(
+    codes: NDArray[np.uint32], plan: Plan, random: np.random.Generator
+) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
+    """The node of each point (n,) and the number of points in each node (nodes,)."""
+    nodes, counts = np.empty(len(codes), np.uint32), np.zeros(int(plan.first[-1]), np.int64)
+    draw(codes, plan.first, plan.threshold, plan.depth, random.integers(1 << 63, dtype=np.uint64), nodes, counts)
+    return nodes, counts
+
+
+@numba.njit(
+    "void(uint32[::1], int64[::1], uint32[::1], int64, uint64, uint32[::1], int64[::1])", cache=True, nogil=True
+)
+def draw(codes, first, threshold, depth, state, nodes, counts):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`draw_nodes`: random numbers of SplitMix64 (Steele, Lea and Flood 2014)."""
+    for i in range(len(codes)):
+        state += np.uint64(0x9E3779B97F4A7C15)
+        z = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+        z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+        drawn = np.uint32((z ^ (z >> np.uint64(31))) >> np.uint64(33))
+        # Bottom up, as most points stay near the bottom; thresholds do not decrease downwards.
+        code = np.int64(codes[i])
+        node = first[depth] + code
+        for level in range(depth - 1, -1, -1):
+            code >>= 3
+            if drawn >= threshold[first[level] + code]:
+                break
+            node = first[level] + code
+        nodes[i] = node
+        counts[node] += 1
 
 
 class Octree:
@@ -71,22 +146,23 @@ class Octree:
     is waiting. A cell with too many records for a node becomes the root of an octree of its own.
 
     Args:
-        layout: dtype of a record.
-        limits: of memory and nodes.
-        random: of the levels.
+        memory_points: maximum number of records in memory; others are kept in a file in `folder`.
+        node_points: records of a node that has children; a leaf may have twice as many.
         cube: of all records; None to compute it from them.
-        key: the root node.
     """
 
     def __init__(
         self,
         layout: np.dtype[np.void],
-        limits: Limits,
+        memory_points: int,
+        node_points: int,
+        folder: Path,
         random: np.random.Generator,
         cube: Cube | None = None,
         key: Key = ROOT,
     ) -> None:
-        self._limits, self._random = limits, random
+        self._memory_points, self._node_points, self._folder = memory_points, node_points, folder
+        self._random = random
         self._cube, self._key = cube, key
         self._depth = DEPTH if cube is None else min(DEPTH, cube.bits)
         self._buffer: Records = np.empty(0, layout)
@@ -102,13 +178,9 @@ class Octree:
         self._within: dict[int, Octree] = {}
 
     def room(self, wanted: int) -> Records:
-        """Room for 1 to `wanted` records, to be filled before the next call.
-
-        Raises:
-            OSError: if the temporary file cannot be written.
-        """
+        """Room for 1 to `wanted` records, to be filled before the next call."""
         if not len(self._buffer):
-            self._buffer = np.empty(2 * -(-self._limits.memory_points // 2), self._buffer.dtype)
+            self._buffer = np.empty(2 * -(-self._memory_points // 2), self._buffer.dtype)
             self._end = len(self._buffer)
         elif self._held == self._end:
             self._make_room()
@@ -119,23 +191,19 @@ class Octree:
         self._low, self._high = np.minimum(self._low, low), np.maximum(self._high, high)
         self._held += records
 
-    def finish(self, sink: NodeSink) -> Cube:
-        """Put all nodes into `sink`; needs at least one record.
-
-        Returns:
-            The root's cube.
-        """
-        self._spilled()
+    def finish(self, put: PutNode) -> Cube:
+        """Pass all nodes to `put`; needs at least one record."""
+        self._await_spill()
         cube = self._enclose()
         if self._spool is None:
-            nodes = self._held / (2 * self._limits.node_points)
+            nodes = self._held / (2 * self._node_points)
             self._depth = min(self._depth, 2 + math.ceil(math.log(max(nodes, 1.0), 4)))
             records = self._buffer[: self._held]
             codes, counts = codes_of(records, cube, self._depth)
-            self._place(sink, records, codes, self._plan(counts), end=len(counts))
+            self._place(put, records, codes, plan_levels(counts, self._depth, self._node_points), end=len(counts))
         else:
             self._spill(self._spool, cube, self._buffer[self._first : self._held])
-            self._gather(sink, self._spool, cube)
+            self._gather(put, self._spool, cube)
         return cube
 
     def close(self) -> None:
@@ -150,10 +218,10 @@ class Octree:
     def _make_room(self) -> None:
         """Write the full half to the file in a thread, and continue in the other half."""
         half = len(self._buffer) // 2
-        self._spilled()
+        self._await_spill()
         cube = self._enclose()
         if self._spool is None or self._thread is None:
-            self._spool = RecordSpool(self._buffer.dtype, self._limits.folder)
+            self._spool = RecordSpool(self._buffer.dtype, self._folder)
             self._thread = ThreadPoolExecutor(1, "spill")
             self._spill(self._spool, cube, self._buffer[:half])
             self._first = half
@@ -162,7 +230,7 @@ class Octree:
         self._first, self._end = (half, len(self._buffer)) if self._first == 0 else (0, half)
         self._held = self._first
 
-    def _spilled(self) -> None:
+    def _await_spill(self) -> None:
         """Wait for the thread that writes to the file."""
         if self._spilling is not None:
             self._spilling.result()
@@ -174,7 +242,7 @@ class Octree:
         order = sorted_order(codes, counts)
         there = np.flatnonzero(counts)
         spool.append(
-            (gathered(records, order[start : start + SLICE]) for start in range(0, len(order), SLICE)),
+            (gather_records(records, order[start : start + SLICE]) for start in range(0, len(order), SLICE)),
             there,
             np.concatenate([[0], np.cumsum(counts[there])]),
         )
@@ -193,12 +261,9 @@ class Octree:
                 self._spool.shift_keys(3, octant << 3 * (self._depth - 1))
         return self._cube
 
-    def _plan(self, counts: NDArray[np.int64]) -> Plan:
-        return plan_levels(counts, self._depth, self._limits.node_points)
-
-    def _gather(self, sink: NodeSink, spool: RecordSpool, cube: Cube) -> None:
+    def _gather(self, put: PutNode, spool: RecordSpool, cube: Cube) -> None:
         """Take back what the file holds, stretch of cells by stretch of cells."""
-        plan = self._plan(self._counts)
+        plan = plan_levels(self._counts, self._depth, self._node_points)
         up_to = np.concatenate([[0], np.cumsum(self._counts)])
         first = 0
         while first < len(self._counts):
@@ -209,7 +274,7 @@ class Octree:
             for part in spool.parts(first, end, self._other_half):
                 left -= len(part)
                 codes, _ = codes_of(part, cube, self._depth)
-                self._place(sink, part, codes, plan, end if left == 0 else first)
+                self._place(put, part, codes, plan, end if left == 0 else first)
             first = end
 
     def _other_half(self) -> Records:
@@ -220,7 +285,7 @@ class Octree:
         half = len(self._buffer) // 2
         return self._buffer[self._turn * half : (self._turn + 1) * half]
 
-    def _place(self, sink: NodeSink, records: Records, codes: NDArray[np.uint32], plan: Plan, end: int) -> None:
+    def _place(self, put: PutNode, records: Records, codes: NDArray[np.uint32], plan: Plan, end: int) -> None:
         """Sort records into nodes and output those whose cells, all before `end`, are complete."""
         nodes, counts = draw_nodes(codes, plan, self._random)
         order = sorted_order(nodes, counts)
@@ -229,18 +294,23 @@ class Octree:
             members = order[ends[node] - counts[node] : ends[node]]
             complete = plan.codes_below(node)[1] <= end
             if plan.is_full(node) and self._depth < self._enclose().bits:
-                self._divide(sink, node, plan, gathered(records, members), complete=complete)
+                self._divide(put, node, plan, gather_records(records, members), complete=complete)
             elif complete:
                 parts = [*self._waiting.pop(node, []), Chosen(records, members)]
-                self._reading[self._turn].append(sink.put(self._key_of(node, plan), parts))
+                self._reading[self._turn].append(put(self._key_of(node, plan), parts))
             else:
-                self._waiting.setdefault(node, []).append(Chosen.all_of(gathered(records, members)))
+                all_of = np.arange(len(members), dtype=np.uint32)
+                self._waiting.setdefault(node, []).append(Chosen(gather_records(records, members), all_of))
 
-    def _divide(self, sink: NodeSink, node: int, plan: Plan, records: Records, *, complete: bool) -> None:
+    def _divide(self, put: PutNode, node: int, plan: Plan, records: Records, *, complete: bool) -> None:
         """Pass the records of a deepest node with too many to an octree within its cell."""
         inner = self._within.get(node)
         if inner is None:
-            inner = self._within[node] = self._inner(node, plan)
+            cube = self._enclose().cell(self._depth, node - int(plan.first[self._depth]))
+            memory_points, key = max(self._memory_points // 4, 1), self._key_of(node, plan)
+            inner = self._within[node] = Octree(
+                self._buffer.dtype, memory_points, self._node_points, self._folder, self._random, cube, key
+            )
         if complete and not inner._held and inner._spool is None:
             inner._buffer, inner._held = records, len(records)
         else:
@@ -251,15 +321,9 @@ class Octree:
                 inner.filled(len(room), *inner._enclose().corners)
                 copied += len(room)
         if complete:
-            inner.finish(sink)
+            inner.finish(put)
             inner.close()
             del self._within[node]
-
-    def _inner(self, node: int, plan: Plan) -> Octree:
-        """An octree within the cell of a deepest node."""
-        limits = replace(self._limits, memory_points=max(self._limits.memory_points // 4, 1))
-        cube = self._enclose().cell(self._depth, node - int(plan.first[self._depth]))
-        return Octree(self._buffer.dtype, limits, self._random, cube, self._key_of(node, plan))
 
     def _key_of(self, node: int, plan: Plan) -> Key:
         level = plan.level_of(node)

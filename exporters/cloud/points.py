@@ -69,8 +69,6 @@ class Extent:
         low: (3,) int64 least X, Y and Z in steps of the coordinates' scale.
         high: (3,) int64 greatest ones.
         by_return: (15,) int64 points with return number 1, 2, ….
-        first_time: earliest time in the records.
-        last_time: latest time.
         extra: least and greatest value of extra dimensions by name; without those that have no value but nan.
     """
 
@@ -81,12 +79,6 @@ class Extent:
     first_time: float
     last_time: float
     extra: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-
-    @classmethod
-    def of_nothing(cls) -> Extent:
-        """The neutral element of :meth:`joined`."""
-        far = np.full(3, np.iinfo(np.int64).max)
-        return cls(0, far, -far, np.zeros(RETURNS, np.int64), float("inf"), float("-inf"))
 
     @classmethod
     def at_origin(cls) -> Extent:
@@ -111,13 +103,8 @@ def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = 
     """Pack a batch of at least one point into records.
 
     Args:
-        batch: the points.
         into: (n,) the records, in the layout of :func:`~furrowmap.exporters.cloud.records.held_layout`.
-        scale_m: resolution of the coordinates.
         week_time: times are seconds of a GPS week, and are not converted.
-
-    Returns:
-        The extent of the batch.
 
     Raises:
         FurrowmapError: if a coordinate or time is not finite, or a coordinate is out of range.

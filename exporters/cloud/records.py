@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numba
 import numpy as np
@@ -32,16 +32,10 @@ class Chosen:
 
     Attributes:
         records: in the layout of :func:`held_layout`.
-        members: (n,) uint32 indices.
     """
 
     records: Records
     members: NDArray[np.uint32]
-
-    @classmethod
-    def all_of(cls, records: Records) -> Self:
-        """All of them, in their order."""
-        return cls(records, np.arange(len(records), dtype=np.uint32))
 
     def __len__(self) -> int:
         return len(self.members)
@@ -57,14 +51,14 @@ def copy_records(source: Records, target: Records) -> None:
     target.view(np.uint8)[:] = source.view(np.uint8)
 
 
-def gathered(source: Records, members: NDArray[np.uint32]) -> Records:
+def gather_records(source: Records, members: NDArray[np.uint32]) -> Records:
     """The records `members` of `source`."""
     target = np.empty(len(members), source.dtype)
     gather(rows_of(source), members, rows_of(target))
     return target
 
 
-def columns_of(parts: Sequence[Chosen]) -> Columns:
+def select_columns(parts: Sequence[Chosen]) -> Columns:
     """The points of at least one selection, in order."""
     n = sum(map(len, parts))
     layout = parts[0].records.dtype
@@ -94,7 +88,7 @@ def columns_of(parts: Sequence[Chosen]) -> Columns:
 
 @numba.njit("void(uint8[:, ::1], uint32[::1], uint8[:, ::1])", cache=True, nogil=True)
 def gather(source, members, target):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`gathered`; three times as fast as numpy's take."""
+    """Kernel of :func:`gather_records`; three times as fast as numpy's take."""
     for i in range(len(members)):
         k = members[i]
         for j in range(source.shape[1]):
@@ -124,7 +118,7 @@ def take(  # type: ignore[no-untyped-def]
     xs, ys, zs, intensities, all_returns, classes, sources, times, extras, members,
     x, y, z, intensity, returns, classification, source, time, extra,
 ):  # fmt: skip
-    """Kernel of :func:`columns_of`: copies fields of records into columns."""
+    """Kernel of :func:`select_columns`: copies fields of records into columns."""
     for i in range(len(members)):
         k = members[i]
         x[i], y[i], z[i] = xs[k], ys[k], zs[k]

@@ -17,14 +17,14 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.cloud.chunk import Columns
 from furrowmap.exporters.cloud.cube import Cube
 from furrowmap.exporters.cloud.file import CopcFile, CopcFormat, describe, las_header
-from furrowmap.exporters.cloud.octree import Limits, Octree
+from furrowmap.exporters.cloud.octree import Octree
 from furrowmap.exporters.cloud.points import Extent, PointBatch, pack
 from furrowmap.exporters.cloud.records import held_layout
 from furrowmap.exporters.files.atomic import atomic_output
 
 MEMORY_POINTS: Final = 8_000_000
 NODE_POINTS: Final = 50_000
-LEAST_NODE_POINTS: Final = 64
+MIN_NODE_POINTS: Final = 64
 """With fewer, a node with children might stay empty by chance: with 64 expected points once in 10^28 nodes."""
 
 
@@ -35,7 +35,6 @@ class CopcSummary:
     Attributes:
         low_m: least easting, northing and height; the origin for no points.
         high_m: greatest easting, northing and height.
-        nodes: number of nodes of the octree.
         points_by_level: number of points of each level, the root first.
         points_by_class: number of points of each class that occurs.
     """
@@ -55,9 +54,7 @@ class CopcWriter:
     each of `memory_points`, regardless of the total.
 
     Args:
-        path: of the file; an older one is replaced at the end.
         kind: CRS, coordinates and dimensions.
-        memory_points: maximum number of points in memory.
         node_points: points of an octree node that has children.
         seed: of the random levels; the same batches and seed give the same nodes.
     """
@@ -71,13 +68,13 @@ class CopcWriter:
         node_points: int = NODE_POINTS,
         seed: int = 0,
     ) -> None:
-        if node_points < LEAST_NODE_POINTS or memory_points < 1:
+        if node_points < MIN_NODE_POINTS or memory_points < 1:
             raise ValueError(f"no octree with {node_points} points a node, {memory_points} in memory")
         self._path, self._kind, self._node_points = path, kind, node_points
         self._header = las_header(kind)
-        limits = Limits(memory_points, node_points, path.parent)
-        self._octree = Octree(held_layout(self._header.point_format.dtype()), limits, np.random.default_rng(seed))
-        self._extent = Extent.of_nothing()
+        layout, random = held_layout(self._header.point_format.dtype()), np.random.default_rng(seed)
+        self._octree = Octree(layout, memory_points, node_points, path.parent, random)
+        self._extent: Extent | None = None
         self._stack = ExitStack()
         self._summary: CopcSummary | None = None
 
@@ -91,7 +88,6 @@ class CopcWriter:
 
         Raises:
             FurrowmapError: if a coordinate or time is not finite, or a coordinate is out of range for LAS.
-            OSError: if the temporary file cannot be written.
             ValueError: if arrays have different lengths, a value does not fit its field, or dimensions are missing.
         """
         done = 0
@@ -100,7 +96,7 @@ class CopcWriter:
             part = batch.part(done, done + len(room))
             extent = pack(part, room, self._kind.scale_m, week_time=self._kind.week_time)
             self._octree.filled(len(room), extent.low, extent.high)
-            self._extent = self._extent.joined(extent)
+            self._extent = extent if self._extent is None else self._extent.joined(extent)
             done += len(room)
 
     def close(
@@ -132,23 +128,23 @@ class CopcWriter:
             self._stack.__exit__(kind, error, trace)
 
     def _write(self, progress: Progress, complete: Callable[[Columns], None] | None) -> CopcSummary:
-        points = self._extent.points
+        points = self._extent.points if self._extent is not None else 0
         with closing(
             CopcFile(self._unfinished, self._header, lambda done: progress("writing cloud", done / points), complete)
         ) as file:
-            if points:
-                cube, extent = self._octree.finish(file), self._extent
+            if self._extent is not None:
+                cube, extent = self._octree.finish(file.put), self._extent
             else:
                 cube, extent = Cube((0, 0, 0), 0), Extent.at_origin()
             # Mean distance of a node's points, which mostly lie on a surface across its cell.
             spacing_m = cube.side * self._kind.scale_m / math.sqrt(min(points, self._node_points) or 1)
-            file.finish(extent, cube, spacing_m)
-            levels, classes = file.points_by_level, file.points_by_class
+            nodes, levels = file.finish(extent, cube, spacing_m)
+            classes = file.points_by_class
         summary = CopcSummary(
             points,
             low_m=tuple(self._header.mins.tolist()),
             high_m=tuple(self._header.maxs.tolist()),
-            nodes=file.nodes,
+            nodes=nodes,
             points_by_level=tuple(levels.tolist()),
             points_by_class={number: int(classes[number]) for number in np.flatnonzero(classes).tolist()},
         )

@@ -1,9 +1,10 @@
-"""KML 2.2 (OGC 07-147r2): folders of placemarks with times, colours and fields."""
+"""KML 2.2 (OGC 07-147r2): folders of placemarks with times, fields and the colours of the layers' QGIS styles."""
 
 from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -18,10 +19,11 @@ from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 from furrowmap.core.runtime.errors import Notice, printable
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
-from furrowmap.exporters.exchange.kml_styles import PASSES, LayerLooks, Look, layer_looks, style_name
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import TRAJECTORY
-from furrowmap.exporters.vectors.layer_words import ALIASES, NAMES, VALUES
+from furrowmap.exporters.files.result_folder import TRAJECTORY, packaged_style, packaged_styles
+from furrowmap.exporters.reports.drawings import pass_colour
+from furrowmap.exporters.vectors.field_layers import LABELS
+from furrowmap.exporters.vectors.qgis_styles import NAMES, VALUES
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -29,6 +31,26 @@ if TYPE_CHECKING:
 _NAMESPACE: Final = "http://www.opengis.net/kml/2.2"
 _TITLES: Final = ("pass", "kind", "zone", "implement", "scan")
 """The first of these fields that a feature has is its name."""
+_PASSES: Final = "passes"
+"""The layer whose colours follow the number of the pass."""
+_PLAIN: Final = ("ff404040", "40ffffff")
+"""Colours of points, lines and outlines, and of areas: alpha, blue, green and red in hexadecimal."""
+
+
+@dataclass(frozen=True)
+class _KmlStyles:
+    """Styles of a layer: the field that decides (None if all features look alike), and the colours by its text.
+
+    The colours of all other values are those of the text "".
+    """
+
+    attribute: str | None
+    by_value: Mapping[str, tuple[str, str]]
+
+    def name_for(self, layer: str, fields: Mapping[str, str]) -> str:
+        """Name of the style of a feature with these fields."""
+        value = fields.get(self.attribute, "") if self.attribute is not None else ""
+        return _style_name(layer, value if value in self.by_value else "")
 
 
 def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin, zone: ZoneInfo) -> list[Notice]:
@@ -43,43 +65,73 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
     document = ET.SubElement(root, "Document")
     _text(document, "name", origin.title)
     _text(document, "description", "; ".join(f"{name} {text}" for name, text in origin.metadata.items()))
-    looks = {name: layer_looks(name, _numbers(layer) if name == PASSES else ()) for name, layer in layers.items()}
-    for name, look in looks.items():
-        for value in look.by_value:
-            _add_style(document, style_name(name, value), look.by_value[value])
+    styles = {name: _read_styles(name, layer) for name, layer in layers.items()}
+    for name, own in styles.items():
+        for value, (mark, fill) in own.by_value.items():
+            style = ET.SubElement(document, "Style", id=_style_name(name, value))
+            _text(ET.SubElement(style, "IconStyle"), "color", mark)
+            stroke = ET.SubElement(style, "LineStyle")
+            _text(stroke, "color", mark)
+            _text(stroke, "width", "2")
+            _text(ET.SubElement(style, "PolyStyle"), "color", fill)
     notices = []
     for name, layer in reversed(list(layers.items())):  # KML draws later folders on top
         folder = ET.SubElement(document, "Folder")
         _text(folder, "name", translated(NAMES.get(name, name.replace("_", " ")), language_of_user()))
         if name == TRAJECTORY:
-            _add_lines(folder, layer, looks[name])
+            _add_lines(folder, layer, styles[name])
             notices.append(Notice("kml-trajectory"))
         else:
             for row in layer.to_dict("records"):
-                _add_placemark(folder, name, _in_zone(row, zone), str(layer.geometry.name), looks[name], zone)
+                shape = row.pop(str(layer.geometry.name))
+                if shape is not None and not shape.is_empty:
+                    _add_placemark(folder, name, shape, row, styles[name], zone)
     ET.indent(root)
     ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
     return notices
 
 
-def _numbers(layer: gpd.GeoDataFrame) -> list[int]:
-    """Numbers of the passes, without what a damaged layer has in their place."""
-    if "pass" not in layer:
-        return []
-    numbers = pd.to_numeric(layer["pass"], errors="coerce")
-    return [int(number) for number in numbers[np.isfinite(numbers)]]
+def _read_styles(name: str, layer: gpd.GeoDataFrame) -> _KmlStyles:
+    """Styles of a layer, from its packaged QGIS style."""
+    if f"{name}.qml" not in packaged_styles():
+        return _KmlStyles(None, {"": _PLAIN})
+    root = ET.fromstring(packaged_style(f"{name}.qml"))  # noqa: S314 - a file of this package
+    opacity = float(root.findtext("layerOpacity") or 1.0)
+    symbols = {str(symbol.get("name")): _symbol_colours(symbol, opacity) for symbol in root.iter("symbol")}
+    mark, fill = symbols["0"]
+    if name == _PASSES:
+        # A damaged layer may have something else in place of numbers.
+        passes = pd.to_numeric(layer["pass"], errors="coerce") if "pass" in layer else np.empty(0)
+        numbers = [int(number) for number in passes[np.isfinite(passes)]]
+        colours = {n: pass_colour(n, max(numbers)) for n in numbers}
+        abgr = {str(n): (mark, f"{fill[:2]}{c[5:7]}{c[3:5]}{c[1:3]}") for n, c in colours.items()}
+        return _KmlStyles("pass", {"": symbols["0"]} | abgr)
+    renderer = next(root.iter("renderer-v2"))
+    values = {str(each.get("value")): symbols[str(each.get("symbol"))] for each in renderer.iter("category")}
+    return _KmlStyles(renderer.get("attr") if values else None, {"": symbols["0"]} | values)
 
 
-def _add_style(document: ET.Element, name: str, look: Look) -> None:
-    style = ET.SubElement(document, "Style", id=name)
-    _text(ET.SubElement(style, "IconStyle"), "color", look.mark)
-    stroke = ET.SubElement(style, "LineStyle")
-    _text(stroke, "color", look.mark)
-    _text(stroke, "width", "2")
-    _text(ET.SubElement(style, "PolyStyle"), "color", look.fill)
+def _symbol_colours(symbol: ET.Element, opacity: float) -> tuple[str, str]:
+    """Colours of a symbol's lowest layer."""
+    found: Any = next(symbol.iter("layer"))
+    options = {option.get("name"): str(option.get("value")) for option in found.iter("Option")}
+    fill = _abgr(options["color"], opacity) if "color" in options and options.get("style") != "no" else "00ffffff"
+    line = options.get("line_color") or (options["color"] if symbol.get("type") == "marker" else None)
+    return _abgr(line or options["outline_color"], opacity), fill
 
 
-def _add_lines(folder: ET.Element, trajectory: gpd.GeoDataFrame, looks: LayerLooks) -> None:
+def _abgr(colour: str, opacity: float) -> str:
+    """Of "red,green,blue,alpha"."""
+    red, green, blue, alpha = (int(part) for part in colour.split(",")[:4])
+    return f"{round(alpha * opacity):02x}{blue:02x}{green:02x}{red:02x}"
+
+
+def _style_name(layer: str, value: str) -> str:
+    """Name of a style, which is an XML name."""
+    return "-".join([layer, *value.split()])
+
+
+def _add_lines(folder: ET.Element, trajectory: gpd.GeoDataFrame, styles: _KmlStyles) -> None:
     """The trajectory in parts of one quality of the positions; each begins where the one before ends."""
     points = trajectory.geometry
     if len(points) < 2:
@@ -94,50 +146,37 @@ def _add_lines(folder: ET.Element, trajectory: gpd.GeoDataFrame, looks: LayerLoo
             mark = ET.SubElement(folder, "Placemark")
             value = str(fix[begin])
             _text(mark, "name", translated(VALUES["fix"].get(value, "trajectory"), language_of_user()))
-            _text(mark, "styleUrl", f"#{looks.name(TRAJECTORY, {'fix': value})}")
+            _text(mark, "styleUrl", f"#{styles.name_for(TRAJECTORY, {'fix': value})}")
             _text(ET.SubElement(mark, "LineString"), "coordinates", _coordinates(part))
 
 
-def _in_zone(row: dict[str, Any], zone: ZoneInfo) -> dict[str, Any]:
-    """The fields of a feature with its times in a zone."""
-    return {name: value.astimezone(zone) if _is_time(value) else value for name, value in row.items()}
-
-
-def _is_time(value: Any) -> bool:
-    return isinstance(value, dt.datetime) and value == value and value.tzinfo is not None  # NaT is not itself
-
-
 def _add_placemark(
-    folder: ET.Element, layer: str, row: dict[str, Any], geometry: str, looks: LayerLooks, zone: ZoneInfo
+    folder: ET.Element, layer: str, shape: BaseGeometry, row: dict[str, Any], styles: _KmlStyles, zone: ZoneInfo
 ) -> None:
-    shape = row.pop(geometry)
-    if shape is None or shape.is_empty:
-        return
+    """A feature with its fields; times are in a zone."""
+    for name, value in row.items():
+        if isinstance(value, dt.datetime) and value == value and value.tzinfo is not None:  # NaT is not itself
+            row[name] = value.astimezone(zone)
     fields = {str(name): text for name, value in row.items() if (text := _field_text(value)) is not None}
     mark = ET.SubElement(folder, "Placemark")
     key = next((key for key in _TITLES if key in fields), None)
     _text(mark, "name", layer if key is None else f"{key} {fields[key]}" if key == "pass" else fields[key])
-    _add_time(mark, fields)
-    _text(mark, "styleUrl", f"#{looks.name(layer, fields)}")
-    data = ET.SubElement(mark, "ExtendedData")
-    for name, text in fields.items():
-        field = ET.SubElement(data, "Data", name=name)
-        if name in ALIASES:
-            label = translated(ALIASES[name], language_of_user())
-            _text(field, "displayName", label.replace("UTC", zone.key))
-        _text(field, "value", text)
-    _add_shape(mark, shape)
-
-
-def _add_time(mark: ET.Element, fields: Mapping[str, str]) -> None:
-    """The time, for the time slider of viewers."""
-    if "start" in fields:
+    if "start" in fields:  # for the time slider of viewers
         span = ET.SubElement(mark, "TimeSpan")
         _text(span, "begin", fields["start"])
         if "end" in fields:
             _text(span, "end", fields["end"])
     elif "time" in fields:
         _text(ET.SubElement(mark, "TimeStamp"), "when", fields["time"])
+    _text(mark, "styleUrl", f"#{styles.name_for(layer, fields)}")
+    data = ET.SubElement(mark, "ExtendedData")
+    for name, text in fields.items():
+        field = ET.SubElement(data, "Data", name=name)
+        if name in LABELS:
+            label = translated(LABELS[name], language_of_user())
+            _text(field, "displayName", label.replace("UTC", zone.key))
+        _text(field, "value", text)
+    _add_shape(mark, shape)
 
 
 def _add_shape(parent: ET.Element, shape: BaseGeometry) -> None:

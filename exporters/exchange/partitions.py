@@ -77,9 +77,7 @@ class Partition:
     Args:
         folder: of the date, made if it does not exist.
         name: of the files before their number.
-        schema: of the columns.
         crs: of the coordinates, without heights.
-        origin: provenance, for each file's metadata.
     """
 
     folder: Path
@@ -107,11 +105,7 @@ class Partition:
         """Write rows, those near each other together.
 
         Args:
-            xyz_m: (n, 3) coordinates.
             columns: (n,) arrays by name, or None; those without one here are empty.
-
-        Raises:
-            OSError: if a file cannot be written.
         """
         order = np.argsort(_morton(xyz_m), kind="stable")
         done = 0

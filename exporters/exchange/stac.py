@@ -1,16 +1,19 @@
-"""STAC: the products of a run as an item, and many runs as a collection.
+"""STAC 1.1: the products of a run as an item, many runs as a collection, a season as a catalogue of collections.
 
-STAC 1.1 with the extensions projection 2.0, pointcloud 1.0 and processing 1.1.
+Extensions: projection 2.0, pointcloud 1.0, processing 1.1, raster 2.0 and table 1.2. All links are relative, so that a
+server of plain files can serve a folder as it is; clients such as pystac-client begin with `catalog.json`.
 """
 
 from __future__ import annotations
 
+import datetime as dt
 import json
-from collections.abc import Sequence
-from datetime import datetime
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
+import laspy
 import numpy as np
 from pyproj import CRS
 
@@ -19,6 +22,7 @@ from furrowmap.core.geodesy.stated_frame import stated_frame
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.runtime.json_text import json_text
+from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.atomic import relative_path
 from furrowmap.exporters.files.result_folder import (
     CLOUD,
@@ -35,17 +39,27 @@ from furrowmap.exporters.files.result_folder import (
     result_origin,
 )
 
-if TYPE_CHECKING:
-    import pystac
+Item = dict[str, Any]
+"""A STAC item as JSON has it."""
+Bounds = tuple[float, float, float, float]
+Span = tuple[dt.datetime, dt.datetime]
 
 CATALOGUE: Final = "catalog.json"
 COLLECTION: Final = "collection.json"
-PROCESSING: Final = "https://stac-extensions.github.io/processing/v1.1.0/schema.json"
-LICENCE: Final = "other"
+STAC_FOLDER: Final = "stac"
+_STAC_VERSION: Final = "1.1.0"
+_PROCESSING: Final = "https://stac-extensions.github.io/processing/v1.1.0/schema.json"
+_PROJECTION: Final = "https://stac-extensions.github.io/projection/v2.0.0/schema.json"
+_POINTCLOUD: Final = "https://stac-extensions.github.io/pointcloud/v1.0.0/schema.json"
+_RASTER: Final = "https://stac-extensions.github.io/raster/v2.0.0/schema.json"
+_TABLE: Final = "https://stac-extensions.github.io/table/v1.2.0/schema.json"
+_LICENCE: Final = "other"
 """The owner of the recording decides on the licence of its products."""
-_KINDS: Final = {  # media type, title, roles
+_COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"
+_PRODUCTS: Final = {  # media type, title, roles
     CLOUD: ("application/vnd.laszip+copc", "Point cloud", ["data"]),
     FIELD: ("application/geopackage+sqlite3", "Trajectory and ground worked", ["data"]),
+    ORTHOPHOTO: (_COG, "Orthophoto", ["visual"]),
     REPORT: ("application/json", "Figures, warnings, provenance", ["metadata"]),
     REPORT_PAGE: ("text/html", "Report to read", ["overview"]),
     LEARNED: ("application/octet-stream", "What was learned of the implement, for the next session", ["data"]),
@@ -54,176 +68,233 @@ _KINDS: Final = {  # media type, title, roles
     **{of_tool(STATES, n): ("text/csv", f"When implement {n} went down and up", ["data"]) for n in FURTHER_TOOLS},
     SESSION_FILE: ("application/toml", "Session as it was understood", ["metadata"]),
 }
-COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"
+_PARQUET: Final = "application/vnd.apache.parquet"
+_UP: Final = "../.."
+"""From a collection's folder to the season's."""
 _EDGE_POINTS: Final = 6
-_DIGITS_DEG: Final = 7
+_FOOTPRINT_DIGITS: Final = 7
 _NAME_BYTES: Final = 200
-"""Longest name of a session in an identifier, so that a file can be named after it."""
+"""Maximum length of a session's name in an identifier, so that a file can be named after it."""
 
 
-def run_item(report: dict[str, Any]) -> pystac.Item:
+def run_item(report: dict[str, Any]) -> Item:
     """The item of one run, with assets relative to it.
 
     Args:
         report: content of `report.json`; products without a media type here are left out.
     """
-    import pystac
-    from pystac.extensions.pointcloud import PhenomenologyType, PointcloudExtension
-    from pystac.extensions.projection import ProjectionExtension
-
-    figures = report["figures"]
+    figures, session, origin = report["figures"], report["session"], result_origin(report)
     (west, south, low), (east, north, high) = figures["bounds_m"]
-    crs, origin = _crs(report), result_origin(report)
-    ring = footprint(crs, (west, south, east, north))
-    lon, lat = zip(*ring, strict=True)
-    item = pystac.Item(
-        id=session_identifier(report),
-        geometry={"type": "Polygon", "coordinates": [ring]},
-        bbox=[min(lon), min(lat), max(lon), max(lat)],
-        datetime=None,
-        start_datetime=datetime.fromisoformat(figures["start"]),
-        end_datetime=datetime.fromisoformat(figures["end"]),
-        properties={
-            "title": report["session"]["name"] or "Session without a name",
-            "instruments": [report["session"]["lidar"].get("model") or ("lidar" if figures["points"] else "gnss")],
-            "processing:software": {"furrowmap": report["furrowmap"]},
-            "furrowmap:measured_epoch": origin.measured_epoch,
-            "furrowmap:parameters": dict(origin.parameters),
-            "furrowmap:inputs": [{"name": name, "sha256": digest} for name, digest in origin.inputs],
-        },
-        stac_extensions=[PROCESSING],
-    )
+    crs, frame = CRS.from_user_input(session["crs"]["map"]).to_2d(), stated_frame(session["crs"]["coordinates"])
+    span = dt.datetime.fromisoformat(figures["start"]), dt.datetime.fromisoformat(figures["end"])
+    properties = {
+        "title": session["name"] or "Session without a name",
+        "instruments": [session["lidar"].get("model") or ("lidar" if figures["points"] else "gnss")],
+        "processing:software": {"furrowmap": report["furrowmap"]},
+        "furrowmap:measured_epoch": origin.measured_epoch,
+        "furrowmap:parameters": dict(origin.parameters),
+        "furrowmap:inputs": [{"name": name, "sha256": digest} for name, digest in origin.inputs],
+        "furrowmap:height_m": [low, high],
+    }
     if contradiction := (report.get("verdict") or {}).get("text"):
-        item.properties["furrowmap:contradiction"] = contradiction
+        properties["furrowmap:contradiction"] = contradiction
     if unstated := (report.get("accuracy") or {}).get("unstated"):
-        item.properties["furrowmap:unstated"] = unstated
-    projection = ProjectionExtension.ext(item, add_if_missing=True)
-    authority = crs.to_authority()
-    projection.apply(
-        code=":".join(authority) if authority else None,
-        projjson=None if authority else json.loads(crs.to_json()),
-        bbox=[west, south, east, north],
-    )
+        properties["furrowmap:unstated"] = unstated
     if figures["points"]:
-        area_m2 = max((east - west) * (north - south), 1e-6)
-        PointcloudExtension.ext(item, add_if_missing=True).apply(
-            count=figures["points"],
-            type=PhenomenologyType.LIDAR,
-            encoding="COPC",
-            schemas=_schemas(coloured=bool(report.get("colours"))),
-            density=round(figures["points"] / area_m2, 3),
-        )
-    item.properties["furrowmap:height_m"] = [low, high]
-    for name in report["products"]:
-        if is_file_name(name) and (kind := _kind(name)):
+        properties |= {
+            "pc:count": figures["points"],
+            "pc:type": "lidar",
+            "pc:encoding": "COPC",
+            "pc:schemas": _point_dimensions(coloured=bool(report.get("colours"))),
+            "pc:density": round(figures["points"] / max((east - west) * (north - south), 1e-6), 3),
+        }
+    crs = frame.map_crs(crs) if frame is not None else crs
+    extensions = [_POINTCLOUD] if figures["points"] else []
+    item = _item(session_identifier(report), crs, (west, south, east, north), span, properties, extensions)
+    for name in filter(is_file_name, report["products"]):
+        stem = Path(name).stem
+        raster = (_COG, stem.replace("_", " ").upper(), ["data"]) if name.endswith(".tif") else None
+        if kind := _PRODUCTS.get(name, raster):
             media, title, roles = kind
-            item.add_asset(Path(name).stem.split(".")[0], pystac.Asset(f"./{name}", title, None, media, roles))
+            item["assets"][stem.split(".")[0]] = {"href": f"./{name}", "type": media, "title": title, "roles": roles}
     return item
 
 
 def write_item(path: Path, report: dict[str, Any]) -> None:
     """Write the item of a run beside its products."""
-    item = run_item(report).to_dict(include_self_link=False)
-    path.write_text(json_text(item), encoding="utf-8")
+    path.write_text(json_text(run_item(report)), encoding="utf-8")
 
 
 def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path) -> None:
     """Write a collection over many runs: `collection.json`, and an item each that points to the products.
 
-    `catalog.json` is where clients such as pystac-client begin; all links are relative, so that a server of plain files
-    can serve the folder as it is.
-
     Args:
-        results: of the runs.
         target: final folder of the collection, to which the assets are relative.
 
     Raises:
         InputError: if two results are of the same session.
     """
-    import pystac
-
-    items = []
-    for result in results:
-        item = run_item(result.report)
-        for asset in item.assets.values():
-            asset.href = link(result.folder / asset.href, target)
-        items.append(item)
-    names = [item.id for item in items]
+    items = [_linked_item(result.folder, result.report, target) for result in results]
+    names = [item["id"] for item in items]
     for name in names:
         if names.count(name) > 1:
             raise InputError("session-twice.write-collection", name=name)
-    collection = pystac.Collection(
-        id=target.name or "furrowmap",
-        title=target.name or "furrowmap",
-        description="Georeferenced clouds and worked ground, a session each, made by furrowmap.",
-        extent=pystac.Extent.from_items(items),
-        license=LICENCE,
-        extra_fields={"furrowmap:products": [CATALOGUE, COLLECTION, *(f"{name}.json" for name in names)]},
-    )
-    collection.add_links([pystac.Link(rel, f"./{CATALOGUE}", "application/json") for rel in ("root", "parent")])
-    for item in items:
-        item.add_link(pystac.Link("root", f"./{CATALOGUE}", "application/json"))
-        collection.add_link(pystac.Link("item", f"./{item.id}.json", "application/geo+json"))
-        item.add_link(pystac.Link("collection", f"./{COLLECTION}", "application/json"))
-        item.add_link(pystac.Link("parent", f"./{COLLECTION}", "application/json"))
-        item.collection_id = collection.id
-        value = item.to_dict(include_self_link=False, transform_hrefs=False)
-        (folder / f"{item.id}.json").write_text(json_text(value), encoding="utf-8")
-    catalogue = pystac.Catalog(f"{collection.id}-catalogue", collection.description, collection.title)
-    catalogue.set_root(None)
-    catalogue.add_link(pystac.Link("root", f"./{CATALOGUE}", "application/json"))
-    catalogue.add_link(pystac.Link("child", f"./{COLLECTION}", "application/json", collection.title))
-    for name, whole in ((CATALOGUE, catalogue), (COLLECTION, collection)):
-        content = whole.to_dict(include_self_link=False, transform_hrefs=False)
-        (folder / name).write_text(json_text(content), encoding="utf-8")
+    name, files = target.name or "furrowmap", [CATALOGUE, COLLECTION, *(f"{name}.json" for name in names)]
+    description = "Georeferenced clouds and worked ground, a session each, made by furrowmap."
+    about = {"id": name, "title": name, "description": description, "furrowmap:products": files}
+    _write_collection(folder, f"./{CATALOGUE}", about, items)
+    _write_catalogue(folder, f"{name}-catalogue", description, name, {f"./{COLLECTION}": name})
 
 
-def _crs(report: dict[str, Any]) -> CRS:
-    """The map's CRS in the reference frame that the session states."""
-    stated_crs = report["session"]["crs"]
-    flat, stated = CRS.from_user_input(stated_crs["map"]).to_2d(), stated_frame(stated_crs["coordinates"])
-    return stated.map_crs(flat) if stated is not None else flat
+def write_season_catalogue(
+    folder: Path, target: Path, collections: Mapping[str, tuple[str, Sequence[Item], Mapping[str, Any]]]
+) -> None:
+    """Write `catalog.json`, and below `stac/` collections with their items.
+
+    Args:
+        target: final folder of the season.
+        collections: title, items and further fields of each, by its name.
+    """
+    name = target.resolve().name or "season"
+    for key, (title, items, more) in collections.items():
+        place = folder / STAC_FOLDER / key
+        place.mkdir(parents=True, exist_ok=True)
+        about = {"id": f"{name}-{key}", "title": title, "description": f"{title}, made by furrowmap.", **more}
+        _write_collection(place, f"{_UP}/{CATALOGUE}", about, items)
+    children = {f"./{STAC_FOLDER}/{key}/{COLLECTION}": title for key, (title, _, _) in collections.items()}
+    _write_catalogue(folder, name, "Products of a season, made by furrowmap.", name, children)
 
 
-def link(path: Path, start: Path) -> str:
-    """The link to a file from a folder: relative, or a URI where it is on another drive of Windows."""
-    return relative_path(path, start) or path.resolve().as_uri()
+def season_session_item(folder: Path, report: dict[str, Any], date: dt.date, season: Path) -> Item:
+    """The item of a session in the catalogue of a season, which links to its result folder."""
+    item = _linked_item(folder, report, season / STAC_FOLDER / "sessions")
+    item["properties"]["furrowmap:date"] = date.isoformat()
+    return item
+
+
+def tile_item(
+    name: str, date: dt.date, span: Span, crs: CRS, grid: Grid, rasters: Mapping[str, tuple[str, str, list[Any]]]
+) -> Item:
+    """A tile of the mosaics of a date.
+
+    Args:
+        span: of its sessions.
+        rasters: path in the season's folder, title and bands (as STAC has them) of each product.
+    """
+    shape = {"proj:shape": list(grid.shape), "proj:transform": [*grid.transform, 0.0, 0.0, 1.0]}
+    item = _item(name, crs, grid.bounds_m, span, _season_properties(date) | shape, [_RASTER])
+    for product, (path, title, bands) in rasters.items():
+        asset = {"href": f"{_UP}/{path}", "type": _COG, "title": title, "roles": ["data"]}
+        item["assets"][product] = asset | {"bands": bands, "raster:spatial_resolution": grid.cell_m}
+    return item
+
+
+def table_item(
+    name: str, date: dt.date, span: Span, crs: CRS, bounds_m: Bounds, columns: object, files: Mapping[str, int]
+) -> Item:
+    """The files of a table of a date.
+
+    Args:
+        span: of its sessions.
+        bounds_m: of all its rows.
+        columns: name and type of each.
+        files: number of rows of each, by its path in the season's folder.
+    """
+    properties = _season_properties(date) | table_properties(columns) | {"table:row_count": sum(files.values())}
+    item = _item(name, crs, bounds_m, span, properties, [_TABLE])
+    for path, rows in files.items():
+        asset = {"href": f"{_UP}/{path}", "type": _PARQUET, "title": Path(path).name, "roles": ["data"]}
+        item["assets"][Path(path).stem] = asset | {"table:row_count": rows}
+    return item
+
+
+def table_properties(columns: object) -> dict[str, Any]:
+    """What the extension "table" states of columns."""
+    return {"table:columns": columns, "table:primary_geometry": "geometry"}
 
 
 def session_identifier(report: dict[str, Any]) -> str:
     """The session's name in characters that a file name may have, and its start."""
     name = "".join(c if c.isalnum() else "-" for c in str(report["session"]["name"] or "session")).strip("-")
     words = "-".join(part for part in name.split("-") if part)[:80].encode()[:_NAME_BYTES].decode(errors="ignore")
-    return f"{words or 'session'}-{datetime.fromisoformat(report['figures']['start']):%Y%m%dT%H%M%SZ}"
+    return f"{words or 'session'}-{dt.datetime.fromisoformat(report['figures']['start']):%Y%m%dT%H%M%SZ}"
 
 
-def footprint(crs: CRS, bounds: tuple[float, float, float, float]) -> list[list[float]]:
-    """The box in longitude and latitude, counter-clockwise, with points along its edges."""
-    west, south, east, north = bounds
-    share = np.linspace(0.0, 1.0, _EDGE_POINTS)[:-1]
-    x = np.concatenate([west + share * (east - west), np.full(len(share), east), east - share * (east - west)])
-    x = np.concatenate([x, np.full(len(share), west)])
-    y = np.concatenate([np.full(len(share), south), south + share * (north - south), np.full(len(share), north)])
-    y = np.concatenate([y, north - share * (north - south)])
-    lon, lat = crs_change(crs, CRS("EPSG:4326"), bounds)(x, y)
-    ring = np.column_stack([lon, lat]).round(_DIGITS_DEG).tolist()
-    return [*ring, ring[0]]
+def _season_properties(date: dt.date) -> dict[str, Any]:
+    return {"processing:software": {"furrowmap": version("furrowmap")}, "furrowmap:date": date.isoformat()}
 
 
-def _kind(name: str) -> tuple[str, str, list[str]] | None:
-    if name == ORTHOPHOTO:
-        return COG, "Orthophoto", ["visual"]
-    if name.endswith(".tif"):
-        return COG, Path(name).stem.replace("_", " ").upper(), ["data"]
-    return _KINDS.get(name)
+def _item(
+    name: str, crs: CRS, bounds_m: Bounds, span: Span, properties: dict[str, Any], extensions: Sequence[str]
+) -> Item:
+    """An item without assets; its footprint has points along the edges of the bounds."""
+    west, south, east, north = bounds_m
+    corners = np.array([(west, south), (east, south), (east, north), (west, north), (west, south)])
+    share = np.linspace(0.0, 1.0, _EDGE_POINTS)[:-1, None]
+    x, y = (corners[:-1, None] + share * np.diff(corners, axis=0)[:, None]).reshape(-1, 2).T
+    lon, lat = (values.round(_FOOTPRINT_DIGITS) for values in crs_change(crs, CRS("EPSG:4326"), bounds_m)(x, y))
+    ring = np.column_stack([lon, lat]).tolist()
+    start, end = (moment.isoformat().replace("+00:00", "Z") for moment in span)
+    authority = crs.to_authority()
+    projection = {"proj:code": ":".join(authority)} if authority else {"proj:projjson": json.loads(crs.to_json())}
+    times = {"datetime": None, "start_datetime": start, "end_datetime": end}
+    return {
+        "type": "Feature",
+        "stac_version": _STAC_VERSION,
+        "stac_extensions": [_PROCESSING, _PROJECTION, *extensions],
+        "id": name,
+        "geometry": {"type": "Polygon", "coordinates": [[*ring, ring[0]]]},
+        "bbox": [float(end) for end in (lon.min(), lat.min(), lon.max(), lat.max())],
+        "properties": properties | times | {"proj:code": None} | projection | {"proj:bbox": list(bounds_m)},
+        "links": [],
+        "assets": {},
+    }
 
 
-def _schemas(*, coloured: bool) -> list[Any]:
+def _linked_item(folder: Path, report: dict[str, Any], start: Path) -> Item:
+    """The item of a run whose assets are relative to `start`, or URIs where they are on another drive of Windows."""
+    item = run_item(report)
+    for asset in item["assets"].values():
+        path = folder / asset["href"]
+        asset["href"] = relative_path(path, start) or path.resolve().as_uri()
+    return item
+
+
+def _write_collection(folder: Path, root: str, about: Mapping[str, Any], items: Sequence[Item]) -> None:
+    """Write a collection and its items."""
+    links = [_link("root", root), _link("parent", root)]
+    for item in items:
+        links.append({"rel": "item", "href": f"./{item['id']}.json", "type": "application/geo+json"})
+        own = [_link("root", root), _link("collection", f"./{COLLECTION}"), _link("parent", f"./{COLLECTION}")]
+        content = item | {"links": own, "collection": about["id"]}
+        (folder / f"{item['id']}.json").write_text(json_text(content), encoding="utf-8")
+    boxes = np.array([item["bbox"] for item in items])
+    interval = [
+        choose((item["properties"][f"{end}_datetime"] for item in items), key=dt.datetime.fromisoformat)
+        for choose, end in ((min, "start"), (max, "end"))
+    ]
+    box = [*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist()]
+    collection = {"type": "Collection", "stac_version": _STAC_VERSION, **about, "license": _LICENCE, "links": links}
+    if "table:columns" in about:
+        collection["stac_extensions"] = [_TABLE]
+    collection["extent"] = {"spatial": {"bbox": [box]}, "temporal": {"interval": [interval]}}
+    (folder / COLLECTION).write_text(json_text(collection), encoding="utf-8")
+
+
+def _write_catalogue(folder: Path, name: str, description: str, title: str, children: Mapping[str, str]) -> None:
+    """Write `catalog.json` over collections, given as titles by links."""
+    links = [_link("root", f"./{CATALOGUE}"), *(_link("child", href) | {"title": t} for href, t in children.items())]
+    about = {"type": "Catalog", "id": name, "stac_version": _STAC_VERSION, "title": title, "description": description}
+    (folder / CATALOGUE).write_text(json_text(about | {"links": links}), encoding="utf-8")
+
+
+def _link(rel: str, href: str) -> dict[str, str]:
+    return {"rel": rel, "href": href, "type": "application/json"}
+
+
+def _point_dimensions(*, coloured: bool) -> list[dict[str, Any]]:
     """The dimensions of the cloud's points."""
-    import laspy
-    from pystac.extensions.pointcloud import Schema, SchemaType
-
-    words = {"i": SchemaType.SIGNED, "u": SchemaType.UNSIGNED, "f": SchemaType.FLOATING}
-    dimensions = [(name, np.dtype(str(kind))) for name, kind in laspy.PointFormat(7 if coloured else 6).dtype().descr]
-    dimensions.append(("scan", np.dtype(np.uint32)))
-    return [Schema.create(name, dtype.itemsize, words[dtype.kind]) for name, dtype in dimensions]
+    words = {"i": "signed", "u": "unsigned", "f": "floating"}
+    layout = laspy.PointFormat(7 if coloured else 6).dtype()
+    dimensions = [*((name, layout[name]) for name in layout.names), ("scan", np.dtype(np.uint32))]
+    return [{"name": name, "size": kind.itemsize, "type": words[kind.kind]} for name, kind in dimensions]

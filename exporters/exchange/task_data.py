@@ -65,7 +65,6 @@ def write_task_data(result: ResultFolder, target: Path) -> list[Notice]:
     """Write the result of a run as task data.
 
     Args:
-        result: of the run.
         target: the folder for TASKDATA.XML and the time log, or a `.zip` that holds them in a folder TASKDATA.
 
     Returns:
@@ -74,7 +73,6 @@ def write_task_data(result: ResultFolder, target: Path) -> list[Notice]:
     Raises:
         InputError: if the run has no worked ground, or a layer cannot be read.
         RefusedError: if PROJ has no reliable transformation to WGS 84.
-        OSError: if the files cannot be written.
     """
     files, notices = _content(result)
     if target.suffix.lower() == ".zip":

@@ -9,70 +9,39 @@ from __future__ import annotations
 import json
 import struct
 import warnings
-from dataclasses import dataclass
+from collections.abc import Sequence
 from importlib.metadata import version
 from math import ceil, sqrt
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import rasterio
 from numpy.typing import NDArray
+from rasterio.enums import Resampling
+from rasterio.errors import NotGeoreferencedWarning
 
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO, ResultFolder
 
-FloatArray = NDArray[np.float64]
-
 MESH: Final = "glb"
-MOST_VERTICES: Final = 1_000_000
+MAX_MESH_VERTICES: Final = 1_000_000
 """A file of this many has 44 MB beside its texture; programs for maps and the web show it without waiting."""
-MOST_PIXELS: Final = 8192
+MAX_TEXTURE_PIXELS: Final = 8192
 """Across the texture: the largest that graphics cards of laptops take without exception."""
-UNSEEN: Final = 128
+UNSEEN_GREY: Final = 128
 """Level of places without a picture."""
 _GLB, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 _FLOAT, _UINT, _VERTICES, _INDICES = 5126, 5125, 34962, 34963
 _QUALITY: Final = "88"
 
 
-@dataclass(frozen=True)
-class _Surface:
-    """Heights at the middles of cells, which may be larger than those of the file.
-
-    Attributes:
-        height_m: (rows, columns), nan where there are none.
-        east, north: (columns,) and (rows,) of the middles, metres of the map.
-        crs: in words.
-    """
-
-    height_m: FloatArray
-    east: FloatArray
-    north: FloatArray
-    crs: str
-    cell_m: float
-
-
-@dataclass(frozen=True)
-class _Texture:
-    """A picture as JPEG.
-
-    Attributes:
-        west, north, width_m, height_m: of its edges, metres of the map.
-    """
-
-    jpeg: bytes
-    west: float
-    north: float
-    width_m: float
-    height_m: float
-
-
 def write_textured_mesh(target: Path, result: ResultFolder) -> list[Notice]:
     """Write the surface model of a result with its orthophoto as a mesh.
 
-    Cells become vertices, at most MOST_VERTICES: beyond, heights are means over larger cells. Holes stay holes.
+    Cells become vertices, at most MAX_MESH_VERTICES: beyond, heights are means over larger cells. Holes stay holes.
 
     Args:
         result: with `dsm.tif` and `orthophoto.tif`.
@@ -82,110 +51,88 @@ def write_textured_mesh(target: Path, result: ResultFolder) -> list[Notice]:
 
     Raises:
         InputError: if one of the two is missing or cannot be read.
-        OSError: if the file cannot be written.
     """
     for name in (DSM, ORTHOPHOTO):
         if not (result.folder / name).is_file():
             raise InputError("no-orthophoto", folder=result.folder, name=name)
-    surface = _surface(result.folder / DSM)
-    texture, notices = _texture(result.folder / ORTHOPHOTO)
-    step_m = float(surface.east[1] - surface.east[0]) if len(surface.east) > 1 else surface.cell_m
-    if step_m > 1.01 * surface.cell_m:
-        notices.insert(0, Notice("mesh-reduced", step_m=step_m, dsm=DSM, cell_m=surface.cell_m))
-    with atomic_output(target) as unfinished:
-        _write_glb(unfinished, surface, texture, result)
-    return notices
-
-
-def _surface(path: Path) -> _Surface:
-    from rasterio.enums import Resampling
-
-    with open_geotiff(path, _unusable) as raster:
-        factor = max(1, ceil(sqrt(raster.height * raster.width / MOST_VERTICES)))
-        shape = ceil(raster.height / factor), ceil(raster.width / factor)
-        heights = raster.read(1, out_shape=shape, resampling=Resampling.average, masked=True)
+    dsm, notices = result.folder / DSM, []
+    with open_geotiff(dsm, _unusable) as raster:
+        factor = max(1, ceil(sqrt(raster.height * raster.width / MAX_MESH_VERTICES)))
+        rows, columns = ceil(raster.height / factor), ceil(raster.width / factor)
+        heights = raster.read(1, out_shape=(rows, columns), resampling=Resampling.average, masked=True)
         left, bottom, right, top = raster.bounds
-        return _Surface(
-            np.ma.filled(heights.astype(np.float64), np.nan),
-            left + (np.arange(shape[1]) + 0.5) * (right - left) / shape[1],
-            top - (np.arange(shape[0]) + 0.5) * (top - bottom) / shape[0],
-            raster.crs.to_string() if raster.crs is not None else "",
-            float(raster.transform.a),
-        )
+        crs = raster.crs.to_string() if raster.crs is not None else ""
+        cell_m, step_m = float(raster.transform.a), (right - left) / columns
+    if columns > 1 and step_m > 1.01 * cell_m:
+        notices.append(Notice("mesh-reduced", step_m=step_m, dsm=DSM, cell_m=cell_m))
+    jpeg, bounds, reduced = _texture(result.folder / ORTHOPHOTO)
+    height_m = np.ma.filled(heights.astype(np.float64), np.nan)
+    has = np.isfinite(height_m)
+    if not has.any():
+        raise _unusable(dsm, "the surface has no heights")
+    number = np.full(has.shape, -1, np.int64)
+    number[has] = np.arange(np.count_nonzero(has))
+    row, column = np.nonzero(has)
+    east = (left + (np.arange(columns) + 0.5) * (right - left) / columns)[column]
+    north = (top - (np.arange(rows) + 0.5) * (top - bottom) / rows)[row]
+    origin = [float(np.floor(values.min())) for values in (east, north, height_m[has])]
+    place = np.column_stack([east - origin[0], height_m[has] - origin[2], origin[1] - north]).astype("<f4")
+    west, _, _, edge = bounds
+    at = np.column_stack([(east - west) / (bounds[2] - west), (edge - north) / (edge - bounds[1])]).astype("<f4")
+    scene = {"crs": crs, "origin_m": origin, "axes": "x east, y up, z south, metres of the map"}
+    with atomic_output(target) as unfinished:
+        _write_glb(unfinished, place, at, triangles(number).astype("<u4"), jpeg, scene, result)
+    return notices + reduced
 
 
-def _texture(path: Path) -> tuple[_Texture, list[Notice]]:
-    import rasterio
-    from rasterio.enums import Resampling
-    from rasterio.errors import NotGeoreferencedWarning
-
+def _texture(path: Path) -> tuple[bytes, Sequence[float], list[Notice]]:
+    """A picture as JPEG, and its west, south, east and north edges."""
     notices = []
     with open_geotiff(path, _unusable) as raster:
-        factor = max(1.0, max(raster.height, raster.width) / MOST_PIXELS)
+        factor = max(1.0, max(raster.height, raster.width) / MAX_TEXTURE_PIXELS)
         shape = max(1, round(raster.height / factor)), max(1, round(raster.width / factor))
         rgb = raster.read((1, 2, 3), out_shape=(3, *shape), resampling=Resampling.average)
-        seen = raster.dataset_mask(out_shape=shape) > 0
-        left, bottom, right, top = raster.bounds
+        rgb[:, raster.dataset_mask(out_shape=shape) == 0] = UNSEEN_GREY
+        bounds = raster.bounds
         if factor > 1.0:
-            size = (right - left) / shape[1]
+            size = (bounds.right - bounds.left) / shape[1]
             notices.append(Notice("texture-reduced", size=size, orthophoto=ORTHOPHOTO, a=raster.transform.a))
-    rgb[:, ~seen] = UNSEEN
     with warnings.catch_warnings(), rasterio.MemoryFile(ext=".jpg") as memory:
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         kind: dict[str, Any] = {"driver": "JPEG", "height": shape[0], "width": shape[1], "count": 3, "dtype": "uint8"}
         with memory.open(**kind, QUALITY=_QUALITY) as picture:
             picture.write(rgb)
-        return _Texture(memory.read(), left, top, right - left, top - bottom), notices
+        return memory.read(), bounds, notices
 
 
-def _write_glb(path: Path, surface: _Surface, texture: _Texture, result: ResultFolder) -> None:
+def _write_glb(
+    path: Path,
+    place: NDArray[np.float32],
+    at: NDArray[np.float32],
+    corners: NDArray[np.uint32],
+    jpeg: bytes,
+    scene: dict[str, Any],
+    result: ResultFolder,
+) -> None:
     """The file: header, JSON, and one binary chunk with vertices, places in the texture, triangles and the picture."""
-    has = np.isfinite(surface.height_m)
-    row, column = np.nonzero(has)
-    east, north, height = surface.east[column], surface.north[row], surface.height_m[has]
-    if not len(height):
-        raise _unusable(result.folder / DSM, "the surface has no heights")
-    origin = [float(np.floor(values.min())) for values in (east, north, height)]
-    place = np.column_stack([east - origin[0], height - origin[2], origin[1] - north]).astype("<f4")
-    at = np.column_stack([(east - texture.west) / texture.width_m, (texture.north - north) / texture.height_m])
-    number = np.full(has.shape, -1, np.int64)
-    number[has] = np.arange(len(height))
-    corners = triangles(number).astype("<u4")
-    parts = [place.tobytes(), at.astype("<f4").tobytes(), corners.tobytes(), texture.jpeg]
+    parts = [place.tobytes(), at.tobytes(), corners.tobytes(), jpeg]
     views, offset = [], 0
     for part, target in zip(parts, (_VERTICES, _VERTICES, _INDICES, None), strict=True):
         view = {"buffer": 0, "byteOffset": offset, "byteLength": len(part)}
         views.append(view if target is None else view | {"target": target})
         offset += _padded(len(part))
-    stated = {"crs": surface.crs, "origin_m": origin, "axes": "x east, y up, z south, metres of the map"}
-    content = _content(place, corners, views, offset, result.name, stated)
-    content["asset"]["extras"] = result.origin.metadata
-    text = json.dumps(content, ensure_ascii=False).encode()
-    text += b" " * (_padded(len(text)) - len(text))
-    with path.open("wb") as file:
-        file.write(struct.pack("<5I", _GLB, 2, 28 + len(text) + offset, len(text), _JSON) + text)
-        file.write(struct.pack("<2I", offset, _BIN))
-        for part in parts:
-            file.write(part + bytes(_padded(len(part)) - len(part)))
-
-
-def _content(
-    place: NDArray[np.float32],
-    corners: NDArray[np.uint32],
-    views: list[dict[str, int]],
-    size: int,
-    name: str,
-    stated: dict[str, Any],
-) -> dict[str, Any]:
-    """The JSON of the file."""
     extent = {"min": place.min(axis=0).tolist(), "max": place.max(axis=0).tolist()}
-    east, north, up = stated["origin_m"]
-    return {
-        "asset": {"version": "2.0", "generator": f"furrowmap {version('furrowmap')}"},
+    east, north, up = scene["origin_m"]
+    content = {
+        "asset": {
+            "version": "2.0",
+            "generator": f"furrowmap {version('furrowmap')}",
+            "extras": result.origin.metadata,
+        },
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
-        "scenes": [{"nodes": [0], "extras": stated}],
-        "nodes": [{"mesh": 0, "name": f"{name}, origin {east:.0f} {north:.0f} {up:.0f}"}],
+        "scenes": [{"nodes": [0], "extras": scene}],
+        "nodes": [{"mesh": 0, "name": f"{result.name}, origin {east:.0f} {north:.0f} {up:.0f}"}],
         "meshes": [
             {"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0, "mode": 4}]}
         ],
@@ -209,8 +156,15 @@ def _content(
             {"bufferView": 2, "componentType": _UINT, "count": corners.size, "type": "SCALAR"},
         ],
         "bufferViews": views,
-        "buffers": [{"byteLength": size}],
+        "buffers": [{"byteLength": offset}],
     }
+    text = json.dumps(content, ensure_ascii=False).encode()
+    text += b" " * (_padded(len(text)) - len(text))
+    with path.open("wb") as file:
+        file.write(struct.pack("<5I", _GLB, 2, 28 + len(text) + offset, len(text), _JSON) + text)
+        file.write(struct.pack("<2I", offset, _BIN))
+        for part in parts:
+            file.write(part + bytes(_padded(len(part)) - len(part)))
 
 
 def triangles(number: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -50,7 +50,6 @@ class VectorFormat:
 
     Attributes:
         write_all: writes all layers into one file, and returns what could not be kept; None for a file a layer.
-        write_one: writes one layer into a file.
         notices: of what a format with a file a layer cannot keep.
         crs: the only CRS of the format; None for any.
     """
@@ -68,9 +67,6 @@ def write_vectors(
     """Write layers into one file, or into a folder with a file a layer and their provenance.
 
     Args:
-        chosen: the format.
-        target: file or folder.
-        origin: provenance.
         zone: time zone of the times that people read: in map tips, and in a KML's fields.
 
     Returns:
@@ -78,7 +74,6 @@ def write_vectors(
 
     Raises:
         FurrowmapError: if the format needs a package that is not installed.
-        OSError: if the files cannot be written.
     """
     if chosen.write_all is not None:
         with atomic_output(target) as unfinished:

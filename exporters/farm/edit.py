@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -29,14 +29,10 @@ class KnownSession:
     """A session in a farm map.
 
     Attributes:
-        session: its identity.
         date: the day at the place where it began.
         time_zone: of the times that people read.
-        start: of the session, in UTC.
-        end: of the session, in UTC.
         worked_area_m2: None where unknown.
         crs: of the session itself.
-        heights: name of the height system.
         folder: of its products when it was added.
         recordings: a hash of the content of its recordings.
         digest: of the products it was read from.
@@ -160,3 +156,8 @@ def chosen_columns(layer: Layer, columns: Sequence[str]) -> Layer:
         return np.asarray(values, object)
 
     return replace(layer, columns={name: column(name) for name in columns})
+
+
+def column_type(values: NDArray[Any], types: Mapping[str, str]) -> str:
+    """The database's type of a column, by the kinds of numpy's types; `D` for days."""
+    return types["D" if values.dtype == "datetime64[D]" else values.dtype.kind]

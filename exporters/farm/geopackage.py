@@ -34,6 +34,7 @@ from furrowmap.exporters.farm.edit import (
     SETTINGS,
     KnownSession,
     chosen_columns,
+    column_type,
     row_of,
 )
 from furrowmap.exporters.farm.lock import exclusive
@@ -41,16 +42,17 @@ from furrowmap.exporters.farm.memory import DERIVED
 from furrowmap.exporters.farm.project import PROJECT, project_metadata
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.files.ogr import pyogrio
-from furrowmap.exporters.vectors.field_layers import Layer
+from furrowmap.exporters.files.ogr import pyogrio, unflushed
+from furrowmap.exporters.vectors.field_layers import Columns, Layer
 from furrowmap.exporters.vectors.geopackage import GEOMETRY, read_layer, store_styles, write_layer
 
-_COLUMN_TYPES: Final = {"f": "REAL", "i": "INTEGER", "u": "INTEGER", "b": "BOOLEAN", "O": "TEXT"}
+_COLUMN_TYPES: Final = {
+    "f": "REAL", "i": "INTEGER", "u": "INTEGER", "b": "BOOLEAN", "O": "TEXT", "D": "DATE", "M": "DATETIME",
+}  # fmt: skip
 _NUMPY_TYPES: Final = {
     "REAL": "f8", "INTEGER": "i8", "MEDIUMINT": "i8", "BOOLEAN": "?", "DATE": "datetime64[D]",
     "DATETIME": "datetime64[ms]",
 }  # fmt: skip
-_SYNCHRONOUS: Final = "OGR_SQLITE_SYNCHRONOUS"
 
 
 @contextmanager
@@ -62,13 +64,11 @@ def geopackage_edit(path: Path, *, create: bool = False, progress: Progress = si
     save to the file until the end.
 
     Args:
-        create: whether to create a missing file.
         progress: receives the stage "waiting for another process".
 
     Raises:
         InputError: if the file is missing, or is not a farm map.
         RefusedError: if another process changes it, or a program has it open for editing.
-        OSError: if it cannot be written.
     """
     path = path.resolve()
     if not path.parent.is_dir():
@@ -134,9 +134,9 @@ class GeopackageEdit:
         """Append features to a layer; a missing layer or column is created."""
         path = self._begin()
         if layer.name in self.layers():
-            self._add_columns(layer)
+            whole = self._fit_columns(layer)
             if len(layer.shapes):
-                write_layer(path, self._in_order(layer), crs, indexed=True, append=True)
+                write_layer(path, whole, crs, indexed=True, append=True)
             return
         with self._open() as database:
             if has_table(database, layer.name):
@@ -275,7 +275,7 @@ class GeopackageEdit:
         """Work from here on in a copy, which replaces the file at the end."""
         if self._changing is None:
             unfinished = self._stack.enter_context(atomic_output(self._path))
-            self._stack.enter_context(_flushed_once())
+            self._stack.enter_context(unflushed())
             if self._path.exists():
                 self._lock = self._stack.enter_context(closing(locked(self._path)))
                 with closing(sqlite3.connect(self._path)) as source, closing(sqlite3.connect(unfinished)) as copy:
@@ -287,25 +287,25 @@ class GeopackageEdit:
             self._changing = unfinished
         return self._changing
 
-    def _add_columns(self, layer: Layer) -> None:
-        with self._open() as database:
-            existing = {row[1].lower() for row in database.execute(f'PRAGMA table_info("{layer.name}")')}
-            for name, values in layer.columns.items():
-                if name.lower() not in existing:
-                    quoted = name.replace('"', '""')
-                    database.execute(f'ALTER TABLE "{layer.name}" ADD COLUMN "{quoted}" {_column_type(values)}')
+    def _fit_columns(self, layer: Layer) -> Layer:
+        """The layer with all columns of its table in their order, as GDAL appends them by their place.
 
-    def _in_order(self, layer: Layer) -> Layer:
-        """The layer with all columns of its table in their order, as GDAL appends them by their place."""
+        Those that the table does not have are added to it.
+        """
         with self._open() as database:
             rows = database.execute(f'PRAGMA table_info("{layer.name}")').fetchall()
-        names = {name.lower(): name for name in layer.columns}
-        n, columns = len(layer.shapes), {}
-        for _, name, kind, _, _, key in rows:
-            if name.lower() in names:
-                columns[names[name.lower()]] = layer.columns[names[name.lower()]]
-            elif not key and name != GEOMETRY:
-                columns[name] = _unknown(n, kind)
+            own = {name.lower(): name for name in layer.columns}
+            columns: Columns = {}
+            for _, name, kind, _, _, key in rows:
+                if name.lower() in own:
+                    name = own.pop(name.lower())
+                    columns[name] = layer.columns[name]
+                elif not key and name != GEOMETRY:
+                    columns[name] = _unknown(len(layer.shapes), kind)
+            for name in own.values():
+                columns[name] = layer.columns[name]
+                quoted, kind = name.replace('"', '""'), column_type(columns[name], _COLUMN_TYPES)
+                database.execute(f'ALTER TABLE "{layer.name}" ADD COLUMN "{quoted}" {kind}')
         return replace(layer, columns=columns)
 
 
@@ -325,23 +325,6 @@ def _create(path: Path) -> None:
     pyogrio.raw.write(path, None, columns, ["name", "value"], layer=SETTINGS, driver="GPKG", layer_options=options)
     with closing(sqlite3.connect(path)) as database, database:
         database.execute(f"CREATE UNIQUE INDEX {SETTINGS}_name ON {SETTINGS}(name)")
-
-
-@contextmanager
-def _flushed_once() -> Iterator[None]:
-    """Keep GDAL from flushing after every layer: the finished file is flushed once."""
-    pyogrio.set_gdal_config_options({_SYNCHRONOUS: "OFF"})
-    try:
-        yield
-    finally:
-        pyogrio.set_gdal_config_options({_SYNCHRONOUS: None})
-
-
-def _column_type(values: NDArray[Any]) -> str:
-    """The GeoPackage type of a column."""
-    if values.dtype.kind == "M":
-        return "DATE" if values.dtype == "datetime64[D]" else "DATETIME"
-    return _COLUMN_TYPES[values.dtype.kind]
 
 
 def _user() -> str:

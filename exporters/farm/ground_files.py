@@ -19,6 +19,7 @@ from furrowmap.exporters.farm.virtual_raster import virtual_raster
 from furrowmap.exporters.files.atomic import atomic_output, relative_path
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, DSM
+from furrowmap.exporters.rasters.windows import enclosing
 
 _STAC: Final = "1.0.0"
 _EXTENSIONS: Final = (
@@ -47,12 +48,7 @@ def write_ground_files(farm_map: Path, results: Sequence[tuple[Path, dict[str, A
     A surface is in it if it is in the CRS of the farm map and has the cells of the latest one.
 
     Args:
-        farm_map: path of the GeoPackage.
         results: folder and report of each session, in order of time.
-        crs: of the farm map.
-
-    Raises:
-        OSError: if they cannot be written.
     """
     surface, clouds = (farm_map.with_name(f"{farm_map.stem}_{name}") for name in ("surface.vrt", "clouds.vpc"))
     return GroundFiles(_surface(surface, [folder for folder, _ in results], crs), _clouds(clouds, results, crs))
@@ -63,7 +59,7 @@ def _surface(path: Path, folders: Sequence[Path], crs: CRS) -> Path | None:
     for folder in folders:
         try:
             file = surface_file(folder / DSM) if (folder / DSM).is_file() else None
-        except FurrowmapError:  # damaged since: the mosaic tells
+        except FurrowmapError:  # damaged since: `furrowmap mosaic` reports it
             continue
         if file is not None and file.grid is not None and same_map(file.crs, crs):
             found.append((file, file.grid))
@@ -71,14 +67,8 @@ def _surface(path: Path, folders: Sequence[Path], crs: CRS) -> Path | None:
     if not found:
         path.unlink(missing_ok=True)
         return None
-    west, north = min(grid.west for _, grid in found), max(grid.north for _, grid in found)
-    shape = (
-        north - min(grid.north - grid.rows for _, grid in found),
-        max(grid.west + grid.columns for _, grid in found) - west,
-    )
     sources = [(file.path, grid, file.nodata) for file, grid in found]
-    last = found[-1][0]
-    whole = Grid(last.cell_m, west, north, shape)
+    last, whole = found[-1][0], enclosing([grid for _, grid in found])
     origin = Origin("Surfaces of the farm map's sessions, the latest on top")
     with atomic_output(path) as unfinished:
         text = virtual_raster(path.resolve().parent, whole, last.crs, last.bands[:1], sources, origin)
@@ -92,7 +82,7 @@ def _clouds(path: Path, results: Sequence[tuple[Path, dict[str, Any]]], crs: CRS
         cloud = folder / CLOUD
         if not cloud.is_file() or not same_map(CRS.from_user_input(report["session"]["crs"]["map"]), crs):
             continue
-        item = run_item(report).to_dict(include_self_link=False)
+        item = run_item(report)
         (west, south, low), (east, north, high) = report["figures"]["bounds_m"]
         properties = {name: value for name, value in item["properties"].items() if name.startswith("pc:")}
         properties |= {

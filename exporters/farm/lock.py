@@ -1,4 +1,4 @@
-"""One process at a time changes a base in a file."""
+"""One process at a time changes a farm map in a file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,6 @@ def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -
     Args:
         path: of the file, which need not exist.
         progress: receives the stage "waiting for another process".
-        patience_s: maximum wait for another process.
 
     Raises:
         RefusedError: if another process holds the lock for longer.
@@ -50,16 +49,7 @@ def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -
 def _try(lock: Path) -> int | None:
     """The descriptor of the file at `lock`, locked; None while another process has it."""
     descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
-    if _locked(descriptor):
-        with suppress(OSError):
-            if os.path.samestat(os.fstat(descriptor), lock.stat()):
-                return descriptor
-    os.close(descriptor)  # another process's, or of a name that the process before has just removed
-    return None
-
-
-def _locked(descriptor: int) -> bool:
-    try:
+    with suppress(OSError):
         if sys.platform == "win32":
             import msvcrt
 
@@ -68,6 +58,7 @@ def _locked(descriptor: int) -> bool:
             import fcntl
 
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
+        if os.path.samestat(os.fstat(descriptor), lock.stat()):
+            return descriptor
+    os.close(descriptor)  # another process's, or of a name that the process before has just removed
+    return None

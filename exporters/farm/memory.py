@@ -6,13 +6,13 @@ The tables depend on nothing but the sessions, so the order in which these were 
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
@@ -24,11 +24,11 @@ MACHINES: Final = "machines"
 DERIVED: Final = frozenset({FIELDS, VISITS, SEASONS, MACHINES})
 """Tables that are computed again after every change of the sessions."""
 
-INSIDE: Final = 0.5
+MIN_INSIDE_SHARE: Final = 0.5
 """A session's ground belongs to a known field from this share of it inside the field."""
-LEAST_SHARE: Final = 0.01
+MIN_VISIT_SHARE: Final = 0.01
 """Less of a session's ground in a second field is the edge of a neighbour."""
-CLOSE_M: Final = 3.0
+CLOSED_GAP_M: Final = 3.0
 """Gaps up to twice as wide within the worked ground belong to the field."""
 
 _SESSION_NUMBERS: Final = (
@@ -40,41 +40,28 @@ PASS_COLUMNS: Final = ("session", "depth_m", "area_m2")
 """Columns of `sessions`, of ground, and of `passes` that the tables are computed from."""
 
 
-@dataclass(frozen=True)
-class Visit:
-    """The work of a session in a field.
-
-    Attributes:
-        field: identity of the field.
-        session: identity of the session.
-        name: of the session.
-        date: of the session.
-        season: the year in which the season begins.
-        implement: kind of implement; None where unknown.
-        ground: worked in the field.
-        worked_area_m2: ground worked, counted once; likewise overlap, missed, swept; nan where unknown.
-        hours: from the first pass to the end of the last.
-        distance_m: driven.
-        soil_moved_m3: volume of the change of the surface on the worked ground.
-        depth_m: mean working depth by area.
-    """
-
-    field: str
-    session: str
-    name: str
-    date: dt.date
-    season: int
-    implement: str | None
-    machine: str
-    ground: BaseGeometry
-    worked_area_m2: float
-    overlap_area_m2: float
-    missed_area_m2: float
-    swept_area_m2: float
-    hours: float
-    distance_m: float
-    soil_moved_m3: float
-    depth_m: float
+_TYPES: Final[Mapping[str, Any]] = {
+    **dict.fromkeys(("field", "session", "name", "implement", "machine"), object),
+    **dict.fromkeys(("date", "first_date", "last_date"), "datetime64[D]"),
+    **dict.fromkeys(("season", "sessions", "times_worked"), np.int64),
+    "surveyed": bool,
+}
+"""Types of the columns of the tables; all others are numbers."""
+_FIELD_COLUMNS: Final = ("field", "name", "surveyed", "area_m2", "sessions", "first_date", "last_date")
+_VISIT_COLUMNS: Final = (
+    "field", "session", "name", "date", "season", "implement", "machine", *_SESSION_NUMBERS, "depth_m",
+    "work_rate_ha_h",
+)  # fmt: skip
+_SEASON_COLUMNS: Final = (
+    "field", "name", "season", "times_worked", "first_date", "last_date", "ground_m2", *_SESSION_NUMBERS, "depth_m",
+    "work_rate_ha_h",
+)  # fmt: skip
+_MACHINE_NUMBERS: Final = ("worked_area_m2", "hours", "distance_m", "soil_moved_m3")
+_MACHINE_COLUMNS: Final = (
+    "machine", "implement", "sessions", "first_date", "last_date", *_MACHINE_NUMBERS, "work_rate_ha_h",
+)  # fmt: skip
+Row = dict[str, Any]
+"""Values of a table by column, and the geometry as `ground`."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +78,7 @@ class Sessions:
 
     Attributes:
         sessions: with :data:`SESSION_COLUMNS`, in order of time.
-        coverage: ground worked by each.
         boundary: of the field, of sessions that know it.
-        overlaps: ground worked twice.
         misses: ground between passes that was left out.
         passes: with depths.
     """
@@ -119,17 +104,31 @@ def memory_layers(known: Sessions, season_start: tuple[int, int]) -> list[Layer]
     distance and soil by the worked ground. A session without worked ground counts for its machine only.
 
     Args:
-        known: the layers of the farm map.
         season_start: month and day on which a season begins.
     """
-    fields = _fields(known)
-    visits = list(_visits(known, fields, season_start))
+    fields = _find_fields(known)
+    visits = list(_divide_sessions(known, fields, season_start))
+    text = "Fields: the boundary that sessions state, or the ground that they worked"
+    seasons = "The work of each season in each field; areas are sums over the sessions, ground_m2 counts ground once"
+    machines = "Machines, and what each did"
     return [
-        _field_layer(fields, visits),
-        _visit_layer(visits),
-        _season_layer(fields, visits),
-        _machine_layer(known.sessions),
+        _table(
+            FIELDS, text, _FIELD_COLUMNS, [_field_row(f, [v for v in visits if v["field"] == f.id]) for f in fields]
+        ),
+        _table(VISITS, "The work of each session in each field", _VISIT_COLUMNS, visits),
+        _table(SEASONS, seasons, _SEASON_COLUMNS, list(_season_rows(fields, visits))),
+        _table(MACHINES, machines, _MACHINE_COLUMNS, list(_machine_rows(known.sessions.columns)), kind=""),
     ]
+
+
+def _table(name: str, text: str, columns: Sequence[str], rows: Sequence[Row], kind: str = "MultiPolygon") -> Layer:
+    shapes = [shapely.MultiPolygon(_polygons(row["ground"])) if kind else None for row in rows]
+    values = {column: np.array([row[column] for row in rows], _TYPES.get(column, np.float64)) for column in columns}
+    return Layer(name, kind, text, geometry_array(shapes), values)
+
+
+def _polygons(shape: BaseGeometry) -> list[shapely.Polygon]:
+    return [part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)]
 
 
 def _by_session(layer: Layer) -> dict[str, NDArray[np.intp]]:
@@ -148,7 +147,7 @@ def _united(layer: Layer) -> dict[str, BaseGeometry]:
     }
 
 
-def _fields(known: Sessions) -> list[_Field]:
+def _find_fields(known: Sessions) -> list[_Field]:
     """The fields in the order of the first session in each."""
     ground, stated = _united(known.coverage), _united(known.boundary)
     columns = known.sessions.columns
@@ -177,67 +176,59 @@ def _place_of(fields: Sequence[_Field], shape: BaseGeometry, *, surveyed: bool) 
         common = shapely.area(shapely.intersection(field.outline, shape))
         least = min(field.outline.area, shape.area) if surveyed or not field.surveyed else shape.area
         shares.append(common / max(least, 1e-9))
-    if not shares or max(shares) < INSIDE:
+    if not shares or max(shares) < MIN_INSIDE_SHARE:
         return None
     return int(np.argmax(shares))
 
 
 def _closed(shape: BaseGeometry) -> BaseGeometry:
     """Ground with its gaps closed."""
-    wide = shapely.buffer(shape, CLOSE_M, join_style="mitre")
-    polygons = [shapely.Polygon(part.exterior) for part in shapely.get_parts(wide) if part.geom_type == "Polygon"]
-    return shapely.union(shapely.buffer(shapely.union_all(polygons), -CLOSE_M, join_style="mitre"), shape)
+    wide = shapely.buffer(shape, CLOSED_GAP_M, join_style="mitre")
+    filled = shapely.union_all([shapely.Polygon(part.exterior) for part in _polygons(wide)])
+    return shapely.union(shapely.buffer(filled, -CLOSED_GAP_M, join_style="mitre"), shape)
 
 
-def _visits(known: Sessions, fields: Sequence[_Field], season_start: tuple[int, int]) -> Iterable[Visit]:
+def _divide_sessions(known: Sessions, fields: Sequence[_Field], season_start: tuple[int, int]) -> Iterator[Row]:
+    """The work of each session in each field."""
     ground, columns = _united(known.coverage), known.sessions.columns
-    overlaps, misses = (_Shares(layer) for layer in (known.overlaps, known.misses))
-    passes = _by_session(known.passes)
+    overlaps, misses, passes = (_by_session(layer) for layer in (known.overlaps, known.misses, known.passes))
     tree = shapely.STRtree([field.outline for field in fields])
     for row, session in enumerate(columns["session"].tolist()):
         worked = ground.get(session)
         if worked is None or worked.is_empty or not fields:
             continue
-        candidates = sorted(tree.query(worked).tolist())
-        parts = [(fields[k], shapely.intersection(worked, fields[k].outline)) for k in candidates]
-        shares = [(field, part, part.area / worked.area) for field, part in parts]
-        shares = [entry for entry in shares if entry[2] >= LEAST_SHARE]
-        whole = len(shares) == 1  # a field's edge, surveyed or not, takes nothing away from the only field
-        for field, part, portion in shares:
-            share = 1.0 if whole else portion
-            date = columns["date"][row].astype("datetime64[D]").item()
+        parts = [(fields[k], shapely.intersection(worked, fields[k].outline)) for k in sorted(tree.query(worked))]
+        parts = [(field, part) for field, part in parts if part.area / worked.area >= MIN_VISIT_SHARE]
+        whole = len(parts) == 1  # a field's edge, surveyed or not, takes nothing away from the only field
+        date = columns["date"][row].astype("datetime64[D]").item()
+        for field, part in parts:
+            share = 1.0 if whole else part.area / worked.area
             figures = {name: share * float(columns[name][row]) for name in _SESSION_NUMBERS}
             if not whole:
-                figures["overlap_area_m2"] *= overlaps.inside(session, field.outline) / share
-                figures["missed_area_m2"] *= misses.inside(session, field.outline) / share
-            yield Visit(
-                field=field.id,
-                session=session,
-                name=str(columns["name"][row]),
-                date=date,
-                season=season_of(date, season_start),
-                implement=columns["implement"][row],
-                machine=_machine(columns, row),
-                ground=worked if whole else part,
-                depth_m=_depth_m(known.passes, passes.get(session), None if whole else field.outline),
+                figures["overlap_area_m2"] *= _share_inside(known.overlaps, overlaps.get(session), field) / share
+                figures["missed_area_m2"] *= _share_inside(known.misses, misses.get(session), field) / share
+            yield {
+                "field": field.id,
+                "session": session,
+                "name": str(columns["name"][row]),
+                "date": date,
+                "season": season_of(date, season_start),
+                "implement": columns["implement"][row],
+                "machine": _machine(columns, row),
+                "ground": worked if whole else part,
+                "depth_m": _depth_m(known.passes, passes.get(session), None if whole else field.outline),
+                "work_rate_ha_h": _rate_ha_h([figures["worked_area_m2"]], [figures["hours"]]),
                 **figures,
-            )
+            }
 
 
-class _Shares:
-    """How much of the polygons of a session lies in a field."""
-
-    def __init__(self, layer: Layer) -> None:
-        self._shapes, self._rows = layer.shapes, _by_session(layer)
-
-    def inside(self, session: str, outline: BaseGeometry) -> float:
-        """Share of their area (0 to 1)."""
-        rows = self._rows.get(session)
-        if rows is None:
-            return 0.0
-        shapes = shapely.make_valid(self._shapes[rows])
-        whole = float(shapely.area(shapes).sum())
-        return float(shapely.area(shapely.intersection(shapes, outline)).sum()) / whole if whole else 0.0
+def _share_inside(layer: Layer, rows: NDArray[np.intp] | None, field: _Field) -> float:
+    """Share (0 to 1) of the area of polygons that lies in a field."""
+    if rows is None:
+        return 0.0
+    shapes = shapely.make_valid(layer.shapes[rows])
+    whole = float(shapely.area(shapes).sum())
+    return float(shapely.area(shapely.intersection(shapes, field.outline)).sum()) / whole if whole else 0.0
 
 
 def _depth_m(passes: Layer, rows: NDArray[np.intp] | None, outline: BaseGeometry | None) -> float:
@@ -248,6 +239,12 @@ def _depth_m(passes: Layer, rows: NDArray[np.intp] | None, outline: BaseGeometry
     if outline is not None:
         shapes = shapely.make_valid(passes.shapes[rows])
         area = shapely.area(shapely.intersection(shapes, outline))
+    return _mean_depth_m(depth, area)
+
+
+def _mean_depth_m(depth_m: ArrayLike, area_m2: ArrayLike) -> float:
+    """Mean by area; nan where no depth is known."""
+    depth, area = np.asarray(depth_m, np.float64), np.asarray(area_m2, np.float64)
     known = np.isfinite(depth) & (area > 0)
     return float(np.average(depth[known], weights=area[known])) if known.any() else float("nan")
 
@@ -256,122 +253,66 @@ def _machine(columns: Columns, row: int) -> str:
     return str(columns["machine"][row] or columns["implement"][row] or "unnamed")
 
 
-def _field_layer(fields: Sequence[_Field], visits: Sequence[Visit]) -> Layer:
-    own = [[v for v in visits if v.field == field.id] for field in fields]
-    shapes = geometry_array([_multi(field.outline) for field in fields])
-    columns: Columns = {
-        "field": _texts(field.id for field in fields),
-        "name": _texts(field.name for field in fields),
-        "surveyed": np.array([field.surveyed for field in fields], bool),
-        "area_m2": np.array([field.outline.area for field in fields], np.float64),
-        "sessions": np.array([len(mine) for mine in own], np.int64),
-        "first_date": _dates(min((v.date for v in mine), default=None) for mine in own),
-        "last_date": _dates(max((v.date for v in mine), default=None) for mine in own),
+def _field_row(field: _Field, visits: Sequence[Row]) -> Row:
+    dates = [visit["date"] for visit in visits]
+    return {
+        "field": field.id,
+        "name": field.name,
+        "surveyed": field.surveyed,
+        "area_m2": field.outline.area,
+        "sessions": len(visits),
+        "first_date": min(dates, default=None),
+        "last_date": max(dates, default=None),
+        "ground": field.outline,
     }
-    text = "Fields: the boundary that sessions state, or the ground that they worked"
-    return Layer(FIELDS, "MultiPolygon", text, shapes, columns)
 
 
-def _visit_layer(visits: Sequence[Visit]) -> Layer:
-    columns: Columns = {
-        "field": _texts(v.field for v in visits),
-        "session": _texts(v.session for v in visits),
-        "name": _texts(v.name for v in visits),
-        "date": _dates(v.date for v in visits),
-        "season": np.array([v.season for v in visits], np.int64),
-        "implement": _texts(v.implement for v in visits),
-        "machine": _texts(v.machine for v in visits),
-        **{name: _numbers(getattr(v, name) for v in visits) for name in _SESSION_NUMBERS},
-        "depth_m": _numbers(v.depth_m for v in visits),
-        "work_rate_ha_h": _numbers(rate_ha_h(v.worked_area_m2, v.hours) for v in visits),
-    }
-    text = "The work of each session in each field"
-    return Layer(VISITS, "MultiPolygon", text, geometry_array([_multi(v.ground) for v in visits]), columns)
+def _season_rows(fields: Sequence[_Field], visits: Sequence[Row]) -> Iterator[Row]:
+    for field in fields:
+        for season in sorted({visit["season"] for visit in visits if visit["field"] == field.id}):
+            own = [visit for visit in visits if (visit["field"], visit["season"]) == (field.id, season)]
+            ground = shapely.union_all([visit["ground"] for visit in own])
+            values = {name: [visit[name] for visit in own] for name in (*_SESSION_NUMBERS, "date", "depth_m")}
+            yield {
+                "field": field.id,
+                "name": field.name,
+                "season": season,
+                "times_worked": len({visit["session"] for visit in own}),
+                "first_date": min(values["date"]),
+                "last_date": max(values["date"]),
+                "ground": ground,
+                "ground_m2": ground.area,
+                "depth_m": _mean_depth_m(values["depth_m"], values["worked_area_m2"]),
+                "work_rate_ha_h": _rate_ha_h(values["worked_area_m2"], values["hours"]),
+                **{name: _sum(values[name]) for name in _SESSION_NUMBERS},
+            }
 
 
-def _season_layer(fields: Sequence[_Field], visits: Sequence[Visit]) -> Layer:
-    names = {field.id: field.name for field in fields}
-    groups: dict[tuple[str, int], list[Visit]] = {}
-    for visit in visits:
-        groups.setdefault((visit.field, visit.season), []).append(visit)
-    keys = sorted(groups, key=lambda group: (list(names).index(group[0]), group[1]))
-    grounds = [shapely.union_all([v.ground for v in groups[key]]) for key in keys]
-    totals = {name: [_sum(getattr(v, name) for v in groups[key]) for key in keys] for name in _SESSION_NUMBERS}
-    ground_m2 = np.array([ground.area for ground in grounds], np.float64)
-    columns: Columns = {
-        "field": _texts(field for field, _ in keys),
-        "name": _texts(names[field] for field, _ in keys),
-        "season": np.array([season for _, season in keys], np.int64),
-        "times_worked": np.array([len({v.session for v in groups[key]}) for key in keys], np.int64),
-        "first_date": _dates(min(v.date for v in groups[key]) for key in keys),
-        "last_date": _dates(max(v.date for v in groups[key]) for key in keys),
-        "ground_m2": ground_m2,
-        **{name: _numbers(values) for name, values in totals.items()},
-        "depth_m": _numbers(_mean_depth_m(groups[key]) for key in keys),
-        "work_rate_ha_h": _numbers(_mean_rate_ha_h(groups[key]) for key in keys),
-    }
-    text = "The work of each season in each field; areas are sums over the sessions, ground_m2 counts ground once"
-    return Layer(SEASONS, "MultiPolygon", text, geometry_array([_multi(ground) for ground in grounds]), columns)
-
-
-def _machine_layer(sessions: Layer) -> Layer:
-    columns = sessions.columns
-    machine = np.array([_machine(columns, row) for row in range(len(sessions.shapes))], object)
-    names = list(dict.fromkeys(machine.tolist()))
-    rows = [np.flatnonzero(machine == name) for name in names]
+def _machine_rows(columns: Columns) -> Iterator[Row]:
+    machine = np.array([_machine(columns, row) for row in range(len(columns["session"]))], object)
     days = columns["date"].astype("datetime64[D]")
-    found: Columns = {
-        "machine": _texts(names),
-        "implement": _texts(", ".join(dict.fromkeys(str(x) for x in columns["implement"][r] if x)) for r in rows),
-        "sessions": np.array([len(r) for r in rows], np.int64),
-        "first_date": _dates(days[r].min().item() for r in rows),
-        "last_date": _dates(days[r].max().item() for r in rows),
-        **{
-            name: _numbers(_sum(columns[name][r].tolist()) for r in rows)
-            for name in ("worked_area_m2", "hours", "distance_m", "soil_moved_m3")
-        },
-    }
-    area, hours = columns["worked_area_m2"], columns["hours"]
-    both = [r[np.isfinite(area[r]) & np.isfinite(hours[r])] for r in rows]
-    found["work_rate_ha_h"] = _numbers(rate_ha_h(float(area[r].sum()), float(hours[r].sum())) for r in both)
-    return Layer(MACHINES, "", "Machines, and what each did", geometry_array([None] * len(names)), found)
+    for name in dict.fromkeys(machine.tolist()):
+        rows = np.flatnonzero(machine == name)
+        yield {
+            "machine": name,
+            "implement": ", ".join(dict.fromkeys(str(kind) for kind in columns["implement"][rows] if kind)),
+            "sessions": len(rows),
+            "first_date": days[rows].min(),
+            "last_date": days[rows].max(),
+            "work_rate_ha_h": _rate_ha_h(columns["worked_area_m2"][rows], columns["hours"][rows]),
+            **{number: _sum(columns[number][rows].tolist()) for number in _MACHINE_NUMBERS},
+        }
 
 
-def rate_ha_h(area_m2: float, hours: float) -> float:
-    """Work rate; nan where it is unknown."""
-    return area_m2 / 10_000.0 / hours if hours > 0 else float("nan")
-
-
-def _mean_rate_ha_h(visits: Sequence[Visit]) -> float:
-    """Of the visits whose area and hours are both known."""
-    known = [v for v in visits if np.isfinite(v.worked_area_m2) and np.isfinite(v.hours)]
-    return rate_ha_h(sum(v.worked_area_m2 for v in known), sum(v.hours for v in known))
-
-
-def _mean_depth_m(visits: Sequence[Visit]) -> float:
-    known = [v for v in visits if np.isfinite(v.depth_m) and v.worked_area_m2 > 0]
-    total = sum(v.worked_area_m2 for v in known)
-    return sum(v.depth_m * v.worked_area_m2 for v in known) / total if total else float("nan")
+def _rate_ha_h(area_m2: ArrayLike, hours: ArrayLike) -> float:
+    """Work rate of those whose area and hours are both known; nan where there are none."""
+    area, time = np.asarray(area_m2, np.float64), np.asarray(hours, np.float64)
+    known = np.isfinite(area) & np.isfinite(time)
+    total_h = float(sum(time[known]))
+    return float(sum(area[known])) / 10_000.0 / total_h if total_h > 0 else float("nan")
 
 
 def _sum(values: Iterable[float]) -> float:
     """Of the known values; nan where none is known."""
     known = [value for value in values if np.isfinite(value)]
     return float(sum(known)) if known else float("nan")
-
-
-def _multi(shape: BaseGeometry) -> shapely.MultiPolygon:
-    parts = [part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)]
-    return shapely.MultiPolygon(parts)
-
-
-def _texts(values: Iterable[Any]) -> NDArray[np.object_]:
-    return np.array(list(values), dtype=object)
-
-
-def _numbers(values: Iterable[float]) -> NDArray[np.float64]:
-    return np.array(list(values), np.float64)
-
-
-def _dates(values: Iterable[dt.date | None]) -> NDArray[np.datetime64]:
-    return np.array(list(values), "datetime64[D]")

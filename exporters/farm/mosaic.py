@@ -31,30 +31,21 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import Band, cog_output
-from furrowmap.exporters.rasters.windows import shared_cells, window, windows
+from furrowmap.exporters.rasters.windows import enclosing, shared_cells, window, windows
 
 VIRTUAL: Final = ".vrt"
 SUFFIXES: Final = (VIRTUAL, ".tif", ".tiff")
-_EDGE: Final = 1e-3
+_INSET_CELLS: Final = 1e-3
 """Share of a surface's cell by which its bounds are reduced, so that rounding adds no row or column of cells."""
-MOST_OPEN: Final = 64
+MAX_OPEN_SURFACES: Final = 64
 """Surfaces that are open at a time; systems allow a process about a thousand files."""
-COARSER: Final = 1.5
+MIN_MEAN_RATIO: Final = 1.5
 """Ratio of cell sizes from which resampling takes the mean."""
 
 
 @dataclass(frozen=True)
 class Mosaic:
-    """A written mosaic.
-
-    Attributes:
-        path: of the raster.
-        crs: of its cells.
-        cell_m: length of a cell's sides.
-        columns: from west to east.
-        rows: from north to south.
-        notices: what a user should know.
-    """
+    """A written mosaic."""
 
     path: Path
     crs: str
@@ -92,18 +83,27 @@ def write_mosaic(
     Raises:
         InputError: if a surface cannot be read.
         RefusedError: if the surfaces cannot be merged in this way.
-        OSError: if the raster cannot be written.
     """
     surfaces = [surface_file(path) for path in paths]
     if output.resolve() in {surface.path for surface in surfaces}:
         raise RefusedError("output-is-input.write-mosaic", output=output)
     target, cell_m = common_crs(surfaces, optional_crs(crs)), cell_m or surfaces[-1].cell_m
     exact = all(_fits(surface, target, cell_m) for surface in surfaces)
-    notices = [] if exact else _check_changes(surfaces, target)
+    changed = [surface for surface in surfaces if not same_map(surface.crs, target)]
+    changes = [crs_change(horizontal(one.crs), horizontal(target), one.bounds_m) for one in changed]
+    notices = tuple(dict.fromkeys(notice for change in changes for notice in change.notices))
     if output.suffix == VIRTUAL and (mean or not exact):
         raise RefusedError("mosaic-virtual", output=output.name, has_mean=bool(mean))
-    grid = _whole_grid(surfaces, target, cell_m)
-    origin = _origin(surfaces, mean=mean, progress=progress)
+    grid = enclosing([grid_in(surface, target, cell_m) for surface in surfaces])
+    records = rooted_records([(surface.path, surface.path.parent.parent) for surface in surfaces], progress)
+    spans = [surface.span_s for surface in surfaces if surface.span_s is not None]
+    heights = heights_of(surfaces[-1].crs)
+    origin = Origin(
+        "Mosaic of surfaces",
+        inputs=[(record.name, record.sha256) for record in records],
+        span_s=(min(first for first, _ in spans), max(last for _, last in spans)) if spans else None,
+        parameters={"pick": "mean" if mean else "latest", **({"heights": heights} if heights else {})},
+    )
     if output.suffix == VIRTUAL:
         sources = [(s.path, s.grid, s.nodata) for s in surfaces if s.grid is not None]
         text = virtual_raster(output.resolve().parent, grid, target, surfaces[-1].bands[:1], sources, origin)
@@ -118,7 +118,7 @@ def write_mosaic(
             for i, tile in enumerate(tiles):
                 progress("writing the mosaic", i / len(tiles))
                 put(tile, _mean(opened, tile) if mean else _latest(opened, tile, count))
-    return Mosaic(output, name_of(target), cell_m, grid.columns, grid.rows, len(surfaces), tuple(notices))
+    return Mosaic(output, name_of(target), cell_m, grid.columns, grid.rows, len(surfaces), notices)
 
 
 def write_mosaic_part(
@@ -128,31 +128,26 @@ def write_mosaic_part(
 
     Args:
         surfaces: in the order of their sessions; the last one is on top.
-        output: of the raster.
         crs: of the mosaic: what :func:`common_crs` gives.
         bands: descriptions of the bands to write, which all surfaces have; their places in the files may differ.
-        origin: provenance.
 
     Returns:
         (bands, 3) least value, greatest value and number of known cells; None if no cell is known, and no file written.
 
     Raises:
         InputError: if a surface is damaged.
-        OSError: if the raster cannot be written.
     """
     names = [[band.description for band in surface.bands] for surface in surfaces]
     indexes = [[own.index(name) + 1 for name in bands] for own in names]
-    told = [surfaces[-1].bands[i - 1] for i in indexes[-1]]
+    latest = [surfaces[-1].bands[i - 1] for i in indexes[-1]]
     figures = np.array([[np.inf, -np.inf, 0.0]] * len(bands))
     opened = _OpenSurfaces(surfaces, crs, grid.cell_m, indexes)
-    with closing(opened), cog_output(output, grid, crs, told, origin) as put:
+    with closing(opened), cog_output(output, grid, crs, latest, origin) as put:
         for tile, _ in windows(grid, 0):
             arrays = _latest(opened, tile, len(bands))
             for row, array in zip(figures, arrays, strict=True):
-                row[0], row[1] = (
-                    np.fmin(row[0], np.fmin.reduce(array, None)),
-                    np.fmax(row[1], np.fmax.reduce(array, None)),
-                )
+                row[0] = np.fmin(row[0], np.fmin.reduce(array, None))
+                row[1] = np.fmax(row[1], np.fmax.reduce(array, None))
                 row[2] += np.isfinite(array).sum()
             if np.isfinite(arrays[0]).any():
                 put(tile, arrays)
@@ -175,42 +170,17 @@ def common_crs(surfaces: Sequence[SurfaceFile], wanted: CRS | None) -> CRS:
     if wanted is None:
         for surface in surfaces:
             if not same_map(surface.crs, crs):
-                raise RefusedError(
-                    "mosaic-crs",
-                    surfaces=surfaces[-1].path,
-                    crs=name_of(crs),
-                    surface=surface.path,
-                    crs_2=name_of(surface.crs),
-                )
+                names = {"crs": name_of(crs), "crs_2": name_of(surface.crs)}
+                raise RefusedError("mosaic-crs", surfaces=surfaces[-1].path, surface=surface.path, **names)
         return crs
     if same_map(crs, wanted):
         return crs
-    wanted = wanted.to_2d()
-    return (
-        CompoundCRS(f"{wanted.name} + {heights_of(crs)}", [wanted, crs.sub_crs_list[1]]) if crs.is_compound else wanted
-    )
+    flat = wanted.to_2d()
+    return CompoundCRS(f"{flat.name} + {heights_of(crs)}", [flat, crs.sub_crs_list[1]]) if crs.is_compound else flat
 
 
 def _fits(surface: SurfaceFile, crs: CRS, cell_m: float) -> bool:
     return surface.grid is not None and surface.cell_m == cell_m and same_map(surface.crs, crs)
-
-
-def _check_changes(surfaces: Sequence[SurfaceFile], target: CRS) -> list[Notice]:
-    """Notices on the changes of CRS; raises where PROJ has no reliable one."""
-    notices: dict[Notice, None] = {}
-    for surface in surfaces:
-        if not same_map(surface.crs, target):
-            change = crs_change(horizontal(surface.crs), horizontal(target), surface.bounds_m)
-            notices |= dict.fromkeys(change.notices)
-    return list(notices)
-
-
-def _whole_grid(surfaces: Sequence[SurfaceFile], crs: CRS, cell_m: float) -> Grid:
-    grids = [grid_in(surface, crs, cell_m) for surface in surfaces]
-    west, north = min(grid.west for grid in grids), max(grid.north for grid in grids)
-    east = max(grid.west + grid.columns for grid in grids)
-    south = min(grid.north - grid.rows for grid in grids)
-    return Grid(cell_m, west, north, (north - south, east - west))
 
 
 def grid_in(surface: SurfaceFile, crs: CRS, cell_m: float) -> Grid:
@@ -222,20 +192,8 @@ def grid_in(surface: SurfaceFile, crs: CRS, cell_m: float) -> Grid:
         change = crs_change(horizontal(surface.crs), horizontal(crs), bounds)
         bounds = change.transformer.transform_bounds(*bounds)
     west, south, east, north = bounds
-    inset = _EDGE * surface.cell_m
+    inset = _INSET_CELLS * surface.cell_m
     return Grid.of_bounds(cell_m, (west + inset, south + inset, east - inset, north - inset))
-
-
-def _origin(surfaces: Sequence[SurfaceFile], *, mean: bool, progress: Progress) -> Origin:
-    records = rooted_records([(surface.path, surface.path.parent.parent) for surface in surfaces], progress)
-    spans = [surface.span_s for surface in surfaces if surface.span_s is not None]
-    heights = heights_of(surfaces[-1].crs)
-    return Origin(
-        "Mosaic of surfaces",
-        inputs=[(record.name, record.sha256) for record in records],
-        span_s=(min(first for first, _ in spans), max(last for _, last in spans)) if spans else None,
-        parameters={"pick": "mean" if mean else "latest", **({"heights": heights} if heights else {})},
-    )
 
 
 @dataclass(frozen=True)
@@ -276,7 +234,7 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, indexes: Sequence[int
         if _fits(surface, crs, cell_m):
             yield _Source(raster, None, grid, indexes, surface.path)
             return
-        coarser = cell_m > COARSER * surface.cell_m
+        coarser = cell_m > MIN_MEAN_RATIO * surface.cell_m
         options = {
             "src_crs": horizontal(surface.crs).to_wkt(),
             "crs": horizontal(crs).to_wkt(),
@@ -312,7 +270,7 @@ class _OpenSurfaces:
             if row in self._open:
                 self._open.move_to_end(row)
             else:
-                if len(self._open) >= MOST_OPEN:
+                if len(self._open) >= MAX_OPEN_SURFACES:
                     self._open.popitem(last=False)[1][0].close()
                 stack = ExitStack()
                 source = _opened(self._surfaces[row], self._crs, self._cell_m, self._indexes[row])

@@ -29,6 +29,7 @@ from furrowmap.exporters.farm.edit import (
     KnownSession,
     check_schema,
     chosen_columns,
+    column_type,
     row_of,
 )
 from furrowmap.exporters.farm.project import PROJECT, project_metadata
@@ -37,17 +38,14 @@ from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_ar
 from furrowmap.exporters.vectors.geopackage import GEOMETRY
 
 _PATIENCE: Final = "60s"
-_TYPES: Final = {"f": "double precision", "i": "bigint", "u": "bigint", "b": "boolean", "O": "text"}
+_TYPES: Final = {
+    "f": "double precision", "i": "bigint", "u": "bigint", "b": "boolean", "O": "text", "D": "date", "M": "timestamptz",
+}  # fmt: skip
 
 
 @contextmanager
 def postgis_edit(target: str, *, create: bool = False, schema: str = "furrowmap") -> Iterator[PostgisEdit]:
     """Change the farm map in a database within one transaction; other processes of furrowmap wait.
-
-    Args:
-        target: PostgreSQL connection string.
-        create: whether to create a missing farm map.
-        schema: of its tables.
 
     Raises:
         InputError: if the database cannot be reached, has no PostGIS, or has no farm map.
@@ -69,7 +67,7 @@ class PostgisEdit:
         self._schema = schema
         self._parameters = parameters
         self._name = name
-        self._extension = ""
+        self._extension = ""  # its schema
 
     def begin(self, *, create: bool) -> None:
         """Check that the database has PostGIS and a farm map, or create that.
@@ -78,15 +76,20 @@ class PostgisEdit:
             InputError: if one of them is missing.
             RefusedError: if the tables are of another version.
         """
-        self._extension = self._postgis()
+        extension = self._one(
+            "SELECT nspname FROM pg_extension JOIN pg_namespace n ON n.oid = extnamespace WHERE extname = 'postgis'"
+        )
+        if extension is None:
+            raise InputError("base-no-postgis", name=self._name)
+        self._extension = str(extension)
         if not self._has(SETTINGS):
             if not create:
                 raise InputError("base-missing.begin", name=self._name, schema=self._schema)
             if self._one("SELECT to_regnamespace(quote_ident(%s))", self._schema) is None:
                 self._do(SQL("CREATE SCHEMA {}").format(Identifier(self._schema)))
             self._do(SQL("CREATE TABLE {} (name text PRIMARY KEY, value text)").format(self._table(SETTINGS)))
-            self._set("schema", str(SCHEMA))
-        check_schema(self._name, self._setting("schema"), "with --schema")
+            self.store_setting("schema", str(SCHEMA))
+        check_schema(self._name, self.setting("schema"), "with --schema")
 
     def name(self) -> str:
         """Address of the database without its password, and the schema."""
@@ -132,7 +135,9 @@ class PostgisEdit:
         names = [*([GEOMETRY] if layer.kind else []), *layer.columns]
         cells = [_cells(values) for values in layer.columns.values()]
         if layer.kind:
-            cells.insert(0, _ewkb(layer, self._srid(crs)))
+            shapes: Any = shapely.set_srid(layer.shapes, self._srid(crs))
+            dimension = 3 if layer.kind.startswith("2.5D") else 2
+            cells.insert(0, list(shapely.to_wkb(shapes, hex=True, output_dimension=dimension, include_srid=True)))
         columns = SQL(", ").join(Identifier(name) for name in names)
         copying = SQL("COPY {} ({}) FROM STDIN").format(self._table(layer.name), columns)
         with self._connection.cursor() as cursor, cursor.copy(copying) as copy:
@@ -175,11 +180,13 @@ class PostgisEdit:
 
     def setting(self, name: str) -> str | None:
         """A setting of the farm map; None where it was never stored."""
-        return self._setting(name)
+        found = self._one(SQL("SELECT value FROM {} WHERE name = %s").format(self._table(SETTINGS)), name)
+        return None if found is None else str(found)
 
     def store_setting(self, name: str, value: str) -> None:
         """Store a setting of the farm map."""
-        self._set(name, value)
+        query = SQL("INSERT INTO {} VALUES (%s, %s) ON CONFLICT (name) DO UPDATE SET value = excluded.value")
+        self._connection.execute(query.format(self._table(SETTINGS)), (name, value))
 
     def bounds(self) -> tuple[float, float, float, float]:
         """West, south, east and north bound of all sessions."""
@@ -194,8 +201,8 @@ class PostgisEdit:
     def source(self, layer: str, kind: str) -> tuple[str, str]:
         """QGIS's provider of a layer, and its data source as seen from the stored project."""
         known = {"dbname": self._connection.info.dbname} | self._parameters
-        words = [f"{name}='{_escaped(value)}'" for name, value in known.items()]
-        words.append("key='fid'")
+        escapes = str.maketrans({"\\": "\\\\", "'": "\\'"})
+        words = [*(f"{name}='{value.translate(escapes)}'" for name, value in known.items()), "key='fid'"]
         if kind:
             crs = self.crs()
             assert crs is not None
@@ -222,7 +229,7 @@ class PostgisEdit:
         columns = "(name text PRIMARY KEY, metadata jsonb, content bytea)"
         self._do(SQL("CREATE TABLE IF NOT EXISTS {} {}").format(table, SQL(columns)))
         stored = self._one(SQL("SELECT content FROM {} WHERE name = %s").format(table), PROJECT)
-        if stored is not None and (bytes(stored) == archive or self._setting("project") != _hash(bytes(stored))):
+        if stored is not None and (bytes(stored) == archive or self.setting("project") != _hash(bytes(stored))):
             return
         metadata = project_metadata(self._connection.info.user)
         query = SQL(
@@ -230,16 +237,7 @@ class PostgisEdit:
             "ON CONFLICT (name) DO UPDATE SET metadata = excluded.metadata, content = excluded.content"
         ).format(table)
         self._connection.execute(query, (PROJECT, metadata, archive))
-        self._set("project", _hash(archive))
-
-    def _postgis(self) -> str:
-        """The schema of the extension."""
-        schema = self._one(
-            "SELECT nspname FROM pg_extension JOIN pg_namespace n ON n.oid = extnamespace WHERE extname = 'postgis'"
-        )
-        if schema is None:
-            raise InputError("base-no-postgis", name=self._name)
-        return str(schema)
+        self.store_setting("project", _hash(archive))
 
     def _create(self, layer: Layer, crs: CRS) -> None:
         if self._has(layer.name):
@@ -258,10 +256,10 @@ class PostgisEdit:
             self._do(SQL("CREATE INDEX ON {} USING gist ({})").format(table, Identifier(GEOMETRY)))
         if layer.name != SESSIONS and "session" in layer.columns:
             self._do(SQL("CREATE INDEX ON {} (session)").format(table))
-        self._set(f"{LAYER_SETTING}{layer.name}", layer.kind)
+        self.store_setting(f"{LAYER_SETTING}{layer.name}", layer.kind)
 
     def _column(self, layer: Layer, name: str) -> Composable:
-        column = SQL("{} {}").format(Identifier(name), SQL(_type_of(layer.columns[name])))
+        column = SQL("{} {}").format(Identifier(name), SQL(column_type(layer.columns[name], _TYPES)))
         if name != "session":
             return column
         if layer.name == SESSIONS:
@@ -282,13 +280,15 @@ class PostgisEdit:
         rows = self._connection.execute(_STYLE_QUERY, where).fetchall()
         if rows:
             (number, stored), *_ = rows
-            if stored == text or self._setting(f"style {name}") != _hash(stored.encode()):
+            if stored == text or self.setting(f"style {name}") != _hash(stored.encode()):
                 return
             self._connection.execute("UPDATE layer_styles SET styleqml = %s WHERE id = %s", (text, number))
         else:
             geometry = GEOMETRY if self.layers()[name] else None
             self._connection.execute(_STYLE_INSERT, (*where, geometry, text, STYLE_BY))
-        self._set(f"style {name}", _hash(str(self._connection.execute(_STYLE_QUERY, where).fetchall()[0][1]).encode()))
+        self.store_setting(
+            f"style {name}", _hash(str(self._connection.execute(_STYLE_QUERY, where).fetchall()[0][1]).encode())
+        )
 
     def _srid(self, crs: CRS) -> int:
         """PostGIS's number of a CRS."""
@@ -307,14 +307,6 @@ class PostgisEdit:
             "SELECT 1 FROM pg_class c JOIN pg_namespace n ON n.oid = relnamespace WHERE nspname = %s AND relname = %s"
         )
         return self._one(query, self._schema, name) is not None
-
-    def _setting(self, name: str) -> str | None:
-        found = self._one(SQL("SELECT value FROM {} WHERE name = %s").format(self._table(SETTINGS)), name)
-        return None if found is None else str(found)
-
-    def _set(self, name: str, value: str) -> None:
-        query = SQL("INSERT INTO {} VALUES (%s, %s) ON CONFLICT (name) DO UPDATE SET value = excluded.value")
-        self._connection.execute(query.format(self._table(SETTINGS)), (name, value))
 
     def _do(self, statement: SQL | Composed) -> None:
         self._connection.execute(statement)
@@ -345,18 +337,6 @@ def _postgis_kind(kind: str) -> str:
     return f"{kind.removeprefix('2.5D ')}Z" if kind.startswith("2.5D ") else kind
 
 
-def _type_of(values: NDArray[Any]) -> str:
-    if values.dtype.kind == "M":
-        return "date" if values.dtype == "datetime64[D]" else "timestamptz"
-    return _TYPES[values.dtype.kind]
-
-
-def _ewkb(layer: Layer, srid: int) -> list[str | None]:
-    shapes = shapely.set_srid(layer.shapes, srid)
-    with_height = layer.kind.startswith("2.5D")
-    return list(shapely.to_wkb(shapes, hex=True, output_dimension=3 if with_height else 2, include_srid=True))
-
-
 def _cells(values: NDArray[Any]) -> list[Any]:
     """The values as Python objects; None for masked values, nan and NaT."""
     data = np.ma.getdata(values)
@@ -374,10 +354,6 @@ def _array(values: Sequence[Any]) -> NDArray[Any]:
     if any(isinstance(value, dt.datetime) for value in values):
         return np.array([value and value.astimezone(dt.UTC).replace(tzinfo=None) for value in values], "datetime64[ms]")
     return np.array(values, object)
-
-
-def _escaped(value: str) -> str:
-    return value.replace("\\", "\\\\").replace("'", "\\'")
 
 
 def _hash(content: bytes) -> str:

@@ -8,7 +8,6 @@ import json
 import re
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 from xml.etree import ElementTree as ET
 
@@ -29,7 +28,7 @@ from furrowmap.exporters.files.qgis_project import (
     put_view,
 )
 from furrowmap.exporters.share.points import CLASS_COLOURS
-from furrowmap.exporters.vectors.layer_words import NAMES
+from furrowmap.exporters.vectors.qgis_styles import NAMES
 
 PROJECT: Final = "furrowmap"
 """Its name in the farm map."""
@@ -71,27 +70,17 @@ _HIDDEN_AT_FIRST: Final = frozenset({TRACKS, VISITS, SEASONS, "zones", CLOUDS, B
 """Among them the background map: only who shows it asks the network."""
 
 
-@dataclass(frozen=True)
-class _BackgroundMap:
-    """Tiles. The QGIS plugin knows the map by its key, shows its source, and tells if it cannot be reached."""
-
-    key: str
-    title: str
-    url: str
-    zmax: int
-    attribution: str
-
-
-_GSI: Final = _BackgroundMap(
+_GSI: Final = (
     "gsi-photo",
     "GSI aerial photo",
     "https://cyberjapandata.gsi.go.jp/xyz/seamlessphoto/{z}/{x}/{y}.jpg",
     18,
     "Geospatial Information Authority of Japan (GSI) tiles",
 )
-_OSM: Final = _BackgroundMap(
+_OSM: Final = (
     "osm", "OpenStreetMap", "https://tile.openstreetmap.org/{z}/{x}/{y}.png", 19, "© OpenStreetMap contributors"
-)
+)  # fmt: skip
+"""Key by which the QGIS plugin knows the map, title, tiles, their last level, and what a map has to show."""
 _JAPAN_DEG: Final = (122.0, 20.0, 154.0, 46.0)
 
 
@@ -111,12 +100,11 @@ def project_archive(
 
     Args:
         layers: the topmost of the map first.
-        crs: of the map.
         bounds: west, south, east and north of the first view.
         span: of the temporal controller, in steps of a day.
     """
     root = project_root(translated(_TITLE, language_of_user()), crs)
-    _put_tree(root, layers, language_of_user())
+    _put_tree(root, layers)
     _put_relations(root, layers)
     within = ET.SubElement(root, "projectlayers")
     classes = [(code, colour, translated(name, language_of_user())) for code, colour, name in CLASS_COLOURS]
@@ -130,7 +118,11 @@ def project_archive(
     order = ET.SubElement(root, "layerorder")
     for layer in layers:
         ET.SubElement(order, "layer", {"id": layer.id})
-    _put_time(root, span)
+    settings = {"timeStep": "1", "timeStepUnit": "d", "frameRate": "1", "cumulativeTemporalRange": "0"}
+    times = ET.SubElement(ET.SubElement(root, "ProjectTimeSettings", settings), "TemporalRange")
+    begin, end = (moment.astimezone(dt.UTC) for moment in span)
+    put_text(times, "start", begin.strftime("%Y-%m-%dT00:00:00Z"))
+    put_text(times, "end", (end + dt.timedelta(days=1)).strftime("%Y-%m-%dT00:00:00Z"))
     put_view(root, crs, bounds)
     archive = io.BytesIO()
     entry = zipfile.ZipInfo(f"{PROJECT}.qgs")  # dated 1980: the same project is the same archive
@@ -151,26 +143,26 @@ def background_layer(crs: CRS, bounds: tuple[float, float, float, float]) -> Pro
     to_lon_lat = Transformer.from_crs(crs.to_2d(), "EPSG:4326", always_xy=True)
     longitude, latitude = to_lon_lat.transform(0.5 * (bounds[0] + bounds[2]), 0.5 * (bounds[1] + bounds[3]))
     west, south, east, north = _JAPAN_DEG
-    tiles = _GSI if west < longitude < east and south < latitude < north else _OSM
+    key, title, url, zmax, owner = _GSI if west < longitude < east and south < latitude < north else _OSM
     language = language_of_user()
-    attribution = translated(tiles.attribution, language)
+    attribution = translated(owner, language)
     return ProjectLayer(
         BACKGROUND,
         RASTER,
-        f"type=xyz&url={tiles.url}&zmax={tiles.zmax}&zmin=0",
+        f"type=xyz&url={url}&zmax={zmax}&zmin=0",
         "wms",
         None,
-        translated(tiles.title, language),
+        translated(title, language),
         properties=(
-            ("furrowmap/basemap", tiles.key),
+            ("furrowmap/basemap", key),
             ("furrowmap/attribution", attribution),
-            ("furrowmap/probe", re.sub(r"\{[xyz]\}", "0", tiles.url)),
+            ("furrowmap/probe", re.sub(r"\{[xyz]\}", "0", url)),
         ),
         attribution=attribution,
     )
 
 
-def _put_tree(root: ET.Element, layers: Sequence[ProjectLayer], language: str) -> None:
+def _put_tree(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
     tree = ET.SubElement(root, "layer-tree-group")
     named = {name for names in _GROUPS.values() for name in names}
     for title, names in _GROUPS.items():
@@ -178,18 +170,18 @@ def _put_tree(root: ET.Element, layers: Sequence[ProjectLayer], language: str) -
         if not inside:
             continue
         shown = "Qt::Unchecked" if title == _DETAILS else "Qt::Checked"
-        named_so = {"name": translated(title, language), "checked": shown, "expanded": str(int(title != _DETAILS))}
+        named_so = {
+            "name": translated(title, language_of_user()),
+            "checked": shown,
+            "expanded": str(int(title != _DETAILS)),
+        }
         group = ET.SubElement(tree, "layer-tree-group", named_so)
         for layer in inside:
             checked = "Qt::Unchecked" if layer.name in _HIDDEN_AT_FIRST else "Qt::Checked"
-            attributes = {
-                "id": layer.id,
-                "name": layer.title or layer.name,
-                "source": layer.source,
-                "providerKey": layer.provider,
-            }
-            expanded = "1" if layer.name == "coverage" else "0"
-            ET.SubElement(group, "layer-tree-layer", attributes | {"checked": checked, "expanded": expanded})
+            state = {"checked": checked, "expanded": "1" if layer.name == "coverage" else "0"}
+            source = {"source": layer.source, "providerKey": layer.provider}
+            shown_as = {"id": layer.id, "name": layer.title or layer.name}
+            ET.SubElement(group, "layer-tree-layer", shown_as | source | state)
 
 
 def _put_relations(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
@@ -208,11 +200,3 @@ def _put_relations(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
         }
         fields = {"referencingField": "session", "referencedField": "session"}
         ET.SubElement(ET.SubElement(relations, "relation", attributes), "fieldRef", fields)
-
-
-def _put_time(root: ET.Element, span: tuple[dt.datetime, dt.datetime]) -> None:
-    settings = {"timeStep": "1", "timeStepUnit": "d", "frameRate": "1", "cumulativeTemporalRange": "0"}
-    times = ET.SubElement(ET.SubElement(root, "ProjectTimeSettings", settings), "TemporalRange")
-    begin, end = (moment.astimezone(dt.UTC) for moment in span)
-    put_text(times, "start", begin.strftime("%Y-%m-%dT00:00:00Z"))
-    put_text(times, "end", (end + dt.timedelta(days=1)).strftime("%Y-%m-%dT00:00:00Z"))

@@ -44,27 +44,9 @@ OWN: Final = frozenset({SESSIONS, PROVENANCE, TRACKS, *DERIVED})
 _LAYER_NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,40}")
 """Layers with other names are not a run's."""
 _DRAWING_ORDER: Final = (
-    *(
-        "events",
-        "tool_path",
-        TRACKS,
-        "misses",
-        "unworked",
-        "boundary",
-        "overlaps",
-        "passes",
-        "coverage",
-        "plants",
-        "lines",
-        "planes",
-        "zones",
-        FIELDS,
-        VISITS,
-        SEASONS,
-    ),
-    SESSIONS,
-    MACHINES,
-)
+    "events", "tool_path", TRACKS, "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "plants",
+    "lines", "planes", "zones", FIELDS, VISITS, SEASONS, SESSIONS, MACHINES,
+)  # fmt: skip
 _MAX_GAP_S: Final = 1.0
 """A track is interrupted where positions are missing for longer."""
 _SIMPLIFY_M: Final = 0.02
@@ -85,8 +67,6 @@ class SessionResult:
         recordings: the same of the recordings alone.
         digest: of the products that were read, to detect an unchanged result.
         date: the day at the place where it began.
-        crs: of all layers.
-        heights: name of the height system.
         folder: of the products, absolute.
         layers: `sessions` and `provenance` first (a row each), then all others.
     """
@@ -126,7 +106,6 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
     """Read the result of a run, without its cloud.
 
     Args:
-        folder: of the products.
         zone: time zone of the session's date and times; None for that of the run, else of the place.
 
     Raises:
@@ -139,72 +118,78 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
 
 
 def _session_result(result: ResultFolder, zone: ZoneInfo | None) -> SessionResult:
-    folder, path = result.folder, result.folder / FIELD
+    folder, path, session = result.folder, result.folder / FIELD, result.folder / SESSION_FILE
     names = (name for name in result.layer_names if _LAYER_NAME.fullmatch(name))
     tool = (result.report["session"].get("implement") or {}).get("name")
-    layers = {name: _of_tool(read_layer(path, name), tool) for name in names}
-    driven = layers.pop(TRAJECTORY)
+    layers = {name: _layer_of_tool(read_layer(path, name), tool) for name in names}
     crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
-    start, end = driven.columns["time"][[0, -1]]
     name = str(result.report["session"]["name"])
     recordings = sorted([record["name"], record["sha256"]] for record in result.report["inputs"])
-    identity = {
-        "session": short_hash([name, recordings]),
-        "recordings": short_hash(recordings),
-        "digest": _digest(folder),
-    }
-    zone = zone or zone_of(result.report, driven.shapes[0], crs)
+    digest = hashlib.sha256((folder / REPORT).read_bytes())
+    with path.open("rb") as file:
+        digest.update(hashlib.file_digest(file, "sha256").digest())
+    return session_result(
+        layers,
+        {"session": short_hash([name, recordings]), "recordings": short_hash(recordings), "digest": digest.hexdigest()},
+        name,
+        crs,
+        folder.resolve(),
+        zone or zone_of(result.report, layers[TRAJECTORY].shapes[0], crs),
+        _facts(result),
+        {
+            "furrowmap": str(result.report["furrowmap"]),
+            "report": (folder / REPORT).read_text("utf-8"),
+            "session_toml": session.read_text("utf-8")
+            if session.is_file() and not leads_out(session, folder)
+            else None,
+        },
+    )
+
+
+def session_result(
+    layers: dict[str, Layer],
+    identity: Mapping[str, str],
+    name: str,
+    crs: CRS,
+    folder: Path,
+    zone: ZoneInfo,
+    facts: Mapping[str, Any],
+    provenance: Mapping[str, Any],
+) -> SessionResult:
+    """A session with the layers of a run, and those that only a farm map has.
+
+    Args:
+        layers: by name, in the CRS.
+        identity: session, recordings and digest of :class:`SessionResult`.
+        facts: further columns of `sessions`.
+        provenance: `furrowmap`, `report` and `session_toml` of the table of that name.
+    """
+    driven = layers[TRAJECTORY]
+    start, end = driven.columns["time"][[0, -1]]
     date = local_date(start, zone)
     key = {"session": identity["session"], "date": np.datetime64(date)}
     span = {"start": start, "end": end}
-    if "coverage" in layers:
-        layers["coverage"] = with_columns(layers["coverage"], {"name": name, **span})
+    shapes, covered = [*driven.shapes], layers.get("coverage")
+    if covered is not None:
+        layers["coverage"] = with_columns(covered, {"name": name, **span})
+        shapes += covered.shapes.tolist()
+    hull = shapely.convex_hull(shapely.force_2d(shapely.GeometryCollection(shapes)))
+    hull = hull if hull.geom_type == "Polygon" else hull.buffer(1.0, quad_segs=2)
+    row = {**key, "name": name, **span, "time_zone": zone.key, **facts}
+    where = "Where each session took place: the hull of its trajectory and worked ground"
+    added = {**identity, "base_by": version("furrowmap"), "added": np.datetime64("now", "ms"), **provenance}
+    what = "The report of each session, and its session file with all defaults"
+    track = geometry_array([track_of(driven)])
     own = (
-        Layer(
-            SESSIONS,
-            "Polygon",
-            "Where each session took place: the hull of its trajectory and worked ground",
-            geometry_array([footprint(driven, layers.get("coverage"))]),
-            one_row({**key, "name": name, **span, "time_zone": zone.key, **_facts(result)}),
-        ),
-        _provenance(result, identity),
-        Layer(
-            TRACKS,
-            "2.5D MultiLineString",
-            "The path of the vehicle",
-            geometry_array([track_of(driven)]),
-            one_row({**key, **span}),
-        ),
+        Layer(SESSIONS, "Polygon", where, geometry_array([hull]), one_row(row)),
+        Layer(PROVENANCE, "", what, geometry_array([None]), one_row(added)),
+        Layer(TRACKS, "2.5D MultiLineString", "The path of the vehicle", track, one_row({**key, **span})),
     )
-    taken = [with_columns(layers[name], key) for name in drawing_order(list(layers)) if name not in OWN]
-    heights = str(result.report["session"]["crs"]["heights"])
+    taken = [with_columns(layers[n], key) for n in drawing_order(list(layers)) if n not in {TRAJECTORY, *OWN}]
+    heights = str(facts["heights"])
     return SessionResult(
-        **identity, name=name, date=date, crs=crs, heights=heights, folder=folder.resolve(), layers=(*own, *taken)
+        **identity, name=name, date=date, crs=crs, heights=heights, folder=folder, layers=(*own, *taken)
     )
-
-
-def _digest(folder: Path) -> str:
-    """SHA-256 of the report and of that of the layers' file."""
-    digest = hashlib.sha256((folder / REPORT).read_bytes())
-    with (folder / FIELD).open("rb") as file:
-        digest.update(hashlib.file_digest(file, "sha256").digest())
-    return digest.hexdigest()
-
-
-def _provenance(result: ResultFolder, identity: Mapping[str, str]) -> Layer:
-    session = result.folder / SESSION_FILE
-    row = {
-        **identity,
-        "furrowmap": str(result.report["furrowmap"]),
-        "base_by": version("furrowmap"),
-        "added": np.datetime64("now", "ms"),
-        "report": (result.folder / REPORT).read_text("utf-8"),
-        "session_toml": session.read_text("utf-8")
-        if session.is_file() and not leads_out(session, result.folder)
-        else None,
-    }
-    description = "The report of each session, and its session file with all defaults"
-    return Layer(PROVENANCE, "", description, geometry_array([None]), one_row(row))
 
 
 def drawing_order(names: Sequence[str]) -> list[str]:
@@ -222,13 +207,11 @@ def with_columns(layer: Layer, more: Mapping[str, Any]) -> Layer:
 
 def one_row(values: Mapping[str, Any]) -> Columns:
     """Columns of one row; None becomes NULL."""
-    return {name: np.array([value], None if isinstance(value, _PLAIN) else object) for name, value in values.items()}
+    plain = (np.generic, float, int)
+    return {name: np.array([value], None if isinstance(value, plain) else object) for name, value in values.items()}
 
 
-_PLAIN: Final = (np.generic, float, int)
-
-
-def _of_tool(layer: Layer, name: str | None) -> Layer:
+def _layer_of_tool(layer: Layer, name: str | None) -> Layer:
     """The features of one tool, where a layer has those of several: of that which moves the soil, as the figures."""
     if "tool" not in layer.columns:
         return layer
@@ -262,13 +245,6 @@ def _facts(result: ResultFolder) -> dict[str, Any]:
 
 def _number(value: Any, otherwise: float = np.nan) -> float:
     return float(value) if isinstance(value, int | float) else otherwise
-
-
-def footprint(driven: Layer, coverage: Layer | None) -> shapely.Geometry:
-    """The hull of a trajectory and the ground worked."""
-    shapes = [*driven.shapes, *(coverage.shapes if coverage is not None else ())]
-    hull = shapely.convex_hull(shapely.force_2d(shapely.GeometryCollection(shapes)))
-    return hull if hull.geom_type == "Polygon" else hull.buffer(1.0, quad_segs=2)
 
 
 def track_of(driven: Layer) -> shapely.Geometry:

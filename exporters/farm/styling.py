@@ -14,14 +14,56 @@ from zoneinfo import ZoneInfo
 
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.farm.edit import KnownSession
-from furrowmap.exporters.farm.field_words import FARM_ALIASES
 from furrowmap.exporters.farm.memory import MACHINES, VISITS
 from furrowmap.exporters.farm.results import SESSIONS
 from furrowmap.exporters.files.qgis_project import DOCTYPE
-from furrowmap.exporters.vectors.layer_words import ALIASES, VALUES, with_words
-from furrowmap.exporters.vectors.map_tip_times import Clock, in_local_times
-from furrowmap.exporters.vectors.style_words import in_language
+from furrowmap.exporters.vectors.field_layers import LABELS
+from furrowmap.exporters.vectors.qgis_styles import VALUES, Clock, in_language, in_local_times, with_words
 
+FARM_LABELS: Final = {
+    "session": "key of the session",
+    "name": "name",
+    "date": "day of the work",
+    "first_date": "first day",
+    "last_date": "last day",
+    "season": "season",
+    "time_zone": "time zone",
+    "field": "key of the field",
+    "field_name": "name of the field",
+    "machine": "machine",
+    "sessions": "number of sessions",
+    "passes": "number of passes",
+    "warnings": "number of warnings",
+    "times_worked": "times worked",
+    "surveyed": "boundary surveyed",
+    "ground_m2": "ground worked at least once (m²)",
+    "worked_area_m2": "area worked, on the map (m²)",
+    "worked_area_ellipsoid_m2": "area worked, on the ellipsoid (m²)",
+    "worked_area_sigma_m2": "standard deviation of the area worked (m²)",
+    "overlap_area_m2": "area worked twice (m²)",
+    "missed_area_m2": "area missed (m²)",
+    "swept_area_m2": "area swept by the tool (m²)",
+    "worked_length_m": "length worked (m)",
+    "working_speed_mps": "speed at work (m/s)",
+    "work_rate_ha_h": "work rate (ha/h)",
+    "distance_m": "distance driven (m)",
+    "duration_s": "duration (s)",
+    "hours": "time in the field (h)",
+    "soil_moved_m3": "soil moved (m³)",
+    "working_depth_m": "working depth as stated (m)",
+    "crs": "coordinate reference system",
+    "heights": "height system",
+    "coordinates": "coordinates of the recording",
+    "folder": "folder",
+    "recordings": "key of the recordings",
+    "digest": "hash of the result",
+    "furrowmap": "version that processed",
+    "base_by": "version that added",
+    "added": "added (UTC)",
+    "report": "report (JSON)",
+    "session_toml": "session file",
+}
+"""Labels of the columns that only a farm map has."""
 _BY_DATE: Final = "coverage"
 _BARE: Final = DOCTYPE + '<qgis version="3.34.0" styleCategories="Rendering"></qgis>\n'
 _OF_SESSIONS: Final = frozenset({SESSIONS, VISITS, MACHINES})
@@ -46,14 +88,13 @@ def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSessio
     clocks = _clocks(sessions)
     if clocks:
         found = {name: in_local_times(text, clocks) for name, text in found.items()}
-    return {name: _with_words(found.get(name, _BARE), name, fields) for name, fields in layers.items()}
-
-
-def _with_words(style: str, layer: str, fields: Collection[str]) -> str:
-    """The style with names for people of the fields, in an order that does not change."""
-    values = {name: words for name, words in VALUES.items() if not (name == "implement" and layer in _OF_SESSIONS)}
-    aliases = ALIASES | FARM_ALIASES
-    return with_words(style, sorted(fields), language_of_user(), report=False, aliases=aliases, values=values)
+    language, aliases = language_of_user(), LABELS | FARM_LABELS
+    plain = {name: labels for name, labels in VALUES.items() if name != "implement"}
+    return {
+        name: with_words(found.get(name, _BARE), sorted(fields), language, report=False, aliases=aliases, values=values)
+        for name, fields in layers.items()
+        for values in (plain if name in _OF_SESSIONS else VALUES,)
+    }
 
 
 def _clocks(sessions: Sequence[KnownSession]) -> list[Clock]:
@@ -88,21 +129,13 @@ def _by_date(text: str, dates: Sequence[dt.date]) -> str:
         ET.SubElement(categories, "category", category | {"symbol": str(i), "render": "true"})
         symbol = copy.deepcopy(pattern)
         symbol.set("name", str(i))
-        _set_colour(symbol, _colour(i / max(len(days) - 1, 1)))
+        hue = _HUES[0] + i / max(len(days) - 1, 1) * (_HUES[1] - _HUES[0])
+        rgb = (round(255 * value) for value in colorsys.hls_to_rgb(hue, 0.5, 0.65))
+        option = symbol.find(".//Option[@name='color']")
+        assert option is not None
+        option.set("value", "{},{},{},255".format(*rgb))
         symbols.append(symbol)
     rest = {"type": "NULL", "value": "", "label": "other days", "symbol": str(len(days)), "render": "true"}
     ET.SubElement(categories, "category", rest)
     pattern.set("name", str(len(days)))
     return DOCTYPE + ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _set_colour(symbol: ET.Element, rgb: tuple[int, int, int]) -> None:
-    option = symbol.find(".//Option[@name='color']")
-    assert option is not None
-    option.set("value", "{},{},{},255".format(*rgb))
-
-
-def _colour(share: float) -> tuple[int, int, int]:
-    hue = _HUES[0] + share * (_HUES[1] - _HUES[0])
-    red, green, blue = (round(255 * value) for value in colorsys.hls_to_rgb(hue, 0.5, 0.65))
-    return red, green, blue

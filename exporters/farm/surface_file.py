@@ -24,9 +24,7 @@ class SurfaceFile:
     """A surface of a session.
 
     Attributes:
-        path: of the GeoTIFF.
         crs: of its cells, with heights where the file states them.
-        cell_m: length of a cell's sides.
         bounds_m: west, south, east, north.
         grid: its cells; None where their edges are not multiples of the cell size from the CRS's 0, 0.
         bands: description and unit of each, the height first.

@@ -77,16 +77,8 @@ def write_traffic(
     known. A cell counts where its centre was worked or driven on.
 
     Args:
-        path: of the raster.
-        traffic: what to count; not empty.
-        crs: of the map.
-        cell_m: length of a cell's sides.
         wheels: of the vehicles; None leaves their band out.
-        origin: provenance.
         progress: receives the stage "counting traffic".
-
-    Raises:
-        OSError: if it cannot be written.
     """
     west, south, east, north = traffic.bounds_m
     margin = 0.5 * (wheels.track_width_m + wheels.tyre_width_m) if wheels is not None else 0.0
@@ -113,17 +105,10 @@ def write_worked(path: Path, passes: ShapeArray, grid: Grid, crs: CRS, origin: O
     """Write how often each cell was worked, as the first band of :func:`write_traffic`.
 
     Args:
-        path: of the raster: a cloud-optimised GeoTIFF of 16-bit numbers.
         passes: (n,) polygons; each counts its ground as worked once.
-        grid: of the raster.
-        crs: of the map.
-        origin: provenance.
 
     Returns:
         The greatest number.
-
-    Raises:
-        OSError: if it cannot be written.
     """
     most, tree, days = 0, shapely.STRtree(passes), np.zeros(len(passes), np.int64)
     with cog_output(path, grid, crs, (WORKED,), origin, counts=True) as put:

@@ -24,18 +24,14 @@ def virtual_raster(
 
     Args:
         folder: where it will lie; the paths of sources on the same drive are relative to it.
-        grid: of its cells.
-        crs: of its cells.
         bands: description and unit; each source has them.
         sources: with cells of the grid; later ones cover earlier ones.
-        origin: its provenance.
     """
     crs = reported_crs(crs)
     root = ET.Element("VRTDataset", {"rasterXSize": str(grid.columns), "rasterYSize": str(grid.rows)})
     ET.SubElement(root, "SRS", {"dataAxisToSRSAxisMapping": _axes(crs)}).text = crs.to_wkt()
-    west, north = grid.west * grid.cell_m, grid.north * grid.cell_m
-    transform = (west, grid.cell_m, 0.0, north, 0.0, -grid.cell_m)
-    ET.SubElement(root, "GeoTransform").text = ", ".join(repr(float(number)) for number in transform)
+    a, b, c, d, e, f = grid.transform
+    ET.SubElement(root, "GeoTransform").text = ", ".join(repr(float(number)) for number in (c, a, b, f, d, e))
     metadata = ET.SubElement(root, "Metadata")
     for name, text in origin.metadata.items():
         ET.SubElement(metadata, "MDI", {"key": name}).text = text
@@ -44,24 +40,19 @@ def virtual_raster(
         ET.SubElement(element, "Description").text = band.description
         ET.SubElement(element, "UnitType").text = band.unit
         ET.SubElement(element, "NoDataValue").text = "nan"
-        for source in sources:
-            _put_source(element, i, folder, grid, source)
+        for path, part, nodata in sources:
+            within = ET.SubElement(element, "ComplexSource")
+            relative = relative_path(path, folder)
+            attributes = {"relativeToVRT": str(int(relative is not None))}
+            ET.SubElement(within, "SourceFilename", attributes).text = relative or str(path)
+            ET.SubElement(within, "SourceBand").text = str(i)
+            size = {"xSize": str(part.columns), "ySize": str(part.rows)}
+            ET.SubElement(within, "SrcRect", {"xOff": "0", "yOff": "0", **size})
+            offset = {"xOff": str(part.west - grid.west), "yOff": str(grid.north - part.north)}
+            ET.SubElement(within, "DstRect", {**offset, **size})
+            ET.SubElement(within, "NODATA").text = "nan" if nodata is None else repr(float(nodata))
     ET.indent(root, " ")
     return ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _put_source(element: ET.Element, band: int, folder: Path, whole: Grid, source: Source) -> None:
-    path, grid, nodata = source
-    within = ET.SubElement(element, "ComplexSource")
-    name = relative_path(path, folder)
-    relative = str(int(name is not None))
-    ET.SubElement(within, "SourceFilename", {"relativeToVRT": relative}).text = name or str(path)
-    ET.SubElement(within, "SourceBand").text = str(band)
-    size = {"xSize": str(grid.columns), "ySize": str(grid.rows)}
-    ET.SubElement(within, "SrcRect", {"xOff": "0", "yOff": "0", **size})
-    offset = {"xOff": str(grid.west - whole.west), "yOff": str(whole.north - grid.north)}
-    ET.SubElement(within, "DstRect", {**offset, **size})
-    ET.SubElement(within, "NODATA").text = "nan" if nodata is None else repr(float(nodata))
 
 
 def _axes(crs: CRS) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -64,3 +64,14 @@ def shared_cells(one: Grid, other: Grid) -> Grid | None:
     east = min(one.west + one.columns, other.west + other.columns)
     south = max(one.north - one.rows, other.north - other.rows)
     return Grid(one.cell_m, west, north, (north - south, east - west)) if north > south and east > west else None
+
+
+def enclosing(grids: Sequence[Grid]) -> Grid:
+    """The smallest grid that covers several with cells of one size.
+
+    Raises:
+        InputError: if it has too many cells.
+    """
+    west, north = min(grid.west for grid in grids), max(grid.north for grid in grids)
+    rows = north - min(grid.north - grid.rows for grid in grids)
+    return Grid(grids[0].cell_m, west, north, (rows, max(grid.west + grid.columns for grid in grids) - west))

@@ -37,9 +37,7 @@ from furrowmap.exporters.rasters.windows import window, windows
 from furrowmap.exporters.share.features import HIDDEN_AT_FIRST, moment_s
 from furrowmap.exporters.share.rasters import RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
-from furrowmap.exporters.vectors.layer_words import with_words
-from furrowmap.exporters.vectors.map_tip_times import in_local_time
-from furrowmap.exporters.vectors.style_words import in_language
+from furrowmap.exporters.vectors.qgis_styles import in_language, in_local_time, with_words
 
 PROJECT_FILE: Final = "field.qgs"
 FIELD_PRODUCTS: Final = (PROJECT_FILE, FIELD)

@@ -16,17 +16,17 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.batch_state import SessionOutcome
 from furrowmap.exporters.files.csv_cells import cell
-from furrowmap.exporters.vectors.field_layers import Layer, geometry_array
+from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, numbers, texts
 from furrowmap.exporters.vectors.geopackage import write_layer
 
 TABLE: Final = "batch.csv"
 LAYERS: Final = "batch.gpkg"
-NUMBERS: Final = (
+_NUMBERS: Final = (
     "duration_s", "distance_m", "points", "passes", "worked_area_m2", "overlap_area_m2", "missed_area_m2",
     "working_speed_mps", "work_rate_ha_h",
 )  # fmt: skip
-TEXTS: Final = ("start", "end", "start_local", "end_local", "time_zone")
-FIGURES: Final = (*TEXTS, *NUMBERS)
+_TEXTS: Final = ("start", "end", "start_local", "end_local", "time_zone")
+FIGURES: Final = (*_TEXTS, *_NUMBERS)
 """Figures of a report that the table has; those that a run does not give are empty."""
 _SIMPLIFY_M: Final = 0.5
 """Maximum distance of a simplified track from the positions."""
@@ -50,10 +50,7 @@ class Row:
     """A session in the table.
 
     Attributes:
-        name: of the result folder.
-        file: of the session.
         field: the field that this run is of; empty for all of the recording.
-        outcome: what became of it.
     """
 
     name: str
@@ -89,11 +86,7 @@ def outlines(result: HasLayers, frame: MapFrame) -> tuple[str, str]:
 
 
 def write_table(folder: Path, rows: Sequence[Row]) -> None:
-    """Write :data:`TABLE`.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
+    """Write :data:`TABLE`."""
     head = ("name", "status", "session", "field", *FIGURES, "warnings", "run_s", "processor_s", "peak_mb", "code")
     with atomic_output(folder / TABLE) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -109,20 +102,15 @@ def write_table(folder: Path, rows: Sequence[Row]) -> None:
 
 
 def write_layers(folder: Path, rows: Sequence[Row]) -> None:
-    """Write :data:`LAYERS`: `sessions`, the footprints of all that have a result, and `tracks`, with the same fields.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
+    """Write :data:`LAYERS`: `sessions`, footprints of all that have a result, and `tracks`, with the same fields."""
     done = [row for row in rows if row.outcome.failure is None]
-    columns: dict[str, NDArray[Any]] = {
-        "name": _texts([row.name for row in done]),
-        "session": _texts([row.outcome.figures.get("session", "") for row in done]),
-        "field": _texts([row.field for row in done]),
-        **{name: _texts([row.outcome.figures.get(name) for row in done]) for name in TEXTS},
-        **{name: _floats([row.outcome.figures.get(name) for row in done]) for name in NUMBERS},
-        "warnings": _floats([row.outcome.figures.get("warnings") for row in done]),
-        "run_s": _floats([row.outcome.seconds for row in done]),
+    columns: Columns = {
+        "name": texts([row.name for row in done]),
+        "session": texts([row.outcome.figures.get("session", "") for row in done]),
+        "field": texts([row.field for row in done]),
+        **{name: texts(row.outcome.figures.get(name) for row in done) for name in _TEXTS},
+        **{name: numbers(_number(row.outcome.figures.get(name)) for row in done) for name in (*_NUMBERS, "warnings")},
+        "run_s": numbers(_number(row.outcome.seconds) for row in done),
     }
     footprints = [shapely.from_wkb(row.outcome.footprint) for row in done]
     tracks = [shapely.from_wkb(row.outcome.track) for row in done]
@@ -135,9 +123,5 @@ def write_layers(folder: Path, rows: Sequence[Row]) -> None:
             write_layer(unfinished, layer, "EPSG:4326", indexed=True)
 
 
-def _texts(values: Sequence[str | None]) -> NDArray[Any]:
-    return np.array(values, object)
-
-
-def _floats(values: Sequence[Any]) -> NDArray[np.float64]:
-    return np.array([value if isinstance(value, int | float) else np.nan for value in values], np.float64)
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else np.nan

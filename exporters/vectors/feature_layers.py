@@ -30,11 +30,7 @@ def feature_layers(planes: Sequence[PlanePiece], lines: Sequence[LineObject], pl
 
 
 def write_features(path: Path, layers: Sequence[Layer], crs: CRS | str, origin: Origin) -> None:
-    """Write `features.gpkg` with its layers and their styles.
-
-    Raises:
-        OSError: if the file cannot be written there.
-    """
+    """Write `features.gpkg` with its layers and their styles."""
     with atomic_output(path) as unfinished, unflushed():
         for layer in layers:
             first = None if unfinished.exists() else origin

@@ -14,24 +14,84 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMA_NAMES, SOURCE_NAMES, Motion, ScanPoses
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.core.work.ground import Area, Place
 from furrowmap.core.work.strip_differences import StripDifferences
 from furrowmap.core.work.strip_outlines import StripGround
-from furrowmap.core.work.track import ToolPath
 
 ObjectArray = NDArray[np.object_]
 Columns = dict[str, NDArray[Any]]
 
-TOOL_COLUMNS: Final = {
+LABELS: Final = {
+    "pass": "pass",
+    "pass_a": "earlier pass",
+    "pass_b": "later pass",
+    "start": "start (UTC)",
+    "end": "end (UTC)",
+    "time": "time (UTC)",
+    "t_s": "POSIX time (s)",
+    "length_m": "length (m)",
+    "width_m": "width (m)",
+    "area_m2": "area on the map (m²)",
+    "area_ellipsoid_m2": "area on the ellipsoid (m²)",
+    "area_sigma_m2": "standard deviation of the area (m²)",
+    "worked_share": "share worked",
+    "speed_mps": "speed (m/s)",
+    "depth_m": "depth, approximate (m)",
+    "depth_sigma_m": "standard deviation of the depth (m)",
+    "depth_spread_m": "variation of the depth (m)",
+    "kind": "kind",
+    "zone": "zone",
+    "implement": "tool",
+    "implement_confidence": "confidence of the tool's state",
+    "tool_height_m": "height of the tool (m)",
+    "tool": "name of the tool",
+    "tool_2": "name of the second tool",
+    "implement_2": "second tool",
+    "implement_2_confidence": "confidence of the second tool's state",
+    "tool_2_height_m": "height of the second tool (m)",
+    "pass_2": "pass of the second tool",
+    "tool_3": "name of the third tool",
+    "implement_3": "third tool",
+    "implement_3_confidence": "confidence of the third tool's state",
+    "tool_3_height_m": "height of the third tool (m)",
+    "pass_3": "pass of the third tool",
+    "scan": "scan",
+    "roll_deg": "roll (°)",
+    "pitch_deg": "pitch (°)",
+    "heading_deg": "heading (°)",
+    "motion": "motion",
+    "fix": "kind of fix",
+    "sigma_s": "standard deviation of the time (s)",
+    "sigma_e_m": "standard deviation, easting (m)",
+    "sigma_n_m": "standard deviation, northing (m)",
+    "sigma_h_m": "standard deviation, height (m)",
+    "sigma_roll_deg": "standard deviation, roll (°)",
+    "sigma_pitch_deg": "standard deviation, pitch (°)",
+    "sigma_heading_deg": "standard deviation, heading (°)",
+    "heading_from": "source of the heading",
+    "position_from": "source of the position",
+    "height_from": "source of the height",
+    "level_from": "source of roll and pitch",
+    "strip": "strip",
+    "strip_a": "earlier strip",
+    "strip_b": "later strip",
+    "before_m": "difference before (m)",
+    "after_m": "difference after (m)",
+    "sigma_m": "standard deviation (m)",
+    "cell_m": "cell size (m)",
+    "points": "points",
+    "points_m2": "points per m²",
+}
+"""Labels of the columns of all layers, with their units."""
+_TOOL_COLUMNS: Final = {
     "implement": "implement_{}",
     "implement_confidence": "implement_{}_confidence",
     "tool_height_m": "tool_{}_height_m",
     "pass": "pass_{}",
 }
 """Names of the columns of a further tool in `trajectory`, by those of the first."""
-_OF_TOOL: Final = ("down", "up")
+_TOOL_EVENTS: Final = ("down", "up")
 """Events of the tool; the others are of the vehicle."""
-_TRAJECTORY: Final = "The vehicle frame's origin (on the ground below the rear axle) in the middle of each scan"
 
 
 @dataclass(frozen=True)
@@ -39,9 +99,7 @@ class Layer:
     """A vector layer.
 
     Attributes:
-        name: of the layer and its style.
         kind: geometry type, as OGR calls it; empty for a table.
-        description: for users.
         shapes: (n,) geometries or None.
         columns: (n,) values of each field; times as datetime64[ms] in UTC; masked values and nan become NULL.
     """
@@ -58,17 +116,13 @@ class Layer:
         return tuple((name, values.dtype.str) for name, values in self.columns.items())
 
 
-def concatenated(layers: Sequence[Layer]) -> Layer:
+def concatenate_layers(layers: Sequence[Layer]) -> Layer:
     """One layer with the features of several that have the same fields."""
-    columns = {name: _concatenated([layer.columns[name] for layer in layers]) for name in layers[0].columns}
+    columns: Columns = {}
+    for name in layers[0].columns:
+        parts = [layer.columns[name] for layer in layers]
+        columns[name] = (np.ma.concatenate if any(map(np.ma.isMA, parts)) else np.concatenate)(parts)
     return replace(layers[0], shapes=np.concatenate([layer.shapes for layer in layers]), columns=columns)
-
-
-def _concatenated(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    values = np.concatenate([np.ma.getdata(part) for part in parts])
-    if not any(np.ma.isMA(part) for part in parts):
-        return values
-    return np.ma.MaskedArray(values, np.concatenate([np.ma.getmaskarray(part) for part in parts]))
 
 
 def geometry_array(shapes: Any) -> ObjectArray:
@@ -80,23 +134,21 @@ def geometry_array(shapes: Any) -> ObjectArray:
 
 def field_layers(poses: ScanPoses, work: FieldWork) -> list[Layer]:
     """All layers, the topmost of a map first: `trajectory` always, the others where the worked ground is known."""
-    trajectory = Layer(
-        "trajectory", "2.5D Point", _TRAJECTORY, geometry_array(shapely.points(poses.xyz_m)), _of_scans(poses, work)
-    )
+    text = "The vehicle frame's origin (on the ground below the rear axle) in the middle of each scan"
+    points = geometry_array(shapely.points(poses.xyz_m))
+    trajectory = Layer("trajectory", "2.5D Point", text, points, _trajectory_columns(poses, work))
     known = [one for one in work.each if one.ground is not None]
     if not known:
         return [trajectory]
-    # What the vehicle did is told once.
-    tools = [[_of_events(one, drive=one is known[0]), _of_paths(one.paths), *_of_ground(one)] for one in known]
+    # Events of the vehicle are in the layer once.
+    tools = [[_event_layer(one, drive=one is known[0]), *_ground_layers(one)] for one in known]
     if work.others:
-        tools = [[_with_tool(layer, one.tool) for layer in tool] for one, tool in zip(known, tools, strict=True)]
-    events, *others = (concatenated(layers) for layers in zip(*tools, strict=True))
+        tools = [
+            [replace(a, columns={"tool": np.full(len(a.shapes), one.tool, object), **a.columns}) for a in tool]
+            for one, tool in zip(known, tools, strict=True)
+        ]
+    events, *others = (concatenate_layers(layers) for layers in zip(*tools, strict=True))
     return [events, trajectory, *others]
-
-
-def _with_tool(layer: Layer, name: str) -> Layer:
-    """The layer with a column that names the tool."""
-    return replace(layer, columns={"tool": np.full(len(layer.shapes), name, object), **layer.columns})
 
 
 def strip_layers(grounds: Sequence[StripGround], differences: StripDifferences | None) -> list[Layer]:
@@ -118,14 +170,14 @@ def strip_layers(grounds: Sequence[StripGround], differences: StripDifferences |
         strips = [ground.strip for ground in grounds]
         columns = {
             "strip": np.array([strip.number for strip in strips], np.int64),
-            "start": _times([strip.begin_s for strip in strips]),
-            "end": _times([strip.end_s for strip in strips]),
-            "heading_deg": _floats(strip.heading_deg for strip in strips),
-            "length_m": _floats(strip.length_m for strip in strips),
-            "speed_mps": _floats(strip.speed_mps for strip in strips),
+            "start": times([strip.begin_s for strip in strips]),
+            "end": times([strip.end_s for strip in strips]),
+            "heading_deg": numbers(strip.heading_deg for strip in strips),
+            "length_m": numbers(strip.length_m for strip in strips),
+            "speed_mps": numbers(strip.speed_mps for strip in strips),
             "points": np.array([ground.points for ground in grounds], np.int64),
-            "area_m2": _floats(ground.area_m2 for ground in grounds),
-            "points_m2": _floats(ground.points_m2 for ground in grounds),
+            "area_m2": numbers(ground.area_m2 for ground in grounds),
+            "points_m2": numbers(ground.points_m2 for ground in grounds),
         }
         shapes = geometry_array([ground.outline for ground in grounds])
         layers.append(
@@ -134,11 +186,11 @@ def strip_layers(grounds: Sequence[StripGround], differences: StripDifferences |
     return layers
 
 
-def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:
+def _trajectory_columns(poses: ScanPoses, work: FieldWork) -> Columns:
     roll_deg, pitch_deg, heading_deg = poses.attitude_deg()
     columns: Columns = {
         "scan": poses.scan,
-        "time": _times(poses.t_s),
+        "time": times(poses.t_s),
         "t_s": poses.t_s,
         "roll_deg": roll_deg,
         "pitch_deg": pitch_deg,
@@ -149,14 +201,14 @@ def _of_scans(poses: ScanPoses, work: FieldWork) -> Columns:
         **{f"sigma_{name}": poses.sigma[:, i] for i, name in enumerate(SIGMA_NAMES)},
         **{name: getattr(poses, name).astype(object) for name in SOURCE_NAMES},
     }
-    columns |= _of_tool(poses, work)
+    columns |= _tool_columns(poses, work)
     for number, other in enumerate(work.others, start=2):
         columns |= {f"tool_{number}": np.full(len(poses), other.tool, object)}
-        columns |= {TOOL_COLUMNS[name].format(number): values for name, values in _of_tool(poses, other).items()}
+        columns |= {_TOOL_COLUMNS[name].format(number): values for name, values in _tool_columns(poses, other).items()}
     return columns
 
 
-def _of_tool(poses: ScanPoses, work: FieldWork) -> Columns:
+def _tool_columns(poses: ScanPoses, work: FieldWork) -> Columns:
     """A tool over the scans."""
     n = len(poses)
     state, confidence, height = np.full(n, ToolState.UNKNOWN, np.int8), np.zeros(n), np.full(n, np.nan)
@@ -170,131 +222,115 @@ def _of_tool(poses: ScanPoses, work: FieldWork) -> Columns:
         "implement": _labels(state, {int(state): state.label for state in ToolState}),
         "implement_confidence": confidence,
         "tool_height_m": height,
-        "pass": _numbers(work.pass_at(poses.t_s)),
+        "pass": _pass_numbers(work.pass_at(poses.t_s)),
     }
 
 
-def _of_ground(work: FieldWork) -> list[Layer]:
+def _ground_layers(work: FieldWork) -> list[Layer]:
+    """The paths of a tool and its ground, and the field where its boundary is known."""
     ground = work.ground
     assert ground is not None
     starts = {p.number: p.times.begin_s for p in ground.passes}
-    return [
-        Layer(
-            "misses",
-            "Polygon",
-            "Strips narrower than the tool that were not worked",
-            geometry_array([place.ground for place in ground.misses]),
-            {"kind": _words(place.kind for place in ground.misses), **_areas([place.area for place in ground.misses])},
-        ),
-        *_of_field(ground),
-        Layer(
-            "overlaps",
-            "Polygon",
-            "Ground that two passes worked, or one pass twice",
-            geometry_array([overlap.ground for overlap in ground.overlaps]),
-            {
-                "pass_a": np.array([overlap.pass_a for overlap in ground.overlaps], np.int64),
-                "pass_b": np.array([overlap.pass_b for overlap in ground.overlaps], np.int64),
-                "start": _times([starts[overlap.pass_b] for overlap in ground.overlaps]),
-                **_areas([overlap.area for overlap in ground.overlaps]),
-            },
-        ),
-        Layer(
-            "coverage",
-            "MultiPolygon",
-            "All ground worked, once however often",
-            geometry_array([] if ground.coverage.is_empty else [ground.coverage]),
-            _areas([] if ground.coverage.is_empty else [ground.figures.worked]),
-        ),
-        Layer(
-            "passes",
-            "MultiPolygon",
-            "The ground worked from one lowering of the tool to its lifting",
-            geometry_array([p.ground for p in ground.passes]),
-            {
-                "pass": np.array([p.number for p in ground.passes], np.int64),
-                "start": _times([p.times.begin_s for p in ground.passes]),
-                "end": _times([p.times.end_s for p in ground.passes]),
-                "length_m": _floats(p.length_m for p in ground.passes),
-                "width_m": _floats(p.width_m for p in ground.passes),
-                **_areas([p.area for p in ground.passes]),
-                "speed_mps": _floats(p.speed_mps for p in ground.passes),
-                "depth_m": _floats(depth.depth_m for depth in work.depths),
-                "depth_sigma_m": _floats(depth.sigma_m for depth in work.depths),
-                "depth_spread_m": _floats(depth.spread_m for depth in work.depths),
-            },
-        ),
-        Layer(
-            "zones",
-            "Polygon",
-            "Headland, where turns take place, and the field's body",
-            geometry_array([place.ground for place in ground.zones]),
-            {"zone": _words(place.kind for place in ground.zones), **_areas([place.area for place in ground.zones])},
-        ),
-    ]
-
-
-def _of_field(ground: WorkedGround) -> list[Layer]:
-    """What was not worked of a field whose boundary is known, and the boundary."""
-    field = ground.figures.field
-    if field is None or ground.boundary is None:
-        return []
-    return [
-        Layer(
-            "unworked",
-            "Polygon",
-            "Ground of the field that was neither worked nor missed: where no pass has been yet",
-            geometry_array([place.ground for place in ground.unworked]),
-            _areas([place.area for place in ground.unworked]),
-        ),
-        Layer(
-            "boundary",
-            "MultiPolygon",
-            "The field",
-            geometry_array([shapely.MultiPolygon(shapely.get_parts(ground.boundary).tolist())]),
-            {"worked_share": _floats([field.worked_share]), **_areas([field.area])},
-        ),
-    ]
-
-
-def _of_paths(paths: Sequence[ToolPath]) -> Layer:
-    return Layer(
+    paths = Layer(
         "tool_path",
         "2.5D LineString",
         "The path of the middle of the tool's line, a line for each state of the tool",
-        geometry_array([path.line for path in paths]),
+        geometry_array([path.line for path in work.paths]),
         {
-            "implement": _words(path.state.label for path in paths),
-            "pass": _numbers([path.pass_number or 0 for path in paths]),
-            "start": _times([path.begin_s for path in paths]),
-            "end": _times([path.end_s for path in paths]),
-            "length_m": _floats(path.length_m for path in paths),
+            "implement": texts(path.state.label for path in work.paths),
+            "pass": _pass_numbers([path.pass_number or 0 for path in work.paths]),
+            "start": times([path.begin_s for path in work.paths]),
+            "end": times([path.end_s for path in work.paths]),
+            "length_m": numbers(path.length_m for path in work.paths),
         },
     )
+    overlaps = Layer(
+        "overlaps",
+        "Polygon",
+        "Ground that two passes worked, or one pass twice",
+        geometry_array([overlap.ground for overlap in ground.overlaps]),
+        {
+            "pass_a": np.array([overlap.pass_a for overlap in ground.overlaps], np.int64),
+            "pass_b": np.array([overlap.pass_b for overlap in ground.overlaps], np.int64),
+            "start": times([starts[overlap.pass_b] for overlap in ground.overlaps]),
+            **_areas([overlap.area for overlap in ground.overlaps]),
+        },
+    )
+    coverage = Layer(
+        "coverage",
+        "MultiPolygon",
+        "All ground worked, once however often",
+        geometry_array([] if ground.coverage.is_empty else [ground.coverage]),
+        _areas([] if ground.coverage.is_empty else [ground.figures.worked]),
+    )
+    passes = Layer(
+        "passes",
+        "MultiPolygon",
+        "The ground worked from one lowering of the tool to its lifting",
+        geometry_array([p.ground for p in ground.passes]),
+        {
+            "pass": np.array([p.number for p in ground.passes], np.int64),
+            "start": times([p.times.begin_s for p in ground.passes]),
+            "end": times([p.times.end_s for p in ground.passes]),
+            "length_m": numbers(p.length_m for p in ground.passes),
+            "width_m": numbers(p.width_m for p in ground.passes),
+            **_areas([p.area for p in ground.passes]),
+            "speed_mps": numbers(p.speed_mps for p in ground.passes),
+            "depth_m": numbers(depth.depth_m for depth in work.depths),
+            "depth_sigma_m": numbers(depth.sigma_m for depth in work.depths),
+            "depth_spread_m": numbers(depth.spread_m for depth in work.depths),
+        },
+    )
+    field = []
+    if ground.figures.field is not None and ground.boundary is not None:
+        not_worked = "Ground of the field that was neither worked nor missed: where no pass has been yet"
+        outline = geometry_array([shapely.MultiPolygon(shapely.get_parts(ground.boundary).tolist())])
+        shares = {"worked_share": numbers([ground.figures.field.worked_share]), **_areas([ground.figures.field.area])}
+        field = [
+            _place_layer("unworked", not_worked, ground.unworked),
+            Layer("boundary", "MultiPolygon", "The field", outline, shares),
+        ]
+    missed = "Strips narrower than the tool that were not worked"
+    zones = "Headland, where turns take place, and the field's body"
+    return [
+        paths,
+        _place_layer("misses", missed, ground.misses, "kind"),
+        *field,
+        overlaps,
+        coverage,
+        passes,
+        _place_layer("zones", zones, ground.zones, "zone"),
+    ]
 
 
-def _of_events(work: FieldWork, *, drive: bool) -> Layer:
-    found = work.events if drive else [event for event in work.events if event.kind in _OF_TOOL]
+def _place_layer(name: str, text: str, places: Sequence[Place], kind_column: str = "") -> Layer:
+    kinds = {kind_column: texts(place.kind for place in places)} if kind_column else {}
+    shapes = geometry_array([place.ground for place in places])
+    return Layer(name, "Polygon", text, shapes, kinds | _areas([place.area for place in places]))
+
+
+def _event_layer(work: FieldWork, *, drive: bool) -> Layer:
+    found = work.events if drive else [event for event in work.events if event.kind in _TOOL_EVENTS]
     return Layer(
         "events",
         "2.5D Point",
         "Where the tool went down or up, where the vehicle stopped, started or reversed, where positions end",
         geometry_array([shapely.Point(e.xyz_m) if np.isfinite(e.xyz_m).all() else None for e in found]),
         {
-            "kind": _words(event.kind for event in found),
-            "time": _times([event.t_s for event in found]),
-            "t_s": _floats(event.t_s for event in found),
-            "pass": _numbers([event.pass_number or 0 for event in found]),
-            "sigma_s": _floats(event.sigma_s for event in found),
+            "kind": texts(event.kind for event in found),
+            "time": times([event.t_s for event in found]),
+            "t_s": numbers(event.t_s for event in found),
+            "pass": _pass_numbers([event.pass_number or 0 for event in found]),
+            "sigma_s": numbers(event.sigma_s for event in found),
         },
     )
 
 
 def _areas(areas: Sequence[Area]) -> Columns:
     return {
-        "area_m2": _floats(area.grid_m2 for area in areas),
-        "area_ellipsoid_m2": _floats(area.ellipsoid_m2 for area in areas),
-        "area_sigma_m2": _floats(area.sigma_m2 for area in areas),
+        "area_m2": numbers(area.grid_m2 for area in areas),
+        "area_ellipsoid_m2": numbers(area.ellipsoid_m2 for area in areas),
+        "area_sigma_m2": numbers(area.sigma_m2 for area in areas),
     }
 
 
@@ -304,19 +340,21 @@ def _labels(codes: NDArray[np.int8], words: Mapping[int, str]) -> ObjectArray:
     return np.array([words.get(int(code)) for code in known], dtype=object)[index]
 
 
-def _words(words: Iterable[str]) -> ObjectArray:
-    return np.array(list(words), dtype=object)
-
-
-def _floats(values: Iterable[float]) -> NDArray[np.float64]:
-    return np.array(list(values), np.float64)
-
-
-def _numbers(passes: ArrayLike) -> NDArray[Any]:
+def _pass_numbers(passes: ArrayLike) -> NDArray[Any]:
     """Numbers of passes; 0 (between passes) is masked."""
     return np.ma.masked_equal(np.asarray(passes, np.int64), 0)
 
 
-def _times(t_s: ArrayLike) -> NDArray[np.datetime64]:
-    """UTC to the millisecond."""
+def texts(values: Iterable[str | None]) -> ObjectArray:
+    """A column of texts; None becomes NULL."""
+    return np.array(list(values), dtype=object)
+
+
+def numbers(values: Iterable[float]) -> NDArray[np.float64]:
+    """A column of numbers; nan becomes NULL."""
+    return np.array(list(values), np.float64)
+
+
+def times(t_s: ArrayLike) -> NDArray[np.datetime64]:
+    """A column of times in UTC to the millisecond."""
     return np.round(np.asarray(t_s, np.float64) * 1000.0).astype(np.int64).view("datetime64[ms]")

@@ -24,9 +24,7 @@ from furrowmap.exporters.files.ogr import pyogrio, unflushed
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
-from furrowmap.exporters.vectors.layer_words import NAMES, with_words
-from furrowmap.exporters.vectors.map_tip_times import in_local_time
-from furrowmap.exporters.vectors.style_words import in_language
+from furrowmap.exporters.vectors.qgis_styles import NAMES, in_language, in_local_time, with_words
 
 _UTC_OFFSET: Final = 100
 """OGR's time zone code of UTC (0 unknown, 1 local, 100 UTC)."""
@@ -51,20 +49,15 @@ def write_field(
     """Write `field.gpkg` with its layers and their styles.
 
     Args:
-        path: of the file; an old one is replaced at the end.
         poses: the rows of the layer `trajectory`.
         crs: of all coordinates; WKT 2 may include their epoch.
         work: states of the implement and worked ground.
         words: on the coordinates, added to each layer's description.
-        origin: provenance, for the file's metadata.
         more: other layers, below these.
         zone: time zone of the times in map tips; None for UTC.
 
     Names of layers and fields that people read are in the language of
     :func:`~furrowmap.core.runtime.settings.using`.
-
-    Raises:
-        OSError: if the file cannot be written there.
     """
     language = language_of_user()
     layers = [
@@ -101,13 +94,8 @@ def write_layer(
 
     Args:
         path: of the GeoPackage; created where missing.
-        crs: of its coordinates.
         indexed: whether a new layer gets a spatial index.
         append: to the layer of that name, which has these columns.
-        origin: provenance, for the file's metadata.
-
-    Raises:
-        OSError: if the file cannot be written there.
     """
     columns = layer.columns
     times = [name for name, values in columns.items() if values.dtype == "datetime64[ms]"]
@@ -175,7 +163,6 @@ def write_styles(
     """Store the packaged style of each layer as its default style in QGIS.
 
     Args:
-        path: of the GeoPackage.
         layers: names of its layers; those without a packaged style get none.
         clock: time zone of the times in map tips, and UTC of the first and the last of them; None for UTC.
         fields: names of the fields of each layer of a run, for the words and actions of its table; None for neither.
@@ -195,7 +182,6 @@ def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False)
     """Store styles as the default styles of their layers in QGIS.
 
     Args:
-        path: of the GeoPackage.
         styles: QML by the name of the layer.
         append: to existing styles.
     """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import shapely
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from furrowmap.core.checking.evaluation import Evaluation
 from furrowmap.core.values.earth import earth_centred_m, east_north_up, geodetic
 from furrowmap.core.values.gnss import Fix
-from furrowmap.exporters.vectors.field_layers import Layer, geometry_array
+from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts, times
 
 FloatArray = NDArray[np.float64]
 
@@ -24,18 +23,14 @@ def gnss_layers(evaluations: Mapping[str, Evaluation]) -> list[Layer]:
     Args:
         evaluations: by the name of the service or receiver, all against the same reference.
     """
-    return [_errors(evaluations), _tracks(evaluations)]
-
-
-def _errors(evaluations: Mapping[str, Evaluation]) -> Layer:
     found = list(evaluations.values())
     error = np.concatenate([one.matched.error_m for one in found])
     labels = {int(fix): fix.label for fix in Fix}
     t_s = np.concatenate([one.matched.t_s for one in found])
-    columns: dict[str, NDArray[Any]] = {
-        "service": _texts([name for name, one in evaluations.items() for _ in range(len(one.matched))]),
-        "time": np.round(t_s * 1e3).astype("datetime64[ms]"),
-        "fix": _texts([labels[code] for one in found for code in one.fix.tolist()]),
+    columns: Columns = {
+        "service": texts([name for name, one in evaluations.items() for _ in range(len(one.matched))]),
+        "time": times(t_s),
+        "fix": texts([labels[code] for one in found for code in one.fix.tolist()]),
         "x_m": error[:, 0],
         "y_m": error[:, 1],
         "z_m": error[:, 2],
@@ -46,8 +41,9 @@ def _errors(evaluations: Mapping[str, Evaluation]) -> Layer:
     places = np.column_stack(
         [np.concatenate([one.lon_deg for one in found]), np.concatenate([one.lat_deg for one in found])]
     )
-    words = "Errors of GNSS positions: test minus reference, X towards east, Y towards north, Z up"
-    return Layer("gnss_errors", "Point", words, geometry_array(shapely.points(places)), columns)
+    text = "Errors of GNSS positions: test minus reference, X towards east, Y towards north, Z up"
+    errors = Layer("gnss_errors", "Point", text, geometry_array(shapely.points(places)), columns)
+    return [errors, _tracks(evaluations)]
 
 
 def _tracks(evaluations: Mapping[str, Evaluation]) -> Layer:
@@ -56,9 +52,9 @@ def _tracks(evaluations: Mapping[str, Evaluation]) -> Layer:
     lines = [_line(one, one.lon_deg, one.lat_deg) for one in evaluations.values()]
     lines.append(_line(most, *_reference(most)))
     known = [one.tables["all"] for one in evaluations.values()]
-    columns: dict[str, NDArray[Any]] = {
-        "service": _texts([*evaluations, "reference"]),
-        "file": _texts([*(one.test for one in evaluations.values()), most.reference]),
+    columns: Columns = {
+        "service": texts([*evaluations, "reference"]),
+        "file": texts([*(one.test for one in evaluations.values()), most.reference]),
         "is_reference": np.append(np.zeros(len(evaluations), bool), True),
         "epochs": np.array([*(len(one.matched) for one in evaluations.values()), len(most.matched)], np.int32),
         "rmse_2d_m": np.array([*(table["2D"].rmse_m for table in known), np.nan]),
@@ -83,9 +79,3 @@ def _reference(found: Evaluation) -> tuple[FloatArray, FloatArray]:
     moved = np.einsum("nij,ni->nj", axes, error)
     lon, lat, _ = geodetic(earth_centred_m(found.lon_deg, found.lat_deg, np.zeros(len(error))) - moved)
     return lon, lat
-
-
-def _texts(values: list[str]) -> NDArray[np.object_]:
-    out = np.empty(len(values), object)
-    out[:] = values
-    return out

@@ -14,11 +14,7 @@ HEADER = ("time", "t_s", "state", "sigma_s", "confidence", "common_share")
 
 
 def write_states(path: Path, states: ToolStates) -> None:
-    """Write a row for each change of state, with all digits of `t_s`.
-
-    Raises:
-        OSError: if the file cannot be written.
-    """
+    """Write a row for each change of state, with all digits of `t_s`."""
     with atomic_output(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(HEADER)

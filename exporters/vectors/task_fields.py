@@ -15,7 +15,15 @@ from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.task_work import TaskWork, TaskWorks
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.exporters.vectors.field_layers import Layer, concatenated, field_layers, geometry_array
+from furrowmap.exporters.vectors.field_layers import (
+    Columns,
+    Layer,
+    concatenate_layers,
+    field_layers,
+    geometry_array,
+    numbers,
+    texts,
+)
 from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
 
 FIELDS: Final = "fields"
@@ -60,45 +68,30 @@ def task_figures(work: TaskWork) -> dict[str, Any]:
 
 
 def write_fields(path: Path, works: TaskWorks) -> None:
-    """Write the layers of `field.gpkg` for all tasks, and a layer of the fields.
-
-    Args:
-        path: of the GeoPackage; an old one is replaced at the end.
-        works: of the tasks.
-
-    Raises:
-        OSError: if the file cannot be written there.
-    """
+    """Write the layers of `field.gpkg` for all tasks, and a layer of the fields."""
     by_name: dict[str, list[Layer]] = {}
     for work in works.works:
         for layer in field_layers(ScanPoses.at_knots(work.course.trajectory), work.work):
-            by_name.setdefault(layer.name, []).append(_of_task(layer, work))
+            n, field = len(layer.shapes), work.task.field.name if work.task.field is not None else ""
+            own = {"task": np.full(n, work.task.id, object), "field": np.full(n, field, object)}
+            by_name.setdefault(layer.name, []).append(replace(layer, columns=own | layer.columns))
     order = sorted(by_name, key=lambda name: name == "trajectory")  # which comes first where nothing was worked
-    layers = [*(concatenated(by_name[name]) for name in order), _fields(works.works)]
+    layers = [*(concatenate_layers(by_name[name]) for name in order), _fields(works.works)]
     with atomic_output(path) as unfinished:
         for layer in layers:
             write_layer(unfinished, layer, works.frame.crs, indexed=len(layer.shapes) > INDEXED_FROM)
         write_styles(unfinished, [layer.name for layer in layers])
 
 
-def _of_task(layer: Layer, work: TaskWork) -> Layer:
-    """The layer with two columns that name its task and field."""
-    name = work.task.field.name if work.task.field is not None else ""
-    own = {"task": np.full(len(layer.shapes), work.task.id, object), "field": np.full(len(layer.shapes), name, object)}
-    return replace(layer, columns=own | layer.columns)
-
-
 def _fields(works: Sequence[TaskWork]) -> Layer:
     rows = [task_figures(work) for work in works]
-    shapes = geometry_array([_outline(work) for work in works])
-    columns: dict[str, Any] = {
-        "task": np.array([row["task"] for row in rows], object),
-        "task_name": np.array([row["task_name"] for row in rows], object),
-        "field": np.array([row["field"] for row in rows], object),
-        "passes": np.array([-1 if row["passes"] is None else row["passes"] for row in rows], np.int64),
-        **{name: np.array([math.nan if row[name] is None else row[name] for row in rows]) for name in FIGURES},
+    passes = [-1 if row["passes"] is None else row["passes"] for row in rows]
+    columns: Columns = {
+        **{name: texts(row[name] for row in rows) for name in ("task", "task_name", "field")},
+        "passes": np.ma.masked_equal(np.array(passes, np.int64), -1),
+        **{name: numbers(math.nan if row[name] is None else row[name] for row in rows) for name in FIGURES},
     }
-    columns["passes"] = np.ma.masked_equal(columns["passes"], -1)
+    shapes = geometry_array([_outline(work) for work in works])
     return Layer(FIELDS, "MultiPolygon", "The fields, with the figures of their tasks", shapes, columns)
 
 

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import shapely
 
-from furrowmap.core.dates.ground_pair import TIE_PATCH_M
 from furrowmap.core.dates.pair_tie import PairTie
-from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
-
-DATES: Final = "dates"
-TIES: Final = "ties"
-PATCHES: Final = "patches"
+from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, numbers, texts
 
 
 def tie_layers(
@@ -28,9 +23,7 @@ def tie_layers(
 
     Args:
         outlines: of the surface of each date.
-        dates: figures of each date.
         ties: by pair.
-        rows: figures of each tie, in their order.
     """
     number = np.concatenate([np.full(len(tie.departures), k) for k, tie in enumerate(ties.values())] or [np.zeros(0)])
     places = np.concatenate([np.zeros((0, 2)), *[tie.departures.xy_m for tie in ties.values()]])
@@ -39,18 +32,13 @@ def tie_layers(
     pairs = np.array(list(ties), np.int32).reshape(-1, 2) + 1
     patches: Columns = {"date_a": pairs[of_tie, 0], "date_b": pairs[of_tie, 1], "departure_m": off}
     layers = [
-        Layer(PATCHES, "Point", "Patches of common ground: what they depart from their tie",
+        Layer("patches", "Point", "Patches of common ground: what they depart from their tie",
               geometry_array(shapely.points(places)), patches),
-        Layer(TIES, "MultiPoint", "Ties: two dates, and the patches of ground that tie them",
+        Layer("ties", "MultiPoint", "Ties: two dates, and the patches of ground that tie them",
               geometry_array([shapely.MultiPoint(tie.departures.xy_m) for tie in ties.values()]), _columns(rows)),
-        Layer(DATES, "Polygon", "Dates: what moves each surface", geometry_array(list(outlines)), _columns(dates)),
+        Layer("dates", "Polygon", "Dates: what moves each surface", geometry_array(list(outlines)), _columns(dates)),
     ]  # fmt: skip
     return [layer for layer in layers if len(layer.shapes)]
-
-
-def patch_area_m2(tie: PairTie) -> float:
-    """Area of the patches of a tie."""
-    return tie.patches * TIE_PATCH_M**2
 
 
 def _columns(rows: Sequence[Mapping[str, Any]]) -> Columns:
@@ -59,11 +47,11 @@ def _columns(rows: Sequence[Mapping[str, Any]]) -> Columns:
     for name in rows[0] if rows else ():
         values = [row[name] for row in rows]
         if all(isinstance(value, str) for value in values):
-            columns[name] = np.array(values, object)
+            columns[name] = texts(values)
         elif all(isinstance(value, (bool, np.bool_)) for value in values):
             columns[name] = np.array(values, np.int8)
         elif all(isinstance(value, int) for value in values):
             columns[name] = np.array(values, np.int64)
         else:
-            columns[name] = np.array([math.nan if value is None else float(value) for value in values])
+            columns[name] = numbers(math.nan if value is None else float(value) for value in values)
     return columns

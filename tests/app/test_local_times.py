@@ -16,7 +16,7 @@ import pytest
 
 import furrowmap
 from furrowmap.exporters.share.features import shared_layer
-from furrowmap.exporters.vectors.map_tip_times import Clock, in_local_time, in_local_times, offset_changes
+from furrowmap.exporters.vectors.qgis_styles import Clock, in_local_time, in_local_times, offset_changes
 from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions
 from furrowmap.workflows.share.export import export
 

@@ -44,9 +44,8 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.rasters.cog import Band, cog_output
-from furrowmap.exporters.vectors.canopy_layer import LAYER, canopy_layer, write_profiles
+from furrowmap.exporters.vectors.crop_layers import CANOPY_LAYER, canopy_layer, write_parcel_table, write_profiles
 from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
-from furrowmap.exporters.vectors.parcel_table import write_parcel_table
 from furrowmap.settings import CanopySettings
 from furrowmap.workflows.clouds.inputs import input_records, input_rows
 from furrowmap.workflows.clouds.surface import ground_method, no_warning
@@ -171,7 +170,7 @@ class _Made:
         (folder / style_of(CANOPY_HEIGHT)).write_text(packaged_style("height_above_ground.qml"), encoding="utf-8")
         layer = canopy_layer(stands, shapes, self.areas)
         write_layer(folder / CANOPY, layer, self.clouds.crs, indexed=len(stands) > INDEXED_FROM, origin=origin)
-        write_styles(folder / CANOPY, [LAYER])
+        write_styles(folder / CANOPY, [CANOPY_LAYER])
         write_parcel_table(folder / CANOPY_TABLE, layer)
         write_profiles(folder / CANOPY_PROFILES, stands, self.settings.layer_m)
         return stands

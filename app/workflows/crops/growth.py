@@ -37,10 +37,9 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.files.workbook import write_workbook
+from furrowmap.exporters.vectors.crop_layers import GROWTH_LAYER, growth_layer, write_parcel_table
 from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
-from furrowmap.exporters.vectors.growth_layer import LAYER, growth_layer
-from furrowmap.exporters.vectors.parcel_table import write_parcel_table
 from furrowmap.settings import GrowthSettings
 from furrowmap.workflows.clouds.inputs import input_records, input_rows
 from furrowmap.workflows.clouds.surface import no_warning
@@ -118,7 +117,7 @@ def _write(
     origin = Origin("Crop growth", inputs=[(record.name, record.sha256) for record in records])
     layer = growth_layer(grown, days)
     write_layer(folder / GROWTH, layer, crs, indexed=False, origin=origin)
-    write_styles(folder / GROWTH, [LAYER])
+    write_styles(folder / GROWTH, [GROWTH_LAYER])
     write_parcel_table(folder / GROWTH_TABLE, layer)
     if find_spec("openpyxl") is not None:
         write_workbook(folder / GROWTH_WORKBOOK, {"growth": _rows(layer)})

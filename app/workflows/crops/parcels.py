@@ -52,8 +52,8 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.rasters.crop_height import CropHeights
+from furrowmap.exporters.vectors.crop_layers import PARCELS_LAYER, parcel_layer, write_parcel_sheet, write_parcel_table
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
-from furrowmap.exporters.vectors.parcel_table import LAYER, parcel_layer, write_parcel_sheet, write_parcel_table
 from furrowmap.settings import ParcelSettings, SurfaceSettings, soil_file
 from furrowmap.workflows.clouds.inputs import input_records, input_rows
 from furrowmap.workflows.clouds.rasters import CloudRasters
@@ -105,7 +105,7 @@ def parcels(
         written = write_parcels(staging, points, settings, opened.crs, origin, progress)
         layer = parcel_layer(written.found)
         write_layer(staging / PARCELS, layer, opened.crs, indexed=False, origin=origin)
-        write_styles(staging / PARCELS, [LAYER])
+        write_styles(staging / PARCELS, [PARCELS_LAYER])
         for notice in (*opened.notices, *notices, *written.notices):
             warn(notice)
         account = {

@@ -38,7 +38,7 @@ from furrowmap.exporters.farm.styling import styles
 from furrowmap.exporters.farm.task_results import read_tasks
 from furrowmap.exporters.files.qgis_project import ProjectLayer
 from furrowmap.exporters.files.result_folder import packaged_style
-from furrowmap.exporters.vectors.field_layers import concatenated
+from furrowmap.exporters.vectors.field_layers import concatenate_layers
 
 DATABASES: Final = ("postgresql://", "postgres://", "postgresql:", "service=", "host=", "dbname=")
 """A farm map whose name starts with one of these is in PostGIS, any other one is a GeoPackage."""
@@ -294,7 +294,7 @@ def _append(edit: FarmEdit, results: Sequence[SessionResult], crs: CRS) -> None:
     names = list(dict.fromkeys(layer.name for layer in layers))
     layers.sort(key=lambda layer: names.index(layer.name))
     for _, same in groupby(layers, lambda layer: (layer.name, layer.kind, layer.fields)):
-        edit.append(concatenated(list(same)), crs)
+        edit.append(concatenate_layers(list(same)), crs)
 
 
 def _update_project(edit: FarmEdit) -> tuple[Notice, ...]:

@@ -60,9 +60,9 @@ from furrowmap.exporters.files.result_folder import (
 from furrowmap.exporters.rasters.field_rasters import RasterFigures, write_rasters
 from furrowmap.exporters.reports.report_page import write_page
 from furrowmap.exporters.reports.run_report import run_origin, run_report, write_report
+from furrowmap.exporters.vectors.crop_layers import parcel_layer
 from furrowmap.exporters.vectors.field_layers import Layer, strip_layers
 from furrowmap.exporters.vectors.geopackage import write_field
-from furrowmap.exporters.vectors.parcel_table import parcel_layer
 from furrowmap.exporters.vectors.states_table import write_states
 from furrowmap.workflows.clouds.features import found_layers, sparse_notices
 from furrowmap.workflows.crops.parcels import WrittenParcels, parcel_settings, write_parcels

@@ -14,24 +14,24 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.runtime.errors import FurrowmapError, Notice, RefusedError, UsageError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.surfaces.grid import MOST_CELLS, Grid
 from furrowmap.core.values.crs import name_of
-from furrowmap.exporters.exchange.season_catalogue import (
-    RasterAsset,
-    SeasonContent,
-    Table,
-    TableItem,
-    TileItem,
+from furrowmap.exporters.exchange.stac import (
+    CATALOGUE,
+    Item,
+    season_session_item,
+    table_item,
+    table_properties,
+    tile_item,
     write_season_catalogue,
 )
-from furrowmap.exporters.exchange.stac import CATALOGUE
 from furrowmap.exporters.farm.virtual_raster import virtual_raster
 from furrowmap.exporters.files.atomic import remove_unfinished
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
+from furrowmap.exporters.rasters.windows import enclosing
 from furrowmap.settings import SeasonSettings
 from furrowmap.workflows.batch.engine import ATTEMPTS
 from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
@@ -183,7 +183,7 @@ def _put_record(staging: Path, parts: Mapping[str, Planned], accounts: Mapping[s
     record = {
         "furrowmap": version("furrowmap"),
         "products": sorted({*kept, *written, SEASON}),
-        "parts": {name: {"key": part.key, "told": accounts[name]} for name, part in parts.items()},
+        "parts": {name: {"key": part.key, "accounts": accounts[name]} for name, part in parts.items()},
     }
     (staging / SEASON).write_text(json_text(record), encoding="utf-8")
 
@@ -197,13 +197,10 @@ def put_virtual_mosaics(plan: SeasonPlan, parts: Parts, accounts: Accounts) -> N
     tiles = [tile for tile in tiles if tile[3]]
     for (place, kind), group in groupby(sorted(tiles, key=lambda tile: tile[:2]), key=lambda tile: tile[:2]):
         members = [(part, plan.staging / place / files[0][0]) for _, _, part, files in group]
-        grids = [part.grid for part, _ in members if part.grid is not None]
-        west, north = min(grid.west for grid in grids), max(grid.north for grid in grids)
-        rows = north - min(grid.north - grid.rows for grid in grids)
-        columns = max(grid.west + grid.columns for grid in grids) - west
-        if rows * columns > MOST_CELLS:
+        try:
+            whole = enclosing([part.grid for part, _ in members if part.grid is not None])
+        except InputError:  # too many cells
             continue
-        whole = Grid(grids[0].cell_m, west, north, (rows, columns))
         nodata = None if kind == COVERAGE else float("nan")
         sources = [(path, part.grid, nodata) for part, path in members if part.grid is not None]
         folder = plan.staging / place
@@ -215,27 +212,22 @@ def put_virtual_mosaics(plan: SeasonPlan, parts: Parts, accounts: Accounts) -> N
 
 def put_catalogue(plan: SeasonPlan, parts: Parts, accounts: Accounts, target: Path) -> None:
     """Write the catalogue of a season into its staging folder."""
-    content = SeasonContent(
-        crs=plan.crs,
-        software=version("furrowmap"),
-        sessions=[(session.folder, session.report, session.date) for session in plan.sessions],
-        tiles=list(_tile_items(plan, parts, accounts)),
-        tables={
-            kind: Table(title, columns, items)
-            for kind, title in (("points", "Points of all sessions"), ("trajectories", "Poses of all sessions"))
-            if (items := list(_table_items(kind, parts, accounts))) and (columns := _columns(kind))
-        },
-    )
-    write_season_catalogue(plan.staging, content, target)
+    sessions = [season_session_item(one.folder, dict(one.report), one.date, target) for one in plan.sessions]
+    tiles = list(_tile_items(plan, parts, accounts))
+    found: dict[str, tuple[str, list[Item], Mapping[str, Any]]] = {
+        "sessions": ("Sessions", sessions, {}),
+        "mosaics": ("Mosaics of each date, in tiles of one grid", tiles, {}),
+    }
+    for kind, title in (("points", "Points of all sessions"), ("trajectories", "Poses of all sessions")):
+        if any(part.kind == kind and accounts[name]["files"] for name, part in parts.items()):
+            from furrowmap.exporters.exchange.partitions import POINT_COLUMNS, POSE_COLUMNS, table_columns
+
+            columns = table_columns(POINT_COLUMNS if kind == "points" else POSE_COLUMNS)
+            found[kind] = title, list(_table_items(kind, plan, parts, accounts, columns)), table_properties(columns)
+    write_season_catalogue(plan.staging, target, {key: entry for key, entry in found.items() if entry[1]})
 
 
-def _columns(kind: str) -> Sequence[Mapping[str, str]]:
-    from furrowmap.exporters.exchange.partitions import POINT_COLUMNS, POSE_COLUMNS, table_columns
-
-    return table_columns(POINT_COLUMNS if kind == "points" else POSE_COLUMNS)
-
-
-def _tile_items(plan: SeasonPlan, parts: Parts, accounts: Accounts) -> Iterator[TileItem]:
+def _tile_items(plan: SeasonPlan, parts: Parts, accounts: Accounts) -> Iterator[Item]:
     found: dict[tuple[dt.date, tuple[int, int]], list[tuple[Planned, Any]]] = {}
     for name, part in parts.items():
         if part.tile is not None and accounts[name]["files"]:
@@ -244,10 +236,11 @@ def _tile_items(plan: SeasonPlan, parts: Parts, accounts: Accounts) -> Iterator[
         rasters = {part.kind: _raster(plan, part, said) for part, said in members}
         grid = members[0][0].grid
         assert grid is not None
-        yield TileItem(f"{date}_x{column}_y{row}", date, _span(members), grid, rasters)
+        yield tile_item(f"{date}_x{column}_y{row}", date, _span(members), plan.crs, grid, rasters)
 
 
-def _raster(plan: SeasonPlan, part: Planned, said: Any) -> RasterAsset:
+def _raster(plan: SeasonPlan, part: Planned, said: Any) -> tuple[str, str, list[Any]]:
+    """Path, title and bands."""
     bands = []
     for band, (least, most, cells) in zip(plan.bands[part.kind], said["bands"], strict=True):
         kind = {"data_type": "uint16"} if part.kind == COVERAGE else {"data_type": "float32", "nodata": "nan"}
@@ -256,18 +249,19 @@ def _raster(plan: SeasonPlan, part: Planned, said: Any) -> RasterAsset:
         known = {"minimum": least, "maximum": most} if cells else {}
         statistics = {"statistics": {**known, "valid_percent": round(share, 3)}}
         bands.append({"name": band.description, "unit": band.unit, **kind, **statistics})
-    return RasterAsset(f"{part.place}/{said['files'][0][0]}", TITLES[part.kind], bands)
+    return f"{part.place}/{said['files'][0][0]}", TITLES[part.kind], bands
 
 
-def _table_items(kind: str, parts: Parts, accounts: Accounts) -> Iterator[TableItem]:
+def _table_items(kind: str, plan: SeasonPlan, parts: Parts, accounts: Accounts, columns: object) -> Iterator[Item]:
     own = [(part, accounts[name]) for name, part in parts.items() if part.kind == kind and accounts[name]["files"]]
     for date, group in groupby(sorted(own, key=lambda one: one[0].date), key=lambda one: one[0].date):
         members = list(group)
         bounds = np.array([said["bounds_m"] for _, said in members])
         west, south = bounds[:, :2].min(axis=0).tolist()
         east, north = bounds[:, 2:].max(axis=0).tolist()
-        files = [(f"{part.place}/{file}", int(rows)) for part, said in members for file, rows in said["files"]]
-        yield TableItem(f"{kind}_{date}", date, _span(members), (west, south, east, north), files)
+        files = {f"{part.place}/{file}": int(rows) for part, said in members for file, rows in said["files"]}
+        bounds_m = west, south, east, north
+        yield table_item(f"{kind}_{date}", date, _span(members), plan.crs, bounds_m, columns, files)
 
 
 def _span(members: Sequence[tuple[Planned, Any]]) -> tuple[dt.datetime, dt.datetime]:

@@ -15,7 +15,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.exchange.stac import write_collection
 from furrowmap.exporters.exchange.task_data import write_task_data
 from furrowmap.exporters.exchange.textured_mesh import MESH, write_textured_mesh
-from furrowmap.exporters.exchange.trajectories import SUFFIXES, TRAJECTORIES, write_trajectory
+from furrowmap.exporters.exchange.trajectories import TRAJECTORIES, write_trajectory
 from furrowmap.exporters.exchange.vectors import FORMATS, Layers, changed_crs, write_vectors
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.result_folder import REPORT, open_result, reading_result
@@ -105,8 +105,8 @@ def _default(folder: Path, to: str) -> Path:
     """Beside the folder, named after it."""
     here = folder.resolve()
     name = f"{here.name}_{to}"
-    if to in SUFFIXES or to == MESH:
-        return here.with_name(name + SUFFIXES.get(to, ".glb"))
+    if to in TRAJECTORIES or to == MESH:
+        return here.with_name(name + TRAJECTORIES.get(to, ".glb"))
     chosen = FORMATS.get(to)
     return here.with_name(f"{name}{chosen.suffix}" if chosen is not None and chosen.write_all is not None else name)
 

@@ -30,7 +30,7 @@ from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.exporters.cloud.file import CopcFormat
 from furrowmap.exporters.cloud.points import PointBatch
-from furrowmap.exporters.cloud.writer import LEAST_NODE_POINTS, CopcSummary, CopcWriter, _check
+from furrowmap.exporters.cloud.writer import MIN_NODE_POINTS, CopcSummary, CopcWriter, _check
 
 ORIGIN_M = (16_600.0, 96_500.0, 270.0)
 WKT = CRS("EPSG:6677").to_wkt("WKT1_GDAL")
@@ -528,7 +528,7 @@ def test_killed__leaves_nothing_that_stays(tmp_path: Path) -> None:
     assert names(tmp_path) == ["cloud.copc.laz"]
 
 
-@pytest.mark.parametrize("options", [{"node_points": LEAST_NODE_POINTS - 1}, {"memory_points": 0}])
+@pytest.mark.parametrize("options", [{"node_points": MIN_NODE_POINTS - 1}, {"memory_points": 0}])
 def test_octree__of_too_few_points_a_node_or_in_memory_is_refused(tmp_path: Path, options: dict[str, int]) -> None:
     with pytest.raises(ValueError, match="no octree with"):
         CopcWriter(tmp_path / "cloud.copc.laz", KIND, **options)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from furrowmap.exporters.cloud.chunk import Columns, compressed
+from furrowmap.exporters.cloud.chunk import Columns, compress_points
 
 RECORD = [
     ("x", "<i4"),
@@ -126,4 +126,4 @@ def chunks(draw: st.DrawFn, most: int = 3_000) -> Columns:
 @settings(max_examples=150)
 @given(points=chunks())
 def test_any_chunk__is_that_of_lazrs(points: Columns) -> None:
-    assert compressed(points) == by_lazrs(points)
+    assert compress_points(points) == by_lazrs(points)

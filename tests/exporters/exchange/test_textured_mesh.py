@@ -97,8 +97,8 @@ def test_mesh__is_the_surface_in_the_colours_of_the_picture(result: ResultFolder
 def test_large_results__become_larger_cells_and_pixels(
     result: ResultFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(textured_mesh, "MOST_VERTICES", 400)
-    monkeypatch.setattr(textured_mesh, "MOST_PIXELS", 100)
+    monkeypatch.setattr(textured_mesh, "MAX_MESH_VERTICES", 400)
+    monkeypatch.setattr(textured_mesh, "MAX_TEXTURE_PIXELS", 100)
     told = write_textured_mesh(tmp_path / "x.glb", result)
     assert [notice.code for notice in told] == ["mesh-reduced", "texture-reduced"]
     assert "have 0.50 m, those of dsm.tif 0.25 m" in told[0].text

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import RefusedError, UsageError
-from furrowmap.exporters.exchange.trajectories import _Poses
+from furrowmap.exporters.exchange.trajectories import velocity_mps
 from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.workflows.share.export import export
 from tests.exporters.farm.result_folders import write_result
@@ -92,21 +91,13 @@ def test_velocity__is_the_derivative_of_the_place_and_nothing_for_one_pose() -> 
     """Over a tenth of a degree along a parallel and a meridian, against the lengths of PROJ's geodesics."""
     t = np.linspace(0.0, 10.0, 11)
     lon, lat = 140.0 + 0.001 * t, 36.0 - 0.002 * t
-    poses = _Poses(
-        t,
-        np.column_stack([0.0 * t, 0.0 * t, 50.0 + 0.3 * t]),
-        np.column_stack([lon, lat]),
-        0.0 * t,
-        np.zeros((11, 3)),
-        np.zeros((11, 6)),
-        Geod(ellps="GRS80"),
-    )
-    north = -poses.geod.inv(140.0, 36.0, 140.0, 35.98)[2] / 10.0
-    east = poses.geod.inv(140.0, 35.99, 140.01, 35.99)[2] / 10.0
+    height, geod = 50.0 + 0.3 * t, Geod(ellps="GRS80")
+    found = velocity_mps(t, np.column_stack([lon, lat]), height, geod)
+    north = -geod.inv(140.0, 36.0, 140.0, 35.98)[2] / 10.0
+    east = geod.inv(140.0, 35.99, 140.01, 35.99)[2] / 10.0
     above = 1.0 + 51.5 / 6.37e6  # ways are longer at the height of the middle
-    np.testing.assert_allclose(poses.velocity_mps[5], [above * north, above * east, -0.3], rtol=1e-6)
-    assert poses.velocity_mps.shape == (11, 3)
-    across = replace(poses, lon_lat_deg=np.column_stack([(lon + 39.995 + 180.0) % 360.0 - 180.0, lat]))
-    np.testing.assert_allclose(across.velocity_mps, poses.velocity_mps, rtol=1e-9)  # the antimeridian is no jump
-    one = replace(poses, t_s=t[:1], xyz_m=poses.xyz_m[:1], lon_lat_deg=poses.lon_lat_deg[:1])
-    assert one.velocity_mps.tolist() == [[0.0, 0.0, 0.0]]
+    np.testing.assert_allclose(found[5], [above * north, above * east, -0.3], rtol=1e-6)
+    assert found.shape == (11, 3)
+    across = velocity_mps(t, np.column_stack([(lon + 39.995 + 180.0) % 360.0 - 180.0, lat]), height, geod)
+    np.testing.assert_allclose(across, found, rtol=1e-9)  # the antimeridian is no jump
+    assert velocity_mps(t[:1], np.column_stack([lon, lat])[:1], height[:1], geod).tolist() == [[0.0, 0.0, 0.0]]

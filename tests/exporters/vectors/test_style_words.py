@@ -10,7 +10,7 @@ import pytest
 
 from furrowmap.core.runtime.settings import using
 from furrowmap.exporters.farm.styling import styles
-from furrowmap.exporters.vectors.style_words import in_language
+from furrowmap.exporters.vectors.qgis_styles import in_language
 
 FOLDERS = ("furrowmap.exporters", "furrowmap.exporters.farm")
 STYLES = {

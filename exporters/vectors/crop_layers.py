@@ -1,0 +1,155 @@
+"""Parcels and stands as layers: heights and volumes, growth, canopy; and their tables for spreadsheets."""
+
+from __future__ import annotations
+
+import csv
+import datetime as dt
+from collections.abc import Iterable, Sequence
+from dataclasses import fields
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from furrowmap.core.crops.growth import GrownParcel, Growth
+from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
+from furrowmap.core.crops.stand import PERCENTILES, Stand
+from furrowmap.core.values.parcel import Parcel
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.workbook import write_workbook
+from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts
+
+PARCELS_LAYER: Final = "parcels"
+GROWTH_LAYER: Final = "growth"
+CANOPY_LAYER: Final = "canopy"
+_TABLE_DIGITS: Final = {"m": 4, "m2": 2, "m3": 4, "cv": 4, "day": 6}
+"""Decimals in a table by the unit at the end of a column's name."""
+
+
+def parcel_layer(found: Sequence[MeasuredParcel]) -> Layer:
+    """A feature per parcel: its net polygon, its figures, and what else is known of it."""
+    columns = {name: np.array([getattr(row.figures, name) for row in found]) for name in _names(ParcelFigures)[1:]}
+    if any(np.isfinite(row.published_height_m) for row in found):
+        columns["published_height_m"] = np.array([row.published_height_m for row in found])
+        columns["published_volume_m3"] = np.array([row.published_volume_m3 for row in found])
+    return _layer_of_parcels(
+        PARCELS_LAYER, "Net parcels: height and volume of the crop", [row.parcel for row in found], columns
+    )
+
+
+def growth_layer(found: Sequence[GrownParcel], days: Sequence[dt.date]) -> Layer:
+    """A feature per parcel: its net polygon, what it grew, its heights by day, and what else is known of it."""
+    columns = _growth_columns([row.growth for row in found])
+    columns["days"] = np.array([row.growth.days if row.growth is not None else 0 for row in found], np.int32)
+    for k, day in enumerate(days):
+        columns[f"mean_height_m_{day}"] = np.array([row.height_m[k] for row in found])
+        columns[f"height_sigma_m_{day}"] = np.array([row.height_sigma_m[k] for row in found])
+    for k in range(len(days) - 1 if len(days) > 2 else 0):
+        step = _growth_columns([row.steps[k] for row in found])
+        columns |= {f"{name}_{days[k]}_{days[k + 1]}": values for name, values in step.items()}
+    text = f"Net parcels: growth of the crop from {days[0]} to {days[-1]}"
+    return _layer_of_parcels(GROWTH_LAYER, text, [row.parcel for row in found], columns)
+
+
+def _growth_columns(found: Sequence[Growth | None]) -> Columns:
+    """What each grew, and by day; nan where it is not known."""
+    known = [each or Growth("", 0, np.nan, np.nan, 0) for each in found]
+    return {
+        "growth_m": np.array([each.rate_m_day * each.span_days for each in known]),
+        "growth_sigma_m": np.array([each.sigma_m_day * each.span_days for each in known]),
+        "rate_m_day": np.array([each.rate_m_day for each in known]),
+        "rate_sigma_m_day": np.array([each.sigma_m_day for each in known]),
+    }
+
+
+def canopy_layer(stands: Sequence[Stand], shapes: Sequence[shapely.Geometry], areas: Sequence[Parcel]) -> Layer:
+    """A feature per area.
+
+    Args:
+        areas: n areas of the user's file, for what else is known of them; none for cells.
+    """
+    columns: Columns = {"id": texts([stand.id for stand in stands])}
+    for name in _names(Stand):
+        if name not in ("id", "percentiles_m", "profile"):
+            columns[name] = np.array([getattr(stand, name) for stand in stands])
+    for k, percent in enumerate(PERCENTILES):
+        columns[f"p{percent:02}_m"] = np.array([stand.percentiles_m[k] for stand in stands])
+    columns |= _attribute_columns(areas, columns)
+    return Layer(CANOPY_LAYER, "Polygon", "Heights and gaps of the canopy", geometry_array(shapes), columns)
+
+
+def _names(kind: type) -> list[str]:
+    return [field.name for field in fields(kind)]
+
+
+def _layer_of_parcels(name: str, text: str, parcels: Sequence[Parcel], columns: Columns) -> Layer:
+    """A layer of net polygons: id, block where one has it, columns, and attributes of the user's file."""
+    own: Columns = {"id": texts(parcel.id for parcel in parcels)}
+    if any(parcel.block is not None for parcel in parcels):
+        own["block"] = texts(parcel.block for parcel in parcels)
+    own |= columns
+    own |= _attribute_columns(parcels, own)
+    return Layer(name, "Polygon", text, geometry_array([parcel.net for parcel in parcels]), own)
+
+
+def _attribute_columns(parcels: Sequence[Parcel], columns: Columns) -> Columns:
+    """What else is known of parcels; not what has the name of one of the columns.
+
+    Numbers where all values are, with nan where there is none; else texts.
+    """
+    taken = {known.casefold() for known in (*columns, "fid", "geom")}
+    own: Columns = {}
+    for name in dict.fromkeys(name for parcel in parcels for name in parcel.attributes):
+        if name.casefold() not in taken:
+            values = [parcel.attributes.get(name) for parcel in parcels]
+            if all(value is None or isinstance(value, int | float) for value in values):
+                own[name] = np.array([np.nan if value is None else float(value) for value in values])
+            else:
+                own[name] = texts(None if value is None else str(value) for value in values)
+    return own
+
+
+def write_parcel_table(path: Path, layer: Layer) -> None:
+    """Write the columns of a layer of parcels as CSV; what is not known is empty."""
+    rows = (_cells(layer, row).values() for row in range(len(layer.shapes)))
+    _write_csv(path, [[cell(name) for name in layer.columns], *rows])
+
+
+def write_parcel_sheet(path: Path, layer: Layer) -> None:
+    """Write the columns of a layer of parcels as a spreadsheet (xlsx), numbers as numbers, if openpyxl is installed."""
+    if find_spec("openpyxl") is not None:
+        rows = [_cells(layer, row) for row in range(len(layer.shapes))]
+        write_workbook(path, {PARCELS_LAYER: [{k: None if v == "" else v for k, v in row.items()} for row in rows]})
+
+
+def write_profiles(path: Path, stands: Sequence[Stand], layer_m: float) -> None:
+    """Write the share of returns by layer as CSV: a row per layer of each stand."""
+    rows: list[Iterable[object]] = [["id", "from_m", "to_m", "share"]]
+    for stand in stands:
+        for k, share in enumerate(stand.profile):
+            rows.append([cell(stand.id), f"{k * layer_m:.10g}", f"{(k + 1) * layer_m:.10g}", f"{share:.6f}"])
+    _write_csv(path, rows)
+
+
+def _write_csv(path: Path, rows: Iterable[Iterable[object]]) -> None:
+    with atomic_output(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(rows)
+
+
+def _cells(layer: Layer, row: int) -> dict[str, object]:
+    """The values of a row for a table, by column."""
+    cells: dict[str, object] = {}
+    for name, values in layer.columns.items():
+        value: Any = values[row]
+        if value is None or (isinstance(value, float) and not np.isfinite(value)):
+            cells[name] = ""
+        elif isinstance(value, np.bool_):
+            cells[name] = "yes" if value else "no"
+        elif isinstance(value, np.floating):
+            cells[name] = round(float(value), _TABLE_DIGITS.get(name.rpartition("_")[2], 4))
+        else:
+            cells[name] = cell(value.item() if isinstance(value, np.generic) else value)
+    return cells

@@ -1,0 +1,319 @@
+"""What people read in QGIS styles (QML): labels, map tips and their local times, words for values, actions.
+
+A GeoPackage holds the styles in its table `layer_styles`; so QGIS shows these words without the plugin. Field names and
+values in the data stay the same in every language.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Final
+from xml.etree import ElementTree as ET
+from zoneinfo import ZoneInfo
+
+from furrowmap.core.geodesy.local_time import local_time
+from furrowmap.core.runtime.languages.catalogue import ENGLISH, catalogue, translated
+from furrowmap.exporters.files.qgis_project import DOCTYPE
+from furrowmap.exporters.vectors.field_layers import LABELS
+
+_CATEGORIES: Final = "Fields|Forms|Actions"
+"""Of QGIS's style categories: those that are added to a style."""
+_DECIMALS: Final = {
+    "m": 2,
+    "m2": 1,
+    "mps": 2,
+    "deg": 2,
+    "s": 3,
+    "share": 3,
+    "confidence": 2,
+    "m3": 1,
+    "h": 2,
+    "hours": 2,
+}
+"""Decimals of a field by its unit, the end of its name."""
+_STATES: Final = {"down": "tool down", "up": "tool up", "unknown": "unknown"}
+VALUES: Final[Mapping[str, Mapping[str, str]]] = {
+    "implement": _STATES,
+    "implement_2": _STATES,
+    "implement_3": _STATES,
+    "motion": {"forward": "drives forward", "reverse": "drives backwards", "standing": "stop"},
+    "zone": {"headland": "headland", "body": "body of the field"},
+    "kind": {
+        "down": "tool lowered",
+        "up": "tool lifted",
+        "stop": "stop",
+        "start": "drives forward",
+        "reverse": "drives backwards",
+        "gap": "positions end",
+        "between passes": "missed between passes",
+        "boundary": "missed along the boundary",
+        "horizontal": "horizontal plane",
+        "vertical": "vertical plane",
+        "pole": "pole, post or trunk",
+        "wire": "wire or rail",
+        "fence": "fence",
+        "wall": "wall",
+        "ditch": "ditch",
+        "ridge": "ridge",
+        "edge": "edge of a bank",
+    },
+    "fix": {
+        "fixed": "RTK fixed",
+        "float": "RTK float",
+        "ppp": "PPP",
+        "dgps": "differential",
+        "single": "single",
+        "none": "no position",
+    },
+}
+"""Words for the values of a field, by its name."""
+NAMES: Final = {
+    "trajectory": "positions of the vehicle",
+    "events": "events of the drive",
+    "tool_path": "cultivated path",
+    "coverage": "worked ground",
+    "passes": "passes",
+    "overlaps": "ground worked twice",
+    "misses": "missed ground",
+    "unworked": "ground not worked",
+    "boundary": "boundary of the field",
+    "zones": "headland and body",
+    "parcels": "parcels",
+    "strips": "strips of the flight",
+    "strip_differences": "differences of strips",
+    "planes": "planes",
+    "lines": "lines",
+    "plants": "plants",
+}
+"""Names of layers for people."""
+_OPEN_URL: Final = 5
+_FOLDER: Final = r"regexp_replace(layer_property(@layer, 'path'), '[^/\\\\]+$', '')"
+_LABELLED_TAGS: Final = ("category", "item", "range", "rule")
+"""Elements of renderers that have a label."""
+_LINE: Final = re.compile(r"<br>|(?:\[%.*?%\]|(?!<br>).)+", re.DOTALL)
+"""A line of a map tip, or its end; an expression may hold one, too."""
+_EXPRESSION: Final = re.compile(r"\[%.*?%\]", re.DOTALL)
+_LITERAL: Final = re.compile(r"'([^']*)'")
+_FIELD: Final = re.compile(f'"({"|".join(VALUES)})"')
+_FORMATTED: Final = re.compile(r'format_date\("(start|end|time)",')
+
+
+def with_words(
+    style: str,
+    fields: Sequence[str],
+    language: str,
+    *,
+    report: bool,
+    aliases: Mapping[str, str] = LABELS,
+    values: Mapping[str, Mapping[str, str]] = VALUES,
+) -> str:
+    """A style of QGIS with aliases, widgets and actions for the fields of a layer.
+
+    Args:
+        report: whether `report.html` lies beside the file.
+    """
+    known = [(number, name) for number, name in enumerate(fields) if name in aliases]
+    widgets = "".join(_widget(name, language, values.get(name)) for _, name in known)
+    named = "".join(
+        f'<alias index="{number}" field="{name}" name="{escape(translated(aliases[name], language))}"/>'
+        for number, name in known
+    )
+    actions = _actions(language) if report else ""
+    more = f"<fieldConfiguration>{widgets}</fieldConfiguration><aliases>{named}</aliases>{actions}"
+    return style.replace('styleCategories="', f'styleCategories="{_CATEGORIES}|', 1).replace(
+        "</qgis>", f"{more}</qgis>"
+    )
+
+
+def _widget(name: str, language: str, words: Mapping[str, str] | None) -> str:
+    if words is not None:
+        pairs = "".join(
+            f'<Option type="Map"><Option name="{escape(translated(word, language))}" value="{value}" type="QString"/>'
+            "</Option>"
+            for value, word in words.items()
+        )
+        return _configured(name, "ValueMap", f'<Option name="map" type="List">{pairs}</Option>')
+    digits = _DECIMALS.get(name.rpartition("_")[2])
+    if digits is None or name in ("t_s", "start", "end", "time"):
+        return ""
+    limits = '<Option name="Min" value="-1e300" type="double"/><Option name="Max" value="1e300" type="double"/>'
+    options = f'{limits}<Option name="Precision" value="{digits}" type="int"/>'
+    return _configured(name, "Range", f'{options}<Option name="Style" value="SpinBox" type="QString"/>')
+
+
+def _configured(name: str, kind: str, options: str) -> str:
+    config = f'<config><Option type="Map">{options}</Option></config>'
+    return f'<field name="{name}"><editWidget type="{kind}">{config}</editWidget></field>'
+
+
+def _actions(language: str) -> str:
+    """Actions of a feature: the report in the browser, and the folder."""
+    report, folder = (translated(name, language) for name in ("Open report", "Open folder"))
+    url = f"'file://' || if(left({_FOLDER}, 1) = '/', '', '/') || {_FOLDER}"
+    return "<attributeactions>{}</attributeactions>".format(
+        "".join(
+            f'<actionsetting type="{_OPEN_URL}" name="{escape(name)}" shortTitle="{escape(name)}" id="{{{key}}}" '
+            f'action="{escape(f"[% {target} %]")}" capture="0" isEnabledOnlyWhenEditable="0" icon="" '
+            'notificationMessage=""><actionScope id="Feature"/><actionScope id="Layer"/><actionScope id="Canvas"/>'
+            "</actionsetting>"
+            for key, name, target in (
+                (
+                    "6e1ce9d8-3f57-4c1b-9a58-0c1a4f6f2a01",
+                    report,
+                    f"{url} || 'report.html'",
+                ),
+                ("6e1ce9d8-3f57-4c1b-9a58-0c1a4f6f2a02", folder, url),
+            )
+        )
+    )
+
+
+def in_language(style: str, language: str) -> str:
+    """A style of the product in another language; what the catalogue does not know stays English.
+
+    Each line of a map tip is a text of the catalogue, with {1}, {2}, … for its expressions.
+
+    Args:
+        style: QML as packaged, in English.
+        language: one of :data:`~furrowmap.core.runtime.languages.catalogue.LANGUAGES`.
+    """
+    if language == ENGLISH:
+        return style
+    root = ET.fromstring(style)  # noqa: S314 (a file of this package)
+    for tag in _LABELLED_TAGS:
+        for one in root.iter(tag):
+            if one.get("label"):
+                one.set("label", _known(str(one.get("label")), language))
+    for tip in root.iter("mapTip"):
+        tip.text = _LINE.sub(lambda line: _line(line[0], language), tip.text or "")
+    return DOCTYPE + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def tip_line(line: str) -> tuple[str, list[str]]:
+    """A line of a map tip as a text of the catalogue, and its expressions."""
+    expressions = _EXPRESSION.findall(line)
+    for number, expression in enumerate(expressions, 1):
+        line = line.replace(expression, f"{{{number}}}", 1)
+    return line, expressions
+
+
+def _line(line: str, language: str) -> str:
+    text, expressions = tip_line(line)
+    told = [_expression(one, language) for one in expressions]
+    return re.sub(r"\{(\d+)\}", lambda hole: told[int(hole[1]) - 1], _known(text, language))
+
+
+def _expression(expression: str, language: str) -> str:
+    """An expression with its texts, and the values of fields that have words, in a language."""
+    text = _LITERAL.sub(lambda found: f"'{_known(found[1], language)}'", expression)
+    return _FIELD.sub(lambda found: _worded(found[1], language), text)
+
+
+def _worded(field: str, language: str) -> str:
+    pairs = ", ".join(f"'{value}', '{_known(word, language)}'" for value, word in VALUES[field].items())
+    return f"""coalesce(map_get(map({pairs}), "{field}"), "{field}")"""
+
+
+def _known(text: str, language: str) -> str:
+    return catalogue(language).exact.get(text, text)
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The clocks of a place over some time.
+
+    Attributes:
+        first_s: UTC of the first of the times.
+        last_s: UTC of the last.
+        sessions: identities of those that have these times, in the field `session` of their features.
+    """
+
+    zone: ZoneInfo
+    first_s: float
+    last_s: float
+    sessions: tuple[str, ...] = ()
+
+
+def in_local_time(style: str, zone: ZoneInfo, first_s: float, last_s: float) -> str:
+    """A style whose map tips show the local time of a zone, which they name, instead of UTC.
+
+    Args:
+        style: QML, in whose map tips `format_date` formats the fields `start`, `end` and `time`.
+        first_s: UTC of the first of the times.
+        last_s: UTC of the last.
+    """
+    return in_local_times(style, [Clock(zone, first_s, last_s)])
+
+
+def in_local_times(style: str, clocks: Sequence[Clock]) -> str:
+    """The same where sessions have clocks of different zones: each feature shows and names that of its session.
+
+    Args:
+        style: QML, in whose map tips `format_date` formats the fields `start`, `end` and `time`.
+        clocks: a zone each. Features of sessions that none of the others names have the first one.
+    """
+    usual, *others = clocks
+
+    def of_session(values: Sequence[str], usual_value: str) -> str:
+        if not others:
+            return usual_value
+        cases = "".join(
+            f' WHEN "session" IN ({", ".join(map(_quoted, clock.sessions))}) THEN {value}'
+            for clock, value in zip(others, values, strict=True)
+        )
+        return f"(CASE{cases} ELSE {usual_value} END)"
+
+    def shifted(found: re.Match[str]) -> str:
+        field = found[1]
+        shift = of_session([_shift(clock, field) for clock in others], _shift(usual, field))
+        return f'format_date("{field}" + {shift},'
+
+    names = of_session([_quoted(clock.zone.key) for clock in others], _quoted(usual.zone.key))
+    name = f"[% {names} %]" if others else usual.zone.key
+    return _FORMATTED.sub(shifted, style).replace(" UTC", f" ({name})")
+
+
+def _shift(clock: Clock, field: str) -> str:
+    """Expression of QGIS: what a clock is ahead of the UTC in a field."""
+    shift = f"to_interval('{offset_at(clock.zone, clock.first_s)} seconds')"
+    changes = offset_changes(clock.zone, clock.first_s, clock.last_s)
+    if not changes:
+        return shift
+    # The last change before a time is the one that counts, so the latest stands first.
+    cases = "".join(
+        f" WHEN epoch(\"{field}\") &gt;= {1000.0 * at_s:.0f} THEN to_interval('{after_s} seconds')"
+        for at_s, after_s in reversed(changes)
+    )
+    return f"(CASE{cases} ELSE {shift} END)"
+
+
+def _quoted(text: str) -> str:
+    """A text in an expression of QGIS; identities and zones have no quotes."""
+    return f"'{text}'"
+
+
+def offset_at(zone: ZoneInfo, t_s: float) -> int:
+    """Seconds by which the clocks of a zone are ahead of UTC."""
+    offset = local_time(t_s, zone).utcoffset() or dt.timedelta(0)
+    return round(offset.total_seconds())
+
+
+def offset_changes(zone: ZoneInfo, first_s: float, last_s: float) -> list[tuple[int, int]]:
+    """Changes of a zone's offset within a span: (UTC of the change, seconds ahead of UTC from then on)."""
+    changes = []
+    day, offset = first_s, offset_at(zone, first_s)
+    while day < last_s:
+        later = min(day + 86_400.0, last_s)
+        if (after := offset_at(zone, later)) != offset:
+            low, high = int(day), int(later) + 1
+            while high - low > 1:
+                middle = (low + high) // 2
+                low, high = (middle, high) if offset_at(zone, middle) == offset else (low, middle)
+            changes.append((high, after))
+            offset = after
+        day = later
+    return changes
