@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
@@ -20,7 +19,7 @@ from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clou
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
-from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
+from furrowmap.core.readers.areas.rings import ring_at, rings_of
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.json_text import json_text, plain
@@ -101,8 +100,8 @@ def canopy(
             spooled = spool_clouds(opened, points, ground, box, settings.classes, progress=progress)
             if points.grid is None:
                 raise no_points_error(opened, box)
-            made = _Made(opened, settings, areas, records, ground_method(settings.ground, spooled))
-            stands = made.write(staging, spooled, progress)
+            method = ground_method(settings.ground, spooled)
+            stands = _write_products(staging, opened, spooled, areas, settings, method, records, progress)
         if file is not None and not any(stand.returns for stand in stands):
             raise elsewhere_error(file, opened.points, box or (0.0, 0.0, 0.0, 0.0))
         for notice in (notices := [*opened.notices, *notices, *spooled.notices]):
@@ -112,7 +111,13 @@ def canopy(
             "inputs": input_rows(opened, records[: len(opened.files)]),
             "polygons_file": records[-1] if file is not None else None,
             "crs": name_of(opened.crs),
-            "parameters": {**made.parameters, "pixel_m": pixel_m},
+            "parameters": {
+                "ground": method,
+                "cell_m": settings.cell_m,
+                "ground_m": settings.ground_m,
+                "layer_m": settings.layer_m,
+                "pixel_m": pixel_m,
+            },
             "figures": _figures(stands),
             "warnings": notices,
             "products": sorted([*(path.name for path in staging.iterdir()), CANOPY_REPORT]),
@@ -134,92 +139,80 @@ def _box(
     return box, list(far)
 
 
-@dataclass(frozen=True)
-class _Made:
-    """Products being made."""
-
-    clouds: Clouds
-    settings: CanopySettings
-    areas: Sequence[Parcel]
-    records: Sequence[FileRecord]
-    method: GroundMethod
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """As the account has them."""
-        names = ("cell_m", "ground_m", "layer_m")
-        return {"ground": self.method, **{name: getattr(self.settings, name) for name in names}}
-
-    def write(self, folder: Path, spooled: SpooledClouds, progress: Progress) -> list[Stand]:
-        """Write the canopy height model, the layer and the tables; the stands."""
-        grid = spooled.points.grid
-        assert grid is not None
-        inputs = [(record.name, record.sha256) for record in self.records]
-        origin = Origin("canopy height", inputs=inputs, span_s=spooled.span_s)
-        band = Band("canopy height")
-        with (
-            RecordSpool(_HEIGHT, folder.parent) as heights,
-            cog_output(folder / CANOPY_HEIGHT, grid, self.clouds.crs, [band], origin) as put,
-        ):
-            index = _Index.of(self.areas, self.settings.cell_m)
-            for tile in cloud_tiles(spooled, self.method, HIGHEST, "none", progress):
-                if tile.above_m is not None:
-                    put(tile.grid, [np.maximum(tile.above_m, 0.0)])
-                    _collect(heights, tile, spooled.points, index)
-            stands, shapes = self._stands(heights, grid.cell_m)
-        (folder / style_of(CANOPY_HEIGHT)).write_text(packaged_style("height_above_ground.qml"), encoding="utf-8")
-        layer = canopy_layer(stands, shapes, self.areas)
-        write_layer(folder / CANOPY, layer, self.clouds.crs, indexed=len(stands) > INDEXED_FROM, origin=origin)
-        write_styles(folder / CANOPY, [CANOPY_LAYER])
-        write_parcel_table(folder / CANOPY_TABLE, layer)
-        write_profiles(folder / CANOPY_PROFILES, stands, self.settings.layer_m)
-        return stands
-
-    def _stands(self, heights: RecordSpool, pixel_m: float) -> tuple[list[Stand], list[shapely.Polygon]]:
-        """The stands and their shapes: polygons in the order of the file, or cells with returns, north first."""
-        cell_m = self.settings.cell_m
-        if cell_m is None:
-            named = [(k, area.id, area.gross) for k, area in enumerate(self.areas)]
-        else:
-            squares = sorted(((key, *square_of(key)) for key in heights.counts), key=lambda s: (-s[2], s[1]))
-            named = [(key, *_cell(column, row, cell_m)) for key, column, row in squares]
-        stands = []
-        place = named[0][2].centroid if named else shapely.Point()
-        pixel_m2 = (pixel_m / scale_at(self.clouds.crs, place.x, place.y)) ** 2 if named else 0.0
-        for key, name, _ in named:
-            own = heights.read([key])
-            pixel = (own["column"].astype(np.int64) << 32) + own["row"]
-            above = own["height_m"].astype(np.float64)
-            stands.append(stand_of(name, above, pixel, pixel_m2, self.settings.ground_m, self.settings.layer_m))
-        return stands, [shape for _, _, shape in named]
+def _write_products(
+    folder: Path,
+    clouds: Clouds,
+    spooled: SpooledClouds,
+    areas: Sequence[Parcel],
+    settings: CanopySettings,
+    method: GroundMethod,
+    records: Sequence[FileRecord],
+    progress: Progress,
+) -> list[Stand]:
+    """Write the canopy height model, the layer and the tables; the stands."""
+    grid = spooled.points.grid
+    assert grid is not None
+    origin = Origin("canopy height", inputs=[(record.name, record.sha256) for record in records], span_s=spooled.span_s)
+    with (
+        RecordSpool(_HEIGHT, folder.parent) as heights,
+        cog_output(folder / CANOPY_HEIGHT, grid, clouds.crs, [Band("canopy height")], origin) as put,
+    ):
+        area_at = _area_index(areas, settings.cell_m)
+        for tile in cloud_tiles(spooled, method, HIGHEST, "none", progress):
+            if tile.above_m is not None:
+                put(tile.grid, [np.maximum(tile.above_m, 0.0)])
+                _collect(heights, tile, spooled.points, area_at)
+        stands, shapes = _stands(heights, clouds, areas, settings, grid.cell_m)
+    (folder / style_of(CANOPY_HEIGHT)).write_text(packaged_style("height_above_ground.qml"), encoding="utf-8")
+    layer = canopy_layer(stands, shapes, areas)
+    write_layer(folder / CANOPY, layer, clouds.crs, indexed=len(stands) > INDEXED_FROM, origin=origin)
+    write_styles(folder / CANOPY, [CANOPY_LAYER])
+    write_parcel_table(folder / CANOPY_TABLE, layer)
+    write_profiles(folder / CANOPY_PROFILES, stands, settings.layer_m)
+    return stands
 
 
-@dataclass(frozen=True)
-class _Index:
-    """Which area a position belongs to."""
+def _stands(
+    heights: RecordSpool, clouds: Clouds, areas: Sequence[Parcel], settings: CanopySettings, pixel_m: float
+) -> tuple[list[Stand], list[shapely.Polygon]]:
+    """The stands and their shapes: polygons in the order of the file, or cells with returns, north first."""
+    cell_m = settings.cell_m
+    if cell_m is None:
+        named = [(k, area.id, area.gross) for k, area in enumerate(areas)]
+    else:
+        named = []
+        for key, column, row in sorted(((key, *square_of(key)) for key in heights.counts), key=lambda s: (-s[2], s[1])):
+            west, south = column * cell_m, row * cell_m
+            # The name of a cell is its southwestern corner, and the same in every cloud.
+            square = shapely.box(west, south, west + cell_m, south + cell_m)
+            named.append((key, f"{west:.10g}_{south:.10g}", square))
+    stands = []
+    place = named[0][2].centroid if named else shapely.Point()
+    pixel_m2 = (pixel_m / scale_at(clouds.crs, place.x, place.y)) ** 2 if named else 0.0
+    for key, name, _ in named:
+        own = heights.read([key])
+        pixel = (own["column"].astype(np.int64) << 32) + own["row"]
+        above = own["height_m"].astype(np.float64)
+        stands.append(stand_of(name, above, pixel, pixel_m2, settings.ground_m, settings.layer_m))
+    return stands, [shape for _, _, shape in named]
 
-    cell_m: float | None
-    rings: Rings | None
-    origin_m: tuple[float, float]
 
-    @classmethod
-    def of(cls, areas: Sequence[Parcel], cell_m: float | None) -> _Index:
-        """Of polygons or of cells."""
-        if cell_m is not None:
-            return cls(cell_m, None, (0.0, 0.0))
-        shapes = [area.gross for area in areas]
-        west, south, _, _ = shapely.total_bounds(shapes).tolist()
-        return cls(None, rings_of(shapes, (west, south)), (west, south))
-
-    def at(self, easting_m: FloatArray, northing_m: FloatArray) -> NDArray[np.int64]:
-        """Key (n,) of the area of each position; -1 for none."""
-        if self.rings is not None:
-            return ring_at(self.rings, easting_m - self.origin_m[0], northing_m - self.origin_m[1])
-        assert self.cell_m is not None
-        return square_keys(np.floor(easting_m / self.cell_m), np.floor(northing_m / self.cell_m))
+def _area_index(areas: Sequence[Parcel], cell_m: float | None) -> Callable[[FloatArray, FloatArray], NDArray[np.int64]]:
+    """The key (n,) of the polygon or cell of each easting and northing (n,); -1 for none."""
+    if cell_m is not None:
+        return lambda east_m, north_m: square_keys(np.floor(east_m / cell_m), np.floor(north_m / cell_m))
+    shapes = [area.gross for area in areas]
+    west, south, _, _ = shapely.total_bounds(shapes).tolist()
+    rings = rings_of(shapes, (west, south))
+    return lambda east_m, north_m: ring_at(rings, east_m - west, north_m - south)
 
 
-def _collect(heights: RecordSpool, tile: CloudTile, points: PointSpool, index: _Index) -> None:
+def _collect(
+    heights: RecordSpool,
+    tile: CloudTile,
+    points: PointSpool,
+    area_at: Callable[[FloatArray, FloatArray], NDArray[np.int64]],
+) -> None:
     """Add the heights above the ground of a tile's points under the key of their area, that of their pixel's middle."""
     grid = tile.grid
     assert tile.above_m is not None
@@ -228,17 +221,11 @@ def _collect(heights: RecordSpool, tile: CloudTile, points: PointSpool, index: _
     above = own.height_m + own.base_m - ground_m[own.cell]
     row, column = np.divmod(own.cell.astype(np.int64), TILE)
     east, north = grid.west + column, grid.north - 1 - row
-    key = index.at((east + 0.5) * grid.cell_m, (north + 0.5) * grid.cell_m)
+    key = area_at((east + 0.5) * grid.cell_m, (north + 0.5) * grid.cell_m)
     kept = np.isfinite(above) & (key >= 0)
     records = np.empty(int(kept.sum()), _HEIGHT)
     records["height_m"], records["column"], records["row"] = above[kept], east[kept], north[kept]
     heights.add(records, key[kept])
-
-
-def _cell(column: int, row: int, cell_m: float) -> tuple[str, shapely.Polygon]:
-    """Name and square of a cell; the name is its southwestern corner, and the same in every cloud."""
-    west, south = column * cell_m, row * cell_m
-    return f"{west:.10g}_{south:.10g}", shapely.box(west, south, west + cell_m, south + cell_m)
 
 
 def _figures(stands: Sequence[Stand]) -> dict[str, Any]:
