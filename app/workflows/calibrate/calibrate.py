@@ -174,12 +174,6 @@ def _not_shown(session_file: Path, why: str) -> RefusedError:
     return RefusedError("calibration-refused", session_file=session_file.name, why=why)
 
 
-def _origin(calibration: Calibration) -> str:
-    """Where the angles are from."""
-    sigma = ", ".join(f"{value:.2f}" if math.isfinite(value) else "not shown" for value in calibration.sigma_deg)
-    return f"calibrated with the recording of {calibration.date}: ± {sigma} degrees"
-
-
 def calibrated_text(text: str, calibration: Calibration) -> str:
     """A session file's text with what was found in its place; everything else, comments too, stays as it is.
 
@@ -188,7 +182,9 @@ def calibrated_text(text: str, calibration: Calibration) -> str:
     """
     if calibration.mounting_differs:
         rpy = ", ".join(f"{angle:.3f}" for angle in calibration.found.rpy_deg)
-        text = with_value(text, "lidar", "rpy_deg", f"[{rpy}]", _origin(calibration))
+        sigma = ", ".join(f"{value:.2f}" if math.isfinite(value) else "not shown" for value in calibration.sigma_deg)
+        origin = f"calibrated with the recording of {calibration.date}: ± {sigma} degrees"
+        text = with_value(text, "lidar", "rpy_deg", f"[{rpy}]", origin)
     if calibration.found.xyz_m != calibration.stated.xyz_m:
         xyz = ", ".join(f"{place:.3f}" for place in calibration.found.xyz_m)
         text = with_value(text, "lidar", "xyz_m", f"[{xyz}]")

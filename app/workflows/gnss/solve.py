@@ -96,7 +96,9 @@ def solve_gnss(
     with atomic_output(target) as unfinished:
         mode = _STATIC if settings.static else _KINEMATIC
         options = ["-p", mode, "-c", "-t", "-m", f"{settings.mask_deg:g}", "-sys", SYSTEMS]
-        done = _run([program, *options, *place], unfinished, [rover, base, *map(Path, navigation)])
+        # RTKLIB was found in PATH, and every path is absolute, so that none is read as an option.
+        paths = [str(path.resolve()) for path in (unfinished, rover, base, *map(Path, navigation))]
+        done = subprocess.run([program, *options, *place, "-o", *paths], capture_output=True, check=False)  # noqa: S603
         track = _solution(unfinished, done, rover)
     progress("solving positions", 1.0)
     by_fix = {fix.label: int((track.fix == fix).sum()) for fix in Fix}
@@ -108,12 +110,6 @@ def solve_gnss(
         iso_utc(float(track.t_s[-1])),
         notices,
     )
-
-
-def _run(command: list[str], out: Path, files: Sequence[Path]) -> subprocess.CompletedProcess[bytes]:
-    """Run RTKLIB; it was found in PATH, and every path is absolute, so that none is read as an option."""
-    paths = [str(path.resolve()) for path in (out, *files)]
-    return subprocess.run([*command, "-o", *paths], capture_output=True, check=False)  # noqa: S603
 
 
 def _base_position(base: Path, settings: SolveSettings) -> tuple[list[str], tuple[Notice, ...]]:

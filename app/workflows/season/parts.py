@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -75,32 +76,21 @@ class Planned:
     grid: Grid | None = None
 
 
-@dataclass(frozen=True)
-class EarlierSeason:
-    """What an earlier season in a folder was made of."""
-
-    folder: Path
-    parts: Mapping[str, Any]
-
-    @classmethod
-    def read(cls, folder: Path) -> EarlierSeason:
-        """From its `season.json`; empty where there is none that can be read."""
-        try:
-            parts = json.loads((folder / SEASON).read_bytes())["parts"]
-        except (OSError, ValueError, KeyError, TypeError, RecursionError):
-            parts = {}
-        return cls(folder, parts if isinstance(parts, dict) else {})
-
-    def kept(self, name: str, part: Planned) -> Any:
-        """The account of a part, if its files are there and its key is the same; else None."""
-        try:
-            earlier = self.parts[name]
-            account = earlier["told"]
+def unchanged_parts(folder: Path, parts: Mapping[str, Planned]) -> dict[str, Any]:
+    """The accounts of the parts that an earlier season in a folder has already, with the same keys, by name."""
+    accounts: dict[str, Any] = {}
+    try:
+        earlier = json.loads((folder / SEASON).read_bytes())["parts"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return accounts
+    for name, part in parts.items():
+        with suppress(KeyError, TypeError, ValueError):
+            account = earlier[name]["told"]
             files = [str(file) for file, _ in account["files"]]
-        except (KeyError, TypeError, ValueError):
-            return None
-        there = all(is_file_name(file) and (self.folder / part.place / file).is_file() for file in files)
-        return account if there and earlier.get("key") == part.key else None
+            there = all(is_file_name(file) and (folder / part.place / file).is_file() for file in files)
+            if there and earlier[name]["key"] == part.key:
+                accounts[name] = account
+    return accounts
 
 
 def plan_tiles(plan: SeasonPlan, cell_m: float | None) -> dict[str, Planned]:
@@ -129,7 +119,13 @@ def plan_tiles(plan: SeasonPlan, cell_m: float | None) -> dict[str, Planned]:
             grids.append((COVERAGE, session.folder, Grid.of_bounds(cell_m, _bounds_in(plan.crs, session))))
         for kind, source, grid in grids:
             for tile, extent in _tiles(grid):
-                extents[tile] = _union(extents.get(tile, extent), extent)
+                west, south, east, north = extents.get(tile, extent)
+                extents[tile] = (
+                    min(west, extent[0]),
+                    min(south, extent[1]),
+                    max(east, extent[2]),
+                    max(north, extent[3]),
+                )
                 contents.setdefault((session.date, kind, tile), []).append((session, source))
     return dict(
         _plan_tile(plan, key, members, _grid(cell_m, extents[key[2]]), crs)
@@ -219,10 +215,6 @@ def _tiles(grid: Grid) -> Iterator[tuple[tuple[int, int], _Extent]]:
             right, top = left + MOSAIC_TILE_CELLS, bottom + MOSAIC_TILE_CELLS
             own = (max(west, left), max(south, bottom), min(east, right), min(north, top))
             yield (column, row), own
-
-
-def _union(one: _Extent, other: _Extent) -> _Extent:
-    return min(one[0], other[0]), min(one[1], other[1]), max(one[2], other[2]), max(one[3], other[3])
 
 
 def _grid(cell_m: float, extent: _Extent) -> Grid:

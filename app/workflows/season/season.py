@@ -39,11 +39,11 @@ from furrowmap.workflows.season.parts import (
     COVERAGE,
     SEASON,
     TITLES,
-    EarlierSeason,
     Planned,
     SeasonPlan,
     plan_tables,
     plan_tiles,
+    unchanged_parts,
 )
 from furrowmap.workflows.season.sources import find_sessions, season_crs
 from furrowmap.workflows.season.tasks import write_part
@@ -135,8 +135,7 @@ def season(
             parts |= plan_tables(plan, POINTS, settings.most_rows, settings.spacing_m)
         if TRAJECTORY_TABLES in content:
             parts |= plan_tables(plan, TRAJECTORY_TABLES, settings.most_rows)
-        record = EarlierSeason.read(folder)
-        accounts = {name: kept for name, part in parts.items() if (kept := record.kept(name, part)) is not None}
+        accounts = unchanged_parts(folder, parts)
         unchanged = len(accounts)
         due = [(name, part.part) for name, part in parts.items() if name not in accounts]
         _make(due, accounts, force, progress)

@@ -91,7 +91,11 @@ def find_sessions(sources: Sequence[Path], out: Path) -> tuple[list[SeasonSessio
         raise _nothing(sources[0])
     moved = {place: path for tie in ties for place, path in _moved_surfaces(tie)}
     sessions = [_session(open_result(folder), moved.get(folder)) for folder in folders]
-    _expect_different(sessions)
+    places: dict[str, Path] = {}
+    for session in sessions:
+        other = places.setdefault(session.name.casefold(), session.folder)
+        if other != session.folder:
+            raise InputError("session-twice.expect-different", other=other, folder=session.folder, session=session.name)
     sessions.sort(key=lambda session: (session.span[1], session.name))
     heights = sorted({session.heights for session in sessions})
     if len(heights) > 1:
@@ -178,14 +182,5 @@ def _session(result: ResultFolder, moved: Path | None) -> SeasonSession:
     )
 
 
-def _expect_different(sessions: Sequence[SeasonSession]) -> None:
-    places: dict[str, Path] = {}
-    for session in sessions:
-        other = places.setdefault(session.name.casefold(), session.folder)
-        if other != session.folder:
-            raise InputError("session-twice.expect-different", other=other, folder=session.folder, session=session.name)
-
-
 def _nothing(source: Path) -> InputError:
-    exists = source.is_dir()
-    return InputError("season-nothing", source=source, exists=bool(exists))
+    return InputError("season-nothing", source=source, exists=source.is_dir())

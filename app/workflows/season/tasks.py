@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -23,9 +23,6 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, TRAJECTORY, open_result, reading_result
 from furrowmap.workflows.batch.workforce import ProcessSettings
 from furrowmap.workflows.season.sources import PASSES
-
-if TYPE_CHECKING:
-    from furrowmap.exporters.exchange.partitions import Partition
 
 TABLE_BATCH_POINTS: Final = 500_000
 
@@ -140,20 +137,18 @@ def _write_tables(tables: SessionTables) -> PartAccount:
                 columns |= {name: getattr(points, name) for name in names}
                 partition.write(_to_season_crs(points.xyz_m, tables), columns)
         else:
-            _write_poses(tables, partition)
+            layer = open_result(tables.source).layer(TRAJECTORY)
+            with reading_result(tables.source / FIELD):
+                layer = layer.sort_values("t_s")
+                xyz = np.column_stack([layer.geometry.x, layer.geometry.y, layer.geometry.z]).astype(np.float64)
+                columns = {name: layer[name].to_numpy() for name in layer.columns if name != layer.geometry.name}
+                columns |= {
+                    "time": layer["t_s"].to_numpy(np.float64),
+                    "session": np.full(len(layer), tables.name, object),
+                }
+                if len(layer):
+                    partition.write(_to_season_crs(xyz, tables), columns)
     return {"files": [list(one) for one in partition.files], "bounds_m": partition.bounds_m.tolist()}
-
-
-def _write_poses(tables: SessionTables, partition: Partition) -> None:
-    result = open_result(tables.source)
-    layer = result.layer(TRAJECTORY)
-    with reading_result(tables.source / FIELD):
-        layer = layer.sort_values("t_s")
-        xyz = np.column_stack([layer.geometry.x, layer.geometry.y, layer.geometry.z]).astype(np.float64)
-        columns = {name: layer[name].to_numpy() for name in layer.columns if name != layer.geometry.name}
-        columns |= {"time": layer["t_s"].to_numpy(np.float64), "session": np.full(len(layer), tables.name, object)}
-        if len(layer):
-            partition.write(_to_season_crs(xyz, tables), columns)
 
 
 def _to_season_crs(xyz_m: NDArray[np.float64], tables: SessionTables) -> NDArray[np.float64]:
