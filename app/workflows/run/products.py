@@ -162,8 +162,9 @@ class RunProducts:
         notices = list(found.notices)
         if self.colours is not None:
             self.colours.write_orthophoto(staging, origin, progress)
-            made = replace(made, colours=self.colours.figures())
-            notices += self.colours.figures().notices
+            coloured = self.colours.figures()
+            made = replace(made, colours=coloured)
+            notices += coloured.notices
         if parcels is not None:
             seconds["parcels"] = measured - written
             made = replace(made, parcels=parcels.result())
