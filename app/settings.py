@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from furrowmap.core.crops.measure import Method
     from furrowmap.core.pointclouds.surfaces import GroundMethod
     from furrowmap.core.readers.las.cloud import Box
-    from furrowmap.core.surfaces.outlier_filter import Outliers
+    from furrowmap.core.surfaces.outliers import Outliers
     from furrowmap.core.surfaces.statistic import Statistic
     from furrowmap.exporters.farm.traffic import Wheels
 

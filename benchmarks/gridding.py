@@ -25,9 +25,8 @@ from pyproj import CRS
 from scipy.stats import binned_statistic_2d
 
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
-from furrowmap.core.surfaces.statistic import Statistic
+from furrowmap.core.surfaces.statistic import Statistic, cell_surface
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, Origin, cog_output, surface_arrays
 
 FloatArray = NDArray[np.float64]

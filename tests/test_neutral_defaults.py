@@ -60,11 +60,11 @@ POINTS: Final = {
 """A point of which nothing else is known."""
 PUBLISHED: Final = {
     # Pingel et al. 2013, as PDAL and lidR use it, with cells of half a metre
-    "core/surfaces/smrf.py Smrf.cell_m": 0.5,
-    "core/surfaces/smrf.py Smrf.slope": 0.15,
-    "core/surfaces/smrf.py Smrf.window_m": 18.0,
-    "core/surfaces/smrf.py Smrf.threshold_m": 0.15,
-    "core/surfaces/smrf.py Smrf.scale": 1.25,
+    "core/surfaces/ground.py Smrf.cell_m": 0.5,
+    "core/surfaces/ground.py Smrf.slope": 0.15,
+    "core/surfaces/ground.py Smrf.window_m": 18.0,
+    "core/surfaces/ground.py Smrf.threshold_m": 0.15,
+    "core/surfaces/ground.py Smrf.scale": 1.25,
     "core/surfaces/terrain.py hillshade(azimuth_deg)": 315.0,  # as gdaldem and QGIS
     "core/surfaces/terrain.py hillshade(altitude_deg)": 45.0,
 }

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 from furrowmap.core.surfaces.gaps import filled
-from furrowmap.core.surfaces.smrf import from_nearest
+from furrowmap.core.surfaces.ground import from_nearest
 from furrowmap.core.values.extents import bounds
 
 FloatArray = NDArray[np.float64]

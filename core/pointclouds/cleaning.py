@@ -23,16 +23,16 @@ from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray, RecordSpool, Square, square_keys, square_of
 from furrowmap.core.runtime.settings import threads
-from furrowmap.core.surfaces.ground import GroundMethod, classify_ground
-from furrowmap.core.surfaces.outlier_filter import REACH_M, Outliers
+from furrowmap.core.surfaces.ground import GroundMethod, Smrf, classify_ground
 from furrowmap.core.surfaces.outliers import (
+    OUTLIER_REACH_M,
     NeighbourStatistics,
+    Outliers,
     mean_distance_to,
     mean_neighbour_distance,
     radius_outliers,
     thin_points,
 )
-from furrowmap.core.surfaces.smrf import Smrf
 from furrowmap.core.values.extents import bounds
 from furrowmap.core.values.scan import PointClass
 
@@ -299,8 +299,8 @@ def _measure(
         apart_m = mean_neighbour_distance(xyz, reach_m=NEAR_M, asked=len(own))
         lonely = np.isinf(apart_m)
         if lonely.any():
-            others = few.read_squares([*block, *squares_around(block, REACH_M + slack_m, few.side_m)]) - own[0]
-            apart_m[lonely] = mean_distance_to(own[lonely] - own[0], others, REACH_M)
+            others = few.read_squares([*block, *squares_around(block, OUTLIER_REACH_M + slack_m, few.side_m)]) - own[0]
+            apart_m[lonely] = mean_distance_to(own[lonely] - own[0], others, OUTLIER_REACH_M)
     records["apart_m"][known] = apart_m
     usual.add(own, records["apart_m"][known].astype(np.float64))
     spool.overwrite(spool.keys(block), records)

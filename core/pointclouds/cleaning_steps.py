@@ -10,7 +10,7 @@ from furrowmap.core.runtime.options import setting
 if TYPE_CHECKING:
     from furrowmap.core.readers.las.cloud import Box
     from furrowmap.core.surfaces.ground import GroundMethod
-    from furrowmap.core.surfaces.outlier_filter import Outliers
+    from furrowmap.core.surfaces.outliers import Outliers
 
 
 @dataclass(frozen=True)

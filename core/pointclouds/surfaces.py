@@ -21,12 +21,11 @@ from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
-from furrowmap.core.surfaces.cloth import cloth_ground, require_cloth
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.outlier_filter import FilteredTiles, Outliers
-from furrowmap.core.surfaces.smrf import Smrf, ground_cells
-from furrowmap.core.surfaces.spool import TILE, PointSpool
+from furrowmap.core.surfaces.ground import Smrf, cloth_ground, ground_cells, require_cloth
+from furrowmap.core.surfaces.outliers import FilteredTiles, Outliers, filter_tiles
+from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 
 Float32Array = NDArray[np.float32]
@@ -88,7 +87,7 @@ def cloud_tiles(
     done = 0
     with ThreadPoolExecutor(threads()) as pool:
         points, of_ground = (
-            FilteredTiles.of(spool, outliers, pool, lambda share: progress("looking for noise", share))
+            filter_tiles(spool, outliers, pool, lambda share: progress("looking for noise", share))
             for spool in (spooled.points, spooled.ground)
         )
         for block in blocks:
@@ -153,7 +152,7 @@ class _Lows:
     def _lowest(self, key: Key) -> tuple[Key, FloatArray]:
         fine = self.spool.tile(key).surface(_LOWEST).height_m[::-1]
         n = self.cells
-        column, row = key[0] * TILE, key[1] * TILE
+        column, row = key[0] * SPOOL_TILE, key[1] * SPOOL_TILE
         first = (column // n, row // n)
         before = (row - first[1] * n, column - first[0] * n)
         after = tuple(-(size + skipped) % n for size, skipped in zip(fine.shape, before, strict=True))
@@ -165,12 +164,12 @@ class _Lows:
 
 def _across(cell_m: float) -> int:
     """Tiles a side of a block."""
-    return max(1, math.ceil(BLOCK_M / (TILE * cell_m)))
+    return max(1, math.ceil(BLOCK_M / (SPOOL_TILE * cell_m)))
 
 
 def _margin(cell_m: float) -> int:
     """Margin of a block in tiles for ground classification."""
-    return math.ceil(2.0 * SMRF.window_m / (TILE * cell_m))
+    return math.ceil(2.0 * SMRF.window_m / (SPOOL_TILE * cell_m))
 
 
 def _blocks(keys: list[Key], cell_m: float) -> list[list[Key]]:
@@ -197,11 +196,15 @@ def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | No
         return None
     n = lows.cells
     parts = [lows.of(key) for key in near]
-    ends = [key[k] * TILE // n for key in block for k in (0, 1)]
+    ends = [key[k] * SPOOL_TILE // n for key in block for k in (0, 1)]
     west = min([first[0] for first, _ in parts] + ends[::2])
     south = min([first[1] for first, _ in parts] + ends[1::2])
-    east = max([first[0] + low.shape[1] for first, low in parts] + [(key[0] + 1) * TILE // n + 1 for key in block])
-    north = max([first[1] + low.shape[0] for first, low in parts] + [(key[1] + 1) * TILE // n + 1 for key in block])
+    east = max(
+        [first[0] + low.shape[1] for first, low in parts] + [(key[0] + 1) * SPOOL_TILE // n + 1 for key in block]
+    )
+    north = max(
+        [first[1] + low.shape[0] for first, low in parts] + [(key[1] + 1) * SPOOL_TILE // n + 1 for key in block]
+    )
     lowest = np.full((north - south, east - west), np.nan)
     for (column, row), low in parts:
         there = lowest[row - south : row - south + low.shape[0], column - west : column - west + low.shape[1]]

@@ -14,15 +14,15 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import TilePoints
 from furrowmap.core.values.time_span import Interval
 
-BLOCK: Final = 8
+COVERAGE_BLOCK: Final = 8
 """Cells a side of the blocks that are counted: with fewer points each, densities are noise."""
-FEWEST_POINTS: Final = 3
-"""Least points of a strip in a block that it covers."""
+MIN_STRIP_POINTS: Final = 3
+"""Of a strip in a block that it covers."""
 
 
 @dataclass(frozen=True)
 class Coverage:
-    """Points of a tile by blocks of BLOCK cells a side; arrays (rows, columns) of the blocks, north up.
+    """Points of a tile by blocks of COVERAGE_BLOCK cells a side; arrays (rows, columns) of the blocks, north up.
 
     Attributes:
         grid: of the blocks.
@@ -45,7 +45,7 @@ class Coverage:
     @property
     def covered(self) -> NDArray[np.bool_]:
         """(k, rows, columns) which blocks each strip covers."""
-        out: NDArray[np.bool_] = self.by_strip >= FEWEST_POINTS
+        out: NDArray[np.bool_] = self.by_strip >= MIN_STRIP_POINTS
         return out
 
     @property
@@ -58,12 +58,13 @@ def coverage(points: TilePoints, strips: Sequence[Interval]) -> Coverage:
     """Points by blocks and strips.
 
     Args:
-        points: of a tile whose sides are a multiple of BLOCK cells.
+        points: of a tile whose sides are a multiple of COVERAGE_BLOCK cells.
         strips: of the flight, in the order of time.
     """
-    grid = points.grid.coarser(BLOCK)
+    grid = points.grid.coarser(COVERAGE_BLOCK)
     ends_s = np.array([(strip.begin_s, strip.end_s) for strip in strips], np.float64).reshape(-1, 2) - points.begin_s
-    counts = count_blocks(points.cell, points.t_s, ends_s, points.grid.columns, grid.rows * grid.columns, BLOCK)
+    blocks = grid.rows * grid.columns
+    counts = count_blocks(points.cell, points.t_s, ends_s, points.grid.columns, blocks, COVERAGE_BLOCK)
     counts = counts.reshape(len(strips) + 1, *grid.shape)
     there = np.flatnonzero(counts[1:].any(axis=(1, 2)))
     return Coverage(grid, counts.sum(axis=0), there + 1, counts[1:][there])

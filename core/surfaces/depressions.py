@@ -15,8 +15,8 @@ from furrowmap.core.surfaces.grid import Grid
 if TYPE_CHECKING:
     from shapely.geometry import MultiPolygon, Polygon
 
-LEAST_DEPTH_M: Final = 0.02
-LEAST_AREA_M2: Final = 0.1
+MIN_WATER_DEPTH_M: Final = 0.02
+MIN_WATER_AREA_M2: Final = 0.1
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class Depressions:
 def find_depressions(
     height_m: NDArray[np.floating],
     grid: Grid,
-    least_depth_m: float = LEAST_DEPTH_M,
-    least_area_m2: float = LEAST_AREA_M2,
+    least_depth_m: float = MIN_WATER_DEPTH_M,
+    least_area_m2: float = MIN_WATER_AREA_M2,
 ) -> Depressions:
     """The depressions of a surface; water leaves it at its edges and next to cells without a height.
 

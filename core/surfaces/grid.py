@@ -15,7 +15,7 @@ Float32Array = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 FINEST_CELL_M: Final = 0.001
-MOST_CELLS: Final = 2**31
+MAX_GRID_CELLS: Final = 2**31
 """More cells mean wrong units or a stray point."""
 
 
@@ -32,7 +32,7 @@ class Grid:
         shape: rows and columns, each at least 1.
 
     Raises:
-        InputError: if the cells are finer than a millimetre or more than `MOST_CELLS`.
+        InputError: if the cells are finer than a millimetre or more than `MAX_GRID_CELLS`.
     """
 
     cell_m: float
@@ -44,7 +44,7 @@ class Grid:
         if not (math.isfinite(self.cell_m) and self.cell_m >= FINEST_CELL_M):
             raise InputError("bad-cell-size", cell_m=self.cell_m)
         rows, columns = self.shape
-        if rows < 1 or columns < 1 or rows * columns > MOST_CELLS:
+        if rows < 1 or columns < 1 or rows * columns > MAX_GRID_CELLS:
             raise InputError("grid-too-large", columns=columns, rows=rows, cell_m=self.cell_m)
 
     @classmethod

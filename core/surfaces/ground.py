@@ -1,22 +1,66 @@
-"""Ground classification of a cloud."""
+"""Ground classification of a cloud: simple morphological filter, or cloth simulation filter."""
 
 from __future__ import annotations
 
+import math
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import distance_transform_edt, grey_opening, map_coordinates
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.gaps import filled
-from furrowmap.core.surfaces.smrf import Smrf, ground_cells
 from furrowmap.core.surfaces.tiles import tiles
 
 FloatArray = NDArray[np.float64]
 GroundMethod = Literal["smrf", "csf"]
 
-TILE_M: Final = 128.0
+FILTER_TILE_M: Final = 128.0
+PIT_SLOPE: Final = 5.0
+"""A cell below its neighbours by more than this slope is an error (Pingel: 500 %)."""
+CLOTH_RELIEF_M: Final = 500.0
+"""Points farther than this from the median height are not ground and are not passed to the library."""
+CLOTH_M: Final = 0.5
+"""Cloth resolution: follows furrows and ditches, but not a tractor."""
+CLOTH_THRESHOLD_M: Final = 0.15
+MAX_CLOTH_EXTENT_M: Final = 2_000.0
+_ONE_AT_A_TIME: Final = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Smrf:
+    """Parameters of the simple morphological filter (SMRF), named as in section 2 of the paper.
+
+    T. J. Pingel, K. C. Clarke, W. A. McBride (2013), An improved simple morphological filter for the terrain
+    classification of airborne LIDAR data, ISPRS Journal of Photogrammetry and Remote Sensing 77, 21-30, with square
+    windows instead of disks (separable, so at constant cost) and gaps filled by harmonic interpolation instead of
+    springs.
+
+    Attributes:
+        cell_m: of the surface of lowest heights.
+        slope: steepest slope of the ground, as a ratio.
+        window_m: half the width of the widest object.
+        threshold_m: greatest distance of ground points from the surface.
+        scale: added to that, times the slope of the surface.
+    """
+
+    cell_m: float = 0.5
+    slope: float = 0.15
+    window_m: float = 18.0
+    threshold_m: float = 0.15
+    scale: float = 1.25
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(value) and value > 0.0 for value in (self.cell_m, self.slope, self.window_m)):
+            raise ValueError(f"SMRF needs a cell, a slope and a window above zero: {self}")
 
 
 def classify_ground(
@@ -46,11 +90,9 @@ def classify_ground(
     ground = np.zeros(len(xyz), bool)
     filter_ = smrf if smrf is not None else Smrf()
     if method == "csf":
-        from furrowmap.core.surfaces.cloth import cloth_ground, require_cloth
-
         require_cloth()
     finite = xyz if len(known) == len(xyz) else xyz[known]
-    for tile in tiles(finite, TILE_M, min(2.0 * filter_.window_m, TILE_M)):
+    for tile in tiles(finite, FILTER_TILE_M, min(2.0 * filter_.window_m, FILTER_TILE_M)):
         if asked is not None and not asked[known[tile.own]].any():
             continue
         part = finite[tile.members]
@@ -78,3 +120,87 @@ def smrf_ground(xyz_m: FloatArray, filter_: Smrf) -> NDArray[np.bool_]:
     slope = map_coordinates(np.hypot(*steps), at, order=1, mode="nearest")
     near: NDArray[np.bool_] = np.abs(xyz_m[:, 2] - height) <= filter_.threshold_m + filter_.scale * slope
     return near
+
+
+def ground_cells(lowest_m: FloatArray, filter_: Smrf) -> NDArray[np.bool_]:
+    """Which cells (rows, columns) are ground by their lowest heights `lowest_m`; False where these are nan."""
+    seen = np.isfinite(lowest_m)
+    if not seen.any():
+        return seen
+    upside_down = -from_nearest(lowest_m)
+    pits = seen & (upside_down - _opened(upside_down, 1) > PIT_SLOPE * filter_.cell_m)
+    standing = np.zeros(lowest_m.shape, bool)
+    last = from_nearest(np.where(pits, np.nan, lowest_m))
+    for reach in range(1, math.ceil(filter_.window_m / filter_.cell_m) + 1):
+        opened = _opened(last, reach)
+        standing |= last - opened > filter_.slope * reach * filter_.cell_m
+        last = opened
+    ground: NDArray[np.bool_] = seen & ~pits & ~standing
+    return ground
+
+
+def from_nearest(height_m: FloatArray) -> FloatArray:
+    """Heights with gaps filled from the nearest cell; at least one is finite."""
+    gaps = np.isnan(height_m)
+    if not gaps.any():
+        return height_m
+    nearest = distance_transform_edt(gaps, return_distances=False, return_indices=True)
+    taken: FloatArray = height_m[tuple(nearest)]
+    return taken
+
+
+def _opened(surface_m: FloatArray, reach: int) -> FloatArray:
+    """Morphological opening with a square that reaches this many cells to each side."""
+    opened: FloatArray = grey_opening(surface_m, size=(2 * reach + 1,) * 2, mode="nearest")
+    return opened
+
+
+def require_cloth() -> None:
+    """Raises InputError if the library is not installed."""
+    if find_spec("CSF") is None:
+        raise InputError("extra-missing.require-cloth")
+
+
+def cloth_ground(xyz_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points (n, 3), all finite and within 2 km, are ground; none with fewer than 10 points.
+
+    By the cloth simulation filter (CSF): W. Zhang, J. Qi, P. Wan, H. Wang, D. Xie, X. Wang, G. Yan (2016), An
+    easy-to-use airborne LiDAR data filtering method based on cloth simulation, Remote Sensing 8 (6), 501. The authors'
+    library prints to standard output and aborts the process on nan and on distant points, so its input is checked and
+    its output redirected. Points more than 500 m from the median height are not ground.
+    """
+    ground = np.zeros(len(xyz_m), bool)
+    if not len(xyz_m):
+        return ground
+    if not np.isfinite(xyz_m).all() or np.any(np.ptp(xyz_m[:, :2], axis=0) > MAX_CLOTH_EXTENT_M):
+        raise ValueError(f"points that are not finite, or further apart than {MAX_CLOTH_EXTENT_M} m")
+    within = np.flatnonzero(np.abs(xyz_m[:, 2] - np.median(xyz_m[:, 2])) < CLOTH_RELIEF_M)
+    if len(within) < 10:
+        return ground
+    import CSF
+
+    cloth = CSF.CSF()
+    cloth.params.bSloopSmooth = False
+    cloth.params.cloth_resolution = CLOTH_M
+    cloth.params.class_threshold = CLOTH_THRESHOLD_M
+    cloth.params.rigidness = 2
+    points = xyz_m[within]
+    cloth.setPointCloud(points - points.mean(axis=0))
+    found, rest = CSF.VecInt(), CSF.VecInt()
+    with _ONE_AT_A_TIME, _output_to_stderr():
+        cloth.do_filtering(found, rest, exportCloth=False)
+    ground[within[np.array(found, np.intp)]] = True
+    return ground
+
+
+@contextmanager
+def _output_to_stderr() -> Iterator[None]:
+    """Redirect file descriptor 1 to standard error, for output of native code."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    try:
+        os.dup2(2, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)

@@ -9,32 +9,32 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.gaps import filled
-from furrowmap.core.surfaces.smrf import Smrf, ground_cells
+from furrowmap.core.surfaces.ground import Smrf, ground_cells
 from furrowmap.core.values.scan import PointClass
 
 FloatArray = NDArray[np.float64]
 
 _GROUND, _NOISE = np.uint8(PointClass.GROUND), np.uint8(PointClass.NOISE)
 _VEHICLE, _IMPLEMENT = np.uint8(PointClass.VEHICLE), np.uint8(PointClass.IMPLEMENT)
-CELL_M: Final = 0.5
+GROUND_CELL_M: Final = 0.5
 TILE_CELLS: Final = 64
-TILE_M: Final = TILE_CELLS * CELL_M
-SAMPLES: Final = 16
-_STEP_M: Final = 0.002
+GROUND_TILE_M: Final = TILE_CELLS * GROUND_CELL_M
+CELL_SAMPLES: Final = 16
+_SAMPLE_STEP_M: Final = 0.002
 _RELIEF_STEPS: Final = 32_000
 """Samples are steps of 2 mm from the median height of the first scan of the tile: a range of ±64 m."""
-FEWEST: Final = 3
+MIN_GROUND_RETURNS: Final = 3
 """A cell with fewer returns has no ground."""
-LOW_SHARE: Final = 0.2
+GROUND_QUANTILE: Final = 0.2
 """Quantile of the samples of a cell that is its ground, before the filter."""
-NEAR_M: Final = 0.10
+GROUND_SPREAD_M: Final = 0.10
 """The ground of a cell is the mean of its samples within this distance of the quantile."""
 NEAR_GROUND_M: Final = 0.15
 """Points within this distance of the ground are ground, such as clods, ridges and short stubble."""
@@ -46,7 +46,7 @@ _FAR_TILES: Final = 5
 """Points are sampled up to this many tiles from the middle of a scan."""
 _BEYOND_CELLS: Final = 4.0
 """Cells without ground are filled from ground up to this distance."""
-_BLOCK: Final = 8
+_BLOCK_TILES: Final = 8
 """Tiles a side that are filtered together, with a margin of one."""
 _KEY: Final = 1 << 30
 
@@ -59,7 +59,7 @@ class GroundSampler:
 
     def __init__(self) -> None:
         self._slots: dict[tuple[int, int], int] = {}
-        self._samples = np.zeros((16, TILE_CELLS, TILE_CELLS, SAMPLES), np.int16)
+        self._samples = np.zeros((16, TILE_CELLS, TILE_CELLS, CELL_SAMPLES), np.int16)
         self._counts = np.zeros((16, TILE_CELLS, TILE_CELLS), np.int32)
         self._base_m = np.zeros(16)
 
@@ -69,7 +69,7 @@ class GroundSampler:
         middle_m = _middle(xyz_m, kept)
         if np.isnan(middle_m[0]):
             return
-        corner = np.floor(middle_m[:2] / TILE_M).astype(np.int64) - _FAR_TILES
+        corner = np.floor(middle_m[:2] / GROUND_TILE_M).astype(np.int64) - _FAR_TILES
         window = np.full((2 * _FAR_TILES + 1,) * 2, -1, np.int64)
         _mark(xyz_m, kept, corner, window)
         for column, row in np.argwhere(window == 0).tolist():
@@ -80,11 +80,12 @@ class GroundSampler:
         """The ground from all points so far."""
         blocks: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for key in self._slots:
-            blocks.setdefault((key[0] // _BLOCK, key[1] // _BLOCK), []).append(key)
+            blocks.setdefault((key[0] // _BLOCK_TILES, key[1] // _BLOCK_TILES), []).append(key)
         found = {key: height for keys in blocks.values() for key, height in self._block(keys)}
         keys = sorted(found)
         heights = np.stack([found[key] for key in keys]) if keys else np.zeros((0, TILE_CELLS + 2, TILE_CELLS + 2))
-        return LocalGround(np.array([_number(*key) for key in keys], np.int64), heights.astype(np.float32))
+        numbers = [(column + _KEY << 32) + row + _KEY for column, row in keys]  # as in the kernel below
+        return LocalGround(np.array(numbers, np.int64), heights.astype(np.float32))
 
     def _slot(self, key: tuple[int, int], height_m: float) -> int:
         """Index of the samples of a tile, created for heights around `height_m`."""
@@ -93,7 +94,7 @@ class GroundSampler:
         slot = self._slots[key] = len(self._slots)
         if slot == len(self._base_m):
             self._samples, self._counts, self._base_m = (
-                _doubled(held) for held in (self._samples, self._counts, self._base_m)
+                np.concatenate([held, np.zeros_like(held)]) for held in (self._samples, self._counts, self._base_m)
             )
         self._base_m[slot] = height_m
         return slot
@@ -108,7 +109,7 @@ class GroundSampler:
                 lowest[at], mean[at] = _low_heights(self._samples[slot], self._counts[slot])
                 lowest[at] += self._base_m[slot]
                 mean[at] += self._base_m[slot]
-        ground = ground_cells(lowest, Smrf(cell_m=CELL_M))
+        ground = ground_cells(lowest, Smrf(cell_m=GROUND_CELL_M))
         height = filled(np.where(ground, mean, np.nan), _BEYOND_CELLS)
         for key in keys:
             column, row = ((np.array(key) - low) * TILE_CELLS).tolist()
@@ -146,19 +147,7 @@ class LocalGround:
             classes: (n,) uint8, changed in place.
         """
         if len(self.tiles):
-            _settle(x, y, z, step_m, self.tiles, self.height_m, classes)
-
-
-def _number(column: int, row: int) -> int:
-    """Key of a tile, as in the kernel below."""
-    return (column + _KEY << 32) + row + _KEY
-
-
-def _doubled(held: NDArray[Any]) -> NDArray[Any]:
-    """The array with as many zeros appended."""
-    more = np.zeros((2 * len(held), *held.shape[1:]), held.dtype)
-    more[: len(held)] = held
-    return more
+            _set_classes(x, y, z, step_m, self.tiles, self.height_m, classes)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -186,8 +175,8 @@ def _mark(xyz_m, kept, corner, window):  # type: ignore[no-untyped-def]
     for i in range(len(xyz_m)):
         if not kept[i]:
             continue
-        a = int(np.floor(xyz_m[i, 0] / TILE_M)) - corner[0]
-        b = int(np.floor(xyz_m[i, 1] / TILE_M)) - corner[1]
+        a = int(np.floor(xyz_m[i, 0] / GROUND_TILE_M)) - corner[0]
+        b = int(np.floor(xyz_m[i, 1] / GROUND_TILE_M)) - corner[1]
         if 0 <= a < window.shape[0] and 0 <= b < window.shape[1]:
             window[a, b] = 0
 
@@ -198,60 +187,60 @@ def _draw(xyz_m, kept, corner, window, base_m, samples, counts):  # type: ignore
     for i in range(len(xyz_m)):
         if not kept[i]:
             continue
-        u, v = xyz_m[i, 0] / CELL_M, xyz_m[i, 1] / CELL_M
+        u, v = xyz_m[i, 0] / GROUND_CELL_M, xyz_m[i, 1] / GROUND_CELL_M
         column = int(np.floor(u)) - corner[0] * TILE_CELLS
         row = int(np.floor(v)) - corner[1] * TILE_CELLS
         a, b = column // TILE_CELLS, row // TILE_CELLS
         if not (0 <= a < window.shape[0] and 0 <= b < window.shape[1]):
             continue
         slot = window[a, b]
-        steps = np.rint((xyz_m[i, 2] - base_m[slot]) / _STEP_M)
+        steps = np.rint((xyz_m[i, 2] - base_m[slot]) / _SAMPLE_STEP_M)
         if not abs(steps) < _RELIEF_STEPS:
             continue
         column, row = column % TILE_CELLS, row % TILE_CELLS
         place = np.int64(counts[slot, column, row])
         counts[slot, column, row] = place + 1
-        if place >= SAMPLES:
+        if place >= CELL_SAMPLES:
             # SplitMix64 (Steele, Lea, Flood 2014) of the cell and its count: reproducible.
             mixed = np.uint64((column * TILE_CELLS + row) * 2654435761 + place) * np.uint64(0x9E3779B97F4A7C15)
             mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
             mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
             place = np.int64(((mixed >> np.uint64(32)) * np.uint64(place + 1)) >> np.uint64(32))
-        if place < SAMPLES:
+        if place < CELL_SAMPLES:
             samples[slot, column, row, place] = np.int16(steps)
 
 
 @numba.njit(cache=True, nogil=True)
 def _low_heights(samples, counts):  # type: ignore[no-untyped-def]
-    """Quantile LOW_SHARE of the samples of each cell, and the mean of those near it."""
+    """Quantile GROUND_QUANTILE of the samples of each cell, and the mean of those near it."""
     low = np.full(counts.shape, np.nan)
     mean = np.full(counts.shape, np.nan)
-    near = NEAR_M / _STEP_M
+    near = GROUND_SPREAD_M / _SAMPLE_STEP_M
     for i in range(counts.shape[0]):
         for j in range(counts.shape[1]):
-            n = min(counts[i, j], SAMPLES)
-            if n < FEWEST:
+            n = min(counts[i, j], CELL_SAMPLES)
+            if n < MIN_GROUND_RETURNS:
                 continue
             held = np.sort(samples[i, j, :n])
-            lowest = held[int(LOW_SHARE * (n - 1) + 0.5)]
+            lowest = held[int(GROUND_QUANTILE * (n - 1) + 0.5)]
             total, number = 0.0, 0
             for value in held:
                 if abs(float(value) - float(lowest)) <= near:
                     total += value
                     number += 1
-            low[i, j] = lowest * _STEP_M
-            mean[i, j] = total / number * _STEP_M
+            low[i, j] = lowest * _SAMPLE_STEP_M
+            mean[i, j] = total / number * _SAMPLE_STEP_M
     return low, mean
 
 
 @numba.njit(cache=True, nogil=True)
-def _settle(x, y, z, step_m, tiles, height_m, classes):  # type: ignore[no-untyped-def]
+def _set_classes(x, y, z, step_m, tiles, height_m, classes):  # type: ignore[no-untyped-def]
     """Kernel of :meth:`LocalGround.classify`: bilinear ground height at each point."""
     last_key, tile = np.int64(-1), np.int64(-1)
     for i in range(len(x)):
         if classes[i] == _VEHICLE or classes[i] == _IMPLEMENT:
             continue
-        u, v = x[i] * (step_m / CELL_M), y[i] * (step_m / CELL_M)
+        u, v = x[i] * (step_m / GROUND_CELL_M), y[i] * (step_m / GROUND_CELL_M)
         column, row = int(np.floor(u)), int(np.floor(v))
         key = np.int64((column // TILE_CELLS + _KEY) << 32) + row // TILE_CELLS + _KEY
         if key != last_key:
@@ -267,7 +256,7 @@ def _settle(x, y, z, step_m, tiles, height_m, classes):  # type: ignore[no-untyp
         h00, h01 = height_m[tile, a + 1, b + 1], height_m[tile, a + 1, b + 2]
         h10, h11 = height_m[tile, a + 2, b + 1], height_m[tile, a + 2, b + 2]
         ground = (1.0 - p) * ((1.0 - q) * h00 + q * h01) + p * ((1.0 - q) * h10 + q * h11)
-        slope = (abs(h10 + h11 - h00 - h01) + abs(h01 + h11 - h00 - h10)) * (0.5 / CELL_M)
+        slope = (abs(h10 + h11 - h00 - h01) + abs(h01 + h11 - h00 - h10)) * (0.5 / GROUND_CELL_M)
         if np.isnan(ground):
             ground, slope = height_m[tile, int(u + 0.5) + 1, int(v + 0.5) + 1], 0.0
         above = z[i] * step_m - ground

@@ -1,24 +1,36 @@
-"""Outlier detection by neighbour distances."""
+"""Outlier detection by neighbour distances: of points in memory, and of the tiles of a spool with those around."""
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from furrowmap.core.runtime.record_spool import Square
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool, TilePoints
 from furrowmap.core.surfaces.tiles import tiles
 
 FloatArray = NDArray[np.float64]
+Outliers = Literal["none", "radius", "statistical"]
 
-TILE_M: Final = 32.0
+OUTLIER_REACH_M: Final = 5.0
+OUTLIER_RADIUS_M: Final = 0.5
+MIN_RADIUS_CELLS: Final = 1.5
+"""Of the radius, as points are placed at cell centres."""
+NEIGHBOUR_TILE_M: Final = 32.0
 NEIGHBOURS: Final = 8
 """Neighbours whose mean distance is compared."""
-MULTIPLIER: Final = 2.0
-"""Threshold above the mean, in standard deviations."""
+MAX_DISTANCE_SIGMAS: Final = 2.0
+"""Threshold above the mean."""
 THINNED_M: Final = 0.5
-AROUND_M: Final = 16.0
+STATISTICS_SQUARE_M: Final = 16.0
 """Side of the squares of the statistics, which cover three by three of them."""
 
 
@@ -100,24 +112,24 @@ class NeighbourStatistics:
         around = ((square[0] + i, square[1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
         count, total, of_squares = sum((self._sums[key] for key in around if key in self._sums), np.zeros(3))
         mean_m = total / count
-        return float(mean_m + MULTIPLIER * np.sqrt(max(0.0, of_squares / count - mean_m * mean_m)))
+        return float(mean_m + MAX_DISTANCE_SIGMAS * np.sqrt(max(0.0, of_squares / count - mean_m * mean_m)))
 
     @staticmethod
     def _squares(xy_m: FloatArray) -> tuple[list[tuple[float, float]], NDArray[np.intp]]:
         """The squares that hold points, and the index of the square of each point."""
-        there, number = np.unique(np.floor(xy_m[:, :2] / AROUND_M), axis=0, return_inverse=True)
+        there, number = np.unique(np.floor(xy_m[:, :2] / STATISTICS_SQUARE_M), axis=0, return_inverse=True)
         return [(column, row) for column, row in there.tolist()], number.ravel()
 
 
 def _neighbour_distances(xyz_m: FloatArray, neighbours: int, reach_m: float, asked: int | None = None) -> FloatArray:
     """Distances (n or asked, neighbours) to the nearest other points; inf beyond the reach or for points not finite."""
-    if neighbours < 1 or not 0.0 < reach_m <= TILE_M:
-        raise ValueError(f"{neighbours} neighbours within {reach_m} m (at most {TILE_M} m)")
+    if neighbours < 1 or not 0.0 < reach_m <= NEIGHBOUR_TILE_M:
+        raise ValueError(f"{neighbours} neighbours within {reach_m} m (at most {NEIGHBOUR_TILE_M} m)")
     known = np.flatnonzero(np.isfinite(xyz_m).all(axis=1))
     asked = len(xyz_m) if asked is None else asked
     out = np.full((asked, neighbours), np.inf)
     finite = xyz_m[known]
-    for tile in tiles(finite, TILE_M, reach_m):
+    for tile in tiles(finite, NEIGHBOUR_TILE_M, reach_m):
         of_tile = known[tile.own] < asked
         part = finite[tile.members]
         own = part[: len(tile.own)][of_tile]
@@ -129,3 +141,78 @@ def _neighbour_distances(xyz_m: FloatArray, neighbours: int, reach_m: float, ask
         distance, _ = tree.query(own - middle, ranks, distance_upper_bound=np.nextafter(reach_m, np.inf))
         out[known[tile.own][of_tile]] = distance
     return out
+
+
+@dataclass(frozen=True)
+class FilteredTiles:
+    """Gives tiles without outliers.
+
+    Attributes:
+        spool: of the points.
+        outliers: detection method.
+        usual: neighbour distances of all points, for "statistical".
+    """
+
+    spool: PointSpool
+    outliers: Outliers
+    usual: NeighbourStatistics
+
+    def tile(self, key: Square) -> TilePoints:
+        """The points of a tile without outliers. Threads may read several at once."""
+        own = self.spool.tile(key)
+        if self.outliers == "none" or not len(own.cell):
+            return own
+        if self.outliers == "radius":
+            xyz = _surroundings(self.spool, key, own)
+            alone = radius_outliers(xyz, max(OUTLIER_RADIUS_M, MIN_RADIUS_CELLS * self.spool.cell_m))[: len(own.cell)]
+        else:
+            alone = self.usual.exceeded(*_tile_distances(self.spool, key))
+        return own.part(~alone)
+
+
+def filter_tiles(
+    spool: PointSpool, outliers: Outliers, pool: Executor, progress: Callable[[float], None]
+) -> FilteredTiles:
+    """The tiles of a spool; "statistical" reads all of them first and passes the share done to `progress`."""
+    usual = NeighbourStatistics()
+    keys = spool.tiles if outliers == "statistical" else []
+    for number, (xy_m, mean_m) in enumerate(pool.map(lambda key: _tile_distances(spool, key), keys), start=1):
+        usual.add(xy_m, mean_m)
+        progress(number / len(keys))
+    return FilteredTiles(spool, outliers, usual)
+
+
+def _tile_distances(spool: PointSpool, key: Square) -> tuple[FloatArray, FloatArray]:
+    """Positions (n, 2) of the points of a tile, and their mean neighbour distances (n,)."""
+    own = spool.tile(key)
+    xyz = _surroundings(spool, key, own)
+    mean_m = mean_neighbour_distance(xyz, reach_m=OUTLIER_REACH_M, asked=len(own.cell))
+    west, _, _, north = own.grid.bounds_m
+    return xyz[: len(own.cell), :2] + (west, north), mean_m
+
+
+def _surroundings(spool: PointSpool, key: Square, own: TilePoints) -> FloatArray:
+    """Positions (m, 3) from its north-west corner of the points of a tile, followed by those within reach of it."""
+    tiles = math.ceil(OUTLIER_REACH_M / (SPOOL_TILE * spool.cell_m))
+    around = [
+        _places(spool.tile((key[0] + i, key[1] + j)), own.grid)
+        for i in range(-tiles, tiles + 1)
+        for j in range(-tiles, tiles + 1)
+        if i or j
+    ]
+    return np.concatenate([_places(own, own.grid), *around])
+
+
+def _places(points: TilePoints, near: Grid) -> FloatArray:
+    """Positions (n, 3) of points in a tile or within reach of it."""
+    row, column = np.divmod(points.cell.astype(np.int64), points.grid.columns)
+    x = (points.grid.west - near.west + column + 0.5) * near.cell_m
+    y = (points.grid.north - near.north - row - 0.5) * near.cell_m
+    width, height = near.columns * near.cell_m, near.rows * near.cell_m
+    inside = (
+        (x >= -OUTLIER_REACH_M)
+        & (x <= width + OUTLIER_REACH_M)
+        & (y >= -height - OUTLIER_REACH_M)
+        & (y <= OUTLIER_REACH_M)
+    )
+    return np.column_stack([x, y, points.height_m])[inside]

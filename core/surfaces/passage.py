@@ -14,12 +14,12 @@ from furrowmap.core.surfaces.grid import Grid
 
 FloatArray = NDArray[np.float64]
 
-CHUNK: Final = 32
+STEPS_A_CHUNK: Final = 32
 """Steps per block of the spatial index: some metres of path."""
 
 
 @dataclass(frozen=True)
-class Track:
+class LineTrack:
     """Successive positions of a line without a gap.
 
     Attributes:
@@ -36,7 +36,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Passage:
+class LinePassage:
     """Times at which the line passed cell centres; arrays have the shape of the grid.
 
     Attributes:
@@ -60,10 +60,14 @@ class Passage:
 class Passages:
     """Spatial index of the steps of lines, from tracks in any order."""
 
-    def __init__(self, tracks: Iterable[Track]) -> None:
-        steps = [_steps(track) for track in tracks]
-        self._steps = np.concatenate(steps) if steps else np.zeros((0, 11))
-        starts = np.arange(0, len(self._steps), CHUNK)
+    def __init__(self, tracks: Iterable[LineTrack]) -> None:
+        # one row a step: times, middles and half lines at its two ends, number of the pass
+        rows = [np.zeros((0, 11))]
+        for track in tracks:
+            ends = [np.column_stack([a[:-1], a[1:]]) for a in (track.t_s, track.middle_m, track.half_m)]
+            rows.append(np.column_stack([*ends, np.full(len(track.t_s) - 1, float(track.number))]))
+        self._steps = np.concatenate(rows)
+        starts = np.arange(0, len(self._steps), STEPS_A_CHUNK)
         reach = np.hypot(self._steps[:, 6:10:2], self._steps[:, 7:10:2]).max(axis=1, initial=0.0)[:, None]
         low = np.minimum(self._steps[:, 2:4], self._steps[:, 4:6]) - reach
         high = np.maximum(self._steps[:, 2:4], self._steps[:, 4:6]) + reach
@@ -73,7 +77,7 @@ class Passages:
     def __bool__(self) -> bool:
         return bool(len(self._steps))
 
-    def over(self, grid: Grid, beside_m: float = 0.0) -> Passage:
+    def over(self, grid: Grid, beside_m: float = 0.0) -> LinePassage:
         """Passages over the cells of a grid of the line extended by `beside_m` at both ends."""
         first, last = np.full(grid.shape, np.inf), np.full(grid.shape, -np.inf)
         number = np.zeros(grid.shape, np.int32)
@@ -81,15 +85,9 @@ class Passages:
         near = (self._low <= (east + beside_m, north + beside_m)).all(axis=1)
         near &= (self._high >= (west - beside_m, south - beside_m)).all(axis=1)
         for k in np.flatnonzero(near).tolist():
-            steps = self._steps[k * CHUNK : (k + 1) * CHUNK]
+            steps = self._steps[k * STEPS_A_CHUNK : (k + 1) * STEPS_A_CHUNK]
             pass_over(steps, beside_m, grid.cell_m, grid.west, grid.north, first, last, number)
-        return Passage(grid, first, last, number)
-
-
-def _steps(track: Track) -> FloatArray:
-    """One row a step: times, middles and half lines at its two ends, number of the pass."""
-    ends = [np.column_stack([a[:-1], a[1:]]) for a in (track.t_s, track.middle_m, track.half_m)]
-    return np.column_stack([*ends, np.full(len(track.t_s) - 1, float(track.number))])
+        return LinePassage(grid, first, last, number)
 
 
 @numba.njit(

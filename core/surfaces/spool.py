@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Final, NamedTuple, Self
+from typing import Final, Self
 
 import numba
 import numpy as np
@@ -15,16 +15,15 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.record_spool import RecordSpool, Square, square_keys, square_of
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.heights import cell_surface
-from furrowmap.core.surfaces.statistic import Statistic
+from furrowmap.core.surfaces.statistic import Statistic, cell_surface
 
 FloatArray = NDArray[np.float64]
 
-TILE: Final = 256
+SPOOL_TILE: Final = 256
 """Cells a side, so that a cell index has 16 bits."""
 HELD: Final = 1 << 20
 """Points collected in memory before they are sorted and written, while as many others are collected."""
-POINT: Final = np.dtype([("cell", "<u2"), ("height_m", "<f4"), ("t_s", "<f4")])
+SPOOLED_POINT: Final = np.dtype([("cell", "<u2"), ("height_m", "<f4"), ("t_s", "<f4")])
 
 
 @dataclass(frozen=True)
@@ -56,18 +55,12 @@ class TilePoints:
         return cell_surface(self.grid, self.cell, self.height_m, self.base_m, statistic)
 
 
-class _Held(NamedTuple):
+_Buffers = tuple[NDArray[np.int32], NDArray[np.uint16], NDArray[np.float32], NDArray[np.float32]]
+
+
+def _buffers() -> _Buffers:
     """Buffers of points to be written: tiles (HELD, 2), cells, heights and times (HELD,)."""
-
-    tiles: NDArray[np.int32]
-    cells: NDArray[np.uint16]
-    heights: NDArray[np.float32]
-    times: NDArray[np.float32]
-
-    @classmethod
-    def none(cls) -> Self:
-        heights, times = np.empty((2, HELD), np.float32)
-        return cls(np.empty((HELD, 2), np.int32), np.empty(HELD, np.uint16), heights, times)
+    return np.empty((HELD, 2), np.int32), np.empty(HELD, np.uint16), *np.empty((2, HELD), np.float32)
 
 
 class PointSpool:
@@ -85,8 +78,8 @@ class PointSpool:
     def __init__(self, cell_m: float, base_m: float = 0.0, folder: Path | None = None) -> None:
         Grid(cell_m, 0, 0, (1, 1))  # raises on a bad cell size
         self.cell_m, self.base_m = cell_m, base_m
-        self._records = RecordSpool(POINT, folder)
-        self._points, self._others = _Held.none(), _Held.none()
+        self._records = RecordSpool(SPOOLED_POINT, folder)
+        self._points, self._others = _buffers(), _buffers()
         self._writer = ThreadPoolExecutor(1)
         self._written: Future[None] | None = None
         self._held = 0
@@ -160,7 +153,7 @@ class PointSpool:
     def tile(self, key: Square) -> TilePoints:
         """The points of a tile. Threads may read several at once, after :attr:`tiles` has been read."""
         cell, height_m, t_s = split(self._records.read([square_keys(*key)]))
-        grid = Grid(self.cell_m, key[0] * TILE, (key[1] + 1) * TILE, (TILE, TILE))
+        grid = Grid(self.cell_m, key[0] * SPOOL_TILE, (key[1] + 1) * SPOOL_TILE, (SPOOL_TILE, SPOOL_TILE))
         return TilePoints(grid, cell, height_m, t_s, self.base_m, self._begin_s or 0.0)
 
     def __iter__(self) -> Iterator[TilePoints]:
@@ -184,9 +177,9 @@ class PointSpool:
         if written is not None:
             written.result()
 
-    def _write(self, points: _Held, held: int) -> None:
+    def _write(self, points: _Buffers, held: int) -> None:
         """Sort points by tile and append them to the file."""
-        low, high = bounds(points.tiles[:held])
+        low, high = bounds(points[0][:held])
         columns, rows = (high - low + 1).tolist()
         records, starts = sort_by_tile(*(array[:held] for array in points), low, columns, rows)
         there = np.flatnonzero(np.diff(starts))
@@ -238,7 +231,7 @@ def bounds(tiles):  # type: ignore[no-untyped-def]
     return low, high
 
 
-_RECORDS: Final = numba.from_dtype(POINT)[::1]
+_RECORDS: Final = numba.from_dtype(SPOOLED_POINT)[::1]
 
 
 @numba.njit(
@@ -260,7 +253,7 @@ def sort_by_tile(tiles, cells, heights, times, low, columns, rows):  # type: ign
     for k in range(columns * rows):
         starts[k + 1] += starts[k]
     place = starts.copy()
-    out = np.empty(n, POINT)
+    out = np.empty(n, SPOOLED_POINT)
     for i in range(n):
         record = out[place[tile[i]]]
         place[tile[i]] += 1

@@ -1,4 +1,4 @@
-"""Statistics that reduce the heights of a cell to one."""
+"""Statistics that reduce the heights of a cell to one, and surfaces of them: by sums, or by ordering cell by cell."""
 
 from __future__ import annotations
 
@@ -8,13 +8,23 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Final, Self
 
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
 from furrowmap.core.runtime.errors import UsageError
+from furrowmap.core.surfaces.grid import Grid, Surface
 
 NMAD: Final = 1.4826
 """Standard deviation over median absolute deviation of a normal distribution."""
-TRIM: Final = 2.5
+TRIM_NMADS: Final = 2.5
 """The trimmed mean excludes heights farther than this many NMAD from the median."""
-_NAMES: Final = {"min": 0.0, "median": 50.0, "max": 100.0}
+_PERCENTS: Final = {"min": 0.0, "median": 50.0, "max": 100.0}
+_SUM_COLUMNS: Final = {"mean": 1, "min": 3, "max": 4}
+"""Index of the statistics that need no order among number, sum, sum of squares, least and greatest height."""
+MEAN: Final = _SUM_COLUMNS["mean"]
+MAX_INSERTED: Final = 24
+"""Up to this many heights are sorted by insertion."""
 
 
 @dataclass(frozen=True)
@@ -39,17 +49,12 @@ class Statistic:
         word = name.strip().lower()
         if word in {"mean", "trimmed"}:
             return cls(word)
-        if word in _NAMES:
-            return cls(word, _NAMES[word])
+        if word in _PERCENTS:
+            return cls(word, _PERCENTS[word])
         number = re.fullmatch(r"p(\d{1,3}(?:\.\d+)?)", word)
         if number and float(number[1]) <= 100.0:
             return cls(word, float(number[1]))
         raise UsageError("unknown-statistic", name=name)
-
-    @property
-    def needs_order(self) -> bool:
-        """Whether the heights of a cell must be sorted for it."""
-        return self.name not in {"mean", "min", "max"}
 
     @property
     def error_factor(self) -> float:
@@ -68,3 +73,147 @@ class Statistic:
 
 
 MEDIAN: Final = Statistic.parse("median")
+
+
+def cell_surface(
+    grid: Grid, cell: NDArray[np.uint16], height_m: NDArray[np.float32], base_m: float, statistic: Statistic
+) -> Surface:
+    """The surface of a statistic on a grid of at most 65,536 cells.
+
+    The spread of percentiles and of the trimmed mean is 1.4826 times the median absolute deviation, else the standard
+    deviation. Mean, least and greatest height need no sorting, which makes them five times as fast.
+
+    Args:
+        cell: (n,) flat index of the cell of each point.
+        height_m: (n,) less `base_m`.
+        base_m: added to all heights.
+        statistic: height of a cell.
+    """
+    cells = grid.rows * grid.columns
+    if statistic.name not in _SUM_COLUMNS:
+        trimmed = statistic.name == "trimmed"
+        share = 0.5 if trimmed else 0.01 * statistic.percent
+        bands = rank(cell, height_m, cells, base_m, trimmed, share)
+    else:
+        bands = sum_up(cell, height_m, cells, base_m, _SUM_COLUMNS[statistic.name])
+    height, count, spread, used = (band.reshape(grid.shape) for band in bands)
+    factor = np.float32(statistic.error_factor)
+    error = np.where(used > 0, factor * spread / np.sqrt(np.maximum(used, 1), dtype=np.float32), np.float32(np.nan))
+    return Surface(grid, height, count, spread, error)
+
+
+@numba.njit(
+    "Tuple((float32[::1], uint32[::1], float32[::1], uint32[::1]))(uint16[::1], float32[::1], int64, float64, int64)",
+    cache=True,
+    nogil=True,
+)
+def sum_up(cell, height_m, cells, base_m, column):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`cell_surface` where no order is needed: height, count, spread and points used of each cell."""
+    sums = np.zeros((cells, 5))
+    sums[:, 3] = np.inf
+    sums[:, 4] = -np.inf
+    near = float(height_m[0]) if len(height_m) else 0.0  # differences from it keep their precision
+    for i in range(len(cell)):
+        k, z = cell[i], height_m[i] - near
+        sums[k, 0] += 1.0
+        sums[k, 1] += z
+        sums[k, 2] += z * z
+        sums[k, 3] = min(sums[k, 3], z)
+        sums[k, 4] = max(sums[k, 4], z)
+    height, spread = np.full(cells, np.nan, np.float32), np.full(cells, np.nan, np.float32)
+    count, used = np.zeros(cells, np.uint32), np.zeros(cells, np.uint32)
+    for k in range(cells):
+        n = sums[k, 0]
+        if n < 1.0:
+            continue
+        mean = sums[k, 1] / n
+        height[k] = base_m + near + (mean if column == MEAN else sums[k, column])
+        count[k] = used[k] = int(n)
+        if n > 1.0:
+            spread[k] = np.sqrt(max(0.0, (sums[k, 2] - n * mean * mean) / (n - 1.0)))
+    return height, count, spread, used
+
+
+@numba.njit("float64(float32[::1], float64)", cache=True, nogil=True)
+def median_deviation(z, middle):  # type: ignore[no-untyped-def]
+    """Median of the distances of ordered heights from `middle`, their median."""
+    n = len(z)
+    low, high = (n - 1) // 2, n // 2
+    first = second = 0.0
+    steps = 0
+    if low == high:  # the median itself is the nearest
+        low, high, steps = low - 1, high + 1, 1
+    while steps <= n // 2:
+        down = middle - z[low] if low >= 0 else np.inf
+        up = z[high] - middle if high < n else np.inf
+        first = second
+        if down <= up:
+            second = down
+            low -= 1
+        else:
+            second = up
+            high += 1
+        steps += 1
+    return second if n % 2 else 0.5 * (first + second)
+
+
+@numba.njit(
+    "Tuple((float32[::1], uint32[::1], float32[::1], uint32[::1]))"
+    "(uint16[::1], float32[::1], int64, float64, boolean, float64)",
+    cache=True,
+    nogil=True,
+)
+def rank(cell, height_m, cells, base_m, trimmed, share):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`cell_surface` where order is needed: height, count, spread and points used of each cell.
+
+    Counting sort by cell, then sorting within each; the median absolute deviation is found by stepping outward from the
+    median.
+    """
+    height, spread = np.full(cells, np.nan, np.float32), np.full(cells, np.nan, np.float32)
+    used = np.zeros(cells, np.uint32)
+    count = np.zeros(cells, np.uint32)
+    for i in range(len(cell)):
+        count[cell[i]] += np.uint32(1)
+    place = np.zeros(cells, np.int64)
+    for k in range(1, cells):
+        place[k] = place[k - 1] + count[k - 1]
+    ordered = np.empty(len(cell), np.float32)
+    for i in range(len(cell)):
+        ordered[place[cell[i]]] = height_m[i]
+        place[cell[i]] += 1
+    for k in range(cells):
+        n = int(count[k])
+        if n == 0:
+            continue
+        z = ordered[place[k] - n : place[k]]
+        if n <= MAX_INSERTED:
+            for i in range(1, n):
+                value, j = z[i], i - 1
+                while j >= 0 and z[j] > value:
+                    z[j + 1] = z[j]
+                    j -= 1
+                z[j + 1] = value
+        else:
+            z.sort()
+        low, high = 0, n
+        middle = 0.5 * (float(z[(n - 1) // 2]) + float(z[n // 2]))
+        deviation = NMAD * median_deviation(z, middle)
+        if trimmed:
+            reach = TRIM_NMADS * deviation
+            while z[low] < middle - reach and low < n // 2:
+                low += 1
+            while z[high - 1] > middle + reach and high - 1 > n // 2:
+                high -= 1
+            total = 0.0
+            for i in range(low, high):
+                total += z[i] - z[0]
+            height[k] = base_m + z[0] + total / (high - low)
+        else:
+            at = share * (n - 1)
+            i = min(int(at), n - 2) if n > 1 else 0
+            after = z[min(i + 1, n - 1)]
+            height[k] = base_m + z[i] + (at - i) * (after - z[i])
+        used[k] = high - low
+        if n > 1:
+            spread[k] = deviation
+    return height, count, spread, used

@@ -14,8 +14,8 @@ FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
 PLOT_M: Final = 1.0
-LEAST_SHARE: Final = 0.5
-"""Least share of cells with a height in a plot."""
+MIN_PLOT_SHARE: Final = 0.5
+"""Of cells with a height in a plot."""
 
 
 def gradient(height_m: NDArray[np.floating], cell_m: float) -> tuple[FloatArray, FloatArray]:
@@ -89,10 +89,14 @@ def random_roughness(
     z = surface.height_m[row, column].astype(np.float64)
     plot, _ = plots.cells_of(e, n)
     count = np.bincount(plot, minlength=len(out))
-    enough = count >= max(LEAST_SHARE * (plot_m / grid.cell_m) ** 2, 6.0)
+    enough = count >= max(MIN_PLOT_SHARE * (plot_m / grid.cell_m) ** 2, 6.0)
     kept = enough[plot]
     plot, e, n, z = plot[kept], e[kept], n[kept], z[kept]
-    u, v = (n, e) if tillage_heading_deg is None else _turned(e, n, tillage_heading_deg)
+    u, v = n, e
+    if tillage_heading_deg is not None:  # along it, and to its right
+        heading = math.radians(tillage_heading_deg)
+        u = e * math.sin(heading) + n * math.cos(heading)
+        v = e * math.cos(heading) - n * math.sin(heading)
     rest = _without_plane(plot, u, v, z, len(out))
     free = count - 3.0
     if tillage_heading_deg is not None:
@@ -107,12 +111,6 @@ def random_roughness(
     known = enough & (free > 0)
     out[known] = np.sqrt(square[known] / free[known])
     return plots, out.reshape(plots.shape)
-
-
-def _turned(e: FloatArray, n: FloatArray, heading_deg: float) -> tuple[FloatArray, FloatArray]:
-    """Coordinates along a heading and to its right."""
-    heading = math.radians(heading_deg)
-    return e * math.sin(heading) + n * math.cos(heading), e * math.cos(heading) - n * math.sin(heading)
 
 
 def _without_plane(plot: NDArray[np.intp], u: FloatArray, v: FloatArray, z: FloatArray, plots: int) -> FloatArray:

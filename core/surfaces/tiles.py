@@ -14,7 +14,7 @@ _BESIDE: Final = [(i, j) for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0) if 
 
 
 @dataclass(frozen=True)
-class Tile:
+class PointTile:
     """A square of the map.
 
     Attributes:
@@ -26,7 +26,7 @@ class Tile:
     members: NDArray[np.intp]
 
 
-def tiles(xyz_m: NDArray[np.float64], tile_m: float, margin_m: float) -> Iterator[Tile]:
+def tiles(xyz_m: NDArray[np.float64], tile_m: float, margin_m: float) -> Iterator[PointTile]:
     """The squares that hold points.
 
     Args:
@@ -38,7 +38,7 @@ def tiles(xyz_m: NDArray[np.float64], tile_m: float, margin_m: float) -> Iterato
         raise ValueError(f"a margin of {margin_m} m round squares of {tile_m} m")
     if not len(xyz_m):
         return
-    (columns, column), (rows, row) = (_numbered(np.floor(axis / tile_m)) for axis in xyz_m[:, :2].T)
+    (columns, column), (rows, row) = (_number_values(np.floor(axis / tile_m)) for axis in xyz_m[:, :2].T)
     key = column * len(rows) + row
     if len(columns) * len(rows) <= _SHORT:
         key = key.astype(np.uint16)  # numpy sorts short numbers by their digits, several times as fast
@@ -51,10 +51,10 @@ def tiles(xyz_m: NDArray[np.float64], tile_m: float, margin_m: float) -> Iterato
         around = np.concatenate(beside) if beside else np.zeros(0, np.intp)
         low = np.array([x, y]) * tile_m - margin_m
         within = np.all((xyz_m[around, :2] >= low) & (xyz_m[around, :2] < low + tile_m + 2.0 * margin_m), axis=1)
-        yield Tile(own, np.concatenate([own, around[within]]))
+        yield PointTile(own, np.concatenate([own, around[within]]))
 
 
-def _numbered(place: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+def _number_values(place: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """Sorted unique values, and the index (n,) of each value among them."""
     low = place.min()
     if place.max() - low < _SHORT:

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.spool import TilePoints
 
-APART_S: Final = 20.0
+SWATH_PAUSE_S: Final = 20.0
 """A pause this long separates swaths."""
-FEWEST_RETURNS: Final = 3
-"""Least returns of a cell in a swath."""
-BLOCK: Final = 8
+MIN_SWATH_RETURNS: Final = 3
+"""Of a cell in a swath."""
+SWATH_BLOCK: Final = 8
 """Cells a side of the blocks over which differences are averaged, to reduce the noise of returns."""
-FEWEST_CELLS: Final = 4
-"""Least cells of a block with a difference."""
+MIN_BLOCK_CELLS: Final = 4
+"""With a difference, in a block."""
 BIN_M: Final = 0.002
 BINS: Final = 50
 """Width and number of histogram bins on each side of zero; the outermost include all beyond."""
@@ -95,20 +95,20 @@ def block_differences(points: TilePoints) -> NDArray[np.float32]:
         points: of ground that did not change, in order of time.
     """
     grid = points.grid
-    rows, columns = -(-grid.rows // BLOCK), -(-grid.columns // BLOCK)
+    rows, columns = -(-grid.rows // SWATH_BLOCK), -(-grid.columns // SWATH_BLOCK)
     total, cells = _differences(points.cell, points.t_s, points.height_m, grid.rows * grid.columns)
-    whole = np.zeros((2, rows * BLOCK, columns * BLOCK))
+    whole = np.zeros((2, rows * SWATH_BLOCK, columns * SWATH_BLOCK))
     whole[0, : grid.rows, : grid.columns] = total.reshape(grid.shape)
     whole[1, : grid.rows, : grid.columns] = cells.reshape(grid.shape)
-    sums, counts = whole.reshape(2, rows, BLOCK, columns, BLOCK).sum(axis=(2, 4))
-    enough = counts >= FEWEST_CELLS
+    sums, counts = whole.reshape(2, rows, SWATH_BLOCK, columns, SWATH_BLOCK).sum(axis=(2, 4))
+    enough = counts >= MIN_BLOCK_CELLS
     return np.where(enough, sums / np.maximum(counts, 1), np.nan).astype(np.float32)
 
 
 @numba.njit(cache=True, nogil=True)
 def _close(k, count, total, before, sums, number):  # type: ignore[no-untyped-def]
     """End the swath of a cell: compare its height with that of the swath before."""
-    if count[k] >= FEWEST_RETURNS:
+    if count[k] >= MIN_SWATH_RETURNS:
         mean = total[k] / count[k]
         if np.isfinite(before[k]):
             sums[k] += mean - before[k]
@@ -126,7 +126,7 @@ def _differences(cell, t_s, height_m, cells):  # type: ignore[no-untyped-def]
     sums, number = np.zeros(cells), np.zeros(cells, np.int64)
     for i in range(len(cell)):
         k = cell[i]
-        if t_s[i] - seen_s[k] > APART_S:
+        if t_s[i] - seen_s[k] > SWATH_PAUSE_S:
             _close(k, count, total, before, sums, number)
         seen_s[k] = t_s[i]
         count[k] += 1

@@ -18,10 +18,9 @@ from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.coverage import Coverage, coverage
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.heights import cell_surface
-from furrowmap.core.surfaces.passage import Passage, Passages, Track
+from furrowmap.core.surfaces.passage import LinePassage, LineTrack, Passages
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
-from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
+from furrowmap.core.surfaces.statistic import MEDIAN, Statistic, cell_surface
 from furrowmap.core.surfaces.visits import block_differences
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.time_span import Interval
@@ -147,7 +146,7 @@ def tool_passages(trajectory: Trajectory, work: FieldWork, implement: Implement 
     if implement is None or work.ground is None:
         return Passages([])
     return Passages(
-        Track(number, sweep.t_s, sweep.middle_m[:, :2], sweep.half_m)
+        LineTrack(number, sweep.t_s, sweep.middle_m[:, :2], sweep.half_m)
         for number, when in enumerate(work.passes, start=1)
         for sweep in sweeps(trajectory, when, implement)
     )
@@ -197,7 +196,7 @@ def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return kept
 
 
-def _seconds(passage: Passage, begin_s: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _seconds(passage: LinePassage, begin_s: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """First and last passage of each cell in seconds after `begin_s`, flat."""
     first, last = (passage.first_s - begin_s).ravel(), (passage.last_s - begin_s).ravel()
     return first.astype(np.float32), last.astype(np.float32)

@@ -14,7 +14,7 @@ from furrowmap.core.pointclouds.surfaces import cloud_tiles
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.statistic import MEDIAN
-from furrowmap.core.surfaces.visits import BLOCK, SwathDifferences, SwathSums
+from furrowmap.core.surfaces.visits import SWATH_BLOCK, SwathDifferences, SwathSums
 from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, tool_passages
 from furrowmap.core.work.soil_moved import Moved, SoilMoved, SoilSums
 from furrowmap.core.work.strip_outlines import StripGround, StripOutlines
@@ -115,7 +115,7 @@ def write_rasters(
     if grid is None:
         return None
     passages = tool_passages(found.located.trajectory, found.work, found.session.implement)
-    blocks = grid.coarser(BLOCK)
+    blocks = grid.coarser(SWATH_BLOCK)
     kinds = {DSM: (grid, SURFACE_BANDS), SWATHS: (blocks, SWATH_BANDS)}
     if passages:
         kinds |= {DSM_BEFORE: (grid, SURFACE_BANDS), CHANGE: (grid, CHANGE_BANDS)}
@@ -171,7 +171,7 @@ def _arrays(tile: FieldTile, name: str) -> tuple[Grid, Bands]:
         assert tile.coverage is not None
         return tile.coverage.grid, (tile.coverage.density_m2 if name == DENSITY else tile.coverage.strips,)
     if name == SWATHS:
-        return tile.grid.coarser(BLOCK), (tile.swaths_m,)
+        return tile.grid.coarser(SWATH_BLOCK), (tile.swaths_m,)
     if name == CHANGE:
         return tile.grid, (tile.change_m, tile.change_error_m)
     return tile.grid, surface_arrays(tile.after if name == DSM else tile.before)

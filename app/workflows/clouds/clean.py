@@ -24,7 +24,7 @@ from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, Usag
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray
-from furrowmap.core.surfaces.cloth import require_cloth
+from furrowmap.core.surfaces.ground import require_cloth
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt

@@ -18,7 +18,7 @@ from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.surfaces.cloth import require_cloth
+from furrowmap.core.surfaces.ground import require_cloth
 from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin

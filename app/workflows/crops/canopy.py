@@ -25,7 +25,7 @@ from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
-from furrowmap.core.surfaces.spool import TILE, PointSpool
+from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool
 from furrowmap.core.surfaces.statistic import Statistic
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import Parcel
@@ -216,10 +216,10 @@ def _collect(
     """Add the heights above the ground of a tile's points under the key of their area, that of their pixel's middle."""
     grid = tile.grid
     assert tile.above_m is not None
-    own = points.tile((grid.west // TILE, grid.north // TILE - 1))
+    own = points.tile((grid.west // SPOOL_TILE, grid.north // SPOOL_TILE - 1))
     ground_m = (tile.dsm.height_m - tile.above_m).ravel()
     above = own.height_m + own.base_m - ground_m[own.cell]
-    row, column = np.divmod(own.cell.astype(np.int64), TILE)
+    row, column = np.divmod(own.cell.astype(np.int64), SPOOL_TILE)
     east, north = grid.west + column, grid.north - 1 - row
     key = area_at((east + 0.5) * grid.cell_m, (north + 0.5) * grid.cell_m)
     kept = np.isfinite(above) & (key >= 0)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from furrowmap.core.surfaces.coverage import BLOCK, FEWEST_POINTS, coverage
+from furrowmap.core.surfaces.coverage import COVERAGE_BLOCK, MIN_STRIP_POINTS, coverage
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import TilePoints
 
@@ -30,7 +30,7 @@ def test_counts__are_those_of_a_histogram() -> None:
     t = np.sort(random.uniform(0.0, 50.0, 20_000)) + random.normal(0.0, 0.05, 20_000)  # packets come out of order
     cell = (random.beta(2.0, 5.0, 20_000) * 65_535).astype(np.uint16)
     found = coverage(TilePoints(grid, cell, np.zeros(20_000, np.float32), t.astype(np.float32), 0.0, BEGIN_S), strips)
-    row, column = cell // 256 // BLOCK, cell % 256 // BLOCK
+    row, column = cell // 256 // COVERAGE_BLOCK, cell % 256 // COVERAGE_BLOCK
 
     def counted(chosen: np.ndarray) -> np.ndarray:
         return np.histogram2d(row[chosen], column[chosen], bins=(np.arange(33), np.arange(33)))[0]
@@ -41,7 +41,7 @@ def test_counts__are_those_of_a_histogram() -> None:
         np.testing.assert_array_equal(found.by_strip[k], counted((seconds >= begin) & (seconds <= end)))
     np.testing.assert_array_equal(found.points, counted(np.ones(20_000, bool)))
     seen = found.points > 0
-    np.testing.assert_allclose(found.density_m2[seen], found.points[seen] / (0.05 * BLOCK) ** 2, rtol=1e-6)
-    np.testing.assert_array_equal(found.strips[seen], (found.by_strip >= FEWEST_POINTS).sum(axis=0)[seen])
+    np.testing.assert_allclose(found.density_m2[seen], found.points[seen] / (0.05 * COVERAGE_BLOCK) ** 2, rtol=1e-6)
+    np.testing.assert_array_equal(found.strips[seen], (found.by_strip >= MIN_STRIP_POINTS).sum(axis=0)[seen])
     assert np.isnan(found.density_m2[~seen]).all()
     assert found.grid.bounds_m == grid.bounds_m

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError, UsageError
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.heights import cell_surface
 from furrowmap.core.surfaces.spool import PointSpool
-from furrowmap.core.surfaces.statistic import NMAD, TRIM, Statistic
+from furrowmap.core.surfaces.statistic import NMAD, TRIM_NMADS, Statistic, cell_surface
 
 GRID = Grid(0.5, -3, 4, (7, 5))
 NAMES = ["median", "trimmed", "mean", "min", "max", "p0", "p37.5", "p90"]
@@ -33,7 +32,7 @@ def expected(name: str, heights: NDArray[np.float64]) -> tuple[float, float]:
         return float(heights.min() if name == "min" else heights.max()), deviation
     spread = float(nmad) if len(heights) > 1 else np.nan
     if name == "trimmed":
-        return float(heights[abs(heights - median) <= TRIM * nmad * (1 + 1e-6) + 1e-9].mean()), spread
+        return float(heights[abs(heights - median) <= TRIM_NMADS * nmad * (1 + 1e-6) + 1e-9].mean()), spread
     return float(np.percentile(heights, Statistic.parse(name).percent)), spread
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.surfaces.passage import Passages, Track
+from furrowmap.core.surfaces.passage import LineTrack, Passages
 
 METRES = st.floats(-2e6, 2e6, allow_nan=False)
 CELLS = st.sampled_from([0.02, 0.05, 0.1, 0.25, 0.3, 1.0])
@@ -79,10 +79,10 @@ def test_unfit_grids__are_refused(cell_m: float, bounds: tuple[float, float, flo
     assert refused.value.code == code
 
 
-def straight(number: int, begin_s: float, n_m: float) -> Track:
+def straight(number: int, begin_s: float, n_m: float) -> LineTrack:
     """A line 2 m wide driven eastward at 1 m/s from x = 0 to 10 m."""
     t = np.linspace(0.0, 10.0, 101)
-    return Track(number, begin_s + t, np.column_stack([t, np.full(101, n_m)]), np.tile([0.0, 1.0], (101, 1)))
+    return LineTrack(number, begin_s + t, np.column_stack([t, np.full(101, n_m)]), np.tile([0.0, 1.0], (101, 1)))
 
 
 def test_passages__of_straight_lines_are_at_the_time_their_line_is_there() -> None:
@@ -109,7 +109,7 @@ def test_passages__with_ground_beside_reach_further_but_not_on() -> None:
 def test_passages__round_a_bend_are_at_the_angle_of_each_cell(begin_rad: float, radius_m: float) -> None:
     angle = begin_rad + np.linspace(0.0, 2.0, 400)
     out = np.column_stack([np.cos(angle), np.sin(angle)])
-    track = Track(1, np.linspace(0.0, 2.0, 400), radius_m * out, -out)
+    track = LineTrack(1, np.linspace(0.0, 2.0, 400), radius_m * out, -out)
     grid = Grid.of_bounds(0.25, (-9.5, -9.5, 9.5, 9.5))
     passage = Passages([track]).over(grid)
     e, n = np.meshgrid(*grid.centres_m())

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import TilePoints
-from furrowmap.core.surfaces.visits import BINS, BLOCK, SwathSums, block_differences
+from furrowmap.core.surfaces.visits import BINS, SWATH_BLOCK, SwathSums, block_differences
 
 GRID = Grid(0.05, 0, 64, (64, 64))
 
@@ -37,7 +37,7 @@ def swaths(offsets_m: list[float], noise_m: float, pause_s: float, returns: int 
 
 def summed(difference_m: NDArray[np.float32]) -> SwathSums:
     sums = SwathSums()
-    sums.add(difference_m, (0.05 * BLOCK) ** 2)
+    sums.add(difference_m, (0.05 * SWATH_BLOCK) ** 2)
     return sums
 
 
@@ -117,10 +117,10 @@ def test_swaths__too_few_returns_say_nothing() -> None:
 @given(st.integers(-9_999, 9_999), st.integers(-9_999, 9_999), st.integers(1, 99), st.integers(1, 99))
 def test_coarser_grid__covers_the_cells_with_no_block_to_spare(west: int, north: int, rows: int, columns: int) -> None:
     cells = Grid(0.05, west, north, (rows, columns))
-    blocks = cells.coarser(BLOCK)
+    blocks = cells.coarser(SWATH_BLOCK)
     inner, outer = np.array(cells.bounds_m), np.array(blocks.bounds_m)
     beyond = (inner - outer) * (1, 1, -1, -1)
-    assert blocks.cell_m == pytest.approx(BLOCK * 0.05)
+    assert blocks.cell_m == pytest.approx(SWATH_BLOCK * 0.05)
     assert (beyond > -1e-6).all()
     assert (beyond < blocks.cell_m - 1e-6).all()
 
@@ -129,7 +129,7 @@ def test_sums__do_not_depend_on_how_the_land_is_cut_and_keep_far_ones() -> None:
     difference = np.random.default_rng(1).normal(0.0, 0.2, (40, 40)).astype(np.float32)
     one, parts = summed(difference).differences(), SwathSums()
     for part in np.array_split(difference, 7):
-        parts.add(part, (0.05 * BLOCK) ** 2)
+        parts.add(part, (0.05 * SWATH_BLOCK) ** 2)
     other = parts.differences()
     assert one is not None
     assert other is not None

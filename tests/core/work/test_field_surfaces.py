@@ -11,13 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.surfaces.passage import Passages, Track
-from furrowmap.core.surfaces.spool import TILE, TilePoints
+from furrowmap.core.surfaces.passage import LineTrack, Passages
+from furrowmap.core.surfaces.spool import SPOOL_TILE, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.work.field_surfaces import BESIDE_M, FieldPoints, FieldTile, field_tile
 from furrowmap.core.work.soil_moved import SoilSums
 
-GRID = Grid(0.05, 0, TILE, (TILE, TILE))
+GRID = Grid(0.05, 0, SPOOL_TILE, (SPOOL_TILE, SPOOL_TILE))
 PASSED_S = 100.0
 BEFORE_M, AFTER_M = 1.0, 1.03
 EASTING, NORTHING = np.meshgrid(*GRID.centres_m())
@@ -29,7 +29,7 @@ def passages() -> Passages:
     """A line 2 m wide that passes all cells about 6 m north within half a second."""
     t = np.linspace(0.0, 1.0, 50)
     middle = np.column_stack([-1.0 + 15.0 * t, np.full(50, 6.0)])
-    return Passages([Track(1, PASSED_S + 0.5 * t, middle, np.tile([0.0, 1.0], (50, 1)))])
+    return Passages([LineTrack(1, PASSED_S + 0.5 * t, middle, np.tile([0.0, 1.0], (50, 1)))])
 
 
 def looks(t_s: float, height_m: float, where: NDArray[np.bool_], each: int = 3) -> tuple[NDArray[np.generic], ...]:
@@ -61,7 +61,7 @@ def test_points__are_given_up_at_the_end_begun_or_not(tmp_path: Path) -> None:
     assert held() == (0, before)
 
 
-EVERYWHERE = np.ones(TILE * TILE, bool)
+EVERYWHERE = np.ones(SPOOL_TILE * SPOOL_TILE, bool)
 
 
 def test_worked_ground__has_the_height_of_its_latest_soil() -> None:
