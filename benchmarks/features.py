@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.yards import Kind, Yard, yard
-from furrowmap.core.features.classification import Tile, classify
-from furrowmap.core.features.eigenfeatures import eigenfeatures
+from furrowmap.core.features.classification import FeatureTile, classify
+from furrowmap.core.features.eigenfeatures import neighbourhoods
 from furrowmap.core.surfaces.ground import classify_ground
 
 CELL_M = 0.05
@@ -37,9 +37,11 @@ def scores(seen: Yard) -> NDArray[np.float64]:
     """F1 (3, 5) by shape, with colours, with images."""
     ground = classify_ground(seen.xyz_m)
     tiles = [
-        Tile(seen.xyz_m, ground, CELL_M),
-        Tile(seen.xyz_m, ground, CELL_M, seen.rgb),
-        Tile(seen.xyz_m, ground, CELL_M, seen.rgb, None if seen.segment is None else seen.segment.astype(np.int64)),
+        FeatureTile(seen.xyz_m, ground, CELL_M),
+        FeatureTile(seen.xyz_m, ground, CELL_M, seen.rgb),
+        FeatureTile(
+            seen.xyz_m, ground, CELL_M, seen.rgb, None if seen.segment is None else seen.segment.astype(np.int64)
+        ),
     ]
     return np.array([f1(seen.kind, classify(tile).feature) for tile in tiles])
 
@@ -60,11 +62,11 @@ def speed() -> None:
 
     seen = yard(1, 32.0, 2.0)
     xyz, ground = seen.xyz_m, classify_ground(seen.xyz_m)
-    eigenfeatures(xyz[:1000], RADIUS_M)
-    classify(Tile(xyz[:50_000], ground[:50_000], CELL_M))  # compiles
+    neighbourhoods(xyz[:1000], xyz[:1000], (RADIUS_M,))
+    classify(FeatureTile(xyz[:50_000], ground[:50_000], CELL_M))  # compiles
     some = xyz[(xyz[:, 0] < 16.0) & (xyz[:, 1] < 16.0)]
     begin = process_time()
-    eigenfeatures(some, RADIUS_M)
+    neighbourhoods(some, some, (RADIUS_M,))
     ours, begin = process_time() - begin, process_time()
     names = ["linearity", "planarity", "sphericity", "verticality", "nx", "ny", "nz"]
     jakteristics.compute_features(some, RADIUS_M, num_threads=1, feature_names=names)
@@ -73,14 +75,14 @@ def speed() -> None:
     begin = process_time()
     classify_ground(xyz)
     filtered, begin = process_time() - begin, process_time()
-    classify(Tile(xyz, ground, CELL_M))
+    classify(FeatureTile(xyz, ground, CELL_M))
     classed = process_time() - begin
     print(
         f"SMRF: {len(xyz) / filtered:,.0f} points/s a core; classification: {len(xyz) / classed:,.0f} points/s a core"
     )
     wall = perf_counter()
     with ThreadPoolExecutor(2) as pool:
-        list(pool.map(classify, [Tile(xyz, ground, CELL_M)] * 2))
+        list(pool.map(classify, [FeatureTile(xyz, ground, CELL_M)] * 2))
     print(f"two tiles in two threads: {2 * len(xyz) / (perf_counter() - wall):,.0f} points/s of the clock")
 
 

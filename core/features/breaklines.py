@@ -27,20 +27,20 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BreakKind = Literal["ditch", "ridge", "edge"]
 
-CELL_M: Final = 0.25
+BREAK_CELL_M: Final = 0.25
 SMOOTH_CELLS: Final = 1.6
 """Deviation of the smoothing: furrows of a metre and less vanish."""
 DEPTH_CELLS: Final = 0.7
 """The same for depths, which smoothing makes less."""
-CURVATURE: Final = 0.25
-"""Least curvature, in 1/m: undulations of 0.1 m over 5 m have less."""
+MIN_CURVATURE: Final = 0.25
+"""In 1/m: undulations of 0.1 m over 5 m have less."""
 ACROSS_M: Final = (0.5, 1.0, 1.5, 2.0)
 """Distances from a ditch at which its banks are measured."""
-DEPTH_M: Final = 0.15
-"""Least height of both banks above a ditch."""
-LINK_M: Final = 0.8
-LEAST_LENGTH_M: Final = 3.0
-FEWEST_CELLS: Final = 36
+MIN_DITCH_DEPTH_M: Final = 0.15
+"""Of both banks above a ditch."""
+MAX_LINK_M: Final = 0.8
+MIN_BREAK_LENGTH_M: Final = 3.0
+MIN_BREAK_CELLS: Final = 36
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,8 @@ class BreakPoints:
     @classmethod
     def joined(cls, parts: list[BreakPoints]) -> BreakPoints:
         """Those of all parts."""
-        return cls(
-            np.concatenate([np.zeros((0, 3)), *(part.xyz_m for part in parts)]),
-            np.concatenate([np.zeros(0, bool), *(part.concave for part in parts)]),
-            np.concatenate([np.zeros(0), *(part.depth_m for part in parts)]),
-        )
+        every = [cls(np.zeros((0, 3)), np.zeros(0, bool), np.zeros(0)), *parts]
+        return cls(*(np.concatenate([getattr(part, name) for part in every]) for name in vars(every[0])))
 
 
 @dataclass(frozen=True)
@@ -93,110 +90,86 @@ class Breakline:
 
 
 def break_points(xyz_m: FloatArray) -> BreakPoints:
-    """Points of breaklines of the ground points (n, 3) of one tile; cells begin at multiples of :data:`CELL_M`."""
+    """Points of breaklines of the ground points (n, 3) of one tile, in cells of :data:`BREAK_CELL_M`."""
     nothing = BreakPoints.joined([])
     if not len(xyz_m):
         return nothing
-    corner, last = (np.floor(end[:2] / CELL_M) for end in bounds(xyz_m))
+    corner, last = (np.floor(end[:2] / BREAK_CELL_M) for end in bounds(xyz_m))
     shape = (last - corner).astype(np.int64) + 1
-    height = medians(cells_of(xyz_m, corner, CELL_M, int(shape[1])), xyz_m[:, 2], shape)
+    height = medians(cells_of(xyz_m, corner, BREAK_CELL_M, int(shape[1])), xyz_m[:, 2], shape)
     known = np.isfinite(height)
-    if np.count_nonzero(known) < FEWEST_CELLS or shape.min() < 3:
+    if np.count_nonzero(known) < MIN_BREAK_CELLS or shape.min() < 3:
         return nothing
     rough = filled(height)
     ground = gaussian_filter(rough, DEPTH_CELLS, mode="nearest")
     xx, xy, yy = (
-        gaussian_filter(rough, SMOOTH_CELLS, order, mode="nearest") / CELL_M**2 for order in ((2, 0), (1, 1), (0, 2))
+        gaussian_filter(rough, SMOOTH_CELLS, order, mode="nearest") / BREAK_CELL_M**2
+        for order in ((2, 0), (1, 1), (0, 2))
     )
     curvature, across = _principal(xx, xy, yy)
-    column, row = np.nonzero(binary_dilation(known) & (np.abs(curvature) >= CURVATURE))
+    column, row = np.nonzero(binary_dilation(known) & (np.abs(curvature) >= MIN_CURVATURE))
     at, way = np.array([column, row]), across[:, column, row]
     own = curvature[column, row]
     beside = [map_coordinates(curvature, at + sign * way, order=1, mode="nearest") for sign in (-1.0, 1.0)]
     top = (np.sign(own) * beside[0] <= np.abs(own)) & (np.sign(own) * beside[1] < np.abs(own))
     at, way, own = at[:, top], way[:, top], own[top]
     level = ground[tuple(at)]
-    rise = (
-        np.stack(
-            [
-                np.max(
-                    [
-                        np.sign(own)
-                        * (map_coordinates(ground, at + sign * d / CELL_M * way, order=1, mode="nearest") - level)
-                        for d in ACROSS_M
-                    ],
-                    axis=0,
-                )
-                for sign in (-1.0, 1.0)
-            ]
-        )
-        if len(own)
-        else np.zeros((2, 0))
-    )
-    place = (at.T + corner + 0.5) * CELL_M
+    rise = np.zeros((2, len(own)))
+    if len(own):
+        for side, sign in enumerate((-1.0, 1.0)):
+            places = [at + sign * d / BREAK_CELL_M * way for d in ACROSS_M]
+            banks = [map_coordinates(ground, place, order=1, mode="nearest") for place in places]
+            rise[side] = np.max([np.sign(own) * (bank - level) for bank in banks], axis=0)
+    place = (at.T + corner + 0.5) * BREAK_CELL_M
     return BreakPoints(np.column_stack([place, level]), own > 0.0, np.maximum(rise.min(axis=0), 0.0))
 
 
 def breaklines(points: BreakPoints) -> list[Breakline]:
     """Lines of points that are near each other, of one kind each."""
-    deep = points.depth_m >= DEPTH_M
+    deep = points.depth_m >= MIN_DITCH_DEPTH_M
     return [
-        line
-        for concave, both, kind in _KINDS
-        for line in _linked(points.where((points.concave == concave) & (deep == both)), kind)
+        *_link_points(points.where(points.concave & deep), "ditch"),
+        *_link_points(points.where(~points.concave & deep), "ridge"),
+        *_link_points(points.where(points.concave & ~deep), "edge"),
+        *_link_points(points.where(~points.concave & ~deep), "edge"),
     ]
 
 
-_KINDS: Final[tuple[tuple[bool, bool, BreakKind], ...]] = (
-    (True, True, "ditch"), (False, True, "ridge"), (True, False, "edge"), (False, False, "edge"),
-)  # fmt: skip
-
-
-def _linked(points: BreakPoints, kind: BreakKind) -> list[Breakline]:
+def _link_points(points: BreakPoints, kind: BreakKind) -> list[Breakline]:
     if len(points) < 2:
         return []
     flat = points.xyz_m[:, :2]
-    pairs = cKDTree(flat).query_pairs(LINK_M, output_type="ndarray")
+    pairs = cKDTree(flat).query_pairs(MAX_LINK_M, output_type="ndarray")
     if not len(pairs):
         return []
     apart = np.linalg.norm(flat[pairs[:, 0]] - flat[pairs[:, 1]], axis=1)
     tree: Any = minimum_spanning_tree(coo_array((apart, (pairs[:, 0], pairs[:, 1])), shape=(len(flat),) * 2).tocsr())
     _, label = connected_components(tree, directed=False)
     out = []
-    for number in np.flatnonzero(np.bincount(label) * CELL_M >= 0.5 * LEAST_LENGTH_M).tolist():
+    for number in np.flatnonzero(np.bincount(label) * BREAK_CELL_M >= 0.5 * MIN_BREAK_LENGTH_M).tolist():
         members = np.flatnonzero(label == number)
-        part = tree[members][:, members]
-        path = members[_longest(part)]
-        xyz = _smoothed(points.xyz_m[path])
-        if np.linalg.norm(np.diff(xyz[:, :2], axis=0), axis=1).sum() >= LEAST_LENGTH_M:
+        path = members[_longest_path(tree[members][:, members])]
+        # as a point a metre: means of its neighbours
+        smooth = gaussian_filter(points.xyz_m[path], (2.0, 0.0), mode="nearest")
+        smooth[[0, -1]] = points.xyz_m[path][[0, -1]]
+        step = max(1, round(1.0 / BREAK_CELL_M))
+        xyz = smooth[np.unique(np.append(np.arange(0, len(smooth), step), len(smooth) - 1))]
+        if np.linalg.norm(np.diff(xyz[:, :2], axis=0), axis=1).sum() >= MIN_BREAK_LENGTH_M:
             depth = float(np.median(points.depth_m[path])) if kind != "edge" else 0.0
             out.append(Breakline(kind, xyz, depth, len(members)))
     return out
 
 
-def _longest(tree: Any) -> IntArray:
+def _longest_path(tree: Any) -> IntArray:
     """The longest path in a tree: from the node farthest from any to that farthest from it."""
-    first = _farthest(tree, 0)
-    last = _farthest(tree, first)
+    first = last = 0
+    for _ in range(2):
+        first, last = last, int(np.argmax(dijkstra(tree, directed=False, indices=np.array([last]))))
     _, before = breadth_first_order(tree, first, directed=False)
     path = [last]
     while path[-1] != first:
         path.append(int(before[path[-1]]))
     return np.array(path, np.int64)
-
-
-def _farthest(tree: Any, node: int) -> int:
-    """The node farthest from a node."""
-    return int(np.argmax(dijkstra(tree, directed=False, indices=np.array([node]))))
-
-
-def _smoothed(path_m: FloatArray) -> FloatArray:
-    """A path of cells as a line of a point a metre: means of its neighbours."""
-    smooth: FloatArray = gaussian_filter(path_m, (2.0, 0.0), mode="nearest")
-    smooth[[0, -1]] = path_m[[0, -1]]
-    step = max(1, round(1.0 / CELL_M))
-    out: FloatArray = smooth[np.unique(np.append(np.arange(0, len(smooth), step), len(smooth) - 1))]
-    return out
 
 
 def _principal(xx: FloatArray, xy: FloatArray, yy: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numba
@@ -14,9 +14,9 @@ from scipy.spatial import cKDTree
 from furrowmap.core.features.classes import Feature
 from furrowmap.core.features.eigenfeatures import Eigenfeatures, neighbourhoods
 from furrowmap.core.features.ground_surface import heights_above_ground
-from furrowmap.core.features.lines import LINEARITY, Line, lines
-from furrowmap.core.features.planes import PURITY, Plane, planes
-from furrowmap.core.features.segment_votes import VOTED, colour_segments, voted
+from furrowmap.core.features.lines import MIN_LINEARITY, DetectedLine, find_lines
+from furrowmap.core.features.planes import HORIZONTAL_NORMAL, MIN_PLANE_PURITY, Plane, find_planes
+from furrowmap.core.features.segment_votes import VOTED, colour_segments, vote_classes
 from furrowmap.core.features.voxels import Voxels, voxels
 from furrowmap.core.values.extents import bounds
 
@@ -24,34 +24,32 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-HORIZONTAL: Final = 0.7071
-"""Least height of the unit normal of a horizontal plane: roofs up to 45 degrees."""
-LEVEL: Final = 0.75
-"""Least height of the unit normal of ground that the filter missed, as beyond a ditch at the rim of a cloud."""
-LEVEL_PURITY: Final = 0.7
-"""Least purity of such ground: it need not be as even as a roof or a table."""
-STEP_M: Final = 0.2
+MIN_LEVEL_NORMAL: Final = 0.75
+"""Height of the unit normal of ground that the filter missed, as beyond a ditch at the rim of a cloud."""
+MIN_LEVEL_PURITY: Final = 0.7
+"""Of such ground: it need not be as even as a roof or a table."""
+GROUND_STEP_M: Final = 0.2
 """What is flat and nowhere higher than this above the ground beside it is ground."""
-FENCE_PURITY: Final = 0.8
-"""Least purity of an open vertical plane, such as the wires of a fence."""
-FENCE_LENGTH_M: Final = 1.5
-FENCE_NORMAL: Final = 0.2
-"""Greatest height of its unit normal."""
+MIN_FENCE_PURITY: Final = 0.8
+"""Of an open vertical plane, such as the wires of a fence."""
+MIN_FENCE_LENGTH_M: Final = 1.5
+MAX_FENCE_NORMAL: Final = 0.2
+"""Height of its unit normal."""
 SCATTER_EVIDENCE: Final = 0.7
 """Of a voxel that is on no plane or line."""
 LINE_EVIDENCE: Final = 0.33
 """Of a voxel in a long neighbourhood that is on no line: it needs colours to become one."""
-FLATTEST: Final = 15.0
+NOISE_PERCENTILE: Final = 15.0
 """Percentile of the thickness of flat neighbourhoods that is the noise of the scanner."""
 STRIPS_M: Final = 4.0
 """Width of the strip of ground in which the noise is estimated as well."""
-FEWEST: Final = 100
-TOLERANCE_M: Final = (0.04, 0.12)
+MIN_STRIP_GROUND: Final = 100
+PLANE_TOLERANCE_M: Final = (0.04, 0.12)
 """Limits of the distance from a plane of a point that is on it: three deviations of the noise."""
 
 
 @dataclass(frozen=True)
-class Tile:
+class FeatureTile:
     """What is classified at once: n finite points.
 
     Attributes:
@@ -88,17 +86,17 @@ class Classified:
     of_voxel: IntArray
     voxel_m: FloatArray
     planes: list[Plane]
-    lines: list[Line]
+    lines: list[DetectedLine]
     fences: list[Plane]
 
 
-def classify(tile: Tile) -> Classified:
+def classify(tile: FeatureTile) -> Classified:
     """The class of each point of a tile, by voxels."""
     above, ground = heights_above_ground(tile.xyz_m, tile.ground)
     rest = np.flatnonzero(~ground)
     fine = voxels(tile.xyz_m[rest], tile.cell_m)
-    found, tolerance = _planes(fine, tile.xyz_m[ground], tile.cell_m)
-    of_ground = _ground_planes(tile, ground, fine, found)
+    found, tolerance = _candidate_planes(fine, tile.xyz_m[ground], tile.cell_m)
+    of_ground = _find_ground_planes(tile, ground, fine, found)
     own = np.full(len(fine), Feature.SCATTER, np.uint8)
     if of_ground.any():
         ground = ground.copy()
@@ -107,17 +105,17 @@ def classify(tile: Tile) -> Classified:
         own[of_ground | (fine.mean_of(ground[rest]) > 0.5)] = Feature.GROUND
         found = [plane for plane in found if not of_ground[plane.members].all()]
     evidence = _plane_evidence(own, found)
-    flat = [plane for plane in found if plane.purity >= PURITY]
+    flat = [plane for plane in found if plane.purity >= MIN_PLANE_PURITY]
     free = np.flatnonzero((own == Feature.SCATTER) & (evidence[:, :2].max(axis=1, initial=0.0) < 0.5))
-    bars, fences, linearity = _lines(fine.mean_m[free], tile.cell_m, tolerance)
-    faint = LINE_EVIDENCE * np.interp(linearity, [0.5, LINEARITY], [0.0, 1.0])
+    bars, fences, linearity = _find_bars(fine.mean_m[free], tile.cell_m, tolerance)
+    faint = LINE_EVIDENCE * np.interp(linearity, [0.5, MIN_LINEARITY], [0.0, 1.0])
     evidence[free, 2], evidence[free, 3] = faint, evidence[free, 3] - faint
     for line in bars:
         evidence[free[line.members]] = (0.0, 0.0, 0.5 + 0.5 * line.purity, 0.5 - 0.5 * line.purity)
     for fence in fences:
         evidence[free[fence.members]] = (0.0, 0.0, fence.purity, 1.0 - fence.purity)
     standing = own == Feature.SCATTER
-    own[standing] = voted(evidence[standing], *_segments(tile, rest, fine, standing))
+    own[standing] = vote_classes(evidence[standing], *_segments(tile, rest, fine, standing))
     feature = np.where(ground, Feature.GROUND, Feature.NONE).astype(np.uint8)
     feature[rest] = own[fine.of_point]
     of_voxel = np.full(len(feature), -1, np.int64)
@@ -128,12 +126,12 @@ def classify(tile: Tile) -> Classified:
         of_voxel,
         fine.mean_m,
         flat,
-        [Line(free[line.members], line.path_m, line.direction, line.purity) for line in bars],
-        [_of(fence, free) for fence in fences],
+        [replace(line, members=free[line.members]) for line in bars],
+        [replace(fence, members=free[fence.members]) for fence in fences],
     )
 
 
-def _planes(fine: Voxels, ground_m: FloatArray, cell_m: float) -> tuple[list[Plane], float]:
+def _candidate_planes(fine: Voxels, ground_m: FloatArray, cell_m: float) -> tuple[list[Plane], float]:
     """Candidates of planes, and the tolerance by the noise of what is flat."""
     coarse = voxels(fine.mean_m, 2.0 * cell_m)
     (wide,) = neighbourhoods(coarse.mean_m, coarse.mean_m, (8.0 * cell_m,))
@@ -141,27 +139,31 @@ def _planes(fine: Voxels, ground_m: FloatArray, cell_m: float) -> tuple[list[Pla
     # Where hedges outnumber walls the flattest there is may be their faces, but the ground is known.
     west = ground_m[:, 0].min(initial=np.inf)
     strip = ground_m[ground_m[:, 0] < west + STRIPS_M]
-    if len(strip) >= FEWEST:
+    if len(strip) >= MIN_STRIP_GROUND:
         thin = voxels(strip, 2.0 * cell_m).mean_m
         noise = min(noise, _thinnest(*neighbourhoods(thin, thin, (8.0 * cell_m,))))
-    tolerance = float(np.clip(3.0 * noise, TOLERANCE_M[0], max(TOLERANCE_M[1], 0.5 * cell_m)))
-    return planes(fine.mean_m, wide.at(coarse.of_point), cell_m, tolerance, 3.0 * cell_m), tolerance
+    tolerance = float(np.clip(3.0 * noise, PLANE_TOLERANCE_M[0], max(PLANE_TOLERANCE_M[1], 0.5 * cell_m)))
+    return find_planes(fine.mean_m, wide.at(coarse.of_point), cell_m, tolerance, 3.0 * cell_m), tolerance
 
 
 def _thinnest(shape: Eigenfeatures) -> float:
     """Thickness of the flattest neighbourhoods: the noise of the scanner; inf where none is flat."""
     flat = shape.planarity > 0.4
-    return float(np.percentile(np.sqrt(shape.eigenvalue_m2[flat, 2]), FLATTEST)) if flat.any() else np.inf
+    return float(np.percentile(np.sqrt(shape.eigenvalue_m2[flat, 2]), NOISE_PERCENTILE)) if flat.any() else np.inf
 
 
-def _ground_planes(tile: Tile, ground: BoolArray, fine: Voxels, found: list[Plane]) -> BoolArray:
+def _find_ground_planes(tile: FeatureTile, ground: BoolArray, fine: Voxels, found: list[Plane]) -> BoolArray:
     """Which voxels are on level planes that reach down to the ground: ground that the filter missed."""
     of_ground = np.zeros(len(fine), bool)
-    pending = [plane for plane in found if plane.normal[2] >= LEVEL and plane.purity >= LEVEL_PURITY]
+    pending = [plane for plane in found if plane.normal[2] >= MIN_LEVEL_NORMAL and plane.purity >= MIN_LEVEL_PURITY]
     if not pending or not ground.any():
         return of_ground
-    side, reach = 2.0 * tile.cell_m, max(STEP_M, 4.0 * tile.cell_m)
-    touched = voxels(_beside(tile.xyz_m[ground], fine, pending, reach + side), side).mean_m
+    side, reach = 2.0 * tile.cell_m, max(GROUND_STEP_M, 4.0 * tile.cell_m)
+    # the ground points in the boxes of planes and a margin around them
+    ground_m, margin_m = tile.xyz_m[ground], reach + side
+    ends = [bounds(fine.mean_m[plane.members]) for plane in pending]
+    boxes = np.array([[*(low - margin_m), *(high + margin_m)] for low, high in ends])
+    touched = voxels(ground_m[_in_boxes(ground_m, boxes)], side).mean_m
     while pending and len(touched):
         tree = cKDTree(touched)
         new: list[Plane] = []
@@ -177,14 +179,6 @@ def _ground_planes(tile: Tile, ground: BoolArray, fine: Voxels, found: list[Plan
         touched = fine.mean_m[np.concatenate([plane.members for plane in new])] if new else np.zeros((0, 3))
         pending = others
     return of_ground
-
-
-def _beside(ground_m: FloatArray, fine: Voxels, pending: list[Plane], margin_m: float) -> FloatArray:
-    """The ground points (k, 3) in the boxes of planes and a margin around them."""
-    ends = [bounds(fine.mean_m[plane.members]) for plane in pending]
-    boxes = np.array([[*(low - margin_m), *(high + margin_m)] for low, high in ends])
-    inside: FloatArray = ground_m[_in_boxes(ground_m, boxes)]
-    return inside
 
 
 @numba.njit(cache=True, nogil=True)
@@ -208,14 +202,16 @@ def _plane_evidence(own: NDArray[np.uint8], found: list[Plane]) -> FloatArray:
     evidence[:, 3] = SCATTER_EVIDENCE
     for plane in reversed(found):  # the largest has the last word
         members = plane.members[own[plane.members] == Feature.SCATTER]
-        sure = float(np.interp(plane.purity, [PURITY - 0.25, PURITY, 1.0], [0.0, 0.5 + 1e-6, 1.0]))
+        sure = float(np.interp(plane.purity, [MIN_PLANE_PURITY - 0.25, MIN_PLANE_PURITY, 1.0], [0.0, 0.5 + 1e-6, 1.0]))
         weaker = (evidence[members, :2].max(axis=1) <= sure) | (sure >= 0.5)
-        upright = abs(plane.normal[2]) < HORIZONTAL
+        upright = abs(plane.normal[2]) < HORIZONTAL_NORMAL
         evidence[members[weaker]] = (0.0, sure, 0.0, 1.0 - sure) if upright else (sure, 0.0, 0.0, 1.0 - sure)
     return evidence
 
 
-def _lines(xyz_m: FloatArray, cell_m: float, tolerance_m: float) -> tuple[list[Line], list[Plane], FloatArray]:
+def _find_bars(
+    xyz_m: FloatArray, cell_m: float, tolerance_m: float
+) -> tuple[list[DetectedLine], list[Plane], FloatArray]:
     """Lines, open vertical planes of them, and the linearity (n,) of the voxels (n, 3)."""
     coarse = voxels(xyz_m, 2.0 * cell_m)
     radii = (5.0 * cell_m, 10.0 * cell_m, 12.0 * cell_m)
@@ -223,18 +219,18 @@ def _lines(xyz_m: FloatArray, cell_m: float, tolerance_m: float) -> tuple[list[L
     longer = np.nan_to_num(wide.linearity) > np.nan_to_num(near.linearity)
     linearity = np.fmax(near.linearity, wide.linearity).astype(np.float64)
     direction = np.where(longer[:, None], wide.direction, near.direction).astype(np.float64)
-    bars = lines(xyz_m, linearity, direction, cell_m)
-    open_planes = planes(xyz_m, widest, cell_m, tolerance_m, 6.0 * cell_m, fill=(0.0, math.inf))
+    bars = find_lines(xyz_m, linearity, direction, cell_m)
+    open_planes = find_planes(xyz_m, widest, cell_m, tolerance_m, 6.0 * cell_m, fill=(0.0, math.inf))
     fences = []
     for plane in open_planes:
         flat, _ = plane.flat(xyz_m[plane.members])
-        long = np.ptp(flat[:, 0]) >= FENCE_LENGTH_M
-        if plane.purity >= FENCE_PURITY and abs(plane.normal[2]) < FENCE_NORMAL and long:
+        long = np.ptp(flat[:, 0]) >= MIN_FENCE_LENGTH_M
+        if plane.purity >= MIN_FENCE_PURITY and abs(plane.normal[2]) < MAX_FENCE_NORMAL and long:
             fences.append(plane)
     return bars, fences, np.nan_to_num(linearity)
 
 
-def _segments(tile: Tile, rest: IntArray, fine: Voxels, asked: BoolArray) -> tuple[IntArray, FloatArray | None]:
+def _segments(tile: FeatureTile, rest: IntArray, fine: Voxels, asked: BoolArray) -> tuple[IntArray, FloatArray | None]:
     """Segment and colour of the voxels asked for: of images where there are any, else of the colours of the points."""
     segment = np.full(len(fine), -1, np.int64)
     rgb = None
@@ -245,8 +241,3 @@ def _segments(tile: Tile, rest: IntArray, fine: Voxels, asked: BoolArray) -> tup
     elif rgb is not None:
         segment[asked] = colour_segments(fine.mean_m[asked], rgb[asked], 3.0 * tile.cell_m)
     return segment[asked], None if rgb is None else rgb[asked]
-
-
-def _of(plane: Plane, index: IntArray) -> Plane:
-    """A plane of some voxels as one of all."""
-    return Plane(index[plane.members], plane.centre_m, plane.normal, plane.rms_m, plane.purity, plane.area_m2)

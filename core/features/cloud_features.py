@@ -12,24 +12,25 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.features.breaklines import CELL_M, BreakPoints, break_points, breaklines
+from furrowmap.core.features.breaklines import BREAK_CELL_M, BreakPoints, break_points, breaklines
 from furrowmap.core.features.classes import Feature, feature_codes
-from furrowmap.core.features.classification import Classified, Tile, classify
+from furrowmap.core.features.classification import Classified, FeatureTile, classify
 from furrowmap.core.features.objects import (
     LineObject,
     PlanePiece,
     ground_lines,
-    joined,
-    joined_lines,
+    join_lines,
+    join_planes,
     line_objects,
-    piece,
-    upright,
+    outline_plane,
+    plane_foot,
 )
 from furrowmap.core.features.planes import Plane
 from furrowmap.core.features.plants import Plants, plants
 from furrowmap.core.pointclouds.cleaning import SquareSpool, blocks, classified_spool, squares_around
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds
+from furrowmap.core.pointclouds.spooled_clouds import CLASSED_SHARE
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.runtime.background import in_turn
@@ -42,13 +43,11 @@ from furrowmap.core.values.scan import PointClass
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-PATCH_M: Final = 1.0
-CELLS_M: Final = (0.05, 0.4)
+DENSITY_CELL_M: Final = 1.0
+VOXEL_RANGE_M: Final = (0.05, 0.4)
 """Limits of the size of voxels."""
-CLASSED_SHARE: Final = 0.01
-"""Least share of ground points in a cloud whose ground is classified."""
-MARGIN_M: Final = 2.0
-MARGIN_VOXELS: Final = 24.0
+MIN_TILE_MARGIN_M: Final = 2.0
+TILE_MARGIN_VOXELS: Final = 24.0
 """Least margin of a tile: a wire of the least length that begins at its border, and twice the widest neighbourhood."""
 TILE_POINTS: Final = 2_000_000
 OWN_CELL_M: Final = 0.5
@@ -56,7 +55,7 @@ OWN_CELL_M: Final = 0.5
 
 
 @dataclass
-class Found:
+class FoundFeatures:
     """Features found in the tiles done so far.
 
     Attributes:
@@ -73,7 +72,7 @@ class Found:
     breaks: list[BreakPoints] = field(default_factory=list)
     points: NDArray[np.int64] = field(default_factory=lambda: np.zeros(len(Feature), np.int64))
 
-    def add(self, other: Found) -> None:
+    def add(self, other: FoundFeatures) -> None:
         """Add what another tile holds."""
         for name in ("planes", "lines", "plants", "breaks"):
             getattr(self, name).extend(getattr(other, name))
@@ -81,13 +80,13 @@ class Found:
 
     def joined_planes(self) -> list[PlanePiece]:
         """Planes without the borders of tiles, the largest first."""
-        return joined(self.planes)
+        return join_planes(self.planes)
 
     def all_lines(self, planes: list[PlanePiece]) -> list[LineObject]:
         """Poles, wires, fences, the feet of the vertical planes among the planes, and lines in the ground."""
-        stand = [upright(plane, "fence" if plane.is_open else "wall") for plane in planes if plane.vertical]
+        stand = [plane_foot(plane, "fence" if plane.is_open else "wall") for plane in planes if plane.vertical]
         in_ground = ground_lines(breaklines(BreakPoints.joined(self.breaks)))
-        return [*joined_lines(self.lines), *stand, *in_ground]
+        return [*join_lines(self.lines), *stand, *in_ground]
 
     def all_plants(self) -> Plants:
         """The plants of all tiles."""
@@ -98,7 +97,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Density:
-    """What one pass over clouds tells.
+    """Density of clouds.
 
     Attributes:
         cell_m: of voxels that fit the spacing of the points.
@@ -109,26 +108,26 @@ class Density:
     classified: bool
 
 
-def density(clouds: Clouds, box: Box | None = None, progress: Progress = silent) -> Density:
+def measure_density(clouds: Clouds, box: Box | None = None, progress: Progress = silent) -> Density:
     """Spacing of the points of clouds, and whether their ground is classified."""
     total = max(clouds.points, 1)
     covered = np.zeros(0, np.int64)
     count = ground = 0
     for batch in clouds.batches(box, read=lambda done: progress("measuring density", done / total)):
-        covered = np.union1d(covered, cells_with_points(batch.xyz_m, PATCH_M))
+        covered = np.union1d(covered, cells_with_points(batch.xyz_m, DENSITY_CELL_M))
         count += len(batch.xyz_m)
         ground += int(np.count_nonzero(batch.ground))
-    spacing = math.sqrt(len(covered) * PATCH_M**2 / max(count, 1))
-    cell = float(np.clip(math.ceil(spacing * 100.0) / 100.0, *CELLS_M))
+    spacing = math.sqrt(len(covered) * DENSITY_CELL_M**2 / max(count, 1))
+    cell = float(np.clip(math.ceil(spacing * 100.0) / 100.0, *VOXEL_RANGE_M))
     return Density(cell, ground > CLASSED_SHARE * max(count, 1))
 
 
-def with_features(
+def classify_features(
     clouds: Clouds,
     cleaning: Cleaning,
     cell_m: float,
     folder: Path,
-    found: Found,
+    found: FoundFeatures,
     seen: Callable[[Survey], None] | None = None,
     progress: Progress = silent,
 ) -> Generator[RecordArray, None, None]:
@@ -156,60 +155,41 @@ def with_features(
     with classified_spool(clouds, cleaning, folder, seen, progress) as spool, ThreadPoolExecutor(threads()) as pool:
         parts = blocks(spool, TILE_POINTS)
         coloured = any("red" in file.dimensions for file in clouds.files)
-        work = in_turn(pool, lambda part: _tile(spool, part, cell_m, coloured), parts, threads())
+        work = in_turn(pool, lambda part: _classify_block(spool, part, cell_m, coloured), parts, threads())
         for number, (records, here) in enumerate(work, 1):
             found.add(here)
             progress("finding features", number / len(parts))
             yield records
 
 
-@dataclass(frozen=True)
-class _Points:
-    """What is read of points to find features.
-
-    Attributes:
-        xyz_m: (n, 3).
-        ground: (n,) by the ground filter.
-        rgb: (n, 3).
-    """
-
-    xyz_m: FloatArray
-    ground: BoolArray
-    rgb: NDArray[np.uint16]
-
-    @classmethod
-    def of(cls, records: RecordArray, kept: BoolArray) -> _Points:
-        """Of some records."""
-        ground = records["classification"][kept] == PointClass.GROUND
-        return cls(records["xyz_m"][kept], ground, records["rgb"][kept])
-
-
-def _tile(spool: SquareSpool, block: list[Square], cell_m: float, coloured: bool) -> tuple[RecordArray, Found]:
+def _classify_block(
+    spool: SquareSpool, block: list[Square], cell_m: float, coloured: bool
+) -> tuple[RecordArray, FoundFeatures]:
     """The points of a block with their classes, and its features."""
     own = spool.read_squares(block)
-    margin = max(MARGIN_M, MARGIN_VOXELS * cell_m)
+    margin = max(MIN_TILE_MARGIN_M, TILE_MARGIN_VOXELS * cell_m)
     low, high = bounds(own["xyz_m"])
-    parts = [_Points.of(own, ~(own["noise"] | own["machine"]))]
+    parts = [own[~(own["noise"] | own["machine"])]]
     for square in squares_around(block, margin, spool.side_m):
         others = spool.read_squares([square])
         flat = others["xyz_m"][:, :2]
         near = np.all((flat >= low[:2] - margin) & (flat <= high[:2] + margin), axis=1)
-        parts.append(_Points.of(others, near & ~(others["noise"] | others["machine"])))
-    if not len(parts[0].xyz_m):
-        return own, Found()
-    xyz, ground, rgb = (np.concatenate([getattr(part, name) for part in parts]) for name in ("xyz_m", "ground", "rgb"))
+        parts.append(others[near & ~(others["noise"] | others["machine"])])
+    if not len(parts[0]):
+        return own, FoundFeatures()
+    xyz, classes, rgb = (np.concatenate([part[name] for part in parts]) for name in ("xyz_m", "classification", "rgb"))
     corner = np.floor(bounds(xyz)[0])
     scale = 255.0 if coloured and rgb.max() <= 255 else 65535.0
     xyz -= corner
-    tile = Tile(xyz, ground, cell_m, rgb / scale if coloured and rgb.any() else None)
+    tile = FeatureTile(xyz, classes == PointClass.GROUND, cell_m, rgb / scale if coloured and rgb.any() else None)
     result = classify(tile)
-    mine = np.arange(len(xyz)) < len(parts[0].xyz_m)
+    mine = np.arange(len(xyz)) < len(parts[0])
     codes = feature_codes(result.feature[mine], result.above_m[mine])
     own["classification"][~(own["noise"] | own["machine"])] = codes
-    return own, _found(tile, result, mine, corner)
+    return own, _own_features(tile, result, mine, corner)
 
 
-def _found(tile: Tile, result: Classified, mine: BoolArray, corner: FloatArray) -> Found:
+def _own_features(tile: FeatureTile, result: Classified, mine: BoolArray, corner: FloatArray) -> FoundFeatures:
     """What of the features of a tile is its own."""
     rest = result.of_voxel >= 0
     of_voxel = result.of_voxel[rest]
@@ -224,7 +204,7 @@ def _found(tile: Tile, result: Classified, mine: BoolArray, corner: FloatArray) 
         for plane in found:
             members = plane.members[count[plane.members] > 0]
             if len(members):
-                cut = piece(plane, result.voxel_m[members], count[members], side_m, float(base[members].min()))
+                cut = outline_plane(plane, result.voxel_m[members], count[members], side_m, float(base[members].min()))
                 yield replace(
                     cut, centre_m=cut.centre_m + corner, base_m=cut.base_m + float(corner[2]), is_open=is_open
                 )
@@ -233,22 +213,22 @@ def _found(tile: Tile, result: Classified, mine: BoolArray, corner: FloatArray) 
     for line in result.lines:
         points = int(count[line.members].sum())
         if points:
-            moved = type(line)(line.members, line.path_m + corner, line.direction, line.purity)
+            moved = replace(line, path_m=line.path_m + corner)
             lines.append((moved, points, float(base[line.members].min() + corner[2])))
     scatter = result.feature == Feature.SCATTER
     tops = plants(tile.xyz_m[scatter] + corner, np.nan_to_num(result.above_m[scatter]))
     own = tile.xyz_m[mine] + corner
-    inside = _inside(tops.top_m, own, OWN_CELL_M)
+    inside = _in_own_cells(tops.top_m, own, OWN_CELL_M)
     breaks = break_points(tile.xyz_m[result.feature == Feature.GROUND] + corner)
-    return Found(
+    return FoundFeatures(
         [*pieces(result.planes, side, is_open=False), *pieces(result.fences, 2.0 * side, is_open=True)],
         line_objects(lines),
         [Plants(*(values[inside] for values in vars(tops).values()))],
-        [breaks.where(_inside(breaks.xyz_m, own, CELL_M))],
+        [breaks.where(_in_own_cells(breaks.xyz_m, own, BREAK_CELL_M))],
         np.bincount(result.feature[mine], minlength=len(Feature)),
     )
 
 
-def _inside(place: FloatArray, own: FloatArray, cell_m: float) -> BoolArray:
+def _in_own_cells(place: FloatArray, own: FloatArray, cell_m: float) -> BoolArray:
     """Which places lie in a cell with points of the tile's own."""
     return np.isin(square_keys(*np.floor(place[:, :2].T / cell_m)), cells_with_points(own, cell_m))

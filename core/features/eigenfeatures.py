@@ -13,15 +13,12 @@ from typing import Final
 
 import numba
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from furrowmap.core.features.neighbours import columns, first_above
-from furrowmap.core.surfaces.tiles import tiles
+from furrowmap.core.features.neighbours import first_above, sort_into_columns
 
 FloatArray = NDArray[np.float64]
 
-TILE_RADII: Final = 256.0
-"""Side of the tiles of a search, in radii."""
 COLUMNS_A_RADIUS: Final = 3.0
 """Columns of a third of the radius leave out most of what is outside of the sphere."""
 
@@ -52,16 +49,6 @@ class Eigenfeatures:
         """(λ2 - λ3) / λ1: 1 on a plane seen all round."""
         return self._ratio(self.eigenvalue_m2[:, 1] - self.eigenvalue_m2[:, 2])
 
-    @property
-    def sphericity(self) -> NDArray[np.float32]:
-        """λ3 / λ1, the scattering: 1 where points lie all round."""
-        return self._ratio(self.eigenvalue_m2[:, 2])
-
-    @property
-    def verticality(self) -> NDArray[np.float32]:
-        """1 - |height of the unit normal|: 1 on a wall."""
-        return np.float32(1.0) - np.abs(self.normal[:, 2])
-
     def at(self, index: NDArray[np.integer]) -> Eigenfeatures:
         """Those of some neighbourhoods."""
         return Eigenfeatures(*(getattr(self, name)[index] for name in self.__dataclass_fields__))
@@ -69,28 +56,6 @@ class Eigenfeatures:
     def _ratio(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         out: NDArray[np.float32] = values / self.eigenvalue_m2[:, 0]
         return out
-
-
-def eigenfeatures(xyz_m: ArrayLike, radius_m: float) -> Eigenfeatures:
-    """Eigenfeatures of the points within a radius of each point.
-
-    Args:
-        xyz_m: (n, 3); points that are not finite have no neighbours and are none.
-        radius_m: of the spheres.
-    """
-    xyz = np.asarray(xyz_m, np.float64)
-    if xyz.ndim != 2 or xyz.shape[1] != 3 or not 0.0 < radius_m < np.inf:
-        raise ValueError(f"points of shape {xyz.shape} within {radius_m} m")
-    known = np.flatnonzero(np.isfinite(xyz).all(axis=1))
-    finite = xyz[known]
-    out = np.full((len(xyz), 9), np.nan, np.float32)
-    count = np.zeros(len(xyz), np.int32)
-    for tile in tiles(finite, TILE_RADII * radius_m, radius_m):
-        (found,) = neighbourhoods(finite[tile.members], finite[tile.own], (radius_m,))
-        own = known[tile.own]
-        out[own] = np.column_stack([found.eigenvalue_m2, found.normal, found.direction])
-        count[own] = found.count
-    return Eigenfeatures(out[:, :3], out[:, 3:6], out[:, 6:], count)
 
 
 def neighbourhoods(xyz_m: FloatArray, places_m: FloatArray, radii_m: Sequence[float]) -> list[Eigenfeatures]:
@@ -106,8 +71,8 @@ def neighbourhoods(xyz_m: FloatArray, places_m: FloatArray, radii_m: Sequence[fl
     count = np.zeros((len(radii_m), len(places_m)), np.int32)
     shape = np.full((len(radii_m), len(places_m), 9), np.nan, np.float32)
     if len(xyz_m) and len(places_m):
-        near = columns(xyz_m, radii_m[-1] / COLUMNS_A_RADIUS)
-        places = columns(places_m, radii_m[-1])
+        near = sort_into_columns(xyz_m, radii_m[-1] / COLUMNS_A_RADIUS)
+        places = sort_into_columns(places_m, radii_m[-1])
         _shapes(
             places_m - near.corner_m, places.order, near.xyz_m, near.starts, near.side_m, *near.across,
             np.asarray(radii_m, np.float64), shape, count,
@@ -134,7 +99,7 @@ def _shapes(places, order, xyz, starts, side, across, rows, radii, out, count): 
                 if begin == end:
                     continue
                 beside = max(row * side - y, y - (row + 1) * side, 0.0)
-                # Somewhat more, so that rounding loses no neighbour: what is too far away is told below.
+                # Somewhat more, so that rounding loses no neighbour: what is too far away is sorted out below.
                 room = 1.000001 * largest - aside * aside - beside * beside
                 if room < 0.0:
                     continue

@@ -15,13 +15,13 @@ from furrowmap.core.values.extents import bounds
 
 FloatArray = NDArray[np.float64]
 
-CELL_M: Final = 0.5
-NEAR_M: Final = (0.05, 0.15)
+MEDIAN_CELL_M: Final = 0.5
+GROUND_LIMITS_M: Final = (0.05, 0.15)
 """Limits of the distance from the ground within which a point is ground: four deviations of the ground around it."""
 DEVIATIONS: Final = 4.0
 SLOPE_M: Final = 0.15
 """Added to that, times the slope up to 1: medians cut the edges of banks."""
-FEWEST_CELLS: Final = 16
+MIN_SLOPE_CELLS: Final = 16
 """With fewer cells of ground the height is that of the nearest: they show no slope."""
 
 
@@ -37,18 +37,18 @@ def heights_above_ground(xyz_m: FloatArray, ground: NDArray[np.bool_]) -> tuple[
     """
     if not ground.any():
         return np.full(len(xyz_m), np.nan), np.zeros(len(xyz_m), bool)
-    low, high = (np.floor(end[:2] / CELL_M) for end in bounds(xyz_m))
+    low, high = (np.floor(end[:2] / MEDIAN_CELL_M) for end in bounds(xyz_m))
     corner = low - 1.0
     shape = (high - corner + 2.0).astype(np.int64)
-    cell = cells_of(xyz_m, corner, CELL_M, int(shape[1]))
+    cell = cells_of(xyz_m, corner, MEDIAN_CELL_M, int(shape[1]))
     known = medians(cell[ground], xyz_m[ground, 2], shape)
-    surface = filled(known) if np.count_nonzero(np.isfinite(known)) >= FEWEST_CELLS else from_nearest(known)
+    surface = filled(known) if np.count_nonzero(np.isfinite(known)) >= MIN_SLOPE_CELLS else from_nearest(known)
     above = _above(xyz_m, corner, surface)
     spread = medians(cell[ground], np.abs(above[ground]), shape)
     known = np.isfinite(spread)
     around = uniform_filter(np.where(known, spread, 0.0), 3) / np.maximum(uniform_filter(known.astype(float), 3), 1e-9)
-    slope = np.hypot(*np.gradient(surface, CELL_M))
-    limit = np.clip(DEVIATIONS * 1.4826 * around, *NEAR_M) + SLOPE_M * np.minimum(slope, 1.0)
+    slope = np.hypot(*np.gradient(surface, MEDIAN_CELL_M))
+    limit = np.clip(DEVIATIONS * 1.4826 * around, *GROUND_LIMITS_M) + SLOPE_M * np.minimum(slope, 1.0)
     return above, _within(above, ground, cell, limit.ravel())
 
 
@@ -68,8 +68,8 @@ def _above(xyz_m, corner, surface):  # type: ignore[no-untyped-def]
     out = np.empty(len(xyz_m))
     columns, rows = surface.shape
     for i in range(len(xyz_m)):
-        u = min(max(xyz_m[i, 0] / CELL_M - corner[0] - 0.5, 0.0), columns - 1.0)
-        v = min(max(xyz_m[i, 1] / CELL_M - corner[1] - 0.5, 0.0), rows - 1.0)
+        u = min(max(xyz_m[i, 0] / MEDIAN_CELL_M - corner[0] - 0.5, 0.0), columns - 1.0)
+        v = min(max(xyz_m[i, 1] / MEDIAN_CELL_M - corner[1] - 0.5, 0.0), rows - 1.0)
         j, k = min(int(u), columns - 2), min(int(v), rows - 2)
         s, t = u - j, v - k
         near = (1.0 - t) * surface[j, k] + t * surface[j, k + 1]

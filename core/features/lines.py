@@ -13,32 +13,32 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from furrowmap.core.features.neighbours import Columns, columns, first_above
+from furrowmap.core.features.neighbours import PointColumns, first_above, sort_into_columns
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-LINEARITY: Final = 0.75
-"""Least linearity of the voxels that a line is made of."""
-AXIS_M: Final = 0.1
-"""Greatest distance of a voxel from the axis of its line."""
-GAP_M: Final = 0.6
-"""Greatest gap along a line, or six voxels where that is more."""
-TURN_DEG: Final = 20.0
-"""Greatest angle between the directions of neighbouring voxels of a line."""
-LEAST_LENGTH_M: Final = 0.6
-LEAST_WIRE_M: Final = 2.0
+MIN_LINEARITY: Final = 0.75
+"""Of the voxels that a line is made of."""
+MAX_AXIS_DISTANCE_M: Final = 0.1
+"""Of a voxel from the axis of its line."""
+MAX_LINE_GAP_M: Final = 0.6
+"""Or six voxels where that is more."""
+MAX_TURN_DEG: Final = 20.0
+"""Between the directions of neighbouring voxels of a line."""
+MIN_LINE_LENGTH_M: Final = 0.6
+MIN_WIRE_LENGTH_M: Final = 2.0
 """Of a line that is not upright: on plants far from a scanner the points of one laser are short lines."""
-SLENDERNESS: Final = 5.0
+MIN_SLENDERNESS: Final = 5.0
 """Least ratio of the length of a line to its width."""
-AROUND_M: Final = 0.35
+LINE_SURROUNDINGS_M: Final = 0.35
 """Within this distance of a line there is little but the line and other lines."""
-PURITY: Final = 0.5
+MIN_LINE_PURITY: Final = 0.5
 UPRIGHT: Final = math.cos(math.radians(30.0))
 
 
 @dataclass(frozen=True)
-class Line:
+class DetectedLine:
     """A straight or slightly bent line.
 
     Attributes:
@@ -58,13 +58,8 @@ class Line:
         """Whether it is a post, pole or trunk."""
         return bool(abs(self.direction[2]) >= UPRIGHT)
 
-    @property
-    def length_m(self) -> float:
-        """Along its course."""
-        return float(np.linalg.norm(np.diff(self.path_m, axis=0), axis=1).sum())
 
-
-def lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, cell_m: float) -> list[Line]:
+def find_lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, cell_m: float) -> list[DetectedLine]:
     """Lines in voxels (n, 3) that are neither ground nor on planes.
 
     Args:
@@ -73,13 +68,15 @@ def lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, cell_
         direction: (n, 3) of the neighbourhoods.
         cell_m: of the voxels.
     """
-    linear = np.flatnonzero(linearity >= LINEARITY)
+    linear = np.flatnonzero(linearity >= MIN_LINEARITY)
     if len(linear) < 3:
         return []
-    axis_m, gap_m = max(AXIS_M, 1.2 * cell_m), max(GAP_M, 6.0 * cell_m)
-    near = columns(xyz_m[linear], gap_m)
+    axis_m, gap_m = max(MAX_AXIS_DISTANCE_M, 1.2 * cell_m), max(MAX_LINE_GAP_M, 6.0 * cell_m)
+    near = sort_into_columns(xyz_m[linear], gap_m)
     along = direction[linear][near.order].astype(np.float64)
-    a, b = _links(near.xyz_m, near.starts, gap_m, *near.across, along, 0.8 * axis_m, math.cos(math.radians(TURN_DEG)))
+    a, b = _links(
+        near.xyz_m, near.starts, gap_m, *near.across, along, 0.8 * axis_m, math.cos(math.radians(MAX_TURN_DEG))
+    )
     _, label = connected_components(
         coo_array((np.ones(len(a), bool), (a, b)), shape=(len(linear),) * 2), directed=False
     )
@@ -88,24 +85,19 @@ def lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, cell_
     of_line = np.full(len(xyz_m), -1, np.int64)
     of_line[linear] = label_of
     _absorb(xyz_m, linear, label_of, direction, axis_m, of_line)
-    every = columns(xyz_m, max(AROUND_M, 4.0 * cell_m))
+    every = sort_into_columns(xyz_m, max(LINE_SURROUNDINGS_M, 4.0 * cell_m))
     calm = np.zeros(len(xyz_m), bool)
     calm[linear] = True
-    around = _Around(every, calm[every.order], of_line[every.order])
-    found = (_line(xyz_m, number, members, axis_m, around) for number, members in _long(xyz_m, of_line))
+    around = every, calm[every.order], of_line[every.order]
+    found = (_fit_line(xyz_m, number, members, axis_m, around) for number, members in _long_lines(xyz_m, of_line))
     return [line for line in found if line is not None]
 
 
-@dataclass(frozen=True)
-class _Around:
-    """All voxels, sorted; whether each is linear, and the number of its line."""
-
-    every: Columns
-    calm: NDArray[np.bool_]
-    of_line: IntArray
+_Surroundings = tuple[PointColumns, NDArray[np.bool_], IntArray]
+"""All voxels, sorted; whether each is linear, and the number of its line."""
 
 
-def _long(xyz_m: FloatArray, of_line: IntArray) -> Iterator[tuple[int, IntArray]]:
+def _long_lines(xyz_m: FloatArray, of_line: IntArray) -> Iterator[tuple[int, IntArray]]:
     """Number and members of each line of at least four voxels whose box is as long as a line must be."""
     order = np.argsort(of_line, kind="stable")
     order = order[np.searchsorted(of_line[order], 0) :]
@@ -113,7 +105,7 @@ def _long(xyz_m: FloatArray, of_line: IntArray) -> Iterator[tuple[int, IntArray]
     end = np.append(begin[1:], len(order))
     sorted_m = xyz_m[order]
     across = np.maximum.reduceat(sorted_m, begin) - np.minimum.reduceat(sorted_m, begin)
-    kept = (end - begin >= 4) & (np.linalg.norm(across, axis=1) >= LEAST_LENGTH_M)
+    kept = (end - begin >= 4) & (np.linalg.norm(across, axis=1) >= MIN_LINE_LENGTH_M)
     for first, last in zip(begin[kept].tolist(), end[kept].tolist(), strict=True):
         yield int(of_line[order[first]]), order[first:last]
 
@@ -122,7 +114,7 @@ def _absorb(
     xyz_m: FloatArray, linear: IntArray, label: IntArray, direction: FloatArray, axis_m: float, of_line: IntArray
 ) -> None:
     """Give voxels on the axis of a line to it, though their own neighbourhood is no line, as where two lines cross."""
-    near = columns(xyz_m[linear], 3.0 * axis_m)
+    near = sort_into_columns(xyz_m[linear], 3.0 * axis_m)
     rest = np.flatnonzero(of_line < 0)
     nearest = _nearest_axis(
         xyz_m[rest] - near.corner_m, near.xyz_m, near.starts, near.side_m, *near.across,
@@ -132,7 +124,9 @@ def _absorb(
     of_line[rest[taken]] = label[near.order][nearest[taken]]
 
 
-def _line(xyz_m: FloatArray, number: int, members: IntArray, axis_m: float, around: _Around) -> Line | None:
+def _fit_line(
+    xyz_m: FloatArray, number: int, members: IntArray, axis_m: float, around: _Surroundings
+) -> DetectedLine | None:
     own = xyz_m[members]
     centre = own.mean(axis=0)
     _, vector = np.linalg.eigh(np.cov((own - centre).T, bias=True))
@@ -140,28 +134,20 @@ def _line(xyz_m: FloatArray, number: int, members: IntArray, axis_m: float, arou
     if direction[2] < -0.3 or (abs(direction[2]) <= 0.3 and direction[0] < 0.0):
         direction = -direction
     s = (own - centre) @ direction
-    if np.ptp(s) < (LEAST_LENGTH_M if abs(direction[2]) >= UPRIGHT else LEAST_WIRE_M):
+    if np.ptp(s) < (MIN_LINE_LENGTH_M if abs(direction[2]) >= UPRIGHT else MIN_WIRE_LENGTH_M):
         return None
     step = max(0.2, 2.0 * axis_m)
     slot = np.floor((s - s.min()) / step).astype(np.int64)
     in_slot = np.bincount(slot)
-    every = around.every
+    every, calm, of_line = around
     others = _disturbing(
-        own,
-        every.xyz_m,
-        every.starts,
-        every.side_m,
-        *every.across,
-        every.corner_m,
-        around.calm,
-        around.of_line,
-        number,
+        own, every.xyz_m, every.starts, every.side_m, *every.across, every.corner_m, calm, of_line, number
     )
     disturbed = np.bincount(slot, others, len(in_slot))
-    pure = in_slot / np.maximum(in_slot + disturbed, 1e-9) >= PURITY
+    pure = in_slot / np.maximum(in_slot + disturbed, 1e-9) >= MIN_LINE_PURITY
     if not pure[in_slot > 0].any():
         return None
-    first, last = _longest(pure | (in_slot == 0))
+    first, last = _longest_run(pure | (in_slot == 0))
     kept = (slot >= first) & (slot <= last)
     own, members, s = xyz_m[members[kept]], members[kept], s[kept]
     if len(own) < 4:
@@ -169,13 +155,13 @@ def _line(xyz_m: FloatArray, number: int, members: IntArray, axis_m: float, arou
     middle = own.mean(axis=0)
     value, _ = np.linalg.eigh(np.cov((own - middle).T, bias=True))
     length = float(s.max() - s.min())
-    if length < LEAST_LENGTH_M or length < SLENDERNESS * math.sqrt(12.0 * max(value[1], 0.0)) * 0.5:
+    if length < MIN_LINE_LENGTH_M or length < MIN_SLENDERNESS * math.sqrt(12.0 * max(value[1], 0.0)) * 0.5:
         return None
-    if length < LEAST_WIRE_M and abs(direction[2]) < UPRIGHT:
+    if length < MIN_WIRE_LENGTH_M and abs(direction[2]) < UPRIGHT:
         return None
     path = course(own, s - s.min(), step)
     purity = len(own) / (len(own) + float(disturbed[first : last + 1].sum()))
-    return Line(members, path, direction, purity)
+    return DetectedLine(members, path, direction, purity)
 
 
 def course(own: FloatArray, s: FloatArray, step: float) -> FloatArray:
@@ -187,7 +173,7 @@ def course(own: FloatArray, s: FloatArray, step: float) -> FloatArray:
     return np.asarray(out, np.float64)
 
 
-def _longest(good: NDArray[np.bool_]) -> tuple[int, int]:
+def _longest_run(good: NDArray[np.bool_]) -> tuple[int, int]:
     """First and last index of the longest run."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
     begin, end = edges[::2], edges[1::2]

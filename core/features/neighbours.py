@@ -14,13 +14,13 @@ from furrowmap.core.values.extents import bounds
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-MOST_COLUMNS: Final = 1 << 24
+MAX_COLUMNS: Final = 1 << 24
 INSERTED: Final = 24
 """Points of a column up to which they are sorted by insertion."""
 
 
 @dataclass(frozen=True)
-class Columns:
+class PointColumns:
     """Points sorted by square columns of the plane, and by height within each.
 
     A search within the side of a column looks at nine columns, in each by bisection of the heights.
@@ -41,23 +41,23 @@ class Columns:
     across: tuple[int, int]
 
 
-def columns(xyz_m: FloatArray, side_m: float) -> Columns:
+def sort_into_columns(xyz_m: FloatArray, side_m: float) -> PointColumns:
     """Sort points (n, 3), finite, at least one, into columns.
 
     Raises:
-        ValueError: if they are spread over more than :data:`MOST_COLUMNS`: split them into tiles.
+        ValueError: if they are spread over more than :data:`MAX_COLUMNS`: split them into tiles.
     """
     points = np.ascontiguousarray(xyz_m, np.float64)
     corner, high = bounds(points)
     column, row = (int(number) + 1 for number in (high[:2] - corner[:2]) // side_m)
-    if column * row > MOST_COLUMNS:
+    if column * row > MAX_COLUMNS:
         raise ValueError(f"{column} x {row} columns of {side_m} m")
-    order, starts = _sorted(points, corner, side_m, column, row)
-    return Columns(points[order] - corner, order, starts, corner, side_m, (column, row))
+    order, starts = _sort_columns(points, corner, side_m, column, row)
+    return PointColumns(points[order] - corner, order, starts, corner, side_m, (column, row))
 
 
 @numba.njit(cache=True, nogil=True)
-def _sorted(xyz_m, corner, side_m, across, rows):  # type: ignore[no-untyped-def]
+def _sort_columns(xyz_m, corner, side_m, across, rows):  # type: ignore[no-untyped-def]
     """Order by column, then height; first point of each column. Points of one height keep their order."""
     n = len(xyz_m)
     number, order = np.empty(n, np.int64), np.empty(n, np.int64)

@@ -15,23 +15,22 @@ from scipy.sparse.csgraph import connected_components
 from shapely import STRtree
 
 from furrowmap.core.features.breaklines import Breakline
-from furrowmap.core.features.lines import Line, course
-from furrowmap.core.features.planes import Plane, axes_of
+from furrowmap.core.features.lines import DetectedLine, course
+from furrowmap.core.features.planes import HORIZONTAL_NORMAL, Plane, axes_of
 
 FloatArray = NDArray[np.float64]
 LineKind = Literal["pole", "wire", "fence", "wall", "ditch", "ridge", "edge"]
 
-SAME_NORMAL: Final = math.cos(math.radians(6.0))
-SAME_M: Final = 0.1
+MIN_PIECE_COSINE: Final = math.cos(math.radians(6.0))
+MAX_PIECE_OFFSET_M: Final = 0.1
 """Distance of the middle of each of two pieces of one plane from the plane of the other."""
-BESIDE_M: Final = 0.4
-"""Gap between them, at most."""
-VERTICAL: Final = 0.7071
-CONTINUED_M: Final = 0.6
-"""Greatest gap between two pieces of one line."""
-ASIDE_M: Final = 0.2
-"""Greatest distance of one from the course of the other."""
-ONE_COURSE: Final = math.cos(math.radians(15.0))
+MAX_PIECE_GAP_M: Final = 0.4
+"""Between them."""
+MAX_COURSE_GAP_M: Final = 0.6
+"""Between two pieces of one line."""
+MAX_COURSE_OFFSET_M: Final = 0.2
+"""Of one from the course of the other."""
+MIN_COURSE_COSINE: Final = math.cos(math.radians(15.0))
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class PlanePiece:
     @property
     def vertical(self) -> bool:
         """Whether it is a wall rather than a roof."""
-        return bool(abs(self.normal[2]) < VERTICAL)
+        return bool(abs(self.normal[2]) < HORIZONTAL_NORMAL)
 
     @property
     def area_m2(self) -> float:
@@ -77,7 +76,7 @@ class PlanePiece:
 
     @property
     def foot(self) -> shapely.Geometry:
-        """Line below a vertical plane, from end to end at its lowest height."""
+        """DetectedLine below a vertical plane, from end to end at its lowest height."""
         low, at, high, _ = shapely.bounds(self.outline).tolist()
         return shapely.LineString(self._place(np.array([[low, at], [high, at]])))
 
@@ -110,7 +109,9 @@ class LineObject:
         return float(np.linalg.norm(np.diff(shapely.get_coordinates(self.shape, include_z=True), axis=0), axis=1).sum())
 
 
-def piece(plane: Plane, voxel_m: FloatArray, count: NDArray[np.int64], side_m: float, base_m: float) -> PlanePiece:
+def outline_plane(
+    plane: Plane, voxel_m: FloatArray, count: NDArray[np.int64], side_m: float, base_m: float
+) -> PlanePiece:
     """The outline of a plane through its voxels (k, 3) of `count` points each, as cells of a side."""
     flat, _ = plane.flat(voxel_m)
     cell = np.unique(np.floor(flat / side_m).astype(np.int64), axis=0)
@@ -127,13 +128,12 @@ def piece(plane: Plane, voxel_m: FloatArray, count: NDArray[np.int64], side_m: f
     return PlanePiece(plane.centre_m, plane.normal, outline, int(count.sum()), plane.rms_m, base_m)
 
 
-def joined(pieces: Sequence[PlanePiece]) -> list[PlanePiece]:
+def join_planes(pieces: Sequence[PlanePiece]) -> list[PlanePiece]:
     """Planes of pieces: those that continue each other are one; the largest first."""
     if not pieces:
         return []
-    groups = _groups([each.shape for each in pieces], BESIDE_M, lambda i, j: _one(pieces[i], pieces[j]))
-    merged = (_merged([pieces[k] for k in group]) for group in groups)
-    return sorted(merged, key=lambda plane: -plane.area_m2)
+    groups = _group([each.shape for each in pieces], MAX_PIECE_GAP_M, lambda i, j: _is_same_plane(pieces[i], pieces[j]))
+    return sorted((_merge_planes([pieces[k] for k in group]) for group in groups), key=lambda plane: -plane.area_m2)
 
 
 def ground_lines(lines: Iterable[Breakline]) -> list[LineObject]:
@@ -146,15 +146,15 @@ def ground_lines(lines: Iterable[Breakline]) -> list[LineObject]:
     ]
 
 
-def joined_lines(lines: Sequence[LineObject]) -> list[LineObject]:
+def join_lines(lines: Sequence[LineObject]) -> list[LineObject]:
     """Lines without the borders of tiles: those of a kind that overlap along one course, or continue it, are one."""
     if not lines:
         return []
-    groups = _groups([line.shape for line in lines], CONTINUED_M, lambda i, j: _one_line(lines[i], lines[j]))
-    return [_merged_lines([lines[k] for k in group]) for group in groups]
+    groups = _group([line.shape for line in lines], MAX_COURSE_GAP_M, lambda i, j: _is_same_line(lines[i], lines[j]))
+    return [_merge_lines([lines[k] for k in group]) for group in groups]
 
 
-def _groups(shapes: Sequence[shapely.Geometry], reach_m: float, same: Callable[[int, int], bool]) -> list[list[int]]:
+def _group(shapes: Sequence[shapely.Geometry], reach_m: float, same: Callable[[int, int], bool]) -> list[list[int]]:
     """Numbers of shapes in groups: two are in one if `same` says so of them, or of others between them."""
     tree = STRtree([shapely.box(*shapely.bounds(shape)).buffer(reach_m) for shape in shapes])
     a, b = tree.query(tree.geometries)
@@ -165,13 +165,13 @@ def _groups(shapes: Sequence[shapely.Geometry], reach_m: float, same: Callable[[
     return [np.flatnonzero(label == number).tolist() for number in range(count)]
 
 
-def _one_line(a: LineObject, b: LineObject) -> bool:
+def _is_same_line(a: LineObject, b: LineObject) -> bool:
     """Whether two lines run the same way, and one lies on the other, or begins where the other ends."""
     if a.kind != b.kind:
         return False
     one, other = (shapely.get_coordinates(line.shape, include_z=True) for line in (a, b))
     axis, along = (_unit(path[-1] - path[0]) for path in (one, other))
-    if abs(float(axis @ along)) < ONE_COURSE:
+    if abs(float(axis @ along)) < MIN_COURSE_COSINE:
         return False
     s, t = one @ axis, other @ axis
     gap = max(float(t.min() - s.max()), float(s.min() - t.max()))
@@ -180,7 +180,7 @@ def _one_line(a: LineObject, b: LineObject) -> bool:
     apart = np.linalg.norm(one[:, None] - other[None, :], axis=2)
     i, j = np.unravel_index(int(np.argmin(apart)), apart.shape)
     away = other[j] - one[i]
-    return gap <= CONTINUED_M and float(np.linalg.norm(away - (away @ axis) * axis)) <= ASIDE_M
+    return gap <= MAX_COURSE_GAP_M and float(np.linalg.norm(away - (away @ axis) * axis)) <= MAX_COURSE_OFFSET_M
 
 
 def _over(a: LineObject, b: LineObject) -> bool:
@@ -193,10 +193,10 @@ def _over(a: LineObject, b: LineObject) -> bool:
     beside = (at >= s.min()) & (at <= s.max())
     order = np.argsort(s)
     on = np.column_stack([np.interp(at[beside], s[order], path[order, k]) for k in range(3)])
-    return bool(beside.any() and np.median(np.linalg.norm(place[beside] - on, axis=1)) <= ASIDE_M)
+    return bool(beside.any() and np.median(np.linalg.norm(place[beside] - on, axis=1)) <= MAX_COURSE_OFFSET_M)
 
 
-def _merged_lines(group: list[LineObject]) -> LineObject:
+def _merge_lines(group: list[LineObject]) -> LineObject:
     """One line through the vertices of all, a parabola at most."""
     if len(group) == 1:
         return group[0]
@@ -218,7 +218,7 @@ def _unit(vector: FloatArray) -> FloatArray:
     return out
 
 
-def line_objects(lines: Iterable[tuple[Line, int, float]]) -> list[LineObject]:
+def line_objects(lines: Iterable[tuple[DetectedLine, int, float]]) -> list[LineObject]:
     """Poles and wires of lines, each with its number of points and the height of the ground below."""
     out = []
     for line, points, base_m in lines:
@@ -228,19 +228,20 @@ def line_objects(lines: Iterable[tuple[Line, int, float]]) -> list[LineObject]:
     return out
 
 
-def upright(plane: PlanePiece, kind: LineKind) -> LineObject:
+def plane_foot(plane: PlanePiece, kind: LineKind) -> LineObject:
     """The foot of a vertical plane as a line."""
     _, low, _, high = shapely.bounds(plane.outline).tolist()
     return LineObject(kind, plane.foot, float(high - low), plane.points)
 
 
-def _one(a: PlanePiece, b: PlanePiece) -> bool:
+def _is_same_plane(a: PlanePiece, b: PlanePiece) -> bool:
+    """Whether two pieces lie in one plane, beside each other."""
     between = b.centre_m - a.centre_m
-    if abs(float(a.normal @ b.normal)) < SAME_NORMAL:
+    if abs(float(a.normal @ b.normal)) < MIN_PIECE_COSINE:
         return False
-    if max(abs(float(between @ a.normal)), abs(float(between @ b.normal))) > SAME_M:
+    if max(abs(float(between @ a.normal)), abs(float(between @ b.normal))) > MAX_PIECE_OFFSET_M:
         return False
-    return bool(shapely.distance(a.outline, _in_plane_of(a, b)) <= BESIDE_M)
+    return bool(shapely.distance(a.outline, _in_plane_of(a, b)) <= MAX_PIECE_GAP_M)
 
 
 def _in_plane_of(a: PlanePiece, b: PlanePiece) -> shapely.Geometry:
@@ -249,7 +250,7 @@ def _in_plane_of(a: PlanePiece, b: PlanePiece) -> shapely.Geometry:
     return shapely.transform(b.outline, lambda flat: (b._place(flat) - a.centre_m) @ axes)
 
 
-def _merged(group: list[PlanePiece]) -> PlanePiece:
+def _merge_planes(group: list[PlanePiece]) -> PlanePiece:
     if len(group) == 1:
         return group[0]
     largest = max(group, key=lambda each: each.area_m2)

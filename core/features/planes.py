@@ -16,29 +16,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.features.eigenfeatures import Eigenfeatures, eigen
-from furrowmap.core.features.neighbours import Columns, columns, first_above
+from furrowmap.core.features.neighbours import PointColumns, first_above, sort_into_columns
 from furrowmap.core.values.extents import bounds
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-NORMAL_DEG: Final = 25.0
-"""Greatest angle between the normal of a neighbourhood and that of its region."""
-SEED_CURVATURE: Final = 0.06
+MAX_NORMAL_DEG: Final = 25.0
+"""Between the normal of a neighbourhood and that of its region."""
+MAX_SEED_CURVATURE: Final = 0.06
 """A region begins where the least eigenvalue is at most this share of their sum."""
-FEWEST: Final = 12
+MIN_PLANE_VOXELS: Final = 12
 """Voxels of a region."""
 SLAB_M: Final = 0.3
 """To both sides of a plane: what lies there, but not on it, speaks against the plane."""
-PURITY: Final = 0.8
-"""Least share of the voxels within the slab that lie on the plane."""
-FILL: Final = 0.55
+MIN_PLANE_PURITY: Final = 0.8
+"""Share of the voxels within the slab that lie on the plane."""
+MIN_FILL: Final = 0.55
 """Least share of the cells around each cell of a plane that hold voxels as well: less between the wires of a fence."""
-LEAST_AREA_M2: Final = 0.25
-LEAST_WIDTH_M: Final = 0.25
+HORIZONTAL_NORMAL: Final = 0.7071
+"""Least height of the unit normal of a horizontal plane: roofs up to 45 degrees."""
+MIN_PLANE_AREA_M2: Final = 0.25
+MIN_PLANE_WIDTH_M: Final = 0.25
 RIM: Final = 2
 """Cells beyond a region in which voxels on its plane belong to it: at edges, normals are those of no plane."""
-MOST_MEASURED: Final = 2000
+MAX_MEASURED: Final = 2000
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,8 @@ class Plane:
 
     def flat(self, xyz_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coordinates (n, 2) in the plane, and distance (n,) from it, of points (n, 3)."""
-        return flat_in(self.centre_m, self.normal, xyz_m)
+        away = xyz_m - self.centre_m
+        return away @ np.column_stack(axes_of(self.normal)), away @ self.normal
 
 
 def axes_of(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -74,19 +77,13 @@ def axes_of(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
     return first, second if second[2] >= 0.0 else -second
 
 
-def flat_in(centre_m: FloatArray, normal: FloatArray, xyz_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Coordinates (n, 2) in a plane, and distance (n,) from it, of points (n, 3)."""
-    away = xyz_m - centre_m
-    return away @ np.column_stack(axes_of(normal)), away @ normal
-
-
-def planes(
+def find_planes(
     xyz_m: FloatArray,
     shape: Eigenfeatures,
     cell_m: float,
     tolerance_m: float,
     reach_m: float,
-    fill: tuple[float, float] = (FILL, math.inf),
+    fill: tuple[float, float] = (MIN_FILL, math.inf),
 ) -> list[Plane]:
     """Planes in voxels (n, 3), none of them ground, with the shapes of their neighbourhoods; largest first.
 
@@ -98,12 +95,12 @@ def planes(
         reach_m: greatest distance between neighbours.
         fill: limits of the share of the cells around each cell of a plane that hold voxels as well.
     """
-    if len(xyz_m) < FEWEST:
+    if len(xyz_m) < MIN_PLANE_VOXELS:
         return []
-    near = columns(xyz_m, reach_m)
+    near = sort_into_columns(xyz_m, reach_m)
     curvature = shape.eigenvalue_m2[:, 2] / shape.eigenvalue_m2.sum(axis=1)
     curvature = np.where(np.isfinite(curvature), curvature, np.inf)
-    flat = (shape.planarity > 0.3) & (curvature < SEED_CURVATURE)
+    flat = (shape.planarity > 0.3) & (curvature < MAX_SEED_CURVATURE)
     seeds = np.argsort(np.where(flat, curvature, np.inf)[near.order], kind="stable")[: np.count_nonzero(flat)]
     region = _grow(
         near.xyz_m,
@@ -113,28 +110,19 @@ def planes(
         shape.normal.astype(np.float64)[near.order],
         seeds,
         tolerance_m,
-        math.cos(math.radians(NORMAL_DEG)),
-        FEWEST,
+        math.cos(math.radians(MAX_NORMAL_DEG)),
+        MIN_PLANE_VOXELS,
     )
-    found = []
-    for members, fit in _fits(near.xyz_m + near.corner_m, region):
-        plane = _plane(near, members, fit, (cell_m, tolerance_m), fill)
-        if plane is not None:
-            found.append(plane)
-    found.sort(key=lambda plane: -plane.area_m2)
-    return found
+    fits = _fit_regions(near.xyz_m + near.corner_m, region)
+    found = [_measure_plane(near, members, fit, (cell_m, tolerance_m), fill) for members, fit in fits]
+    return sorted((plane for plane in found if plane is not None), key=lambda plane: -plane.area_m2)
 
 
-@dataclass(frozen=True)
-class _Fit:
-    """The plane through the voxels of a region."""
-
-    centre_m: FloatArray
-    normal: FloatArray
-    rms_m: float
+_PlaneFit = tuple[FloatArray, FloatArray, float]
+"""Centre, normal, and RMS distance of the voxels."""
 
 
-def _fits(sorted_m: FloatArray, region: IntArray) -> Iterator[tuple[IntArray, _Fit]]:
+def _fit_regions(sorted_m: FloatArray, region: IntArray) -> Iterator[tuple[IntArray, _PlaneFit]]:
     """Members among the sorted voxels, and fit, of each region that is wide enough for a plane."""
     order = np.argsort(region, kind="stable")
     order = order[np.searchsorted(region[order], 0) :]
@@ -147,16 +135,16 @@ def _fits(sorted_m: FloatArray, region: IntArray) -> Iterator[tuple[IntArray, _F
     away = own - np.repeat(centre, count, axis=0)
     products = np.stack([away[:, j] * away[:, k] for j in range(3) for k in range(3)], axis=1)
     value, vector = np.linalg.eigh((np.add.reduceat(products, begin) / count[:, None]).reshape(-1, 3, 3))
-    for k in np.flatnonzero(np.sqrt(12.0 * np.maximum(value[:, 1], 0.0)) >= LEAST_WIDTH_M).tolist():
+    for k in np.flatnonzero(np.sqrt(12.0 * np.maximum(value[:, 1], 0.0)) >= MIN_PLANE_WIDTH_M).tolist():
         normal = vector[k, :, 0] * (1.0 if vector[k, 2, 0] >= 0.0 else -1.0)
         rms = math.sqrt(max(float(value[k, 0]), 0.0))
-        yield order[begin[k] : begin[k] + count[k]], _Fit(centre[k], normal, rms)
+        yield order[begin[k] : begin[k] + count[k]], (centre[k], normal, rms)
 
 
-def _plane(
-    sorted_m: Columns,
+def _measure_plane(
+    sorted_m: PointColumns,
     region: IntArray,
-    fit: _Fit,
+    fit: _PlaneFit,
     scale_m: tuple[float, float],
     fill: tuple[float, float],
 ) -> Plane | None:
@@ -164,20 +152,20 @@ def _plane(
 
     `scale_m` are the size of the voxels and the tolerance.
     """
-    cell_m, tolerance_m = scale_m
-    corner_m, normal = sorted_m.corner_m, fit.normal
-    axes, centre = np.stack([*axes_of(normal), normal]), fit.centre_m - sorted_m.corner_m
+    (cell_m, tolerance_m), (centre_m, normal, rms_m) = scale_m, fit
+    axes, centre = np.stack([*axes_of(normal), normal]), centre_m - sorted_m.corner_m
     own = sorted_m.xyz_m[region]
     side, corner, filled, share = _raster((own - centre) @ axes[:2].T, cell_m)
     area = float(np.count_nonzero(filled)) * side * side
-    if area < LEAST_AREA_M2 or not fill[0] <= share < fill[1]:
+    if area < MIN_PLANE_AREA_M2 or not fill[0] <= share < fill[1]:
         return None
     low, high = bounds(own)
     around, number, on = _in_slab(
         sorted_m.xyz_m, sorted_m.starts, sorted_m.side_m, *sorted_m.across,
         low - SLAB_M, high + SLAB_M, centre, axes, (side, tolerance_m), corner, np.pad(filled, RIM),
     )  # fmt: skip
-    return Plane(np.sort(sorted_m.order[around]), centre + corner_m, normal, fit.rms_m, on / max(number, 1), area)
+    members = np.sort(sorted_m.order[around])
+    return Plane(members, centre + sorted_m.corner_m, normal, rms_m, on / max(number, 1), area)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -202,7 +190,7 @@ def _raster(flat, cell_m):  # type: ignore[no-untyped-def]
     for i in range(n):
         order[place[number[i]]] = i
         place[number[i]] += 1
-    every = 1 if n <= MOST_MEASURED else n // MOST_MEASURED
+    every = 1 if n <= MAX_MEASURED else n // MAX_MEASURED
     fourth = np.empty((n + every - 1) // every)
     best = np.empty(5)
     for m in range(len(fourth)):

@@ -12,9 +12,9 @@ from scipy.ndimage import gaussian_filter
 
 FloatArray = NDArray[np.float64]
 
-CELL_M: Final = 0.25
-LEAST_HEIGHT_M: Final = 0.3
-LEAST_AREA_M2: Final = 0.1875
+CROWN_CELL_M: Final = 0.25
+MIN_PLANT_HEIGHT_M: Final = 0.3
+MIN_CROWN_AREA_M2: Final = 0.1875
 """Three cells."""
 SADDLE_M: Final = 0.5
 SADDLE_SHARE: Final = 0.25
@@ -48,11 +48,11 @@ class Plants:
 
 def plants(xyz_m: FloatArray, above_m: FloatArray) -> Plants:
     """Plants in scatter points (n, 3) at heights (n,) above the ground."""
-    tall = above_m >= 0.5 * LEAST_HEIGHT_M
+    tall = above_m >= 0.5 * MIN_PLANT_HEIGHT_M
     xyz, above = xyz_m[tall], above_m[tall]
     if not len(xyz):
         return Plants.none()
-    column = np.floor(xyz[:, :2] / CELL_M).astype(np.int64)
+    column = np.floor(xyz[:, :2] / CROWN_CELL_M).astype(np.int64)
     corner = column.min(axis=0) - 1
     shape = column.max(axis=0) - corner + 2
     cell = (column[:, 0] - corner[0]) * shape[1] + column[:, 1] - corner[1]
@@ -64,13 +64,13 @@ def plants(xyz_m: FloatArray, above_m: FloatArray) -> Plants:
     order = order[: np.count_nonzero(smooth > 0.0)]
     basin = _basins(smooth, order, int(shape[1]), SADDLE_M, SADDLE_SHARE)
     there, number = np.unique(basin[order], return_inverse=True)
-    area = np.bincount(number).astype(np.float64) * CELL_M**2
+    area = np.bincount(number).astype(np.float64) * CROWN_CELL_M**2
     count = np.bincount(number, points[order]).astype(np.int64)
     tallest = np.zeros(len(there))
     np.maximum.at(tallest, number, height[order])
-    kept = (tallest >= LEAST_HEIGHT_M) & (area >= LEAST_AREA_M2)
+    kept = (tallest >= MIN_PLANT_HEIGHT_M) & (area >= MIN_CROWN_AREA_M2)
     row, col = np.divmod(there[kept], shape[1])
-    place = (np.column_stack([row, col]) + corner + 0.5) * CELL_M
+    place = (np.column_stack([row, col]) + corner + 0.5) * CROWN_CELL_M
     highest = np.full(len(height), -np.inf)
     np.maximum.at(highest, cell, xyz[:, 2])
     top = np.full(len(there), -np.inf)

@@ -9,24 +9,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.features.classes import Feature
-from furrowmap.core.features.neighbours import columns, first_above
+from furrowmap.core.features.neighbours import first_above, sort_into_columns
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 VOTED: Final = (Feature.HORIZONTAL_PLANE, Feature.VERTICAL_PLANE, Feature.LINE, Feature.SCATTER)
-FEWEST: Final = 8
+MIN_VOTING_VOXELS: Final = 8
 """Voxels of a segment that votes."""
 GREEN: Final = (0.1, 0.4)
 """Excess green index (2g - r - b) / (r + g + b) of what may be, and of what is green vegetation (Woebbecke et al. 1995,
 Transactions of the ASAE 38, 259-269)."""
 LEAF_AS_OBJECT, OBJECT_AS_LEAF = 0.5, 0.6
 """Weight of planes and lines that are all green, and of scatter that is not green at all."""
+IMAGE_SCALE: Final = 60.0
+"""Preference for larger segments of images, in 255ths of a colour."""
+MIN_SEGMENT_PIXELS: Final = 30
 COLOUR_SCALE: Final = 0.1
-"""Preference for larger segments of a cloud's own colours, of which black and white differ by 1."""
+"""The same of a cloud's own colours, of which black and white differ by 1."""
 
 
-def voted(evidence: FloatArray, segment: IntArray, rgb: FloatArray | None) -> NDArray[np.uint8]:
+def vote_classes(evidence: FloatArray, segment: IntArray, rgb: FloatArray | None) -> NDArray[np.uint8]:
     """Class of each voxel by its own evidence and that of its segment.
 
     Args:
@@ -39,7 +42,7 @@ def voted(evidence: FloatArray, segment: IntArray, rgb: FloatArray | None) -> ND
     if known.any():
         there, number, count = np.unique(segment[known], return_inverse=True, return_counts=True)
         mean = np.column_stack([np.bincount(number, evidence[known, k], len(there)) for k in range(4)])
-        mean[count < FEWEST] = 0.0
+        mean[count < MIN_VOTING_VOXELS] = 0.0
         # What is sure of itself does not listen. Lines are thinner than segments: those around them have no say.
         unsure = np.clip(2.0 * (1.0 - evidence[known].max(axis=1)), 0.0, 1.0)
         total[known] += (unsure * (evidence[known, 2] < 0.5))[:, None] * (mean / count[:, None])[number]
@@ -63,20 +66,34 @@ def greenness(rgb: FloatArray) -> FloatArray:
     return out
 
 
+def image_segments(image: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Number from 0 of the segment of each pixel (rows, columns) of an image (rows, columns, 3).
+
+    P. F. Felzenszwalb, D. P. Huttenlocher (2004), Efficient graph-based image segmentation, International Journal of
+    Computer Vision 59, 167-181. Needs the extra `photo`.
+    """
+    from skimage.segmentation import felzenszwalb
+
+    labels: NDArray[np.int32] = felzenszwalb(image, scale=IMAGE_SCALE, sigma=0.8, min_size=MIN_SEGMENT_PIXELS).astype(
+        np.int32
+    )
+    return labels
+
+
 def colour_segments(xyz_m: FloatArray, rgb: FloatArray, reach_m: float) -> IntArray:
     """Segment (n,) of voxels (n, 3) by their colours (n, 3), from 0 to 1: segmentation of the graph of the voxels.
 
-    Felzenszwalb and Huttenlocher (2004), as :func:`~furrowmap.core.features.image_segments.image_segments`, with
+    Felzenszwalb and Huttenlocher (2004), as :func:`image_segments`, with
     neighbours within a distance instead of pixels.
     """
     if not len(xyz_m):
         return np.zeros(0, np.int64)
-    near = columns(xyz_m, reach_m)
+    near = sort_into_columns(xyz_m, reach_m)
     colour = np.nan_to_num(rgb)[near.order]
     a, b, weight = _edges(near.xyz_m, near.starts, reach_m, *near.across, colour)
     order = np.argsort(weight)
     out = np.empty(len(xyz_m), np.int64)
-    out[near.order] = _merged(a[order], b[order], weight[order], len(xyz_m), COLOUR_SCALE)
+    out[near.order] = _merge_segments(a[order], b[order], weight[order], len(xyz_m), COLOUR_SCALE)
     return out
 
 
@@ -104,7 +121,7 @@ def _edges(xyz, starts, reach, across, rows, colour):  # type: ignore[no-untyped
 
 
 @numba.njit(cache=True, nogil=True)
-def _merged(a, b, weight, n, scale):  # type: ignore[no-untyped-def]
+def _merge_segments(a, b, weight, n, scale):  # type: ignore[no-untyped-def]
     """Segments of a graph whose edges are sorted by weight."""
     parent, size, most = np.arange(n), np.ones(n, np.int64), np.full(n, scale)
     for k in range(len(a)):

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from furrowmap.core.features.classes import Feature
-from furrowmap.core.features.cloud_features import CELLS_M, Found, density, with_features
+from furrowmap.core.features.cloud_features import VOXEL_RANGE_M, FoundFeatures, classify_features, measure_density
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, open_clouds
@@ -75,7 +75,7 @@ def _write(clouds: Clouds, staging: Path, settings: FeatureSettings, progress: P
     box, far = box_in(clouds, settings.box, optional_crs(settings.box_crs)), tuple[Notice, ...]()
     if box is None:
         box, far = near_box(clouds, progress)
-    spacing = density(clouds, box, progress)
+    spacing = measure_density(clouds, box, progress)
     method = settings.ground
     if method == "auto":
         method = "class" if spacing.classified else "smrf"
@@ -91,8 +91,8 @@ def _write(clouds: Clouds, staging: Path, settings: FeatureSettings, progress: P
         "ground": method,
         "voxel_m": cell_m,
     }
-    found, surveys = Found(), list[Survey]()
-    with closing(with_features(clouds, cleaning, cell_m, staging, found, surveys.append, progress)) as points:
+    found, surveys = FoundFeatures(), list[Survey]()
+    with closing(classify_features(clouds, cleaning, cell_m, staging, found, surveys.append, progress)) as points:
         origin = ("points of clouds with the classes of features", inputs, parameters)
         summary, lost = write_records(clouds, points, staging / CLOUD, box, origin, progress)
     figures = _write_layers(staging, clouds, found, inputs, parameters)
@@ -111,7 +111,7 @@ def _write(clouds: Clouds, staging: Path, settings: FeatureSettings, progress: P
 
 
 def _write_layers(
-    staging: Path, clouds: Clouds, found: Found, inputs: Sequence[FileRecord], parameters: dict[str, Any]
+    staging: Path, clouds: Clouds, found: FoundFeatures, inputs: Sequence[FileRecord], parameters: dict[str, Any]
 ) -> dict[str, Any]:
     """Write the layers; their figures."""
     layers, counts = found_layers(found)
@@ -127,7 +127,7 @@ def _write_layers(
     }
 
 
-def found_layers(found: Found) -> tuple[list[Layer], dict[str, int]]:
+def found_layers(found: FoundFeatures) -> tuple[list[Layer], dict[str, int]]:
     """The layers of features, and the numbers of what they hold."""
     joined = found.joined_planes()
     lines, plants = found.all_lines(joined), found.all_plants()
@@ -146,6 +146,6 @@ def found_layers(found: Found) -> tuple[list[Layer], dict[str, int]]:
 
 def sparse_notices(cell_m: float) -> list[Notice]:
     """A warning where points are too far apart for thin things."""
-    if cell_m < CELLS_M[1]:
+    if cell_m < VOXEL_RANGE_M[1]:
         return []
     return [Notice("features-sparse", cell_m=cell_m)]

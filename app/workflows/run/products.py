@@ -19,7 +19,7 @@ import numpy as np
 import tomli_w
 
 from furrowmap.core.crops.parcel_points import ParcelPoints
-from furrowmap.core.features.cloud_features import Found, density, with_features
+from furrowmap.core.features.cloud_features import FoundFeatures, classify_features, measure_density
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline.run_result import RunResult
@@ -243,12 +243,12 @@ def run_features(cloud: Path, stated: FeatureSearch, progress: Progress) -> RunF
     box, far = box_in(clouds, None, None), tuple[Notice, ...]()
     if box is None:
         box, far = near_box(clouds, progress)
-    spacing = density(clouds, box, progress)
+    spacing = measure_density(clouds, box, progress)
     ground = stated.ground or ("class" if spacing.classified else "smrf")
     cell_m = stated.voxel_m or spacing.cell_m
-    found = Found()
+    found = FoundFeatures()
     cleaning = Cleaning(box, ground="none" if ground == "class" else ground)
-    with closing(with_features(clouds, cleaning, cell_m, cloud.parent, found, progress=progress)) as points:
+    with closing(classify_features(clouds, cleaning, cell_m, cloud.parent, found, progress=progress)) as points:
         for _ in points:
             pass
     layers, figures = found_layers(found)

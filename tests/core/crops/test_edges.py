@@ -23,7 +23,7 @@ from furrowmap.core.crops.soil import (
     noise_in_pixels,
     without_crop,
 )
-from furrowmap.core.features.neighbours import MOST_COLUMNS, columns
+from furrowmap.core.features.neighbours import MAX_COLUMNS, sort_into_columns
 from furrowmap.core.features.segment_votes import colour_segments
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel
@@ -122,8 +122,8 @@ def test_soil_rasters__have_no_heights_beside_or_without_them(tmp_path: Path) ->
 def test_columns__are_refused_where_points_are_spread_too_far() -> None:
     side_m = 1.0
     with pytest.raises(ValueError, match=r"columns of 1\.0 m"):
-        columns(np.array([[0.0, 0.0, 0.0], [MOST_COLUMNS * 1.0, 2.0, 0.0]]), side_m)
-    near = columns(np.array([[3.0, 0.5, 2.0], [0.0, 0.0, 1.0], [0.2, 0.1, 0.0]]), side_m)
+        sort_into_columns(np.array([[0.0, 0.0, 0.0], [MAX_COLUMNS * 1.0, 2.0, 0.0]]), side_m)
+    near = sort_into_columns(np.array([[3.0, 0.5, 2.0], [0.0, 0.0, 1.0], [0.2, 0.1, 0.0]]), side_m)
     assert near.order.tolist() == [2, 1, 0]
 
 

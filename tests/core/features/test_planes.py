@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.features.eigenfeatures import Eigenfeatures
-from furrowmap.core.features.planes import Plane, planes
+from furrowmap.core.features.planes import Plane, find_planes
 
 FloatArray = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def found(
     value = np.array([FLAT] * len(flat_m) + [SCATTERED] * len(others), np.float32)
     normal = np.concatenate([up[: len(flat_m)], side])
     shape = Eigenfeatures(value, normal, np.zeros_like(normal), np.full(len(xyz), 9, np.int32))
-    return planes(xyz, shape, cell_m, 0.05, 0.5, fill)
+    return find_planes(xyz, shape, cell_m, 0.05, 0.5, fill)
 
 
 @pytest.mark.parametrize(

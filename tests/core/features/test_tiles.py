@@ -11,7 +11,7 @@ import pyproj
 import pytest
 
 from furrowmap.core.features import cloud_features
-from furrowmap.core.features.cloud_features import Found, with_features
+from furrowmap.core.features.cloud_features import FoundFeatures, classify_features
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import open_clouds
 
@@ -52,8 +52,8 @@ def test_lines_and_planes__across_tiles_are_one_each(
 ) -> None:
     monkeypatch.setattr(cloud_features, "TILE_POINTS", 1000)  # a tile for each square
     tiles = 0
-    found = Found()
-    for _ in with_features(open_clouds([cloud], None, None), Cleaning(), CELL_M, tmp_path, found):
+    found = FoundFeatures()
+    for _ in classify_features(open_clouds([cloud], None, None), Cleaning(), CELL_M, tmp_path, found):
         tiles += 1
     assert tiles >= 5
     planes = found.joined_planes()

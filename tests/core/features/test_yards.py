@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from benchmarks.yards import Kind, Yard, yard
 from furrowmap.core.features.classes import Feature, FeatureCode, feature_codes
-from furrowmap.core.features.classification import Classified, Tile, classify
-from furrowmap.core.features.objects import PlanePiece, joined, piece, upright
+from furrowmap.core.features.classification import Classified, FeatureTile, classify
+from furrowmap.core.features.objects import PlanePiece, join_planes, outline_plane, plane_foot
 from furrowmap.core.features.plants import plants
-from furrowmap.core.features.segment_votes import colour_segments, greenness, voted
+from furrowmap.core.features.segment_votes import colour_segments, greenness, vote_classes
 from furrowmap.core.surfaces.ground import classify_ground
 
 CELL_M = 0.06
@@ -27,7 +27,7 @@ def seen() -> Yard:
 
 @pytest.fixture(scope="module")
 def found(seen: Yard) -> Classified:
-    return classify(Tile(seen.xyz_m, classify_ground(seen.xyz_m), CELL_M, seen.rgb))
+    return classify(FeatureTile(seen.xyz_m, classify_ground(seen.xyz_m), CELL_M, seen.rgb))
 
 
 def f1(kind: NDArray[np.int8], feature: NDArray[np.uint8]) -> list[float]:
@@ -55,7 +55,9 @@ def test_planes__are_those_of_the_shed(seen: Yard, found: Classified) -> None:
         middle = corner + 0.5 * (u + v)
         same = [p for p in found.planes if abs(p.normal @ normal) > 0.995 and abs((p.centre_m - middle) @ normal) < 0.1]
         assert same, k
-        outline = piece(same[0], found.voxel_m[same[0].members], np.ones(len(same[0].members), int), 2 * CELL_M, 0.0)
+        outline = outline_plane(
+            same[0], found.voxel_m[same[0].members], np.ones(len(same[0].members), int), 2 * CELL_M, 0.0
+        )
         assert outline.area_m2 == pytest.approx(np.linalg.norm(np.cross(u, v)), rel=0.2)
 
 
@@ -79,7 +81,7 @@ def test_classes__have_their_codes() -> None:
 def test_a_cloud_without_ground__has_planes_all_the_same() -> None:
     rng = np.random.default_rng(1)
     wall = np.column_stack([rng.uniform(0, 4, 4000), rng.normal(0, 0.01, 4000), rng.uniform(0, 2, 4000)])
-    found = classify(Tile(wall, np.zeros(4000, bool), CELL_M))
+    found = classify(FeatureTile(wall, np.zeros(4000, bool), CELL_M))
     assert np.mean(found.feature == Feature.VERTICAL_PLANE) > 0.95
     assert np.isnan(found.above_m).all()
 
@@ -87,20 +89,20 @@ def test_a_cloud_without_ground__has_planes_all_the_same() -> None:
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_few_points__are_classified(count: int) -> None:
     xyz = np.arange(3.0 * count).reshape(-1, 3)
-    assert len(classify(Tile(xyz, np.zeros(count, bool), 0.1)).feature) == count
-    assert (classify(Tile(xyz, np.ones(count, bool), 0.1)).feature == Feature.GROUND).all()
+    assert len(classify(FeatureTile(xyz, np.zeros(count, bool), 0.1)).feature) == count
+    assert (classify(FeatureTile(xyz, np.ones(count, bool), 0.1)).feature == Feature.GROUND).all()
 
 
 def test_segments__outvote_a_weak_candidate_and_leave_lines_alone() -> None:
     evidence = np.array([[0.0, 0.9, 0.0, 0.1]] * 20 + [[0.0, 0.4, 0.0, 0.6]] * 5 + [[0.0, 0.0, 0.9, 0.1]])
     segment = np.zeros(26, np.int64)
-    alone = voted(evidence, np.full(26, -1), None).tolist()
+    alone = vote_classes(evidence, np.full(26, -1), None).tolist()
     assert alone == [Feature.VERTICAL_PLANE] * 20 + [Feature.SCATTER] * 5 + [Feature.LINE]
-    assert voted(evidence, segment, None).tolist() == [Feature.VERTICAL_PLANE] * 25 + [Feature.LINE]
+    assert vote_classes(evidence, segment, None).tolist() == [Feature.VERTICAL_PLANE] * 25 + [Feature.LINE]
     leaves = np.tile([0.2, 0.5, 0.1], (26, 1))
     weak = np.array([[0.0, 0.6, 0.0, 0.4]] * 26)
-    assert (voted(weak, segment, leaves) == Feature.SCATTER).all()
-    assert (voted(weak, segment, np.full((26, 3), np.nan)) == Feature.VERTICAL_PLANE).all()
+    assert (vote_classes(weak, segment, leaves) == Feature.SCATTER).all()
+    assert (vote_classes(weak, segment, np.full((26, 3), np.nan)) == Feature.VERTICAL_PLANE).all()
 
 
 def test_colours__of_a_cloud_part_it_where_they_change() -> None:
@@ -132,12 +134,12 @@ def test_pieces__of_one_wall_are_joined_and_others_are_not() -> None:
     def part(x: float, y: float, normal: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> PlanePiece:
         return PlanePiece(np.array([x, y, 1.0]), np.array(normal), shapely.box(-1.0, -1.0, 1.0, 1.0), 100, 0.01, 0.0)
 
-    one = joined([part(0.0, 0.0), part(2.1, 0.02, (0.01, -0.99995, 0.0)), part(0.0, 1.0), part(9.0, 0.0)])
+    one = join_planes([part(0.0, 0.0), part(2.1, 0.02, (0.01, -0.99995, 0.0)), part(0.0, 1.0), part(9.0, 0.0)])
     assert len(one) == 3
     assert one[0].points == 200
     assert one[0].area_m2 == pytest.approx(8.0, abs=0.2)
-    wall = upright(one[0], "wall")
+    wall = plane_foot(one[0], "wall")
     assert wall.length_m == pytest.approx(4.1, abs=0.05)
     assert wall.height_m == pytest.approx(2.0, abs=0.05)
     assert one[0].top_m == pytest.approx(2.0, abs=0.05)
-    assert joined([]) == []
+    assert join_planes([]) == []
