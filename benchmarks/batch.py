@@ -27,11 +27,11 @@ import psutil
 import shapely
 
 import furrowmap
+from furrowmap.core.runtime.settings import Settings
 from furrowmap.exporters.files.batch_state import STATE, SessionOutcome, batch_state
 from furrowmap.workflows.batch.jobs import Job, identity, key_of, open_job
 from furrowmap.workflows.batch.sources import find_sources
 from furrowmap.workflows.batch.task import input_stamps
-from furrowmap.workflows.batch.workforce import ProcessSettings
 
 SCENARIO = Path(__file__).parents[1] / "tests" / "app" / "one_pass.toml"
 
@@ -123,7 +123,7 @@ def repetition(folder: Path, count: int) -> None:
         state._database.execute("PRAGMA synchronous = OFF")  # 2,000 transactions in a row
         for source in find_sources([sessions], results):
             text = source.file.read_text(encoding="utf-8")
-            job = Job(source.parts[0], str(source.file), text, str(results), ProcessSettings(None, (), "en"))
+            job = Job(source.parts[0], str(source.file), text, str(results), Settings(language="en"))
             state.keep_names({identity(job.file, None): job.name})
             outcome: Any = SessionOutcome(key_of(job), input_stamps(open_job(job)), seconds=1.0, processor_s=1.0)
             outcome = SessionOutcome(**{**vars(outcome), "footprint": FOOTPRINT, "track": TRACK})

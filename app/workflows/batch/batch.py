@@ -43,7 +43,7 @@ from furrowmap.workflows.batch.jobs import (
 from furrowmap.workflows.batch.places import Store, find_remote, is_url, scratch
 from furrowmap.workflows.batch.sources import BatchSource, assign_names, find_sources, stamp
 from furrowmap.workflows.batch.task import input_stamps, run_job
-from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
+from furrowmap.workflows.batch.workforce import Workforce
 from furrowmap.workflows.session.machines import machine_file
 
 START_S: Final = 2.0
@@ -210,7 +210,7 @@ class _Batch:
         names = assign_names(wanted, state.sources())
         if not dry_run:
             state.keep_names(names)
-        process = ProcessSettings.of_this_process(force.threads)
+        process = force.settings
         for key, (source, found, visit) in made.items():
             if found.failure is not None:
                 plan.failures[names[key]] = (source.place, found.failure)

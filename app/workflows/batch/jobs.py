@@ -25,6 +25,7 @@ from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.readers.boundary import FieldOutline, read_fields
 from furrowmap.core.readers.reader import GivesPoses, GivesTrack
 from furrowmap.core.runtime.errors import as_furrowmap_error
+from furrowmap.core.runtime.settings import Settings
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.session.opened import Inputs, OpenSession
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
@@ -35,7 +36,6 @@ from furrowmap.exporters.files.atomic import atomic_output, relative_path
 from furrowmap.exporters.files.batch_state import Failure, Stamp
 from furrowmap.workflows.batch.places import fetch_session, scratch
 from furrowmap.workflows.batch.sources import BatchSource
-from furrowmap.workflows.batch.workforce import ProcessSettings
 from furrowmap.workflows.session.init import proposed
 
 OUTLINES_FOLDER: Final = ".batch-fields"
@@ -85,7 +85,7 @@ class Job:
     file: str
     text: str
     results: str
-    process: ProcessSettings
+    process: Settings
     visit: FieldVisit | None = None
     overwrite: bool = False
     url: str = ""

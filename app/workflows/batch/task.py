@@ -13,6 +13,7 @@ import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, RefusedError, as_furrowmap_error
 from furrowmap.core.runtime.json_text import plain
+from furrowmap.core.runtime.settings import using
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.exporters.files.batch_state import Failure, SessionOutcome, Stamp
 from furrowmap.exporters.files.file_records import file_records, files_in
@@ -39,7 +40,7 @@ def run_job(job: Job) -> SessionOutcome:
     wall_s, processor_s = perf_counter(), process_time()
     key, stamps = "", tuple[Stamp, ...]()
     try:
-        with job.process.applied():
+        with using(threads=job.process.threads, allowed=job.process.allowed, language=job.process.language):
             opened = open_job(job)
             key, stamps = key_of(job), input_stamps(opened)
             result, repeated = _result(job, opened)

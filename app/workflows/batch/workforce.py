@@ -1,10 +1,9 @@
-"""The workers of a batch, and the settings that they take over from this process."""
+"""The workers of a batch or a season, and the settings that they take over from this process."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack
 from importlib.util import find_spec
 from types import TracebackType
 from typing import Final, Self
@@ -14,46 +13,16 @@ from furrowmap.core.runtime.limits import free_memory_bytes
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.runtime.settings import (
     ALLOWANCES,
-    allowing,
+    Settings,
     allows,
     available_processors,
     language_of_user,
     settings,
-    using,
-    using_threads,
 )
 from furrowmap.workflows.batch.engine import Engine, Found, Item, OneProcess, WorkerDied
 
 BYTES_A_WORKER: Final = 3 << 30
 """Free memory for each worker: a run of 77 million points takes 1.3 GB (docs/development/benchmarks.md)."""
-
-
-@dataclass(frozen=True)
-class ProcessSettings:
-    """Settings of the whole process that the user has chosen, for the processes of workers.
-
-    Attributes:
-        allowed: what is allowed (`core/runtime/settings.py`).
-    """
-
-    threads: int | None
-    allowed: tuple[str, ...]
-    language: str
-
-    @classmethod
-    def of_this_process(cls, threads: int | None) -> Self:
-        """The settings of this process."""
-        return cls(threads, tuple(what for what in ALLOWANCES if allows(what)), language_of_user())
-
-    @contextmanager
-    def applied(self) -> Iterator[None]:
-        """Within it, this process has these settings."""
-        with ExitStack() as stack:
-            stack.enter_context(using_threads(self.threads))
-            stack.enter_context(allowing(*(what for what in ALLOWANCES if what in self.allowed)))
-            if self.language:
-                stack.enter_context(using(language=self.language))
-            yield
 
 
 class Workforce:
@@ -91,6 +60,12 @@ class Workforce:
         if asked is not None or self._scheduler is not None:
             return asked
         return max(1, available_processors() // self.workers)
+
+    @property
+    def settings(self) -> Settings:
+        """The settings of this process for those of the workers, with the threads of each run."""
+        allowed = frozenset(what for what in ALLOWANCES if allows(what))
+        return Settings(self.threads, allowed, language_of_user())
 
     @property
     def cores(self) -> int:

@@ -15,6 +15,7 @@ from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.settings import Settings
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.mosaic import common_crs, grid_in
 from furrowmap.exporters.farm.results import short_hash
@@ -23,7 +24,6 @@ from furrowmap.exporters.farm.traffic import WORKED
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, result_origin
 from furrowmap.exporters.rasters.cog import Band
-from furrowmap.workflows.batch.workforce import ProcessSettings
 from furrowmap.workflows.season.sources import SeasonSession
 from furrowmap.workflows.season.tasks import MosaicTile, Part, SessionTables
 
@@ -51,7 +51,7 @@ class SeasonPlan:
     staging: Path
     sessions: Sequence[SeasonSession]
     crs: CRS
-    process: ProcessSettings
+    process: Settings
     bands: dict[str, tuple[Band, ...]] = field(default_factory=dict)
 
 

@@ -34,7 +34,7 @@ from furrowmap.exporters.files.staging import recover, refuse_products, staged_f
 from furrowmap.exporters.rasters.windows import enclosing
 from furrowmap.settings import SeasonSettings
 from furrowmap.workflows.batch.engine import ATTEMPTS
-from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
+from furrowmap.workflows.batch.workforce import Workforce
 from furrowmap.workflows.season.parts import (
     COVERAGE,
     SEASON,
@@ -127,7 +127,7 @@ def season(
     crs, changes = season_crs(sessions, optional_crs(settings.crs))
     force = Workforce(settings.workers, settings.scheduler, say)
     with staged_folder(folder) as staging, force:
-        plan = SeasonPlan(staging.resolve(), sessions, crs, ProcessSettings.of_this_process(force.threads))
+        plan = SeasonPlan(staging.resolve(), sessions, crs, force.settings)
         parts: dict[str, Planned] = {}
         if MOSAICS in content:
             parts |= plan_tiles(plan, settings.cell_m)

@@ -14,6 +14,7 @@ from pyproj import CRS
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.runtime.errors import FurrowmapError, as_furrowmap_error
+from furrowmap.core.runtime.settings import Settings, using
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.exchange.vectors import changed_crs
 from furrowmap.exporters.farm.mosaic import write_mosaic_part
@@ -21,7 +22,6 @@ from furrowmap.exporters.farm.surface_file import same_map, surface_file
 from furrowmap.exporters.farm.traffic import write_worked
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, TRAJECTORY, open_result, reading_result
-from furrowmap.workflows.batch.workforce import ProcessSettings
 from furrowmap.workflows.season.sources import PASSES
 
 TABLE_BATCH_POINTS: Final = 500_000
@@ -43,7 +43,7 @@ class MosaicTile:
     bands: tuple[str, ...]
     sources: tuple[Path, ...]
     origin: Origin
-    process: ProcessSettings
+    process: Settings
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class SessionTables:
     spacing_m: float
     most_rows: int
     origin: Origin
-    process: ProcessSettings
+    process: Settings
 
 
 Part = MosaicTile | SessionTables
@@ -77,7 +77,7 @@ PartAccount = dict[str, Any]
 def write_part(part: Part) -> PartAccount | FurrowmapError:
     """Write a part; returns its account, or the error that ended it."""
     try:
-        with part.process.applied():
+        with using(threads=part.process.threads, allowed=part.process.allowed, language=part.process.language):
             if isinstance(part, SessionTables):
                 return _write_tables(part)
             return _write_tile(part) if part.bands else _write_coverage(part)

@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
+from furrowmap.core.runtime.settings import Settings
 from furrowmap.exporters.files.batch_state import STATE, batch_state
 from furrowmap.workflows.batch import workforce
 from furrowmap.workflows.batch.batch import _lost
@@ -24,7 +25,7 @@ from furrowmap.workflows.batch.dask import _lost_scheduler, _not_started, _unusa
 from furrowmap.workflows.batch.engine import Engine, OneProcess, WorkerDied
 from furrowmap.workflows.batch.jobs import Job, open_job, prepare, visits_of
 from furrowmap.workflows.batch.sources import BatchSource, assign_names, find_sources, holds_scans
-from furrowmap.workflows.batch.workforce import ProcessSettings, Workforce
+from furrowmap.workflows.batch.workforce import Workforce
 from tests.app.ending_workers import end_worker, variable
 
 ONE = furrowmap.BatchSettings(workers=1)
@@ -147,7 +148,7 @@ def test_recordings_of_a_machine__get_a_session_and_are_split_by_fields(shared_d
             str(home / "session.toml"),
             found.text,
             str(tmp_path),
-            ProcessSettings(None, (), ""),
+            Settings(),
             found.visits[0],
         )
     )
