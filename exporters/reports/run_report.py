@@ -146,7 +146,7 @@ def verdict(found: RunResult) -> dict[str, Any]:
     text = next((in_local_time(n.text, found.zone) for n in found.notices if n.code == CONTRADICTION), None)
     seen = found.matched.seen.plain() if found.matched is not None else {}
     doubts = [in_local_time(notice.text, found.zone) for notice in found.notices if notice.code in AT_TOP]
-    others = {}
+    others: dict[str, Any] = {}
     for language in LANGUAGES[1:]:
         others[f"text_{language}"] = translated(text, language, CONTRADICTION) if text else None
         others[f"doubts_{language}"] = [translated(doubt, language) for doubt in doubts]

@@ -48,7 +48,7 @@ def named(result: furrowmap.Result, tmp_path_factory: pytest.TempPathFactory) ->
 def shared(named: Path, page_scripts: None) -> furrowmap.Shared:
     """Its page, with so few points that drawing them without a graphics card is fast."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(page_module, "MOST_POINTS", POINTS)
+        patch.setattr(page_module, "MAX_SHARED_POINTS", POINTS)
         return furrowmap.share(named, progress=Told())
 
 
@@ -240,7 +240,7 @@ def test_points__are_points_of_the_cloud(
 def test_share__keeps_to_its_size(
     named: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, page_scripts: None
 ) -> None:
-    monkeypatch.setattr(page_module, "MOST_BYTES", 3_000_000)
+    monkeypatch.setattr(page_module, "MAX_FOLDER_BYTES", 3_000_000)
     small = furrowmap.share(named, tmp_path / "small", language="ja")
     assert 2_000_000 < small.size_bytes <= 3_000_000
     assert script(small.folder / "data.js", "furrowmapData")["language"] == "ja"

@@ -60,7 +60,7 @@ def write(folder: Path) -> None:
 @pytest.fixture
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     """A heartbeat of another machine is watched for two of its beats."""
-    monkeypatch.setattr(lease_module, "PATIENCE_S", 2.5)
+    monkeypatch.setattr(lease_module, "MAX_SILENCE_S", 2.5)
 
 
 @pytest.mark.parametrize("machine", [(), (ELSEWHERE,)])

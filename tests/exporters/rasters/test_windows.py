@@ -20,7 +20,7 @@ GRIDS = st.builds(
 
 @pytest.fixture(autouse=True)
 def _small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "WINDOW", 8)
+    monkeypatch.setattr(module, "WINDOW_CELLS", 8)
 
 
 def cells(grid: Grid) -> set[tuple[int, int]]:
