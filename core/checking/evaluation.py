@@ -86,7 +86,6 @@ def evaluate(
     """Evaluate a test against a reference, whose positions are taken as the truth.
 
     Args:
-        test: the positions to evaluate.
         reference: see `match`, as for the two below.
         antenna_offset_m: of the test antenna.
         max_gap_s: of the reference.

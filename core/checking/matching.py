@@ -104,7 +104,6 @@ def match(
     """Pair the epochs of a test with a reference.
 
     Args:
-        test: the positions to evaluate.
         reference: taken as the truth.
         antenna_offset_m: of the test antenna from the reference antenna: forward, left, up. Forward is the heading of
             the reference, else of the test, else the direction of travel, which is kept while standing.

@@ -42,7 +42,6 @@ def evaluate_logs(
         antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.
         max_gap_s: longer intervals of the reference are gaps.
         fixed_reference_only: skip epochs at which the reference is not fixed.
-        progress: receives the stages.
 
     Raises:
         InputError: if a log cannot be read, has no positions, or there is nothing to compare.

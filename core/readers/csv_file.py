@@ -59,7 +59,6 @@ class CsvFile(Source):
     """An open CSV file whose header has been read; comma, semicolon or tab separates fields.
 
     Args:
-        path: of the file, compressed or not.
         notices: that the file is cut, or that rows are dropped, is added while rows are read.
 
     Attributes:
@@ -303,7 +302,6 @@ def is_whole(line: bytes, before: Sequence[bytes]) -> bool:
     theirs: 81.02 may be cut to 81.0, 81 or 8, which have fewer.
 
     Args:
-        line: the last line.
         before: lines before it, of which the last :data:`COMPARED_LINES` are used.
     """
     forms = {_form(other) for other in before[-COMPARED_LINES:]}

@@ -45,7 +45,6 @@ def utc_of(seconds: FloatArray, scale: str, name: str, options: ReadOptions) -> 
         seconds: in the order of the file.
         scale: "unix" (UTC since 1970), "gps" or "utc" (both since 1980-01-06 or since the start of the week, Sunday
             0 h).
-        name: of the file, for messages.
         options: `week`, else `near_s`, gives the week of times that count from its start.
 
     Raises:
@@ -107,7 +106,6 @@ def in_order(
         t_s: (n,) times in the order of the log.
         lon_deg: (n,) longitudes.
         lat_deg: (n,) latitudes.
-        name: of the log, for messages.
         place: describes where epoch k is in the log.
 
     Raises:

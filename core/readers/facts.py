@@ -111,7 +111,6 @@ def jump_notices(track: GnssTrack, when: Callable[[float], str] = iso_utc) -> li
     considered.
 
     Args:
-        track: of any receiver.
         when: words of a time of the track.
     """
     if len(track) < 6:

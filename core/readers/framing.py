@@ -90,8 +90,6 @@ def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True)
     ones: a hostile file cannot make the scanner read the same bytes many times.
 
     Args:
-        data: (k,) the piece.
-        framing: of the protocol.
         last: whether the stream ends with this piece; else an unfinished frame at its end is left for the next one.
     """
     rows = np.empty((len(data) // (framing.extra + framing.least) + 1, 3), np.int64)

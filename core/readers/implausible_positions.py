@@ -138,7 +138,6 @@ def drop_implausible_positions(
     """The track without implausible positions, which of its epochs (n,) are kept, and a notice that lists the others.
 
     Args:
-        track: of any receiver.
         when: words of a time of the track.
 
     Raises:

@@ -36,8 +36,6 @@ def inertial_track(t_s: FloatArray, values: FloatArray, name: str, notices: list
     Args:
         t_s: (n,) UTC.
         values: (n, 6) angular rate (rad/s) and specific force (m/s²).
-        name: of the recording, for messages.
-        notices: one about dropped measurements is added.
 
     Raises:
         InputError: if the times do not increase.
@@ -55,8 +53,6 @@ def attitude_track(
         t_s: (n,) UTC.
         angles_deg: (n, 3) roll, pitch, heading.
         north: see :class:`AttitudeTrack`.
-        name: of the recording, for messages.
-        notices: one about dropped attitudes is added.
 
     Raises:
         InputError: if the times do not increase.

@@ -27,10 +27,6 @@ def sweep(
     """The returns (n,) of one sweep in the plane z = 0, angles counter-clockwise from the x axis.
 
     Args:
-        number: of the scan.
-        t_s: UTC.
-        angle_rad: of each return.
-        range_m: of each return.
         intensity: in any unit; fractions of 1 are scaled to 255.
         column: index of the firing in the sweep.
     """

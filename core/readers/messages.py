@@ -88,7 +88,6 @@ def read_messages(
 
     Args:
         source: the stream, from its current position.
-        framing: of the protocol.
         layouts: by kind, what the content of a message begins with; a shorter content counts as damaged.
         counts: of the streams before, if there are any; updated. Their lengths are added to :attr:`Messages.at`.
     """

@@ -25,7 +25,6 @@ def read_mount(path: Path, near_s: float, notices: list[Notice]) -> MountMotion:
 
     Args:
         near_s: a time of the recording, for times that count from the start of a week.
-        notices: those about the file are added.
 
     Raises:
         InputError: if columns are missing, a field is no number, or the times do not increase.

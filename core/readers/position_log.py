@@ -73,10 +73,8 @@ class LoggedPositions:
         Args:
             columns: (n,) each: `t_s` and columns of :class:`GnssTrack`, in the order of the log.
             place: describes where position k is in the log.
-            name: of the log, for messages.
             service: see :class:`GnssTrack`.
             without_position: number of epochs without a position.
-            notices: what is unusual so far.
             fault: why the times are not UTC, if they are not.
         """
         try:

@@ -45,9 +45,6 @@ def raw_pixels(data: memoryview | bytes, layout: RawLayout) -> NDArray[np.uint8]
 
     Mosaics of a Bayer filter are interpolated by OpenCV, bilinearly.
 
-    Args:
-        data: the image's bytes.
-
     Raises:
         ValueError: if the bytes are no such image.
         ImportError: if OpenCV is needed and not installed.

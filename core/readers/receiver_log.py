@@ -27,7 +27,6 @@ class ReceiverLog(PositionLog):
     """The positions in a log of binary messages of a fixed layout; other bytes between them are skipped.
 
     Args:
-        paths: the files of one recording, in the order of time.
         options: `date`, `near_s` and `week` are used where the messages carry no date.
     """
 
@@ -55,7 +54,6 @@ class ReceiverLog(PositionLog):
 
         Args:
             messages: of each kind in :attr:`layouts`.
-            name: of the log, for messages.
             place: describes an offset in the stream.
         """
 

@@ -26,9 +26,6 @@ class StatesCsv(FileReader):
 
     The state of the last row lasts to the end of the drive.
 
-    Args:
-        paths: the files of one recording, in the order of time.
-        options: none is used.
     """
 
     format: ClassVar[str] = "states-csv"

@@ -63,9 +63,6 @@ def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) 
     """Geometries (n,) of one CRS in another, both horizontal or the horizontal part of a compound one.
 
     Args:
-        shapes: n geometries.
-        source: their CRS.
-        target: that of the map.
         what: where they are from, to begin the message of an error.
 
     Raises:

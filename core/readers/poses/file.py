@@ -56,7 +56,6 @@ class RawPoses:
 
         Args:
             options: `week`, else `near_s`, gives the week of times that count from its start.
-            notices: extended.
 
         Raises:
             InputError: if the week or the time scale is unknown, or too many poses are out of order.
@@ -127,7 +126,6 @@ class PoseFile(FileReader, ABC):
     """A reader of a trajectory from other software.
 
     Args:
-        paths: the files of one trajectory, in the order of time.
         options: `time`, `week` and `near_s` are used.
     """
 
