@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from furrowmap.core.readers.facts import GAP_INTERVALS
 from furrowmap.core.runtime.errors import InputError
@@ -197,7 +198,10 @@ def _offset(
         nearest = _nearest(stated.t_s[known], t_s)
         ahead[np.abs(nearest - t_s) > 2.0] = np.nan
     else:
-        ahead = _held(ahead)
+        # Directions of travel are kept while standing; the first one also before it is known.
+        known = np.isfinite(ahead[:, 0])
+        last = np.maximum.accumulate(np.where(known, np.arange(len(ahead)), -1))
+        ahead = ahead[np.where(last >= 0, last, int(np.argmax(known)))]
     east = forward * ahead[:, 0] - left * ahead[:, 1]
     north = forward * ahead[:, 1] + left * ahead[:, 0]
     return np.column_stack([east, north, np.full(len(t_s), up)])
@@ -207,16 +211,6 @@ def _nearest(known_s: FloatArray, t_s: FloatArray) -> FloatArray:
     at = np.clip(np.searchsorted(known_s, t_s), 1, max(len(known_s) - 1, 1))
     before, behind = known_s[at - 1], known_s[np.minimum(at, len(known_s) - 1)]
     return np.where(t_s - before < behind - t_s, before, behind)
-
-
-def _held(ahead: FloatArray) -> FloatArray:
-    """Directions (n, 2) with unknown ones filled forward, leading ones backward."""
-    known = np.isfinite(ahead[:, 0])
-    if not known.any():
-        return ahead
-    last = np.maximum.accumulate(np.where(known, np.arange(len(ahead)), -1))
-    held: FloatArray = ahead[np.where(last >= 0, last, int(np.argmax(known)))]
-    return held
 
 
 @dataclass(frozen=True)
@@ -260,20 +254,8 @@ class _Curve:
         before, behind = np.maximum(k - 1, 0), np.minimum(k + 2, len(t) - 1)
         four = whole & (k >= 1) & (k + 2 < len(t)) & (share[:, 0] >= 0.0) & (share[:, 0] <= 1.0)
         four &= (t[k] - t[before] <= self.max_gap_s) & (t[behind] - t[k + 1] <= self.max_gap_s)
-        if not four.any():
-            return straight
-        k, share, h = k[four], share[four], step[four][:, None]
-        slope = (p[k + 1] - p[k]) / h
-        h_before, h_behind = (t[k] - t[k - 1])[:, None], (t[k + 2] - t[k + 1])[:, None]
-        first = (h_before * slope + h * (p[k] - p[k - 1]) / h_before) / (h + h_before)
-        second = (h_behind * slope + h * (p[k + 2] - p[k + 1]) / h_behind) / (h + h_behind)
-        u = share
-        straight[four] = (
-            (1.0 + 2.0 * u) * (1.0 - u) ** 2 * p[k]
-            + u * (1.0 - u) ** 2 * h * first
-            + u**2 * (3.0 - 2.0 * u) * p[k + 1]
-            + u**2 * (u - 1.0) * h * second
-        )
+        if four.any():
+            straight[four] = CubicHermiteSpline(t, p, np.gradient(p, t, axis=0))(t_s[four])
         return straight
 
     def velocity(self, t_s: FloatArray) -> FloatArray:
