@@ -74,6 +74,7 @@ class CsvFile(Source):
         self._lines = self._complete_lines()
         first = next(self._lines, b"")
         if (kind := binary_kind(first)) is not None:
+            self.close()
             raise InputError("not-a-table.binary", path=path, kind=kind)
         self.names, self._separator = split_header(first)
 
@@ -109,8 +110,10 @@ class CsvFile(Source):
         self.require(schema, missing_key)
         found = [self.find(column.names) for column in schema]
         rows: FloatArray = np.concatenate([np.empty((0, len(schema))), *self.pieces(schema)])
-        needed = [bool(name) and not c.sparse for c, name in zip(schema, found, strict=True)]
-        whole = np.isfinite(rows[:, needed]).all(axis=1)
+        whole = np.ones(len(rows), np.bool_)
+        for k, (column, name) in enumerate(zip(schema, found, strict=True)):
+            if name and not column.sparse:
+                whole &= np.isfinite(rows[:, k])
         if not whole.all():
             self.notices.append(Notice("rows-incomplete", source=self.path, whole=int((~whole).sum()), rows=len(rows)))
         rows = rows[whole]

@@ -16,7 +16,7 @@ from furrowmap.core.readers.epochs import utc_of
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.inertial_rows import MAX_FORCE_MPS2, MAX_RATE_RADPS, inertial_facts, inertial_track
 from furrowmap.core.readers.reader import FileReader, Inspection
-from furrowmap.core.readers.source import Head
+from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
@@ -104,8 +104,7 @@ class ImuCsv(FileReader):
         reader = ImuCsv(self.paths[:1], self.options)
         track = reader.inertial()
         clock = ClockReading(Clock.STATED, float(track.t_s[0]), float(track.t_s[-1]), "from its time column")
-        with CsvFile(self.paths[0], []) as file:
-            angles = [name for name in file.names if name in (*LEVEL_COLUMNS, *NORTHS)]
+        angles = [name for name in head_columns(look(self.paths[0])) if name in (*LEVEL_COLUMNS, *NORTHS)]
         facts = {**inertial_facts(track), "attitude": angles or "none"}
         notices = (*reader.notices, *imu_notices(track))
         return Inspection(self.paths[0], self.format, self.title, facts, (clock,), notices)
