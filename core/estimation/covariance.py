@@ -44,7 +44,8 @@ def slow_covariance(free: NormalEquations, considered: Considered) -> FloatArray
 def quick_variances(held: NormalEquations, size: int) -> FloatArray:
     """(n, 6) variances of the poses with fixed references."""
     out: FloatArray = arrays.copied(held.solve().sigma().reshape(-1, size)[:, :POSE])
-    return np.square(out, out=out)
+    np.square(out, out=out)
+    return out
 
 
 def pose_sigmas(
