@@ -73,7 +73,19 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
             found = pipeline.preview(opened, open_sink, progress)
             progress("writing the preview", 0.0)
             origin = run_origin(found, ())
-            figures = _figures(found)
+            begin_s, end_s = found.located.trajectory.span_s
+            distance_m, standing_s = distance_and_standing(found.located.trajectory, begin_s, end_s)
+            figures = {
+                "start": iso_utc(begin_s),
+                "end": iso_utc(end_s),
+                "duration_s": round(end_s - begin_s, 3),
+                "distance_m": round(distance_m, 1),
+                "standing_s": round(standing_s, 1),
+                "crs": found.frame.name,
+                "scans": found.placement.scans,
+                "scans_without_pose": found.placement.scans_without_pose,
+                "points": found.placement.points,
+            }
             if found.session.lidar.xyz_m is not None:
                 figures |= _write_surface(staging, land, found, origin)
         frame = found.frame
@@ -93,22 +105,6 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
         }
         (staging / PREVIEW_REPORT).write_text(json_text(account), encoding="utf-8")
     return account
-
-
-def _figures(found: RunResult) -> dict[str, Any]:
-    begin_s, end_s = found.located.trajectory.span_s
-    distance_m, standing_s = distance_and_standing(found.located.trajectory, begin_s, end_s)
-    return {
-        "start": iso_utc(begin_s),
-        "end": iso_utc(end_s),
-        "duration_s": round(end_s - begin_s, 3),
-        "distance_m": round(distance_m, 1),
-        "standing_s": round(standing_s, 1),
-        "crs": found.frame.name,
-        "scans": found.placement.scans,
-        "scans_without_pose": found.placement.scans_without_pose,
-        "points": found.placement.points,
-    }
 
 
 def _sizes(paths: Sequence[Path], root: Path) -> list[dict[str, Any]]:
