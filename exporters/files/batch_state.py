@@ -94,11 +94,7 @@ class SessionOutcome:
 
 
 class BatchState:
-    """The rows of a state file.
-
-    Args:
-        database: open, with its tables.
-    """
+    """The rows of a state file."""
 
     def __init__(self, database: sqlite3.Connection) -> None:
         self._database = database

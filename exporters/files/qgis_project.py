@@ -50,11 +50,7 @@ class ProjectLayer:
 
 
 def project_root(title: str, crs: CRS) -> ET.Element:
-    """A project without layers.
-
-    Args:
-        crs: of the map.
-    """
+    """A project without layers."""
     root = ET.Element("qgis", {"version": _QGIS, "projectname": title})
     put_text(root, "title", title)
     put_crs(ET.SubElement(root, "projectCrs"), crs)
@@ -68,13 +64,7 @@ def project_text(root: ET.Element) -> str:
 
 
 def put_view(root: ET.Element, crs: CRS, bounds: tuple[float, float, float, float]) -> None:
-    """The first view of a project, and relative paths.
-
-    Args:
-        root: the project.
-        crs: of the map.
-        bounds: west, south, east and north.
-    """
+    """The first view of a project, of bounds (west, south, east, north), and relative paths."""
     view = ET.SubElement(root, "ProjectViewSettings", {"UseProjectScales": "0", "rotation": "0"})
     west, south, east, north = bounds
     margin = _VIEW_MARGIN * max(east - west, north - south, 1.0)
@@ -102,12 +92,7 @@ def put_vector_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
 
 
 def put_raster_layer(within: ET.Element, layer: ProjectLayer, crs: CRS) -> None:
-    """A raster in the CRS of the map.
-
-    Args:
-        within: the element of the project's layers.
-        layer: of which the style is a pipe.
-    """
+    """A raster in the CRS of the map."""
     element = _put_layer(within, layer, crs, {"type": "raster", "styleCategories": "AllStyleCategories"})
     pipe = ET.fromstring(layer.style).find("pipe") if layer.style else None  # noqa: S314 (of this package)
     if pipe is not None:
@@ -121,8 +106,6 @@ def put_point_cloud_layer(
     """A point cloud in the CRS of the map, in the colours of its classes.
 
     Args:
-        within: the element of the project's layers.
-        crs: of the map.
         classes: code, colour and name of each class that is shown.
     """
     element = _put_layer(within, layer, crs, {"type": "point-cloud", "styleCategories": "AllStyleCategories"})

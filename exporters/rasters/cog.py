@@ -90,10 +90,7 @@ def cog_output(
 
     Args:
         path: of the file; an older one is replaced.
-        grid: of the raster.
         crs: of the map, with or without heights; GDAL reports :func:`reported_crs` of it.
-        bands: of the raster.
-        origin: its provenance.
         counts: whether the values are whole numbers from 0 to 65,535, written as such; none of them means unknown.
 
     Yields:

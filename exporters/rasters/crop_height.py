@@ -22,11 +22,7 @@ _PIXEL: Final = np.dtype([("place", "<u4"), ("height_m", "<f4")])
 
 
 class CropHeights:
-    """Collects the pixels of parcels in a temporary file and writes the raster: a context manager.
-
-    Args:
-        folder: for the temporary file.
-    """
+    """Collects the pixels of parcels in a temporary file and writes the raster: a context manager."""
 
     def __init__(self, folder: Path) -> None:
         self._spool = RecordSpool(_PIXEL, folder)

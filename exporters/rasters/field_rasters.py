@@ -102,12 +102,6 @@ def write_rasters(
 ) -> RasterFigures | None:
     """Write the rasters of a run; None, and no file, where there are no points on the ground.
 
-    Args:
-        land: the points.
-        found: result of the run.
-        origin: provenance of its products.
-        progress: receives the stage "making surfaces".
-
     Raises:
         OSError: if they cannot be written.
     """

@@ -59,10 +59,7 @@ def write_orthophoto(
     Args:
         path: of the file; an older one is replaced.
         surface: GeoTIFF with heights in its first band, of this program.
-        colours: of the frames.
         origin_m: local origin of the colours' coordinates.
-        origin: provenance.
-        progress: receives the stage "making orthophoto".
 
     Returns:
         Area of the ground that has a picture, in square metres of the map.

@@ -39,12 +39,7 @@ class ShadedRelief:
 
 
 def shaded_ground(cloud: Path, points_by_level: tuple[int, ...], box_m: Box) -> ShadedRelief | None:
-    """The relief within a box, from the coarse levels of a COPC file; None for no points.
-
-    Args:
-        cloud: a COPC file.
-        box_m: in the cloud's coordinates.
-    """
+    """The relief within a box, from the coarse levels of a COPC file; None for no points."""
     enough = int(np.searchsorted(np.cumsum(points_by_level), MAX_RELIEF_POINTS, side="right"))
     west, south, east, north = box_m
     with laspy.CopcReader.open(cloud) as reader:

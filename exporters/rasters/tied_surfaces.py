@@ -138,12 +138,6 @@ def write_change(
     Ground worked for the first time rises by centimetres, ground worked again hardly, and is better seen, as it lies
     where the earlier drive was. So the mean is that of each kind, weighted by its area (post-stratification).
 
-    Args:
-        pair: the surfaces with their moves.
-        ground: what tools did.
-        crs: of the map.
-        origin: provenance.
-
     Raises:
         OSError: if the file cannot be written.
     """

@@ -38,12 +38,7 @@ def work_rate(rate_ha_h: float) -> str:
 
 
 def in_area_unit(page: str, unit: str) -> str:
-    """A page with its areas and work rates in a unit, whatever unit they were in.
-
-    Args:
-        page: HTML.
-        unit: one of `AREA_UNITS`.
-    """
+    """A page with its areas and work rates in one of :data:`AREA_UNITS`, whatever unit they were in."""
 
     def element(found: re.Match[str]) -> str:
         return f'<data class="{found[1]}" value="{found[2]}">{_SAYS[found[1]](float(found[2]), unit)}</data>'

@@ -43,7 +43,6 @@ def error_graph(evaluations: Mapping[str, Evaluation], title: str, colours: Mapp
     """An error over time.
 
     Args:
-        evaluations: by the name of the service.
         title: one of :data:`ERRORS`.
         colours: of the services; None for a single one, with a bar of its kinds of fix.
     """

@@ -37,11 +37,7 @@ def evaluation_figures(evaluations: Mapping[str, Evaluation]) -> dict[str, Any]:
 
 
 def table_rows(evaluations: Mapping[str, Evaluation]) -> Iterator[dict[str, Any]]:
-    """A row for each service, fix type ("all" for all epochs) and quantity.
-
-    Args:
-        evaluations: by the name of the service or receiver.
-    """
+    """A row for each service, fix type ("all" for all epochs) and quantity."""
     for service, found in evaluations.items():
         for fix, table in found.tables.items():
             for quantity, row in table.items():

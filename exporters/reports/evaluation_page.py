@@ -29,11 +29,6 @@ SERVICE_COLOURS: Final = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9",
 def write_evaluation(folder: Path, evaluations: Mapping[str, Evaluation], *, overwrite: bool) -> None:
     """Write :data:`EVALUATION_PRODUCTS`, all of them or none.
 
-    Args:
-        folder: to write to; created where missing.
-        evaluations: by the name of the service or receiver, all against the same reference.
-        overwrite: replace those of another evaluation.
-
     Raises:
         RefusedError: if they exist and may not be replaced.
         InputError: if the folder cannot be written to.

@@ -30,8 +30,6 @@ def history_page(
     """The page, in English; its areas have no unit yet.
 
     Args:
-        field: its row in `fields`.
-        outline: of the field.
         seasons: rows of `seasons`, the last one first.
         visits: rows of `visits`, the last one first.
         grounds: (n,) the ground that each of them worked.

@@ -27,10 +27,6 @@ _MARKED_FIGURE: Final = re.compile(r"⟦(\d+)⟧")
 def in_language(page: str, language: str) -> str:
     """A page of ours in a language.
 
-    Args:
-        page: HTML, in any language.
-        language: one of :data:`~furrowmap.core.runtime.languages.catalogue.LANGUAGES`.
-
     Raises:
         ValueError: if there is no such language.
     """
@@ -45,21 +41,9 @@ def in_language(page: str, language: str) -> str:
             kept.append((number, text))
         return new
 
-    page = _mapped(page, other).replace('<html lang="en">', f'<html lang="{language}">', 1)
+    page = map_texts(page, other).replace('<html lang="en">', f'<html lang="{language}">', 1)
     texts = html.escape(json.dumps(kept, ensure_ascii=False, separators=(",", ":")))
     return page.replace("</head>", f'<meta name="{KEPT}" content="{texts}">\n</head>', 1)
-
-
-def texts(page: str) -> list[str]:
-    """The texts between the tags of a page, and those of its attributes."""
-    found: list[str] = []
-
-    def seen(_: int, text: str) -> str:
-        found.append(text)
-        return text
-
-    _mapped(page, seen)
-    return found
 
 
 def _english(page: str) -> str:
@@ -70,11 +54,14 @@ def _english(page: str) -> str:
     kept = dict(json.loads(html.unescape(found[1])))
     page = page.replace(found[0], "", 1)
     page = re.sub(r'<html lang="[a-z]+">', '<html lang="en">', page, count=1)
-    return _mapped(page, lambda number, text: str(kept.get(number, text)))
+    return map_texts(page, lambda number, text: str(kept.get(number, text)))
 
 
-def _mapped(page: str, change: Callable[[int, str], str]) -> str:
-    """A page with each of its texts replaced; texts without letters are left out, but counted."""
+def map_texts(page: str, change: Callable[[int, str], str]) -> str:
+    """A page with each text between its tags, or in an attribute, replaced: from its number and itself.
+
+    Texts without letters are left out, but counted.
+    """
     number = 0
 
     def changed(text: str) -> str:

@@ -43,9 +43,6 @@ def browser() -> str | None:
 def write_pdf(path: Path, page: str) -> None:
     """Print a page of ours to a PDF on A4.
 
-    Args:
-        page: HTML without outside resources.
-
     Raises:
         RefusedError: if no browser is installed, or it does not print.
         OSError: if the file cannot be written.

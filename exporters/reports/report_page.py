@@ -53,7 +53,6 @@ def write_page(
     """Write `report.html`.
 
     Args:
-        found: result of the run.
         cloud: its COPC file, for the relief of the map.
         summary: of the cloud; None for no cloud.
         rasters: figures of the surfaces; None for no surfaces.

@@ -53,13 +53,9 @@ def run_report(
     """The content of `report.json`.
 
     Args:
-        found: result of the run.
         session_file: path to the session from the products.
         cloud: summary of its writer; None for no cloud.
         rasters: figures of the surfaces; None for no surfaces.
-        inputs: the files read.
-        timings_s: seconds of each stage.
-        products: names of the files written.
     """
     calibration = {"lidar": _scanner_mounting(found.boresight)} if found.boresight is not None else {}
     calibration |= {"camera": found.image_aid.calibration()} if found.image_aid is not None else {}
@@ -154,12 +150,7 @@ def verdict(found: RunResult) -> dict[str, Any]:
 
 
 def in_all_languages(notice: Notice, zone: ZoneInfo) -> dict[str, str]:
-    """A warning for a report: its code, its text, and that in every other language, such as `text_ja`.
-
-    Args:
-        notice: the warning.
-        zone: time zone of the times in the texts.
-    """
+    """A warning for a report: its code, its text, and that in every other language, such as `text_ja`."""
     others = {f"text_{language}": in_local_time(notice.text_in(language), zone) for language in LANGUAGES[1:]}
     return {"code": notice.code, "text": in_local_time(notice.text, zone), **others}
 

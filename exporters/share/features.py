@@ -16,8 +16,8 @@ import shapely
 from furrowmap.core.geodesy.local_time import clock_words, local_time
 from furrowmap.core.runtime.errors import printable
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
+from furrowmap.exporters.share.shown_layers import LAYER_TITLES
 from furrowmap.exporters.share.symbols import LayerStyle, Symbol, layer_style
-from furrowmap.exporters.share.words import LAYER_TITLES
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -36,8 +36,6 @@ def shared_layer(name: str, layer: gpd.GeoDataFrame, zone: ZoneInfo, *, alone: b
     """A layer of `field.gpkg` as the page reads it; None for no features.
 
     Args:
-        layer: its features.
-        zone: time zone of the field.
         alone: whether there is no other layer, so that it is shown at first whatever it is.
     """
     layer = layer[~(layer.geometry.isna() | layer.geometry.is_empty)]
@@ -110,8 +108,6 @@ def feature_rows(row: Mapping[str, Any], style: LayerStyle, zone: ZoneInfo) -> l
 
     Args:
         row: its fields, without those that are NULL.
-        style: of its layer, which names its categories.
-        zone: time zone of the field.
     """
     rows: list[tuple[str, str]] = []
     for field, (label, text) in SHOWN_FIELDS.items():

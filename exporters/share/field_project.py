@@ -35,8 +35,15 @@ from furrowmap.exporters.files.result_folder import (
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.rasters.windows import window, windows
 from furrowmap.exporters.share.features import HIDDEN_AT_FIRST, moment_s
-from furrowmap.exporters.share.rasters import RELIEFS, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
-from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
+from furrowmap.exporters.share.shown_layers import (
+    JAPANESE,
+    LAYER_TITLES,
+    RELIEFS,
+    SHOWN_AT_FIRST,
+    raster_style,
+    rasters_of,
+    title_of,
+)
 from furrowmap.exporters.vectors.qgis_styles import in_language, in_local_time, with_words
 
 PROJECT_FILE: Final = "field.qgs"
@@ -52,10 +59,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
     """Write the project and its data.
 
     Args:
-        staging: folder to write to.
-        result: of a run.
         language: of the names of layers and classes: "en" or "ja".
-        progress: receives the stage "writing the project".
 
     Returns:
         The names of the files.

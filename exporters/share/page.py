@@ -25,8 +25,7 @@ from furrowmap.exporters.reports.pages import duration_words, render
 from furrowmap.exporters.share.features import moment_s, shared_layer
 from furrowmap.exporters.share.pictures import WEBP_QUALITY, draw_raster
 from furrowmap.exporters.share.points import BYTES_A_POINT, MAX_SHARED_POINTS, shared_points
-from furrowmap.exporters.share.rasters import BLENDED, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
-from furrowmap.exporters.share.words import JAPANESE
+from furrowmap.exporters.share.shown_layers import BLENDED, JAPANESE, SHOWN_AT_FIRST, raster_style, rasters_of, title_of
 
 INDEX: Final = "index.html"
 DATA_SCRIPT: Final = "data.js"
@@ -44,10 +43,7 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
     """Write the page and its files.
 
     Args:
-        staging: folder to write to.
-        result: of a run.
         language: in which it begins: "en", "ja" or empty for that of the reader's browser; each page has both.
-        progress: receives the stage "writing the page".
 
     Returns:
         The names of the files.

@@ -39,10 +39,6 @@ class StyledPicture:
 def draw_raster(path: Path, style: str) -> StyledPicture:
     """The raster in a file, at most :data:`MAX_PICTURE_SIDE` pixels long, as its QGIS style draws it.
 
-    Args:
-        path: of a raster of a run.
-        style: name of its packaged style.
-
     Raises:
         InputError: if the file is damaged.
     """

@@ -81,9 +81,6 @@ class SharedPoints:
 def shared_points(path: Path, most: int) -> SharedPoints | None:
     """Points of a cloud, evenly over it: of a COPC file from its coarse levels; without noise. None for no points.
 
-    Args:
-        path: of the LAS, LAZ or COPC file.
-
     Raises:
         InputError: if the file is damaged.
     """

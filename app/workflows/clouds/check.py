@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from furrowmap.core.checking.check import Check, check_product
-from furrowmap.core.checking.paired_points import PairedPoints, pairs_of_files, pairs_of_product
+from furrowmap.core.checking.paired_points import PAIR_COLUMNS, PairedPoints, pairs_of_files, pairs_of_product
+from furrowmap.core.checking.point_check import CHECK_COLUMNS
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.reports.check_table import write_check_table, write_pairs_table
+from furrowmap.exporters.reports.check_table import write_check_table
 from furrowmap.settings import CheckSettings
 
 TABLES: Final = frozenset({".csv", ".txt", ".tsv", ".gpkg"})
@@ -59,7 +60,7 @@ def check(
         progress=progress,
     )
     if table is not None:
-        write_check_table(Path(table), found)
+        write_check_table(Path(table), CHECK_COLUMNS, [point.row() for point in found.points])
     return found
 
 
@@ -96,5 +97,5 @@ def check_pairs(
         found = check(measured, surveyed, settings, crs=crs, progress=progress)
         pairs = pairs_of_product(found.points, found.notices)
     if table is not None:
-        write_pairs_table(Path(table), pairs)
+        write_check_table(Path(table), PAIR_COLUMNS, pairs.rows())
     return pairs

@@ -11,12 +11,8 @@ import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pyproj import CRS
 
-from furrowmap.core.checking.check import Check
-from furrowmap.core.checking.internal_precision import InternalPrecision
-from furrowmap.core.checking.point_check import PointCheck
-from furrowmap.core.checking.positional_accuracy import Accuracy
+from furrowmap.core.checking.point_check import CHECK_COLUMNS, PointCheck
 from furrowmap.exporters.exchange.vectors import FORMATS
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.reports.check_table import write_check_table
@@ -84,8 +80,7 @@ def test_promise_25__exported_table_is_harmless_in_cells_and_header(
 
 def test_promise_25__table_of_surveyed_points_shows_hostile_names_as_text(tmp_path: Path) -> None:
     point = PointCheck("=HYPERLINK(1)\x1b[2J", (-1.5, 2.0, 3.0), (-1.25, 2.0, 2.5))
-    nothing = Accuracy(None, None, None, InternalPrecision.over_places((), "nothing"))
-    write_check_table(tmp_path / "a.csv", Check("cloud", CRS("EPSG:6677"), (point,), nothing, ()))
+    write_check_table(tmp_path / "a.csv", CHECK_COLUMNS, [point.row()])
     with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
         (row,) = csv.DictReader(file)
     assert row["name"] == "'=HYPERLINK(1)\\x1b[2J"

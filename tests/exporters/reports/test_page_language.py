@@ -18,7 +18,8 @@ from furrowmap.exporters.reports.area_units import (
     rate_words,
     work_rate,
 )
-from furrowmap.exporters.reports.page_language import in_language, language_of, texts
+from furrowmap.exporters.reports.page_language import in_language, language_of
+from tests.exporters.reports.page_texts import texts
 
 PAGE = in_area_unit(
     f"""<!DOCTYPE html>

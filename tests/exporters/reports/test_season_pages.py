@@ -13,8 +13,9 @@ from furrowmap.exporters.files.batch_state import Failure, SessionOutcome
 from furrowmap.exporters.reports import batch_page, tie_page
 from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
 from furrowmap.exporters.reports.history_page import history_page
-from furrowmap.exporters.reports.page_language import in_language, texts
+from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.vectors.batch_table import Row
+from tests.exporters.reports.page_texts import texts
 
 JUNE = {
     "start": "2026-06-11T16:23:40.937Z",

@@ -22,8 +22,8 @@ from furrowmap.exporters.rasters.images import encode_image
 from furrowmap.exporters.share.features import SHOWN_FIELDS
 from furrowmap.exporters.share.pictures import WEBP_QUALITY, draw_raster
 from furrowmap.exporters.share.points import CLASS_COLOURS
+from furrowmap.exporters.share.shown_layers import JAPANESE, LAYER_TITLES
 from furrowmap.exporters.share.symbols import layer_style
-from furrowmap.exporters.share.words import JAPANESE, LAYER_TITLES
 from tests.exporters.rasters.written_cogs import write_cog
 
 CHECKOUT = Path(__file__).resolve().parents[3]
