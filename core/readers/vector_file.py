@@ -25,7 +25,7 @@ MAX_VECTOR_BYTES: Final = 100_000_000
 VECTOR_FORMATS: Final = "GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped) or KML"
 _VECTOR_MAGIC: Final = (b"SQLite format 3\0", b"fgb", b"\0\0\x27\x0a")
 """The first bytes of GeoPackage, FlatGeobuf and Shapefile."""
-_SUFFIXES: Final = {_VECTOR_MAGIC[0]: ".gpkg", _VECTOR_MAGIC[1]: ".fgb"}
+_VECTOR_SUFFIXES: Final = {_VECTOR_MAGIC[0]: ".gpkg", _VECTOR_MAGIC[1]: ".fgb"}
 
 Unreadable = Callable[[str], InputError]
 """The error of a file, from what is wrong with it."""
@@ -112,7 +112,7 @@ def named_by_content(path: Path) -> Iterator[Path]:
     """
     with path.open("rb") as file:
         head = file.read(64)
-    suffix = next((one for start, one in _SUFFIXES.items() if head.startswith(start)), "")
+    suffix = next((one for start, one in _VECTOR_SUFFIXES.items() if head.startswith(start)), "")
     suffix = ".geojson" if _is_json(head) else suffix
     if not suffix or path.suffix.lower() in (suffix, ".json"):
         yield path

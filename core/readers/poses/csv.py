@@ -28,7 +28,7 @@ POSE_SIGMA_COLUMNS: Final = (
     "sigma_pitch_deg",
     "sigma_heading_deg",
 )
-POSE_COLUMNS: Final = frozenset(
+POSE_CSV_COLUMNS: Final = frozenset(
     (*TIMES, *PROJECTED_COLUMNS, *GEOGRAPHIC_COLUMNS, *ATTITUDE_COLUMNS, *POSE_SIGMA_COLUMNS)
 )
 NEEDED: Final = 7
@@ -46,7 +46,7 @@ POSE_RANGES: Final = {
 
 
 class PoseCsv(PoseFile):
-    """Poses from CSV files with the columns of :data:`POSE_COLUMNS`.
+    """Poses from CSV files with the columns of :data:`POSE_CSV_COLUMNS`.
 
     `time_unix_s` is UTC in POSIX seconds. `time_gps_s` is GPS time since 1980-01-06, or seconds of the GPS week given
     by `ReadOptions.week` or `ReadOptions.near_s`. Positions are easting, northing and height in the session's map
@@ -61,7 +61,7 @@ class PoseCsv(PoseFile):
     def recognise(cls, head: Head) -> float:
         """Certain with columns of time, attitude and position; possible if any column names contain roll and pitch."""
         names = set(head_columns(head))
-        known = names & POSE_COLUMNS
+        known = names & POSE_CSV_COLUMNS
         if known & set(TIMES) and known & set(ATTITUDE_COLUMNS):
             return 1.0 if any(map(names_a_position, names)) else 0.6
         if len(known) >= 3:
@@ -139,7 +139,7 @@ def _nearest(wanted: str, names: Sequence[str]) -> str:
     word = {"time_unix_s": "time|tow|epoch", "e_m": "east|^x$", "n_m": "north|^y$", "h_m": "height|alt|^z$"}.get(
         wanted, wanted.split("_")[0]
     )
-    strangers = [name for name in names if name not in POSE_COLUMNS]
+    strangers = [name for name in names if name not in POSE_CSV_COLUMNS]
     same = [name for name in strangers if re.search(word, name.lower())]
     return next(iter(same + difflib.get_close_matches(wanted, strangers, 1, 0.5)), "")
 
