@@ -50,8 +50,6 @@ START_S: Final = 2.0
 BYTES_A_SECOND: Final = 5e6
 """Of a core and of recordings (docs/development/benchmarks.md: 0.85 million points for each second of processor time,
 6.6 bytes of a capture for each), where no session of the batch has been run yet."""
-_LOOKING: Final = "looking at recordings"
-_RUNNING: Final = "running sessions"
 
 
 @dataclass(frozen=True)
@@ -173,7 +171,7 @@ class _Batch:
         with Workforce(self.settings.workers, self.settings.scheduler, self.say) as force:
             plan = self._plan(sources, state, outcomes, force, dry_run=False)
             items = [(name, plan.jobs[name]) for name in sorted(plan.due, key=lambda name: -plan.bytes_due[name])]
-            for name, found in force.each(run_job, items, _RUNNING, self.progress):
+            for name, found in force.each(run_job, items, "running sessions", self.progress):
                 outcomes[name] = found if isinstance(found, SessionOutcome) else SessionOutcome("", failure=_lost(name))
                 state.keep(name, outcomes[name])
         for name, (_, failure) in plan.failures.items():
@@ -261,7 +259,7 @@ class _Batch:
         for name, result in (
             ((name, work(source)) for name, source in due)
             if dry_run
-            else force.each(work, due, _LOOKING, self.progress)
+            else force.each(work, due, "looking at recordings", self.progress)
         ):
             found[name] = result if isinstance(result, PreparedSource) else PreparedSource(failure=_lost(name))
             if not dry_run and found[name].failure is None:

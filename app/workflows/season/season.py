@@ -53,7 +53,6 @@ MOSAICS: Final = "mosaics"
 POINTS: Final = "points"
 TRAJECTORY_TABLES: Final = "trajectories"
 CONTENTS: Final = (MOSAICS, POINTS, TRAJECTORY_TABLES)
-_WRITING: Final = "writing the season"
 
 
 Parts = Mapping[str, Planned]
@@ -163,7 +162,7 @@ def _content(settings: SeasonSettings) -> tuple[str, ...]:
 
 def _make(due: Sequence[tuple[str, Any]], accounts: dict[str, Any], force: Workforce, progress: Progress) -> None:
     """Make parts; their accounts are added to `accounts`."""
-    for name, found in force.each(write_part, due, _WRITING, progress):
+    for name, found in force.each(write_part, due, "writing the season", progress):
         if isinstance(found, FurrowmapError):
             raise found
         if not isinstance(found, dict):
