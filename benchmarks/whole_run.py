@@ -24,8 +24,7 @@ from pathlib import Path
 import numpy as np
 import velodyne_decoder
 
-from furrowmap.core.pointclouds.placed import place_scans
-from furrowmap.core.pointclouds.placing import Placer
+from furrowmap.core.pointclouds.placed import Placer, place_scans
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.simulator.scenario_file import scenario_from
 from furrowmap.core.simulator.simulate import simulate

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.session_match import matched_to_ground
 from furrowmap.core.matching.returns import ground_returns
-from furrowmap.core.matching.surface import TILE, add_returns, empty_surface, tiles_over
+from furrowmap.core.matching.surface import TILE_NODES, add_returns, empty_surface, tiles_over
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.trajectory.from_poses import trajectory_from_poses
@@ -128,8 +128,8 @@ def no_movement(one: Sample, picture: Path) -> None:
                 inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
                 tile = np.where(inside, surface.tiles.number[row.clip(0, rows - 1), column.clip(0, columns - 1)], -1)
                 weight = np.where(a, share[:, 0], 1 - share[:, 0]) * np.where(b, share[:, 1], 1 - share[:, 1])
-                total += weight * surface.height_m[tile, 0, y & TILE - 1, x & TILE - 1]
-                known = np.where(tile >= 0, surface.weight[tile, 0, y & TILE - 1, x & TILE - 1], 0.0)
+                total += weight * surface.height_m[tile, 0, y & TILE_NODES - 1, x & TILE_NODES - 1]
+                known = np.where(tile >= 0, surface.weight[tile, 0, y & TILE_NODES - 1, x & TILE_NODES - 1], 0.0)
                 least = np.minimum(least, known)
         residual = (probe[:, 2] - total)[least > 2]
         residual -= np.median(residual)
@@ -170,8 +170,8 @@ def relief(one: Sample, picture: Path) -> None:
     tile = surface.tiles.number[(y >> 5) - surface.tiles.south, (x >> 5) - surface.tiles.west]
     grids, slopes = [], []
     for h in (0, 1):
-        height = surface.height_m[tile, h, y & TILE - 1, x & TILE - 1].astype(float)
-        known = surface.weight[tile, h, y & TILE - 1, x & TILE - 1] > 2
+        height = surface.height_m[tile, h, y & TILE_NODES - 1, x & TILE_NODES - 1].astype(float)
+        known = surface.weight[tile, h, y & TILE_NODES - 1, x & TILE_NODES - 1] > 2
         plane = np.column_stack([np.ones(side * side), x.ravel(), y.ravel()])
         fit = np.linalg.lstsq(plane[known.ravel()], height[known], rcond=None)[0]
         height -= (plane @ fit).reshape(height.shape)

@@ -41,7 +41,7 @@ FACTORS: Final = {
     "core/values/session.py ImuColumn.scale": 1.0,
     "core/matching/ground.py Relief.noise": 1.0,
     "core/simulator/motion.py Motion.scale": 1.0,
-    "core/pointclouds/placing.py Placer.scale": 1.0,
+    "core/pointclouds/placed.py Placer.scale": 1.0,
     "core/pipeline/pipeline.py placer_of(scale)": 1.0,
     "core/crops/measure.py measure_parcels(scale)": 1.0,
     "core/crops/plot_grid.py plot_grid(scale)": 1.0,

@@ -16,11 +16,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.matching.ground import CORRELATED, GATE, HUBER, LEAST_WEIGHT, NOISE_M, PlacedReturns
+from furrowmap.core.matching.ground import CORRELATED, GROUND_GATE, LEAST_WEIGHT, MATCHING_HUBER, NOISE_M, PlacedReturns
 from furrowmap.core.matching.ground_registration import session_surface
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads
-from furrowmap.core.matching.surface import TILE, TILE_BITS, Surface
+from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, HeightGrid
 from furrowmap.core.values.scan import MAX_LASERS, LaserRanges
 
 FloatArray = NDArray[np.float64]
@@ -112,7 +112,7 @@ def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
 
 
 def laser_sums(
-    placed: PlacedReturns, laser: NDArray[np.uint8], surface: Surface, sensor_m: FloatArray, axis: FloatArray
+    placed: PlacedReturns, laser: NDArray[np.uint8], surface: HeightGrid, sensor_m: FloatArray, axis: FloatArray
 ) -> LaserSums:
     """Sums over placed returns, each against the other half's surface.
 
@@ -152,7 +152,7 @@ def _sum(  # type: ignore[no-untyped-def]
             if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
                 least = 0.0
                 break
-            tile, p, q = number[row, column], p & TILE - 1, q & TILE - 1
+            tile, p, q = number[row, column], p & TILE_NODES - 1, q & TILE_NODES - 1
             least = min(least, weight[tile, other, p, q])
             ground += (s if c // 2 else 1.0 - s) * (u if c % 2 else 1.0 - u) * height[tile, other, p, q]
         if least < LEAST_WEIGHT:
@@ -160,9 +160,9 @@ def _sum(  # type: ignore[no-untyped-def]
         residual = xyz_m[i, 2] - ground
         variance = NOISE_M * NOISE_M * (1.0 + 1.0 / least)
         normalised = abs(residual) / np.sqrt(variance)
-        if normalised > GATE:
+        if normalised > GROUND_GATE:
             continue
-        w = min(1.0, HUBER / max(normalised, 1e-9)) / variance
+        w = min(1.0, MATCHING_HUBER / max(normalised, 1e-9)) / variance
         dx, dy, dz = xyz_m[i, 0] - sensor_m[i, 0], xyz_m[i, 1] - sensor_m[i, 1], xyz_m[i, 2] - sensor_m[i, 2]
         distance = np.sqrt(dx * dx + dy * dy + dz * dz)
         a = dz / distance

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ndtr, stdtrit
 
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
-from furrowmap.core.matching.surface import Passage, Surface, heights, layers
+from furrowmap.core.matching.surface import HeightGrid, TilePassage, heights, layers
 
 FloatArray = NDArray[np.float64]
 
@@ -81,8 +81,8 @@ class MountingCalibration:
 def mounting_calibration(
     knots: Knots,
     state: State,
-    surface: Surface,
-    passage: Passage | None,
+    surface: HeightGrid,
+    passage: TilePassage | None,
     guard_s: float,
     crab_rad: tuple[float, float],
 ) -> MountingCalibration:
@@ -158,8 +158,8 @@ def _under(
     rotation: FloatArray,
     t_s: FloatArray,
     places_m: FloatArray,
-    surface: Surface,
-    passage: Passage | None,
+    surface: HeightGrid,
+    passage: TilePassage | None,
     guard_s: float,
 ) -> FloatArray:
     """Heights (n, m) of the ground under tyres at places (m, 2) of vehicles, above their frames; nan where not seen."""

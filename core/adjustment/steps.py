@@ -28,7 +28,7 @@ from furrowmap.core.matching.ground_registration import (
     register_session,
     register_windows,
 )
-from furrowmap.core.matching.portions import WINDOW_S, in_gaps
+from furrowmap.core.matching.portions import MATCH_WINDOW_S, in_gaps
 from furrowmap.core.matching.wall_registration import WallRegistration, register_wall_session, register_wall_windows
 from furrowmap.core.matching.walls import Scatter
 
@@ -48,7 +48,7 @@ def window_step(problem: Problem, it: Iterate, relaxation: Relaxation | None) ->
     knots, state = problem.knots, it.state
     coarse = CoarseKnots.over(knots, COARSE_EVERY, WINDOW_PATCH_M) if relaxation is not None else None
     centre = coarse.centres(knots, state) if coarse is not None else np.zeros((0, 3))
-    reach = int(WINDOW_S / (COARSE_EVERY * KNOT_STEP_S)) + 2
+    reach = int(MATCH_WINDOW_S / (COARSE_EVERY * KNOT_STEP_S)) + 2
     width = min(reach + 2, len(centre)) * state.layout.size
     placing, correlated = it.placing(problem), _correlated(it)
     with ThreadPoolExecutor(1) as pool:
@@ -151,7 +151,7 @@ def _largest_turn(problem: Problem, it: Iterate, step: FloatArray) -> float:
     knots = problem.knots
     turned = np.where(in_gaps(knots.t_s, it.unused), 0.0, step[:, ROTATION + 2])
     # Single poses at the ends of a chain, which little determines, oscillate.
-    over = round(WINDOW_S / KNOT_STEP_S)
+    over = round(MATCH_WINDOW_S / KNOT_STEP_S)
     chains = (slice(c.first, c.first + c.count) for c in knots.chains)
     return max(float(np.abs(uniform_filter1d(turned[chain], over, mode="constant")).max()) for chain in chains)
 

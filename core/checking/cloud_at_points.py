@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from furrowmap.core.checking.internal_precision import NO_SWATHS, SwathHeights, find_swath_key, swath_numbers
 from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
 from furrowmap.core.checking.target_discs import find_disc
-from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours, open_clouds
+from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_clouds
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
@@ -107,7 +107,7 @@ def _near(clouds: Clouds, survey: SurveyedPoints, reach_m: float, progress: Prog
     tree = cKDTree(survey.xyz_m[:, :2])
     cells = np.unique(_cells(survey.xyz_m[:, :2], reach_m, around=True))
     low, high = survey.xyz_m[:, :2].min(axis=0) - reach_m, survey.xyz_m[:, :2].max(axis=0) + reach_m
-    unwanted = [*NOISE, *(MACHINE if own else ())]
+    unwanted = [*NOISE_CLASSES, *(MACHINE_CLASSES if own else ())]
 
     def read(done: int) -> None:
         progress("reading the cloud", min(1.0, done / max(clouds.points, 1)))

@@ -30,7 +30,7 @@ from furrowmap.core.estimation.registration import (
     patch_store,
     plane_row,
 )
-from furrowmap.core.matching.surface import TILE, TILE_BITS, Surface
+from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, HeightGrid
 
 FloatArray = NDArray[np.float64]
 
@@ -38,10 +38,10 @@ NOISE_M: Final = 0.012
 """Standard deviation of a return's height against a surface: range noise, and relief finer than the cells."""
 CORRELATED: Final = 10.0
 """Neighbouring returns that share an error (relief between the nodes, straw, a laser's own bias)."""
-HUBER: Final = 2.5
-GATE: Final = 8.0
-"""Normalised residuals beyond HUBER lose weight; returns beyond GATE are not of the ground."""
-TRIM: Final = 6.0
+MATCHING_HUBER: Final = 2.5
+GROUND_GATE: Final = 8.0
+"""Normalised residuals beyond MATCHING_HUBER lose weight; returns beyond GROUND_GATE are not of the ground."""
+SLOPE_TRIM: Final = 6.0
 """Slopes of more standard deviations, at the feet of walls and posts, do not count as relief: they are few, but would
 make relief of the noise of smooth soil. The weight of a slope falls smoothly from half of this limit on."""
 LEAST_WEIGHT: Final = 1.5
@@ -60,7 +60,7 @@ class Relief:
 
     variance: float = 0.005
     noise: float = 1.0
-    trim: float = TRIM
+    trim: float = SLOPE_TRIM
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,7 @@ NO_COARSE: Final = CoarseGrid(0, 0, 1.0)
 
 
 def register_ground(
-    placed: PlacedReturns, surface: Surface, poses: ChainPoses, relief: Relief, share: float, sums: GroundSums
+    placed: PlacedReturns, surface: HeightGrid, poses: ChainPoses, relief: Relief, share: float, sums: GroundSums
 ) -> Patches:
     """Register returns of a chain to a surface.
 
@@ -197,7 +197,7 @@ def _register(  # type: ignore[no-untyped-def]
             if tile < 0:
                 least = 0.0
                 break
-            p, q = p & TILE - 1, q & TILE - 1
+            p, q = p & TILE_NODES - 1, q & TILE_NODES - 1
             full[0, c], full[1, c] = weight[tile, other, p, q], weight[tile, own, p, q]
             node[0, c], node[1, c] = height[tile, other, p, q], height[tile, own, p, q]
             least = min(least, full[0, c])
@@ -209,7 +209,7 @@ def _register(  # type: ignore[no-untyped-def]
         residual = xyz_m[i, 2] - ground
         spread = variance * (1.0 + 1.0 / least)
         normalised = abs(residual) / np.sqrt(spread)
-        if normalised > GATE:
+        if normalised > GROUND_GATE:
             return_weight[i] = 0
             continue
         slope_x = (b0 * (node[0, 1] - node[0, 0]) + b1 * (node[0, 3] - node[0, 2])) / cell_m
@@ -218,7 +218,7 @@ def _register(  # type: ignore[no-untyped-def]
         noise_x = scale * (b0 * b0 * (1 / full[0, 0] + 1 / full[0, 1]) + b1 * b1 * (1 / full[0, 2] + 1 / full[0, 3]))
         noise_y = scale * (a0 * a0 * (1 / full[0, 0] + 1 / full[0, 2]) + a1 * a1 * (1 / full[0, 1] + 1 / full[0, 3]))
         tally[4] += 1
-        tally[5] += min(normalised, HUBER) ** 2 * spread
+        tally[5] += min(normalised, MATCHING_HUBER) ** 2 * spread
         if normalised < 3.0 and least_own >= LEAST_WEIGHT:
             again_x = (b0 * (node[1, 1] - node[1, 0]) + b1 * (node[1, 3] - node[1, 2])) / cell_m
             again_y = (a0 * (node[1, 2] - node[1, 0]) + a1 * (node[1, 3] - node[1, 1])) / cell_m
@@ -232,9 +232,9 @@ def _register(  # type: ignore[no-untyped-def]
         slope_x *= relief / (relief + noise * noise_x)
         slope_y *= relief / (relief + noise * noise_y)
         w = share / (spread * CORRELATED)
-        if normalised > HUBER:
-            w *= HUBER / normalised
-            return_weight[i] = np.uint8(255.0 * HUBER / normalised)
+        if normalised > MATCHING_HUBER:
+            w *= MATCHING_HUBER / normalised
+            return_weight[i] = np.uint8(255.0 * MATCHING_HUBER / normalised)
         for c in range(4):
             mean[c] = (full[0, c] * node[0, c] + full[1, c] * node[1, c]) / (full[0, c] + full[1, c])
         residual_free = xyz_m[i, 2] - (b0 * (a0 * mean[0] + a1 * mean[1]) + b1 * (a0 * mean[2] + a1 * mean[3]))

@@ -14,11 +14,11 @@ from furrowmap.core.estimation.registration import Patches, Registration, free_p
 from furrowmap.core.matching.ground import GroundSums, Relief, register_ground
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads, windows
-from furrowmap.core.matching.returns import REACH_M
-from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, joined, tiles_around, tiles_over
+from furrowmap.core.matching.returns import MAX_GROUND_RANGE_M
+from furrowmap.core.matching.surface import HeightGrid, add_returns, empty_surface, joined, tiles_around, tiles_over
 
 WINDOW_CELL_M: Final = 0.3
-WINDOW_THIN: Final = 4
+GROUND_WINDOW_THIN: Final = 4
 """Windows are matched with every fourth return."""
 WINDOW_PATCH_M: Final = 1.0
 SESSION_PATCH_M: Final = 2.0
@@ -62,7 +62,7 @@ def register_windows(
                 free_patches(freed, [patches], WINDOW_PATCH_M, centre_m)
         return sums, freed
 
-    found = in_threads(work, windows(placing.returns.t_s, placing.knots, WINDOW_THIN, placing.unused))
+    found = in_threads(work, windows(placing.returns.t_s, placing.knots, GROUND_WINDOW_THIN, placing.unused))
     sums = _together([s for s, _ in found])
     return GroundRegistration(
         Registration(sums.slices, coarse is not None, eliminated=[freed for _, freed in found]), sums
@@ -89,14 +89,14 @@ def register_session(
     return GroundRegistration(Registration(sums.slices, coarse is not None, [patches], SESSION_PATCH_M), sums)
 
 
-def session_surface(placing: Placing, portions: Sequence[Portion], cell_m: float) -> Surface:
+def session_surface(placing: Placing, portions: Sequence[Portion], cell_m: float) -> HeightGrid:
     """The ground of all portions."""
     path = placing.state.xyz_m[::20, :2]
-    ring = np.arange(-REACH_M, REACH_M + 0.1, 2.0)
+    ring = np.arange(-MAX_GROUND_RANGE_M, MAX_GROUND_RANGE_M + 0.1, 2.0)
     aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
-    tiles = tiles_around(path, aside[np.hypot(*aside.T) < REACH_M + 2.0], cell_m)
+    tiles = tiles_around(path, aside[np.hypot(*aside.T) < MAX_GROUND_RANGE_M + 2.0], cell_m)
 
-    def work(share: Sequence[Portion]) -> Surface:
+    def work(share: Sequence[Portion]) -> HeightGrid:
         surface = empty_surface(tiles)
         for c, part in share:
             placed = placing.ground(c, part)

@@ -14,7 +14,7 @@ from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State, place, tu
 from furrowmap.core.matching.ground import NO_COARSE, ChainPoses, PlacedReturns
 from furrowmap.core.matching.portions import Gap
 from furrowmap.core.matching.returns import GroundReturns
-from furrowmap.core.matching.surface import Passage, layers, passage_of
+from furrowmap.core.matching.surface import TilePassage, layers, passage_of
 from furrowmap.core.matching.walls import PlacedUpright, UprightReturns
 from furrowmap.core.runtime import arrays
 from furrowmap.core.values.scan import LaserRanges, shortened
@@ -85,7 +85,7 @@ class Placing:
     knots: Knots
     state: State
     unused: Sequence[Gap]
-    passage: Passage | None
+    passage: TilePassage | None
     position_m: FloatArray
     rotation: FloatArray
     turn: FloatArray
@@ -133,7 +133,7 @@ def placing_of(
     return Placing(returns, weight, sensor, knots, state, unused, passage, position, rotation, turn)
 
 
-def _passage(tool: Tool, knots: Knots, state: State) -> Passage:
+def _passage(tool: Tool, knots: Knots, state: State) -> TilePassage:
     """When the implement passed over the ground, by the poses of a state."""
     every = slice(None, None, 2)
     rotation = state.rotation[every]

@@ -18,7 +18,7 @@ Found = TypeVar("Found")
 Portion = tuple[int, slice]
 """Number of a chain, and which of the returns."""
 
-WINDOW_S: Final = 3.0
+MATCH_WINDOW_S: Final = 3.0
 BLOCK_S: Final = 20.0
 THREADS: Final = 2
 
@@ -53,7 +53,7 @@ def in_gaps(t_s: FloatArray, gaps: Sequence[Gap]) -> NDArray[np.bool_]:
 
 def windows(t_s: FloatArray, knots: Knots, thin: int, gaps: Sequence[Gap]) -> list[Portion]:
     """Every `thin`-th return in windows of WINDOW_S that overlap by half."""
-    return _portions(t_s, knots, WINDOW_S, 0.5 * WINDOW_S, thin, gaps)
+    return _portions(t_s, knots, MATCH_WINDOW_S, 0.5 * MATCH_WINDOW_S, thin, gaps)
 
 
 def blocks(t_s: FloatArray, knots: Knots, thin: int, gaps: Sequence[Gap]) -> list[Portion]:

@@ -21,7 +21,7 @@ from furrowmap.core.values.trajectory import Motion, Trajectory
 
 FloatArray = NDArray[np.float64]
 
-REACH_M: Final = 12.0
+MAX_GROUND_RANGE_M: Final = 12.0
 """Further away the rings lie metres apart and graze the ground."""
 GATE_M: Final = 0.30
 GATE_SLOPE: Final = 0.05
@@ -33,10 +33,10 @@ PIXELS: Final = 80
 """The body's footprint is learned in a square of PIXELS pixels of PIXEL_M, the vehicle in its middle."""
 BODY_SHARE: Final = 0.2
 """Share of the scans with returns above a place of the vehicle frame, from which the place belongs to the vehicle."""
-BEYOND_S: Final = 0.5
+EXTRAPOLATION_S: Final = 0.5
 """Scans reach this far beyond the first approximation: the ground shows where the vehicle was."""
 LEARN_SCANS: Final = 20
-NEAR_M: Final = (2.0, 6.0)
+SELF_RANGE_M: Final = (2.0, 6.0)
 HEIGHT_BIN_M: Final = 0.1
 HEIGHT_TRUSTED_M: Final = 0.25
 """Ground that lies further from the vehicle frame's origin than this shows that the mounting's height is not known."""
@@ -122,7 +122,7 @@ def ground_returns(
     lever = np.asarray(mounting.xyz_m, np.float64)
     seen = np.zeros((PIXELS, PIXELS), np.int32)
     idle = np.zeros_like(seen)
-    begin_s, end_s = trajectory.span_s[0] - BEYOND_S, trajectory.span_s[1] + BEYOND_S
+    begin_s, end_s = trajectory.span_s[0] - EXTRAPOLATION_S, trajectory.span_s[1] + EXTRAPOLATION_S
     count = number = 0
     stride, upright_stride, last_s = 1, 1, -np.inf
     scans = iter(scans)
@@ -165,7 +165,7 @@ def ground_height_m(scans: Sequence[Scan], rotation: FloatArray, lever_m: FloatA
     for scan in scans:
         v = scan.xyz_m @ rotation.T + lever_m
         distance = np.hypot(v[:, 0], v[:, 1])
-        heights.append(v[(distance > NEAR_M[0]) & (distance < NEAR_M[1]), 2])
+        heights.append(v[(distance > SELF_RANGE_M[0]) & (distance < SELF_RANGE_M[1]), 2])
     z = np.concatenate(heights)
     counts, edges = np.histogram(z, np.arange(-4.0, 4.0 + HEIGHT_BIN_M, HEIGHT_BIN_M))
     if not counts.any():
@@ -277,7 +277,7 @@ def select(xyz_m, column, rotation, lever_m, ground_m, stride, seen):  # type: i
         y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz + lever_m[1]
         z = rotation[2, 0] * px + rotation[2, 1] * py + rotation[2, 2] * pz + lever_m[2]
         square = x * x + y * y
-        if not square < REACH_M * REACH_M:
+        if not square < MAX_GROUND_RANGE_M * MAX_GROUND_RANGE_M:
             continue
         if abs(z - ground_m) > GATE_M + GATE_SLOPE * np.sqrt(square):
             if z > ground_m:

@@ -20,7 +20,7 @@ from furrowmap.core.runtime import arrays
 FloatArray = NDArray[np.float64]
 
 TILE_BITS: Final = 5
-TILE: Final = 1 << TILE_BITS
+TILE_NODES: Final = 1 << TILE_BITS
 """Nodes along a side of a tile."""
 LEAST_KNOWN: Final = 0.5
 """Returns about a place from which its height is known."""
@@ -51,7 +51,7 @@ class Tiles:
 
 
 @dataclass(frozen=True)
-class Surface:
+class HeightGrid:
     """Heights above the local origin.
 
     Attributes:
@@ -66,7 +66,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Passage:
+class TilePassage:
     """When the implement's line passed each cell.
 
     Attributes:
@@ -96,7 +96,7 @@ def tiles_around(path_m: FloatArray, aside_m: FloatArray, cell_m: float) -> Tile
 
 def _tiles(low_m: FloatArray, high_m: FloatArray, cell_m: float, touch: Callable[..., None]) -> Tiles:
     """Tiles between two corners, of those that `touch` marks."""
-    side = TILE * cell_m
+    side = TILE_NODES * cell_m
     low = np.floor(low_m / side).astype(np.int64) - 1
     high = np.floor(high_m / side).astype(np.int64) + 1
     used = np.zeros((high[1] - low[1] + 1, high[0] - low[0] + 1), np.bool_)
@@ -107,7 +107,7 @@ def _tiles(low_m: FloatArray, high_m: FloatArray, cell_m: float, touch: Callable
 
 def passage_of(
     t_s: FloatArray, tool_en_m: FloatArray, left_en: FloatArray, half_width_m: float, cell_m: float
-) -> Passage:
+) -> TilePassage:
     """When a line of `half_width_m` to either side passed over the ground.
 
     Args:
@@ -118,11 +118,11 @@ def passage_of(
         cell_m: size of the cells.
     """
     reach_m = half_width_m + cell_m
-    steps = int(np.ceil(reach_m / (TILE * cell_m)))
+    steps = int(np.ceil(reach_m / (TILE_NODES * cell_m)))
     across = reach_m * np.linspace(-1.0, 1.0, 2 * steps + 1)
     tiles = tiles_over(np.concatenate([tool_en_m + offset * left_en for offset in across]), cell_m)
-    first = arrays.full((tiles.count, TILE, TILE), np.inf)
-    last = arrays.full((tiles.count, TILE, TILE), -np.inf)
+    first = arrays.full((tiles.count, TILE_NODES, TILE_NODES), np.inf)
+    last = arrays.full((tiles.count, TILE_NODES, TILE_NODES), -np.inf)
     _sweep(
         np.ascontiguousarray(t_s),
         np.ascontiguousarray(tool_en_m),
@@ -135,10 +135,10 @@ def passage_of(
         first,
         last,
     )
-    return Passage(tiles, first, last)
+    return TilePassage(tiles, first, last)
 
 
-def layers(t_s: FloatArray, en_m: FloatArray, passage: Passage | None, guard_s: float) -> NDArray[np.int8]:
+def layers(t_s: FloatArray, en_m: FloatArray, passage: TilePassage | None, guard_s: float) -> NDArray[np.int8]:
     """(n,) layer of each return: 0 old soil, 1 new, −1 soil that the implement changed again afterwards.
 
     Args:
@@ -156,15 +156,15 @@ def layers(t_s: FloatArray, en_m: FloatArray, passage: Passage | None, guard_s: 
     return out
 
 
-def empty_surface(tiles: Tiles) -> Surface:
+def empty_surface(tiles: Tiles) -> HeightGrid:
     """A surface that nothing has been added to."""
-    height = arrays.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
-    weight = arrays.zeros((tiles.count, SHEETS, TILE, TILE), np.float32)
-    return Surface(tiles, height, weight)
+    height = arrays.zeros((tiles.count, SHEETS, TILE_NODES, TILE_NODES), np.float32)
+    weight = arrays.zeros((tiles.count, SHEETS, TILE_NODES, TILE_NODES), np.float32)
+    return HeightGrid(tiles, height, weight)
 
 
 def add_returns(
-    surface: Surface,
+    surface: HeightGrid,
     xyz_m: FloatArray,
     layer: NDArray[np.int8],
     half: NDArray[np.uint8],
@@ -194,7 +194,7 @@ def add_returns(
     )
 
 
-def joined(parts: Sequence[Surface]) -> Surface:
+def joined(parts: Sequence[HeightGrid]) -> HeightGrid:
     """One surface of the returns of several on the same tiles."""
     whole = parts[0]
     for part in parts[1:]:
@@ -206,7 +206,7 @@ def joined(parts: Sequence[Surface]) -> Surface:
     return whole
 
 
-def heights(surface: Surface, en_m: FloatArray, layer: NDArray[np.int8]) -> FloatArray:
+def heights(surface: HeightGrid, en_m: FloatArray, layer: NDArray[np.int8]) -> FloatArray:
     """(n,) heights of a surface, of both halves together; nan where it is not known.
 
     Args:
@@ -265,7 +265,7 @@ def _sweep(t_s, en_m, left, half_m, cell_m, west, south, number, first, last):  
             tile = number[(y >> TILE_BITS) - south, (x >> TILE_BITS) - west]
             if tile < 0:
                 continue
-            a, b = y & TILE - 1, x & TILE - 1
+            a, b = y & TILE_NODES - 1, x & TILE_NODES - 1
             first[tile, a, b] = min(first[tile, a, b], t_s[i])
             last[tile, a, b] = max(last[tile, a, b], t_s[i])
 
@@ -279,7 +279,7 @@ def _layers(t_s, en_m, guard_s, cell_m, west, south, number, first, last):  # ty
         row, column = (y >> TILE_BITS) - south, (x >> TILE_BITS) - west
         if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
             continue
-        tile, a, b = number[row, column], y & TILE - 1, x & TILE - 1
+        tile, a, b = number[row, column], y & TILE_NODES - 1, x & TILE_NODES - 1
         if t_s[i] < first[tile, a, b] - guard_s:
             out[i] = 0
         elif t_s[i] > last[tile, a, b] + guard_s:
@@ -310,7 +310,7 @@ def _add(xyz_m, layer, half, return_weight, cell_m, west, south, number, height,
                 share = whole * (u if a else 1.0 - u) * (s if b else 1.0 - s)
                 if tile < 0 or share <= 0.0:
                     continue
-                p, q = (y + b) & TILE - 1, (x + a) & TILE - 1
+                p, q = (y + b) & TILE_NODES - 1, (x + a) & TILE_NODES - 1
                 weight[tile, sheet, p, q] += share
                 height[tile, sheet, p, q] += (
                     share / weight[tile, sheet, p, q] * (xyz_m[i, 2] - height[tile, sheet, p, q])
@@ -334,7 +334,7 @@ def _heights(en_m, layer, cell_m, west, south, number, height, weight):  # type:
                 row, column = ((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west
                 if not (0 <= row < rows and 0 <= column < columns) or number[row, column] < 0:
                     continue
-                tile, p, q = number[row, column], (y + b) & TILE - 1, (x + a) & TILE - 1
+                tile, p, q = number[row, column], (y + b) & TILE_NODES - 1, (x + a) & TILE_NODES - 1
                 share = (u if a else 1.0 - u) * (s if b else 1.0 - s)
                 for half in range(2):
                     sheet = 2 * layer[i] + half

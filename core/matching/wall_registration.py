@@ -13,7 +13,7 @@ from furrowmap.core.estimation.registration import Patches, Registration, SliceS
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads, windows
 from furrowmap.core.matching.walls import (
-    FAR_M,
+    MAX_WALL_RANGE_M,
     WALL_PATCH_M,
     Lines,
     Scatter,
@@ -25,9 +25,9 @@ from furrowmap.core.matching.walls import (
 
 LEAST_UPRIGHT: Final = 2_000
 """With fewer upright returns in a whole recording there is no wall."""
-WINDOW_THIN: Final = 3
+WALL_WINDOW_THIN: Final = 3
 """Windows are matched with every third upright return."""
-AROUND_M: Final = 8.0
+COLUMN_REACH_M: Final = 8.0
 """Columns are laid out this closely, which is less than a tile."""
 
 
@@ -74,7 +74,9 @@ def register_wall_windows(placing: Placing, correlated: float, coarse: CoarseKno
         return sums, scatter, references
 
     upright = placing.returns.upright
-    portions = windows(upright.t_s, placing.knots, WINDOW_THIN, placing.unused) if len(upright) >= LEAST_UPRIGHT else []
+    portions = (
+        windows(upright.t_s, placing.knots, WALL_WINDOW_THIN, placing.unused) if len(upright) >= LEAST_UPRIGHT else []
+    )
     return _together(placing, in_threads(work, portions), coarse)
 
 
@@ -120,9 +122,9 @@ def _together(placing: Placing, parts: Sequence[_Part], coarse: CoarseKnots | No
 def _session_walls(placing: Placing, portions: Sequence[Portion]) -> Lines:
     """Walls of a whole session."""
     path = placing.state.xyz_m[::20, :2]
-    ring = np.arange(-FAR_M, FAR_M + AROUND_M, AROUND_M)
+    ring = np.arange(-MAX_WALL_RANGE_M, MAX_WALL_RANGE_M + COLUMN_REACH_M, COLUMN_REACH_M)
     aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
-    passed = np.unique(np.round(path / AROUND_M), axis=0) * AROUND_M
+    passed = np.unique(np.round(path / COLUMN_REACH_M), axis=0) * COLUMN_REACH_M
     columns = columns_over((passed[:, None] + aside).reshape(-1, 2))
     for chain, part in portions:
         placed = placing.upright(chain, part)

@@ -31,39 +31,39 @@ from furrowmap.core.estimation.registration import (
     plane_row,
 )
 from furrowmap.core.matching.ground import ChainPoses
-from furrowmap.core.matching.surface import TILE, TILE_BITS, Tiles, tiles_over
+from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, Tiles, tiles_over
 
 FloatArray = NDArray[np.float64]
 
-NEAR_M: Final = 1.5
-FAR_M: Final = 40.0
+MIN_WALL_RANGE_M: Final = 1.5
+MAX_WALL_RANGE_M: Final = 40.0
 ABOVE_M: Final = 0.35
 ABOVE_SLOPE: Final = 0.05
 ABOVE_MOST_M: Final = 1.0
 """Upright returns are higher above the plane under the vehicle than ABOVE_M and ABOVE_SLOPE of the distance, or than
 ABOVE_MOST_M, which straw and tall weeds are not."""
 UPRIGHT_RATE_HZ: Final = 3_000.0
-CELL_M: Final = 0.5
+COLUMN_CELL_M: Final = 0.5
 """Side of a column."""
-LEAST_RETURNS: Final = 16
+MIN_COLUMN_RETURNS: Final = 16
 """In one half of a column: with fewer its normal is random, which would constrain the vehicle along the wall."""
-LEAST_HEIGHT_M: Final = 0.4
-LEAST_LENGTH_M: Final = 0.06
+MIN_COLUMN_HEIGHT_M: Final = 0.4
+MIN_LINE_SIGMA_M: Final = 0.06
 """Standard deviation along the line; half a metre of wall has 0.14 m."""
 THICKEST_M: Final = 0.06
 SLIMMEST: Final = 0.35
 """A line is no thicker (standard deviation) than THICKEST_M and this share of its length."""
 WHOLE: Final = 3.0
 """Standard deviations to either side of a line that must lie in its column."""
-FLOOR_M: Final = 0.008
+MIN_WALL_SIGMA_M: Final = 0.008
 """No wall is known better."""
-HUBER: Final = 2.5
-GATE: Final = 6.0
+WALL_HUBER: Final = 2.5
+WALL_GATE: Final = 6.0
 GROUP_S: Final = 1.0
 """Returns of one half in one column and such a time share their errors."""
 CORRELATED_START: Final = 20.0
 CORRELATED_LEAST: Final = 4.0
-LEAST_GROUPS: Final = 50
+MIN_WALL_GROUPS: Final = 50
 WALL_PATCH_M: Final = 8.0
 WALL_LAYER: Final = 2
 """Layer of a wall's patch in :class:`~furrowmap.core.estimation.registration.Patches`."""
@@ -96,7 +96,7 @@ def no_upright() -> UprightReturns:
 
 
 @dataclass(frozen=True)
-class Columns:
+class WallColumns:
     """Upright columns, of which only those in use take memory.
 
     Attributes:
@@ -121,7 +121,7 @@ class Lines:
             level unit normal; variance across (m²), infinite where there is no line.
     """
 
-    columns: Columns
+    columns: WallColumns
     line: FloatArray
 
     @property
@@ -166,7 +166,7 @@ class Scatter:
     @property
     def correlated(self) -> float:
         """Returns that share an error."""
-        if self.groups < LEAST_GROUPS or self.apart <= 0.0:
+        if self.groups < MIN_WALL_GROUPS or self.apart <= 0.0:
             return CORRELATED_START
         return max(self.together / self.apart, CORRELATED_LEAST)
 
@@ -186,24 +186,24 @@ class PlacedUpright:
     half: NDArray[np.uint8]
 
 
-def columns_over(xyz_m: FloatArray) -> Columns:
+def columns_over(xyz_m: FloatArray) -> WallColumns:
     """No columns yet, in tiles wherever one of the points (n, 2 or 3) is."""
-    tiles = tiles_over(np.ascontiguousarray(xyz_m[:, :2]), CELL_M)
-    return Columns(tiles, np.full((tiles.count, TILE, TILE), -1, np.int32), np.zeros((0, 2, 8)))
+    tiles = tiles_over(np.ascontiguousarray(xyz_m[:, :2]), COLUMN_CELL_M)
+    return WallColumns(tiles, np.full((tiles.count, TILE_NODES, TILE_NODES), -1, np.int32), np.zeros((0, 2, 8)))
 
 
-def add_upright(columns: Columns, xyz_m: FloatArray, half: NDArray[np.uint8]) -> Columns:
+def add_upright(columns: WallColumns, xyz_m: FloatArray, half: NDArray[np.uint8]) -> WallColumns:
     """The columns with more returns (n, 3); those outside the tiles are left out."""
     tiles, had = columns.tiles, len(columns.sums)
-    count = _number(xyz_m, CELL_M, tiles.west, tiles.south, tiles.number, columns.number, had)
+    count = _number(xyz_m, COLUMN_CELL_M, tiles.west, tiles.south, tiles.number, columns.number, had)
     fresh = np.zeros((count - had, 2, 8))
     fresh[:, :, 6], fresh[:, :, 7] = np.inf, -np.inf
     sums = np.concatenate([columns.sums, fresh])
-    _add(xyz_m, half, CELL_M, tiles.west, tiles.south, tiles.number, columns.number, sums)
-    return Columns(tiles, columns.number, sums)
+    _add(xyz_m, half, COLUMN_CELL_M, tiles.west, tiles.south, tiles.number, columns.number, sums)
+    return WallColumns(tiles, columns.number, sums)
 
 
-def lines(columns: Columns) -> Lines:
+def lines(columns: WallColumns) -> Lines:
     """The pieces of walls among the columns."""
     return Lines(columns, _fit(columns.sums))
 
@@ -229,7 +229,7 @@ def register_walls(
     patches = Patches.kept(
         *_register(
             placed.t_s, placed.xyz_m, placed.half, chain.first, chain.count, chain.begin_s,
-            CELL_M, tiles.west, tiles.south, tiles.number, walls.columns.number, walls.line,
+            COLUMN_CELL_M, tiles.west, tiles.south, tiles.number, walls.columns.number, walls.line,
             poses.position_m, correlated, share, sums.normal, sums.right, sums.right_free, sums.count, tally,
             coarse.first, coarse.every, WALL_PATCH_M,
         )
@@ -255,7 +255,7 @@ def select_upright(xyz_m, column, rotation, lever_m, ground_m, stride):  # type:
         x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz + lever_m[0]
         y = rotation[1, 0] * px + rotation[1, 1] * py + rotation[1, 2] * pz + lever_m[1]
         square = x * x + y * y
-        if not NEAR_M * NEAR_M < square < FAR_M * FAR_M:
+        if not MIN_WALL_RANGE_M * MIN_WALL_RANGE_M < square < MAX_WALL_RANGE_M * MAX_WALL_RANGE_M:
             continue
         if z < min(ABOVE_M + ABOVE_SLOPE * np.sqrt(square), ABOVE_MOST_M):
             continue
@@ -277,8 +277,8 @@ def _number(xyz_m, cell_m, west, south, tile_number, number, count):  # type: ig
         if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
             continue
         tile = tile_number[row, column]
-        if number[tile, y & TILE - 1, x & TILE - 1] < 0:
-            number[tile, y & TILE - 1, x & TILE - 1] = count
+        if number[tile, y & TILE_NODES - 1, x & TILE_NODES - 1] < 0:
+            number[tile, y & TILE_NODES - 1, x & TILE_NODES - 1] = count
             count += 1
     return count
 
@@ -291,7 +291,7 @@ def _column(e, n, cell_m, west, south, tile_number, number):  # type: ignore[no-
     rows, columns = tile_number.shape
     if not (0 <= row < rows and 0 <= column < columns) or tile_number[row, column] < 0:
         return -1, 0.0, 0.0
-    found = number[tile_number[row, column], y & TILE - 1, x & TILE - 1]
+    found = number[tile_number[row, column], y & TILE_NODES - 1, x & TILE_NODES - 1]
     return found, e - (x + 0.5) * cell_m, n - (y + 0.5) * cell_m
 
 
@@ -320,20 +320,20 @@ def _fit(sums):  # type: ignore[no-untyped-def]
     for c in range(count):
         for h in range(2):
             s = sums[c, h]
-            if s[0] < LEAST_RETURNS or s[7] - s[6] < LEAST_HEIGHT_M:
+            if s[0] < MIN_COLUMN_RETURNS or s[7] - s[6] < MIN_COLUMN_HEIGHT_M:
                 continue
             e, n = s[1] / s[0], s[2] / s[0]
             ee, en, nn = s[3] / s[0] - e * e, s[4] / s[0] - e * n, s[5] / s[0] - n * n
             middle, half_way = 0.5 * (ee + nn), np.hypot(0.5 * (ee - nn), en)
             across, along = max(middle - half_way, 0.0), middle + half_way
-            if along < LEAST_LENGTH_M**2 or across > THICKEST_M**2 or across > SLIMMEST**2 * along:
+            if along < MIN_LINE_SIGMA_M**2 or across > THICKEST_M**2 or across > SLIMMEST**2 * along:
                 continue
             direction = 0.5 * np.arctan2(2.0 * en, ee - nn)
             ne, nn = -np.sin(direction), np.cos(direction)
-            variance = across * (1.0 + 2.0 / s[0]) + FLOOR_M**2
+            variance = across * (1.0 + 2.0 / s[0]) + MIN_WALL_SIGMA_M**2
             # A wall along the border of two columns would be cut in half lengthwise.
             reach = WHOLE * np.sqrt(variance)
-            if abs(e) + reach * abs(ne) > 0.5 * CELL_M or abs(n) + reach * abs(nn) > 0.5 * CELL_M:
+            if abs(e) + reach * abs(ne) > 0.5 * COLUMN_CELL_M or abs(n) + reach * abs(nn) > 0.5 * COLUMN_CELL_M:
                 continue
             out[c, h, 0], out[c, h, 1], out[c, h, 2], out[c, h, 3] = e, n, ne, nn
             out[c, h, 4] = variance
@@ -363,21 +363,21 @@ def _register(  # type: ignore[no-untyped-def]
         variance = other[4]
         residual = other[2] * (e - other[0]) + other[3] * (north - other[1])
         normalised = abs(residual) / np.sqrt(variance)
-        if normalised > GATE:
+        if normalised > WALL_GATE:
             continue
         # Against both halves' line, along the other half's normal.
         residual_free = residual - 0.5 * (other[2] * (own[0] - other[0]) + other[3] * (own[1] - other[1]))
         w = share / (variance * correlated)
-        if normalised > HUBER:
-            w *= HUBER / normalised
+        if normalised > WALL_HUBER:
+            w *= WALL_HUBER / normalised
         tally[3] += 1.0
-        tally[4] += min(normalised, HUBER) ** 2 * variance
+        tally[4] += min(normalised, WALL_HUBER) ** 2 * variance
         now = int((t_s[i] - begin_s) / GROUP_S)
         of = 2 * c + half[i]
         if now != group[of]:
             _close(group_sums[of], tally)
             group[of] = now
-        signed = min(max(residual / np.sqrt(variance), -HUBER), HUBER)
+        signed = min(max(residual / np.sqrt(variance), -WALL_HUBER), WALL_HUBER)
         group_sums[of, 0] += 1.0
         group_sums[of, 1] += signed
         group_sums[of, 2] += signed * signed

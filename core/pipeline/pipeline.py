@@ -19,15 +19,15 @@ from furrowmap.core.adjustment.boresight import Boresight, boresight_notices
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, calibrated_flight
 from furrowmap.core.adjustment.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline.position_notices import position_notices, quality_notices
-from furrowmap.core.pipeline.run_notices import (
+from furrowmap.core.pipeline.notices import (
     placement_notices,
+    position_notices,
+    quality_notices,
     refuse_empty,
     session_notices,
 )
 from furrowmap.core.pipeline.run_result import RunResult
-from furrowmap.core.pointclouds.placed import PlacedScan, Placement, place_scans
-from furrowmap.core.pointclouds.placing import Placer
+from furrowmap.core.pointclouds.placed import PlacedScan, Placement, Placer, place_scans
 from furrowmap.core.readers.areas.area import nothing_within
 from furrowmap.core.readers.reader import GivesTrack, Reader
 from furrowmap.core.runtime import arrays
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from furrowmap.core.images.aiding import ImageAid
     from furrowmap.core.images.frames import Frames
 
-TURNED_DEG: Final = 20.0
+MIN_YAW_CHANGE_DEG: Final = 20.0
 """A mounting whose yaw differs by more sees the implement elsewhere."""
 ORIGIN_STEP_M: Final = 100.0
 """The local origin of the points is a multiple of this."""
@@ -252,7 +252,7 @@ def companions(opened: OpenSession) -> Companions:
 
 
 @dataclass(frozen=True)
-class _Survey:
+class _FlightScans:
     """The first reading of a flight's scans."""
 
     lidar: LidarRecording
@@ -260,7 +260,7 @@ class _Survey:
     implement: ImplementTracker
 
 
-def _first_guess(opened: OpenSession, positions: Reader, progress: Progress) -> tuple[Located, _Survey | None]:
+def _first_guess(opened: OpenSession, positions: Reader, progress: Progress) -> tuple[Located, _FlightScans | None]:
     """The trajectory before any matching; beside it, the scans of a flight with an IMU are read."""
     session = opened.session
 
@@ -274,7 +274,7 @@ def _first_guess(opened: OpenSession, positions: Reader, progress: Progress) -> 
     return located, survey.result()
 
 
-def _read_survey(opened: OpenSession, progress: Progress) -> _Survey:
+def _read_survey(opened: OpenSession, progress: Progress) -> _FlightScans:
     """Read a flight's scans before its trajectory is known; the positions themselves say when it was."""
     positions = opened.positions()
     assert isinstance(positions, GivesTrack)
@@ -282,13 +282,13 @@ def _read_survey(opened: OpenSession, progress: Progress) -> _Survey:
     lidar, implement = opened.lidar(middle_s(track)), ImplementTracker(opened.session, flying=True)
     scans = map(implement.looked_at, watched(lidar.scans(), lidar, progress, "reading scans"))
     span_s = (float(track.t_s[0]), float(track.t_s[-1])) if len(track) else (0.0, 0.0)
-    return _Survey(lidar, thinned_returns(scans, span_s), implement)
+    return _FlightScans(lidar, thinned_returns(scans, span_s), implement)
 
 
 def _calibrate(
     opened: OpenSession,
     guess: Located,
-    survey: _Survey | None,
+    survey: _FlightScans | None,
     carrier: Trajectory | None,
     progress: Progress,
     checkpoint: Checkpoint | None,
@@ -491,7 +491,7 @@ def placer_of(located: Located, mounting: Mounting, carrier: Trajectory | None =
 def _yaw_differs(used: Mounting, stated: Mounting) -> bool:
     """Whether the yaw ambiguity of the mounting was resolved otherwise than stated."""
     forward = np.array([used.rotation[:, 0], stated.rotation[:, 0]])
-    return bool(forward[0] @ forward[1] < np.cos(np.radians(TURNED_DEG)))
+    return bool(forward[0] @ forward[1] < np.cos(np.radians(MIN_YAW_CHANGE_DEG)))
 
 
 def _run_result(

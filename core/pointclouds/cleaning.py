@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.pointclouds.clouds import MACHINE, NOISE, Clouds, is_ours
+from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
@@ -46,11 +46,11 @@ DENSE_SQUARE_M: Final = 2.0
 """Sides of the squares, the smallest blocks; a driving scanner records ten thousand points per square metre."""
 DENSE: Final = 200.0
 """Density by bounding boxes, in points per square metre, from which on the small squares are used."""
-NEAR_M: Final = 1.0
+FIRST_RADIUS_M: Final = 1.0
 """First search radius; only points with too few neighbours in it are compared with more distant ones."""
 BLOCK_POINTS: Final = 500_000
 """Blocks with more points are quartered, down to one square."""
-POINT: Final = np.dtype(
+SPOOLED_POINT: Final = np.dtype(
     [
         ("xyz_m", "<f8", 3),
         ("t_s", "<f8"),
@@ -67,7 +67,7 @@ POINT: Final = np.dtype(
 )
 """A point. `t_s` is UTC, seconds of a week where all clouds have those, or nan. Noise and machine are never ground.
 `apart_m` is the mean neighbour distance, where needed; inf for an isolated point."""
-PLACE: Final = np.dtype(("<f8", 3))
+SPOOLED_XYZ: Final = np.dtype(("<f8", 3))
 
 
 class SquareSpool(RecordSpool):
@@ -111,7 +111,7 @@ def cleaned(
         progress: receives the stages "reading clouds", "looking for noise" and "cleaning clouds".
 
     Yields:
-        (n,) records of :data:`POINT`.
+        (n,) records of :data:`SPOOLED_POINT`.
 
     Raises:
         InputError: if a file is damaged, or the library of the ground method is not installed.
@@ -124,8 +124,8 @@ def cleaned(
         return
     with ExitStack() as stack:
         side_m = square_side_m(clouds)
-        spool = stack.enter_context(SquareSpool(POINT, folder, side_m))
-        lows, few = (stack.enter_context(SquareSpool(PLACE, folder, side_m)) for _ in range(2))
+        spool = stack.enter_context(SquareSpool(SPOOLED_POINT, folder, side_m))
+        lows, few = (stack.enter_context(SquareSpool(SPOOLED_XYZ, folder, side_m)) for _ in range(2))
         for records in points:
             # A voxel belongs to the square of its corner.
             flat = records["xyz_m"][:, :2]
@@ -146,7 +146,9 @@ def cleaned(
                 _add_lows(_with_outliers(spool.read_squares([square]), usual), square, lows)
         for number, block in enumerate(parts, 1):
             records = _with_outliers(spool.read_squares(block), usual)
-            records["classification"][records["noise"] & ~np.isin(records["classification"], NOISE)] = PointClass.NOISE
+            records["classification"][records["noise"] & ~np.isin(records["classification"], NOISE_CLASSES)] = (
+                PointClass.NOISE
+            )
             if cleaning.ground != "none":
                 _classify_ground(records, block, lows, cleaning.ground)
             kept = ~(records["noise"] & cleaning.drop_noise)
@@ -178,7 +180,7 @@ def classified_spool(
         OSError: likewise.
     """
     side_m = square_side_m(clouds)
-    with SquareSpool(POINT, folder, side_m) as spool, SquareSpool(PLACE, folder, side_m) as lows:
+    with SquareSpool(SPOOLED_POINT, folder, side_m) as spool, SquareSpool(SPOOLED_XYZ, folder, side_m) as lows:
         for records in _wanted(clouds, cleaning, seen, progress):
             spool.add_at(records["xyz_m"][:, :2], records)
         method = cleaning.ground
@@ -221,15 +223,15 @@ def _wanted(
 
 def _records(batch: CloudBatch, ours: bool, week_times: bool) -> RecordArray:
     """Points as records."""
-    records = np.zeros(len(batch), POINT)
+    records = np.zeros(len(batch), SPOOLED_POINT)
     for name in ("xyz_m", "intensity", "point_source_id", "classification", "return_number", "returns"):
         records[name] = getattr(batch, name)
     times = batch.gps_time if week_times else batch.t_s
     records["t_s"] = times if times is not None else np.nan
     if batch.rgb is not None:
         records["rgb"] = batch.rgb
-    records["noise"] = np.isin(batch.classification, NOISE)
-    records["machine"] = ours & np.isin(batch.classification, MACHINE)
+    records["noise"] = np.isin(batch.classification, NOISE_CLASSES)
+    records["machine"] = ours & np.isin(batch.classification, MACHINE_CLASSES)
     return records
 
 
@@ -287,8 +289,8 @@ def _measure(
     if not len(own):
         return
     around = [np.zeros((0, 3))]
-    low, high = own[:, :2].min(axis=0) - NEAR_M, own[:, :2].max(axis=0) + NEAR_M
-    for square in squares_around(block, NEAR_M + slack_m, spool.side_m):
+    low, high = own[:, :2].min(axis=0) - FIRST_RADIUS_M, own[:, :2].max(axis=0) + FIRST_RADIUS_M
+    for square in squares_around(block, FIRST_RADIUS_M + slack_m, spool.side_m):
         others = spool.read_squares([square])
         xyz = others["xyz_m"][~others["noise"]]
         around.append(xyz[np.all((xyz[:, :2] >= low) & (xyz[:, :2] <= high), axis=1)])
@@ -296,7 +298,7 @@ def _measure(
     if outliers == "radius":
         apart_m = np.where(radius_outliers(xyz)[: len(own)], np.inf, 0.0)
     else:
-        apart_m = mean_neighbour_distance(xyz, reach_m=NEAR_M, asked=len(own))
+        apart_m = mean_neighbour_distance(xyz, reach_m=FIRST_RADIUS_M, asked=len(own))
         lonely = np.isinf(apart_m)
         if lonely.any():
             others = few.read_squares([*block, *squares_around(block, OUTLIER_REACH_M + slack_m, few.side_m)]) - own[0]

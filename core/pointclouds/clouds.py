@@ -26,10 +26,10 @@ from furrowmap.core.values.scan import PointClass
 
 FloatArray = NDArray[np.float64]
 
-SAME_M: Final = 1e-4
-NOISE: Final = (7, 18)
+SAME_PLACE_M: Final = 1e-4
+NOISE_CLASSES: Final = (7, 18)
 """Low and high noise (LAS 1.4 R15, table 17)."""
-MACHINE: Final = (PointClass.VEHICLE, PointClass.IMPLEMENT)
+MACHINE_CLASSES: Final = (PointClass.VEHICLE, PointClass.IMPLEMENT)
 """Classes of furrowmap's own clouds."""
 
 
@@ -97,12 +97,12 @@ class Clouds:
             InputError: if points are damaged.
             RefusedError: if they lie outside the domain of the CRS.
         """
-        own = [*NOISE, *MACHINE]
+        own = [*NOISE_CLASSES, *MACHINE_CLASSES]
 
         def wanted(file: CloudFile, batch: CloudBatch) -> NDArray[np.bool_]:
             if classes is not None:
                 return np.isin(batch.classification, list(classes))
-            return ~np.isin(batch.classification, own if is_ours(file) else NOISE)
+            return ~np.isin(batch.classification, own if is_ours(file) else NOISE_CLASSES)
 
         for _, batch in self.whole_batches(box, wanted, seen, read):
             yield CloudPoints(batch.xyz_m, batch.t_s, batch.classification == PointClass.GROUND)
@@ -297,7 +297,7 @@ def _identified(flat: pyproj.CRS, place: Box) -> pyproj.CRS:
     known = pyproj.CRS.from_epsg(code)
     x, y = 0.5 * (place[0] + place[2]), 0.5 * (place[1] + place[3])
     there = pyproj.Transformer.from_crs(flat, known, always_xy=True).transform(x, y)
-    return known if known.name == flat.name and math.dist((x, y), there) < SAME_M else flat
+    return known if known.name == flat.name and math.dist((x, y), there) < SAME_PLACE_M else flat
 
 
 def _height_unit_m(flat: pyproj.CRS, height: pyproj.CRS | None) -> float:

@@ -12,9 +12,9 @@ from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
 
-FAR_M: Final = 1000.0
+FAR_GAP_M: Final = 1000.0
 """Gap to the others, along either axis."""
-FEW: Final = 0.001
+MAX_FAR_SHARE: Final = 0.001
 """Largest share of points that are left out."""
 SPARSE_PER_M2: Final = 0.01
 """Only clouds with fewer points on the rectangle of their header are searched."""
@@ -29,7 +29,7 @@ def near_box(clouds: Clouds, progress: Progress = silent) -> tuple[Box | None, t
     """
     sides = [np.subtract(file.header.high[:2], file.header.low[:2]) for file in clouds.files if file.points]
     sparse = [
-        file.points < SPARSE_PER_M2 * float(np.prod(side)) and float(np.max(side)) > FAR_M
+        file.points < SPARSE_PER_M2 * float(np.prod(side)) and float(np.max(side)) > FAR_GAP_M
         for file, side in zip((file for file in clouds.files if file.points), sides, strict=True)
     ]
     if not any(sparse):
@@ -42,13 +42,20 @@ def near_box(clouds: Clouds, progress: Progress = silent) -> tuple[Box | None, t
         counts = np.bincount(inverse.ravel(), np.concatenate([counts, number]), len(squares)).astype(np.int64)
     near = _near(squares[:, 0], counts) & _near(squares[:, 1], counts) if len(squares) else np.ones(0, bool)
     far = int(counts[~near].sum())
-    if not 0 < far <= FEW * counts.sum():
+    if not 0 < far <= MAX_FAR_SHARE * counts.sum():
         return None, ()
     west, south = (squares[near].min(axis=0) * _SIDE_M).tolist()
     east, north = ((squares[near].max(axis=0) + 1.0) * _SIDE_M).tolist()
     return (west, south, east, north), (
         Notice(
-            "points-far", far=far, counts=int(counts.sum()), far_m=FAR_M, west=west, south=south, east=east, north=north
+            "points-far",
+            far=far,
+            counts=int(counts.sum()),
+            far_m=FAR_GAP_M,
+            west=west,
+            south=south,
+            east=east,
+            north=north,
         ),
     )
 
@@ -57,7 +64,7 @@ def _near(place: NDArray[np.float64], counts: NDArray[np.int64]) -> NDArray[np.b
     """Which squares are of a group with many points; groups are divided by gaps along an axis."""
     order = np.argsort(place, kind="stable")
     group = np.empty(len(place), np.int64)
-    group[order] = np.cumsum(np.diff(place[order], prepend=place[order[0]]) > FAR_M / _SIDE_M)
+    group[order] = np.cumsum(np.diff(place[order], prepend=place[order[0]]) > FAR_GAP_M / _SIDE_M)
     held = np.bincount(group, counts)
-    kept: NDArray[np.bool_] = (held > FEW * counts.sum())[group]
+    kept: NDArray[np.bool_] = (held > MAX_FAR_SHARE * counts.sum())[group]
     return kept

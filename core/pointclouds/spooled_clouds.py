@@ -15,11 +15,11 @@ from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.spool import PointSpool
 
-CELLS_M: Final = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+ROUND_CELLS_M: Final = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 POINTS_A_CELL: Final = 4.0
 ALMOST: Final = 0.9
 """A round size down to this share of the computed one is accepted."""
-PATCH_M: Final = 2.0
+COVERAGE_PATCH_M: Final = 2.0
 """Side of the squares by which the covered area is measured."""
 CLASSED_SHARE: Final = 0.01
 """Least share of ground points in a classified cloud."""
@@ -61,11 +61,11 @@ def cell_for(
     for batch in clouds.batches(box, classes, read=lambda done: progress("measuring density", done / total)):
         if not len(batch.xyz_m):
             continue
-        column, row = np.floor(batch.xyz_m[:, :2].T / PATCH_M).astype(np.int64)
+        column, row = np.floor(batch.xyz_m[:, :2].T / COVERAGE_PATCH_M).astype(np.int64)
         covered = np.union1d(covered, (column << 32) + row)
         count += len(batch.xyz_m)
-    wanted_m = math.sqrt(POINTS_A_CELL * len(covered) * PATCH_M**2 / max(count, 1))
-    return next(cell_m for cell_m in CELLS_M if cell_m >= ALMOST * wanted_m)  # a point a patch wants 4 m
+    wanted_m = math.sqrt(POINTS_A_CELL * len(covered) * COVERAGE_PATCH_M**2 / max(count, 1))
+    return next(cell_m for cell_m in ROUND_CELLS_M if cell_m >= ALMOST * wanted_m)  # a point a patch wants 4 m
 
 
 def spool_clouds(

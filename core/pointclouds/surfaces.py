@@ -36,7 +36,7 @@ GroundMethod = Literal["smrf", "csf", "class", "none"]
 GROUND_CELL_M: Final = 0.5
 BLOCK_M: Final = 128.0
 SMRF: Final = Smrf()
-REACH_M: Final = 10.0
+MAX_GROUND_DISTANCE_M: Final = 10.0
 """Greatest distance from observed ground of a height above ground."""
 _LOWEST: Final = Statistic.parse("min")
 
@@ -217,7 +217,7 @@ def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | No
     slopes = [np.gradient(height, coarse_m, axis=k) if height.shape[k] > 1 else np.zeros(height.shape) for k in (0, 1)]
     # A slope extends over the width of a coarse cell.
     limit = SMRF.threshold_m + max(SMRF.scale, coarse_m) * np.hypot(*slopes)
-    far = distance_transform_edt(~seen) * coarse_m > REACH_M
+    far = distance_transform_edt(~seen) * coarse_m > MAX_GROUND_DISTANCE_M
     return _Ground(n, (west, south), height, limit, np.asarray(far))
 
 

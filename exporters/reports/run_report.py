@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.boresight import NAMES, Boresight
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
-from furrowmap.core.pipeline.position_notices import fix_shares
+from furrowmap.core.pipeline.notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 from furrowmap.core.runtime.json_text import json_text, plain

@@ -24,7 +24,7 @@ from furrowmap.core.crops.trial_tables import read_treatments
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.geodesy.parameter_file import read_parameters
 from furrowmap.core.images.board import expect_opencv
-from furrowmap.core.pipeline.run_notices import refuse_empty
+from furrowmap.core.pipeline.notices import refuse_empty
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers import zipped_layer
 from furrowmap.core.readers.areas.area import read_area

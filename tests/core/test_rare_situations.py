@@ -24,7 +24,7 @@ from furrowmap.core.checking.evaluation import evaluate
 from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.projection import map_frame
-from furrowmap.core.pipeline.run_notices import placement_notices, refuse_empty, session_notices
+from furrowmap.core.pipeline.notices import placement_notices, refuse_empty, session_notices
 from furrowmap.core.pointclouds.clouds import no_points_error, open_clouds
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.readers.isoxml.log import TaskDataLog

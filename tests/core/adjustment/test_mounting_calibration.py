@@ -17,7 +17,7 @@ from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import VEHICLE, Knots, State, knots_over, normal_equations
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
-from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, heights, tiles_over
+from furrowmap.core.matching.surface import HeightGrid, add_returns, empty_surface, heights, tiles_over
 from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.rotation import Mounting
 
@@ -34,7 +34,7 @@ def rough(east_m: np.ndarray, north_m: np.ndarray) -> np.ndarray:
     )
 
 
-def ground(begin_m: float, end_m: float) -> Surface:
+def ground(begin_m: float, end_m: float) -> HeightGrid:
     """The field from west to east, both halves with a return at each node."""
     n = round((end_m - begin_m) / CELL_M)
     east, north = np.meshgrid(begin_m + CELL_M * np.arange(n), CELL_M * np.arange(-30, 31), indexing="ij")

@@ -22,7 +22,7 @@ from furrowmap.core.matching.ground import (
     Relief,
     register_ground,
 )
-from furrowmap.core.matching.surface import Surface, add_returns, empty_surface, tiles_over
+from furrowmap.core.matching.surface import HeightGrid, add_returns, empty_surface, tiles_over
 
 FloatArray = NDArray[np.float64]
 Ground = Callable[[FloatArray], FloatArray]
@@ -42,7 +42,7 @@ def waves(en: FloatArray) -> FloatArray:
     return np.asarray(0.07 * np.sin(1.1 * e + 0.4) + 0.05 * np.cos(0.9 * n - 0.5 * e) + 0.04 * n)
 
 
-def dense_surface(ground: Ground, side_m: float, noise_m: float = 0.0, per_cell: int = 8) -> Surface:
+def dense_surface(ground: Ground, side_m: float, noise_m: float = 0.0, per_cell: int = 8) -> HeightGrid:
     """Both halves of old soil in a square about the origin, from independent evenly spread points."""
     one = (np.arange(-round(side_m / 2 / CELL_M) * per_cell, round(side_m / 2 / CELL_M) * per_cell) + 0.5) / per_cell
     en = np.stack(np.meshgrid(one, one), axis=-1).reshape(-1, 2) * CELL_M
@@ -63,7 +63,7 @@ class Found:
 
 
 def agreed(
-    xyz: FloatArray, t_s: FloatArray, surface: Surface, position: FloatArray, relief: Relief = EXACT, every: int = 0
+    xyz: FloatArray, t_s: FloatArray, surface: HeightGrid, position: FloatArray, relief: Relief = EXACT, every: int = 0
 ) -> Found:
     n = len(xyz)
     sums, trust = GroundSums.of(len(position)), np.zeros(n, np.uint8)

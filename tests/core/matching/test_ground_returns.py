@@ -11,11 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.returns import (
-    BEYOND_S,
+    EXTRAPOLATION_S,
+    MAX_GROUND_RANGE_M,
     PIXEL_M,
     PIXELS,
     RATE_HZ,
-    REACH_M,
     GroundReturns,
     ground_height_m,
     ground_returns,
@@ -76,7 +76,7 @@ def test_on_body__is_the_footprint_from_its_first_pixel_to_its_last() -> None:
 def test_what_is_left_is_ground(straight: Recording, found: GroundReturns) -> None:
     part = slice(None, None, 5)
     t, xyz = np.asarray(found.t_s[part]), np.asarray(found.xyz_m[part], float)
-    assert np.hypot(xyz[:, 0], xyz[:, 1]).max() <= REACH_M
+    assert np.hypot(xyz[:, 0], xyz[:, 1]).max() <= MAX_GROUND_RANGE_M
     pixel = np.floor(xyz[:, :2] / PIXEL_M).astype(int) + PIXELS // 2
     near = ((pixel >= 0) & (pixel < PIXELS)).all(axis=1)
     assert not found.body[pixel[near, 1], pixel[near, 0]].any()
@@ -110,7 +110,7 @@ def test_scans_outside_the_trajectory_are_left_out(straight: Recording) -> None:
     late = replace(start, **{name: getattr(start, name)[half:] for name in names})
     found = ground_returns(straight.scans(), straight.session.lidar.mounting, late)
     assert begin < late.t_s[0] + 4.0
-    assert found.t_s[0] >= late.t_s[0] - BEYOND_S
+    assert found.t_s[0] >= late.t_s[0] - EXTRAPOLATION_S
     assert len(found) > 10_000
     nothing = ground_returns([], straight.session.lidar.mounting, start)
     assert len(nothing) == 0
@@ -155,10 +155,10 @@ def test_scans_of_one_return_are_taken_by_its_time(straight: Recording) -> None:
     one = replace(scan, **{name: getattr(scan, name)[[lying]] for name in ARRAYS})
     assert len(one) == 1
     assert len(ground_returns([one], mounting, trajectory)) <= 1
-    early = trajectory.span_s[0] - BEYOND_S
+    early = trajectory.span_s[0] - EXTRAPOLATION_S
     for first_s, last_s in (
         (early - 0.01, early + 0.05),
-        (trajectory.span_s[1], trajectory.span_s[1] + BEYOND_S + 0.01),
+        (trajectory.span_s[1], trajectory.span_s[1] + EXTRAPOLATION_S + 0.01),
     ):
         beyond = replace(scan, t_s=np.linspace(first_s, last_s, len(scan)))
         assert len(ground_returns([beyond], mounting, trajectory)) == 0

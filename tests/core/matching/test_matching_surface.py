@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.core.matching.surface import (
-    TILE,
-    Passage,
-    Surface,
+    TILE_NODES,
+    HeightGrid,
+    TilePassage,
     add_returns,
     empty_surface,
     layers,
@@ -28,21 +28,21 @@ def even_points(low: float, high: float, cell_m: float, side: int) -> FloatArray
     return np.stack(np.meshgrid(one, one), axis=-1).reshape(-1, 2) * (cell_m / side)
 
 
-def nodes(surface: Surface, sheet: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def nodes(surface: HeightGrid, sheet: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Place (n, 2), height and weight of the nodes of a sheet that hold anything."""
     tiles = surface.tiles
     places, heights, weights = [], [], []
     for row, column in zip(*np.nonzero(tiles.number >= 0), strict=True):
         tile = tiles.number[row, column]
         y, x = np.nonzero(surface.weight[tile, sheet])
-        corner = np.array([tiles.west + column, tiles.south + row]) * TILE
+        corner = np.array([tiles.west + column, tiles.south + row]) * TILE_NODES
         places.append((corner + np.column_stack([x, y])) * tiles.cell_m)
         heights.append(surface.height_m[tile, sheet, y, x].astype(float))
         weights.append(surface.weight[tile, sheet, y, x].astype(float))
     return np.concatenate(places), np.concatenate(heights), np.concatenate(weights)
 
 
-def surface_of(xyz: FloatArray, cell_m: float, layer: int = 0, half: int = 0, trust: int = 255) -> Surface:
+def surface_of(xyz: FloatArray, cell_m: float, layer: int = 0, half: int = 0, trust: int = 255) -> HeightGrid:
     n = len(xyz)
     surface = empty_surface(tiles_over(xyz[:, :2], cell_m))
     add_returns(surface, xyz, np.full(n, layer, np.int8), np.full(n, half, np.uint8), np.full(n, trust, np.uint8))
@@ -103,7 +103,7 @@ def test_tiles_hold_all_points_and_count_no_more(points: list[tuple[float, float
     expected = set()
     for du in (0, 1):
         for dv in (0, 1):
-            corner = (np.floor(en / 0.15).astype(int) + np.array([du, dv])) // TILE - (tiles.west, tiles.south)
+            corner = (np.floor(en / 0.15).astype(int) + np.array([du, dv])) // TILE_NODES - (tiles.west, tiles.south)
             expected |= set(map(tuple, corner.tolist()))
     found = {(int(c), int(r)) for r, c in zip(*np.nonzero(tiles.number >= 0), strict=True)}
     assert found == expected
@@ -122,7 +122,7 @@ def crossings(en: FloatArray, t_s: FloatArray, path: FloatArray, left: FloatArra
 
 
 @pytest.fixture(scope="module")
-def there_and_back() -> tuple[FloatArray, FloatArray, FloatArray, Passage]:
+def there_and_back() -> tuple[FloatArray, FloatArray, FloatArray, TilePassage]:
     """A way out, a turn and a way back that overlaps, with a tool of 1.6 m: times, path, its left, and the passage."""
     t = np.arange(0, 40, 0.05)
     u = np.where(t < 15, t, np.where(t < 25, 15 + 2 * np.sin((t - 15) * np.pi / 10), 40 - t)) * 1.0
@@ -137,7 +137,7 @@ def there_and_back() -> tuple[FloatArray, FloatArray, FloatArray, Passage]:
 
 
 def test_soil_is_old_before_the_first_pass_and_new_after_the_last(
-    there_and_back: tuple[FloatArray, FloatArray, FloatArray, Passage],
+    there_and_back: tuple[FloatArray, FloatArray, FloatArray, TilePassage],
 ) -> None:
     t, path, left, passage = there_and_back
     random = np.random.default_rng(3)

@@ -13,8 +13,8 @@ from furrowmap.core.estimation.knots import KNOT_STEP_S, VEHICLE, Chain, Knots, 
 from furrowmap.core.estimation.registration import Patches, SliceSums, free_patches
 from furrowmap.core.matching.ground import ChainPoses
 from furrowmap.core.matching.walls import (
-    FAR_M,
-    FLOOR_M,
+    MAX_WALL_RANGE_M,
+    MIN_WALL_SIGMA_M,
     WALL_PATCH_M,
     Lines,
     PlacedUpright,
@@ -64,7 +64,7 @@ def test_a_wall_is_a_line_of_its_direction() -> None:
         normal = found.line[known][:, 2:4]
         off = normal @ [np.cos(np.radians(direction_deg)), np.sin(np.radians(direction_deg))]
         assert np.sqrt(np.mean(off**2)) < 0.02
-        assert np.sqrt(np.median(found.line[known][:, 4])) == pytest.approx(np.hypot(0.01, FLOOR_M), rel=0.15)
+        assert np.sqrt(np.median(found.line[known][:, 4])) == pytest.approx(np.hypot(0.01, MIN_WALL_SIGMA_M), rel=0.15)
 
 
 def test_a_wall_on_the_border_of_columns_is_left_out() -> None:
@@ -247,7 +247,7 @@ def test_only_what_stands_near_is_selected() -> None:
     (index, vehicle), count = select_upright(xyz, column, rotation, lever, 0.1, 1)
     expected = xyz @ rotation.T + lever
     distance, height = np.hypot(expected[:, 0], expected[:, 1]), expected[:, 2] - 0.1
-    wanted = (distance > 1.5) & (distance < FAR_M) & (height > np.minimum(0.35 + 0.05 * distance, 1.0))
+    wanted = (distance > 1.5) & (distance < MAX_WALL_RANGE_M) & (height > np.minimum(0.35 + 0.05 * distance, 1.0))
     assert count == len(index) == wanted.sum()
     np.testing.assert_array_equal(index, np.flatnonzero(wanted))
     np.testing.assert_allclose(vehicle, expected[wanted], atol=1e-5)

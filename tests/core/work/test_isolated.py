@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.pointclouds.isolated import isolated
 from furrowmap.core.values.scan import Scan
+from furrowmap.core.work.classifying import isolated
 
 
 def scan_of(range_m: NDArray[np.float64]) -> Scan:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.geodesy.local_time import in_local_time
-from furrowmap.core.pipeline.position_notices import fix_shares, quality_notices
+from furrowmap.core.pipeline.notices import fix_shares, quality_notices
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.trajectory import ScanPoses
