@@ -86,7 +86,7 @@ class Overlap:
 
 
 @dataclass(frozen=True)
-class Place:
+class FieldPlace:
     """A place of some kind.
 
     Attributes:
@@ -161,10 +161,10 @@ class WorkedGround:
     passes: tuple[Pass, ...]
     coverage: shapely.MultiPolygon
     overlaps: tuple[Overlap, ...]
-    misses: tuple[Place, ...]
+    misses: tuple[FieldPlace, ...]
     boundary: BaseGeometry | None
-    unworked: tuple[Place, ...]
-    zones: tuple[Place, ...]
+    unworked: tuple[FieldPlace, ...]
+    zones: tuple[FieldPlace, ...]
     figures: WorkFigures
 
 
@@ -311,10 +311,10 @@ class _Areas:
         found = self.of([place for _, place in shared])
         return tuple(Overlap(*pair, place, area) for (pair, place), area in zip(shared, found, strict=True))
 
-    def places(self, shapes: Sequence[tuple[str, shapely.Polygon]]) -> tuple[Place, ...]:
+    def places(self, shapes: Sequence[tuple[str, shapely.Polygon]]) -> tuple[FieldPlace, ...]:
         """The places of `shapes`, each given with its kind."""
         return tuple(
-            Place(kind, ground, area)
+            FieldPlace(kind, ground, area)
             for (kind, ground), area in zip(shapes, self.of([ground for _, ground in shapes]), strict=True)
         )
 

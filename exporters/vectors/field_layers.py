@@ -14,7 +14,7 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMA_NAMES, SOURCE_NAMES, Motion, ScanPoses
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import Area, Place
+from furrowmap.core.work.ground import Area, FieldPlace
 from furrowmap.core.work.strip_differences import StripDifferences
 from furrowmap.core.work.strip_outlines import StripGround
 
@@ -303,7 +303,7 @@ def _ground_layers(work: FieldWork) -> list[Layer]:
     ]
 
 
-def _place_layer(name: str, text: str, places: Sequence[Place], kind_column: str = "") -> Layer:
+def _place_layer(name: str, text: str, places: Sequence[FieldPlace], kind_column: str = "") -> Layer:
     kinds = {kind_column: texts(place.kind for place in places)} if kind_column else {}
     shapes = geometry_array([place.ground for place in places])
     return Layer(name, "Polygon", text, shapes, kinds | _areas([place.area for place in places]))

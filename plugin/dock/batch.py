@@ -36,7 +36,7 @@ class Drive:
     text: str = ""
 
 
-class Batch(QObject):
+class BatchRunner(QObject):
     """Runs one drive at a time; one that fails does not stop the others.
 
     Signals:

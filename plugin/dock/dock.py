@@ -20,7 +20,7 @@ from ..previews import open_preview
 from ..products import product
 from ..results import NoResultsError, groups_of, opening, read_report
 from .base_map_chooser import BaseMapChooser
-from .batch import DONE, Batch, Drive
+from .batch import DONE, BatchRunner, Drive
 from .batch_page import BatchPage
 from .dropped import DRIVES, MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
 from .machines import NotSimpleError, add_machine, read_places
@@ -89,7 +89,7 @@ class FurrowmapDock(QgsDockWidget):
         self.run.cancelled.connect(self.cancel)
         self.result.wanted.connect(self._do)
         self.result.export_wanted.connect(self._choose_export)
-        self.batch = Batch(self)
+        self.batch = BatchRunner(self)
         self.batch.changed.connect(self.drives.refresh)
         self.drives.cancelled.connect(self.batch.cancel)
         self.drives.opened.connect(self._open_drive)

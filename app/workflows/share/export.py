@@ -23,7 +23,7 @@ from furrowmap.exporters.files.staging import staged_folder
 
 TASK_DATA: Final = "isoxml"
 STAC: Final = "stac"
-NAMES: Final = (*FORMATS, *TRAJECTORIES, MESH, TASK_DATA, STAC)
+EXPORT_FORMATS: Final = (*FORMATS, *TRAJECTORIES, MESH, TASK_DATA, STAC)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.reports.drawings import pass_colour
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.workflows.farm.mosaic import mosaic
-from furrowmap.workflows.share.export import NAMES, export
+from furrowmap.workflows.share.export import EXPORT_FORMATS, export
 from tests.app.files_server import served
 from tests.exporters.vectors.worked_field import worked_field
 
@@ -227,7 +227,7 @@ def test_kml__has_the_colours_of_the_map(result: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "to", [name for name in NAMES if name not in ("stac", "glb", *TRAJECTORIES)]
+    "to", [name for name in EXPORT_FORMATS if name not in ("stac", "glb", *TRAJECTORIES)]
 )  # those are nothing but poses; a mesh needs rasters, in test_textured_mesh.py
 def test_export__tells_where_it_comes_from(result: Path, tmp_path: Path, to: str) -> None:
     target = tmp_path / ("out.gpkg" if to == "gpkg" else "out")
@@ -338,7 +338,7 @@ def test_stac__of_the_same_session_twice_is_refused(result: Path, tmp_path: Path
     assert not (tmp_path / "farm").exists()
 
 
-@pytest.mark.parametrize("to", [name for name in NAMES if name != "glb"])
+@pytest.mark.parametrize("to", [name for name in EXPORT_FORMATS if name != "glb"])
 def test_export__twice_gives_the_same_and_replaces_nothing_unasked(result: Path, tmp_path: Path, to: str) -> None:
     target = tmp_path / "out.gpkg" if to == "gpkg" else tmp_path / "out"
     first = export([result], to, target)
@@ -376,7 +376,7 @@ BEGINNINGS = {
 """Suffix and first bytes of formats with one file; the others are folders."""
 
 
-@pytest.mark.parametrize("to", NAMES)
+@pytest.mark.parametrize("to", EXPORT_FORMATS)
 def test_default_target__is_beside_the_result_and_named_after_it_and_the_format(seen: Path, to: str) -> None:
     suffix, begin = BEGINNINGS.get(to, ("", b""))
     beside = {path.name for path in seen.parent.iterdir()}
