@@ -74,7 +74,22 @@ def write_task_data(result: ResultFolder, target: Path) -> list[Notice]:
         InputError: if the run has no worked ground, or a layer cannot be read.
         RefusedError: if PROJ has no reliable transformation to WGS 84.
     """
-    files, notices = _content(result)
+    implement = result.report["session"].get("implement")
+    if implement is None or "passes" not in result.layer_names:
+        raise InputError("no-ground", folder=result.folder)
+    t_s, state, fix, tool = _tool_records(result, implement)
+    outline, notices = _boundary(result, implement)
+    layers, changed = changed_crs({"tool": tool}, CRS("EPSG:4326"))
+    place = shapely.get_coordinates(layers["tool"].geometry.to_numpy(), include_z=True)
+    header = ET.Element("TIM", A="", D="4")
+    ET.SubElement(header, "PTN", dict.fromkeys("ABCDHI", ""))
+    for ddi in (WORK_STATE, ACTUAL_WIDTH):
+        ET.SubElement(header, "DLV", A=f"{ddi:04X}", B="", C=TOOL)
+    files = {
+        MAIN: _xml(_main(result, implement, outline, (float(t_s[0]), float(t_s[-1])))),
+        f"{LOG}.xml": _xml(header),
+        f"{LOG}.bin": _log(t_s, place, state, fix, round(1000.0 * float(implement["width_m"]))),
+    }
     if target.suffix.lower() == ".zip":
         with atomic_output(target) as unfinished, zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, data in files.items():
@@ -83,21 +98,7 @@ def write_task_data(result: ResultFolder, target: Path) -> list[Notice]:
         with staged_folder(target) as staging:
             for name, data in files.items():
                 (staging / name).write_bytes(data)
-    return notices
-
-
-def _content(result: ResultFolder) -> tuple[dict[str, bytes], list[Notice]]:
-    """The files by name, and the notices."""
-    implement = result.report["session"].get("implement")
-    if implement is None or "passes" not in result.layer_names:
-        raise InputError("no-ground", folder=result.folder)
-    t_s, state, fix, tool = _tool_records(result, implement)
-    outline, notices = _boundary(result, implement)
-    layers, changed = changed_crs({"tool": tool}, CRS("EPSG:4326"))
-    place = shapely.get_coordinates(layers["tool"].geometry.to_numpy(), include_z=True)
-    log = _log(t_s, place, state, fix, round(1000.0 * float(implement["width_m"])))
-    main = _main(result, implement, outline, (float(t_s[0]), float(t_s[-1])))
-    return {MAIN: _text(main), f"{LOG}.xml": _text(_header()), f"{LOG}.bin": log}, [*notices, *changed]
+    return [*notices, *changed]
 
 
 def _tool_records(
@@ -112,7 +113,10 @@ def _tool_records(
     turn = quaternion_to_matrix(attitude_to_quaternion(*attitude))
     origin = shapely.get_coordinates(poses.geometry.to_numpy(), include_z=True)
     xyz = origin + turn @ np.array([*implement["xy_m"], 0.0])
-    begin_s, end_s = (_posix(passes[name]) for name in ("start", "end"))
+    begin_s, end_s = (
+        passes[name].dt.tz_convert("UTC").dt.tz_localize(None).to_numpy("datetime64[ms]").astype(np.int64) / 1000.0
+        for name in ("start", "end")
+    )
     moments = np.concatenate([begin_s, end_s])
     moments = moments[(moments > t_s[0]) & (moments < t_s[-1])]
     all_s = np.unique(np.round(np.concatenate([t_s, moments]) * 1000.0)) / 1000.0
@@ -125,13 +129,6 @@ def _tool_records(
     fix = np.array([codes.get(word, NO_STATUS) for word in poses["fix"].to_numpy(object)], np.uint8)[before]
     place = np.column_stack([np.interp(all_s, t_s, xyz[:, k]) for k in range(3)])
     return all_s, state, fix, gpd.GeoDataFrame(geometry=shapely.points(place), crs=poses.crs)
-
-
-def _posix(times: Any) -> FloatArray:
-    """POSIX seconds (n,) of a column of times."""
-    plain = times.dt.tz_convert("UTC").dt.tz_localize(None).to_numpy("datetime64[ms]")
-    seconds: FloatArray = plain.astype(np.int64) / 1000.0
-    return seconds
 
 
 def _of_tool(layer: gpd.GeoDataFrame, implement: dict[str, Any]) -> gpd.GeoDataFrame:
@@ -157,15 +154,7 @@ def _boundary(result: ResultFolder, implement: dict[str, Any]) -> tuple[BaseGeom
 
 
 def _log(t_s: FloatArray, place: FloatArray, state: NDArray[np.int8], fix: NDArray[np.uint8], width_mm: int) -> bytes:
-    """The binary records, with values only where they change.
-
-    Args:
-        t_s: (n,) UTC, to the millisecond.
-        place: (n, 3) longitude, latitude, height.
-        state: (n,) work state.
-        fix: (n,) quality of the positions, by the codes of NMEA 0183 (and NMEA 2000).
-        width_mm: of the tool.
-    """
+    """The binary records, with values only where they change; `fix` has the codes of NMEA 0183 (and NMEA 2000)."""
     ms = np.round((t_s - EPOCH_S) * 1000.0).astype(np.int64)
     records = np.zeros(len(t_s), _RECORD)
     records["ms"], records["day"] = ms % DAY_MS, ms // DAY_MS
@@ -181,14 +170,6 @@ def _log(t_s: FloatArray, place: FloatArray, state: NDArray[np.int8], fix: NDArr
         values = [(_STATE, state[at]), (_WIDTH, width_mm)][: int(records["count"][at])]
         pieces += [records[at : at + 1].tobytes(), np.array(values, _VALUE).tobytes(), records[at + 1 : to].tobytes()]
     return b"".join(pieces)
-
-
-def _header() -> ET.Element:
-    header = ET.Element("TIM", A="", D="4")
-    ET.SubElement(header, "PTN", dict.fromkeys("ABCDHI", ""))
-    for ddi in (WORK_STATE, ACTUAL_WIDTH):
-        ET.SubElement(header, "DLV", A=f"{ddi:04X}", B="", C=TOOL)
-    return header
 
 
 def _main(
@@ -264,7 +245,7 @@ def _name(text: str) -> str:
     return printable(text)[:LONGEST_NAME] or "field"
 
 
-def _text(element: ET.Element) -> bytes:
+def _xml(element: ET.Element) -> bytes:
     ET.indent(element)
     text: bytes = ET.tostring(element, encoding="UTF-8", xml_declaration=True)
     return text

@@ -10,8 +10,9 @@ import unicodedata
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -29,6 +30,7 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.vectors.geopackage import write_styles
+from furrowmap.exporters.vectors.qgis_styles import Clock
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -135,13 +137,8 @@ def _write_geopackage(path: Path, layers: Layers, origin: Origin, zone: ZoneInfo
         layer.to_file(path, layer=name, driver="GPKG", engine="pyogrio", dataset_metadata=metadata)
     times = [layer[name].dropna() for layer in layers.values() for name in ("start", "end", "time") if name in layer]
     seconds = [moment.timestamp() for part in times if len(part) for moment in (part.min(), part.max())]
-    write_styles(path, list(layers), (zone, min(seconds), max(seconds)) if seconds else None)
+    write_styles(path, list(layers), Clock(zone, min(seconds), max(seconds)) if seconds else None)
     return []
-
-
-def _write_flatgeobuf(path: Path, layer: gpd.GeoDataFrame) -> None:
-    """FlatGeobuf with its spatial index."""
-    _write_through_memory(path, layer, "FlatGeobuf")
 
 
 def _write_geoparquet(path: Path, layer: gpd.GeoDataFrame) -> None:
@@ -150,12 +147,6 @@ def _write_geoparquet(path: Path, layer: gpd.GeoDataFrame) -> None:
         layer.to_parquet(path, index=False, compression="zstd", schema_version="1.1.0", write_covering_bbox=True)
     except ImportError:
         raise FurrowmapError("extra-missing.write-geoparquet") from None
-
-
-def _write_geojson(path: Path, layer: gpd.GeoDataFrame) -> None:
-    """GeoJSON after RFC 7946."""
-    options = {"RFC7946": "YES", "COORDINATE_PRECISION": DIGITS_DEG, "WRITE_NAME": "YES"}
-    _write_through_memory(path, layer, "GeoJSON", **options)
 
 
 def _write_through_memory(path: Path, layer: gpd.GeoDataFrame, driver: str, **options: object) -> None:
@@ -205,8 +196,18 @@ def _write_csv(path: Path, layer: gpd.GeoDataFrame) -> None:
 FORMATS: Final[Mapping[str, VectorFormat]] = {
     "gpkg": VectorFormat(".gpkg", write_all=_write_geopackage),
     "geoparquet": VectorFormat(".parquet", write_one=_write_geoparquet),
-    "flatgeobuf": VectorFormat(".fgb", write_one=_write_flatgeobuf),
-    "geojson": VectorFormat(".geojson", write_one=_write_geojson, crs=WGS84),
+    "flatgeobuf": VectorFormat(".fgb", write_one=partial(_write_through_memory, driver="FlatGeobuf")),
+    "geojson": VectorFormat(
+        ".geojson",
+        write_one=partial(
+            _write_through_memory,
+            driver="GeoJSON",
+            RFC7946="YES",
+            COORDINATE_PRECISION=DIGITS_DEG,
+            WRITE_NAME="YES",
+        ),
+        crs=WGS84,
+    ),
     "shapefile": VectorFormat(".shp", write_one=_write_shapefile, notices=_shortened),
     "kml": VectorFormat(".kml", write_all=write_kml, crs=WGS84),
     "csv": VectorFormat(".csv", write_one=_write_csv),
@@ -215,14 +216,15 @@ FORMATS: Final[Mapping[str, VectorFormat]] = {
 
 def _with_texts(layer: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
     """The layer with its times as ISO 8601 UTC with milliseconds."""
-    times = [name for name, dtype in layer.dtypes.items() if getattr(dtype, "kind", "") == "M"]
-    return layer.assign(**{str(name): _iso(layer[name]) for name in times})
-
-
-def _iso(times: Any) -> Any:
-    aware = times.dt.tz_convert("UTC") if times.dt.tz is not None else times  # GDAL gives a layer without rows no zone
-    texts = aware.dt.strftime("%Y-%m-%dT%H:%M:%S.%f").str[:-3] + "Z"
-    return texts.where(times.notna(), None)
+    texts = {}
+    for name, dtype in layer.dtypes.items():
+        if getattr(dtype, "kind", "") == "M":
+            times = layer[name]
+            if times.dt.tz is not None:  # GDAL gives a layer without rows no zone
+                times = times.dt.tz_convert("UTC")
+            text = times.dt.strftime("%Y-%m-%dT%H:%M:%S.%f").str[:-3] + "Z"
+            texts[str(name)] = text.where(times.notna(), None)
+    return layer.assign(**texts)
 
 
 def _short_names(layer: gpd.GeoDataFrame) -> dict[str, str]:

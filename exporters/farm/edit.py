@@ -1,18 +1,16 @@
-"""The operations of a change of a farm map, wherever it is stored."""
+"""What farm maps in GeoPackages and in PostGIS have in common: sessions, settings, types of columns."""
 
 from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pyproj import CRS
 
-from furrowmap.core.runtime.errors import Notice, RefusedError
+from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.exporters.vectors.field_layers import Layer
 
 SCHEMA: Final = 3
@@ -67,58 +65,6 @@ KNOWN_COLUMNS: Final = (
 _TEXTS: Final = frozenset({"session", "field", "name", "implement", "machine", "field_name", "folder", "report"})
 _DATES: Final = frozenset({"date", "start", "end", "first_date", "last_date"})
 """Columns of texts and of days."""
-
-
-class FarmEdit(Protocol):
-    """A change of a farm map: all of it takes place, or nothing."""
-
-    def name(self) -> str:
-        """Path or address of the farm map, without a password."""
-
-    def file(self) -> Path | None:
-        """The file of the farm map; None for one in a database."""
-
-    def crs(self) -> CRS | None:
-        """Of all layers; None for a new farm map."""
-
-    def sessions(self) -> list[KnownSession]:
-        """The sessions in order of time."""
-
-    def remove(self, sessions: Sequence[str]) -> None:
-        """Remove sessions, given by their identities, from all layers."""
-
-    def append(self, layer: Layer, crs: CRS) -> None:
-        """Append features to a layer; a missing layer or column is created."""
-
-    def layers(self) -> dict[str, str]:
-        """Geometry type (as OGR calls it, empty for tables) of each layer of furrowmap, by name."""
-
-    def columns(self, layer: str) -> set[str]:
-        """Names of the columns of a layer's table."""
-
-    def read(self, layer: str, columns: Sequence[str]) -> Layer:
-        """Features of a layer with some of its columns; those that it does not have are None or nan throughout."""
-
-    def rewrite(self, layer: Layer, crs: CRS) -> None:
-        """Replace all features of a layer; a missing layer or column is created."""
-
-    def setting(self, name: str) -> str | None:
-        """A setting of the farm map; None where it was never stored."""
-
-    def store_setting(self, name: str, value: str) -> None:
-        """Store a setting of the farm map."""
-
-    def bounds(self) -> tuple[float, float, float, float]:
-        """West, south, east and north bound of all sessions."""
-
-    def source(self, layer: str, kind: str) -> tuple[str, str]:
-        """QGIS's provider of a layer, and its data source as seen from the stored project."""
-
-    def store_styles(self, styles: dict[str, str]) -> tuple[Notice, ...]:
-        """Store the styles of layers where QGIS looks for them; one that a user has changed stays."""
-
-    def store_project(self, archive: bytes) -> None:
-        """Store the project where QGIS looks for it; one that a user has changed stays."""
 
 
 def check_schema(farm_map: str, schema: str | None, remedy: str) -> None:

@@ -1,4 +1,4 @@
-"""A farm map in a GeoPackage."""
+"""A farm map in a GeoPackage; :mod:`.postgis` has the same operations."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def geopackage_edit(path: Path, *, create: bool = False, progress: Progress = si
 
 
 class GeopackageEdit:
-    """:class:`~furrowmap.exporters.farm.edit.FarmEdit` of a GeoPackage."""
+    """A change of a farm map in a GeoPackage: all of it takes place, or nothing."""
 
     def __init__(self, path: Path, stack: ExitStack) -> None:
         self._path = path

@@ -1,4 +1,4 @@
-"""A farm map in PostGIS, which several people can share."""
+"""A farm map in PostGIS, which several people can share; :mod:`.geopackage` has the same operations."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def postgis_edit(target: str, *, create: bool = False, schema: str = "furrowmap"
 
 
 class PostgisEdit:
-    """:class:`~furrowmap.exporters.farm.edit.FarmEdit` of a database."""
+    """A change of a farm map in a database: all of it takes place, or nothing."""
 
     def __init__(self, connection: psycopg.Connection[Any], schema: str, parameters: dict[str, str], name: str) -> None:
         self._connection = connection

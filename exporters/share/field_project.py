@@ -44,7 +44,7 @@ from furrowmap.exporters.share.shown_layers import (
     rasters_of,
     title_of,
 )
-from furrowmap.exporters.vectors.qgis_styles import in_language, in_local_time, with_words
+from furrowmap.exporters.vectors.qgis_styles import Clock, in_language, in_local_times, with_words
 
 PROJECT_FILE: Final = "field.qgs"
 FIELD_PRODUCTS: Final = (PROJECT_FILE, FIELD)
@@ -73,7 +73,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
     tree = ET.SubElement(root, "layer-tree-group")
     within = ET.SubElement(root, "projectlayers")
     figures = result.report["figures"]
-    clock = (result.zone, moment_s(figures["start"]), moment_s(figures["end"]))
+    clock = Clock(result.zone, moment_s(figures["start"]), moment_s(figures["end"]))
     names = (FIELD, *rasters_of(result))
     shown: dict[ProjectLayer, bool] = {}
     for number, name in enumerate(names):
@@ -86,7 +86,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         title = _in(language, LAYER_TITLES.get(name, name.replace("_", " ")))
         style = _style(f"{name}.qml", language)
         if style is not None:
-            style = with_words(in_local_time(style, *clock), about["fields"].tolist(), language, report=False)
+            style = with_words(in_local_times(style, [clock]), about["fields"].tolist(), language, report=False)
         if name == PASSES and style is not None and (result.folder / CHANGE).is_file():
             style = style.replace('name="style" type="QString" value="solid"', HATCHED)
         layer = ProjectLayer(name, kind, source, "ogr", style, title, read_only=True)

@@ -24,7 +24,7 @@ from furrowmap.exporters.files.ogr import pyogrio, unflushed
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
-from furrowmap.exporters.vectors.qgis_styles import NAMES, in_language, in_local_time, with_words
+from furrowmap.exporters.vectors.qgis_styles import NAMES, Clock, in_language, in_local_times, with_words
 
 _UTC_OFFSET: Final = 100
 """OGR's time zone code of UTC (0 unknown, 1 local, 100 UTC)."""
@@ -68,7 +68,7 @@ def write_field(
         for layer in layers:
             first = None if unfinished.exists() else origin
             write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
-        clock = (zone, float(poses.t_s[0]), float(poses.t_s[-1])) if zone is not None else None
+        clock = Clock(zone, float(poses.t_s[0]), float(poses.t_s[-1])) if zone is not None else None
         fields = {layer.name: tuple(layer.columns) for layer in layers} if path.name == FIELD else None
         write_styles(unfinished, [layer.name for layer in layers], clock, fields=fields, language=language)
         _pack(unfinished)
@@ -155,7 +155,7 @@ def _options(layer: Layer, *, indexed: bool) -> dict[str, str]:
 def write_styles(
     path: Path,
     layers: Sequence[str],
-    clock: tuple[ZoneInfo, float, float] | None = None,
+    clock: Clock | None = None,
     *,
     fields: Mapping[str, Sequence[str]] | None = None,
     language: str = ENGLISH,
@@ -164,7 +164,7 @@ def write_styles(
 
     Args:
         layers: names of its layers; those without a packaged style get none.
-        clock: time zone of the times in map tips, and UTC of the first and the last of them; None for UTC.
+        clock: of the times in map tips; None for UTC.
         fields: names of the fields of each layer of a run, for the words and actions of its table; None for neither.
         language: of these words, of map tips and of classes.
     """
@@ -172,7 +172,7 @@ def write_styles(
     styles = {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged}
     styles = {name: in_language(style, language) for name, style in styles.items()}
     if clock is not None:
-        styles = {name: in_local_time(style, *clock) for name, style in styles.items()}
+        styles = {name: in_local_times(style, [clock]) for name, style in styles.items()}
     if fields is not None:
         styles = {n: with_words(style, fields[n], language, report=True) for n, style in styles.items()}
     store_styles(path, styles)

@@ -238,19 +238,10 @@ class Clock:
     sessions: tuple[str, ...] = ()
 
 
-def in_local_time(style: str, zone: ZoneInfo, first_s: float, last_s: float) -> str:
+def in_local_times(style: str, clocks: Sequence[Clock]) -> str:
     """A style whose map tips show the local time of a zone, which they name, instead of UTC.
 
-    Args:
-        style: QML, in whose map tips `format_date` formats the fields `start`, `end` and `time`.
-        first_s: UTC of the first of the times.
-        last_s: UTC of the last.
-    """
-    return in_local_times(style, [Clock(zone, first_s, last_s)])
-
-
-def in_local_times(style: str, clocks: Sequence[Clock]) -> str:
-    """The same where sessions have clocks of different zones: each feature shows and names that of its session.
+    Where sessions have clocks of different zones, each feature shows and names that of its session.
 
     Args:
         style: QML, in whose map tips `format_date` formats the fields `start`, `end` and `time`.
@@ -261,10 +252,10 @@ def in_local_times(style: str, clocks: Sequence[Clock]) -> str:
     def of_session(values: Sequence[str], usual_value: str) -> str:
         if not others:
             return usual_value
-        cases = "".join(
-            f' WHEN "session" IN ({", ".join(map(_quoted, clock.sessions))}) THEN {value}'
-            for clock, value in zip(others, values, strict=True)
-        )
+        cases = ""
+        for clock, value in zip(others, values, strict=True):
+            sessions = "', '".join(clock.sessions)
+            cases += f""" WHEN "session" IN ('{sessions}') THEN {value}"""
         return f"(CASE{cases} ELSE {usual_value} END)"
 
     def shifted(found: re.Match[str]) -> str:
@@ -272,7 +263,7 @@ def in_local_times(style: str, clocks: Sequence[Clock]) -> str:
         shift = of_session([_shift(clock, field) for clock in others], _shift(usual, field))
         return f'format_date("{field}" + {shift},'
 
-    names = of_session([_quoted(clock.zone.key) for clock in others], _quoted(usual.zone.key))
+    names = of_session([f"'{clock.zone.key}'" for clock in others], f"'{usual.zone.key}'")
     name = f"[% {names} %]" if others else usual.zone.key
     return _FORMATTED.sub(shifted, style).replace(" UTC", f" ({name})")
 
@@ -289,11 +280,6 @@ def _shift(clock: Clock, field: str) -> str:
         for at_s, after_s in reversed(changes)
     )
     return f"(CASE{cases} ELSE {shift} END)"
-
-
-def _quoted(text: str) -> str:
-    """A text in an expression of QGIS; identities and zones have no quotes."""
-    return f"'{text}'"
 
 
 def offset_at(zone: ZoneInfo, t_s: float) -> int:

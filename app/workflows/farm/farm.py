@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -20,8 +20,8 @@ from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.crs import name_of
-from furrowmap.exporters.farm.edit import FarmEdit, KnownSession
-from furrowmap.exporters.farm.geopackage import geopackage_edit
+from furrowmap.exporters.farm.edit import KnownSession
+from furrowmap.exporters.farm.geopackage import GeopackageEdit, geopackage_edit
 from furrowmap.exporters.farm.ground_files import report_of, write_ground_files
 from furrowmap.exporters.farm.memory import GROUND_COLUMNS, PASS_COLUMNS, SESSION_COLUMNS, Sessions, memory_layers
 from furrowmap.exporters.farm.project import (
@@ -40,6 +40,11 @@ from furrowmap.exporters.files.qgis_project import ProjectLayer
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.field_layers import concatenate_layers
 
+if TYPE_CHECKING:
+    from furrowmap.exporters.farm.postgis import PostgisEdit
+
+FarmEdit: TypeAlias = "GeopackageEdit | PostgisEdit"
+"""A change of a farm map, wherever it is stored."""
 DATABASES: Final = ("postgresql://", "postgres://", "postgresql:", "service=", "host=", "dbname=")
 """A farm map whose name starts with one of these is in PostGIS, any other one is a GeoPackage."""
 DB_SCHEMA: Final = "furrowmap"

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.errors import InputError, UsageError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user
-from furrowmap.exporters.farm.edit import FarmEdit
 from furrowmap.exporters.farm.memory import FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import TRACKS
 from furrowmap.exporters.farm.traffic import Traffic, write_traffic
@@ -28,7 +27,7 @@ from furrowmap.exporters.reports.history_page import history_page
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.settings import TrafficSettings
-from furrowmap.workflows.farm.farm import DB_SCHEMA, open_edit
+from furrowmap.workflows.farm.farm import DB_SCHEMA, FarmEdit, open_edit
 
 _FIELD_FIGURES: Final = (
     "worked_area_m2", "overlap_area_m2", "missed_area_m2", "swept_area_m2", "hours", "work_rate_ha_h", "distance_m",
