@@ -22,7 +22,7 @@ RECORD: Final = struct.Struct("<3iHBxBx2xHd")
 
 
 @dataclass(frozen=True)
-class Columns:
+class ChunkColumns:
     """The points of a chunk as columns; all arrays have n > 0 elements and may be changed in place.
 
     Attributes:
@@ -48,7 +48,7 @@ class Columns:
         return len(self.x)
 
 
-def compress_points(points: Columns) -> bytes:
+def compress_points(points: ChunkColumns) -> bytes:
     """The chunk of points: the first point uncompressed, their number, the layers' lengths, and the layers.
 
     Layers of columns with a single value are empty.

@@ -23,7 +23,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from furrowmap.core.runtime.settings import threads
-from furrowmap.exporters.cloud.chunk import Columns, compress_points
+from furrowmap.exporters.cloud.chunk import ChunkColumns, compress_points
 from furrowmap.exporters.cloud.cube import Cube
 from furrowmap.exporters.cloud.octree import Key
 from furrowmap.exporters.cloud.points import Extent
@@ -128,7 +128,7 @@ class CopcFile:
         path: Path,
         header: laspy.LasHeader,
         written: Callable[[int], None],
-        complete: Callable[[Columns], None] | None = None,
+        complete: Callable[[ChunkColumns], None] | None = None,
     ) -> None:
         self._header, self._written, self._complete = header, written, complete
         self._disk = _DiskFile(path, "w+")
@@ -225,7 +225,7 @@ class CopcFile:
         self._written(self._done)
 
 
-def _compress_node(parts: Sequence[Chosen], complete: Callable[[Columns], None] | None) -> Chunk:
+def _compress_node(parts: Sequence[Chosen], complete: Callable[[ChunkColumns], None] | None) -> Chunk:
     """Complete and compress the points of a node."""
     columns = select_columns(parts)
     if complete is not None:

@@ -52,14 +52,14 @@ RETURN_KINDS: Final = np.array(
     ],
     np.int64,
 )
-CHANGES: Final = 128
+POINT_CHANGES: Final = 128
 """Symbols of what differs between a point and the one before."""
-NUMBERS: Final = 16
+RETURN_NUMBERS: Final = 16
 JUMPS: Final = 13
 """Differences of return numbers within a pulse that are neither 0, 1 nor −1."""
 BYTES: Final = 256
-CHANGES_SIZE: Final = model_size(CHANGES)
-NUMBERS_SIZE: Final = model_size(NUMBERS)
+CHANGES_SIZE: Final = model_size(POINT_CHANGES)
+NUMBERS_SIZE: Final = model_size(RETURN_NUMBERS)
 BYTES_SIZE: Final = model_size(BYTES)
 X_CONTEXTS: Final = 2
 Y_CONTEXTS: Final = 22
@@ -97,10 +97,10 @@ T_CONTEXTS: Final = 9
 FIRSTS_AT, STEPS_AT, TIMES_END = ends_of(model_size(MULTIPLES), model_size(FIRSTS), integers_size(32, T_CONTEXTS))[1:]
 TABLE_SIZE: Final = max(PLACES_END, Z_END, CLASSES_END, INTENSITY_END, SOURCE_END, COLOURS_END, TIMES_END)
 
-MEDIAN: Final = 6
+MEDIAN_SIZE: Final = 6
 """Numbers of a running median: see :func:`take_into_median`."""
 MEDIANS: Final = 12
-MEMORY_SIZE: Final = 2 * MEDIANS * MEDIAN
+MEMORY_SIZE: Final = 2 * MEDIANS * MEDIAN_SIZE
 
 
 @inlined()
@@ -134,7 +134,7 @@ def encode_places(out, at, table, memory, x, y, returns, source, time, z_context
     """Changes, returns, X and Y; also sets the context of each point's Z."""
     table[:PLACES_END] = 0
     memory[:] = 0
-    for i in range(MEDIAN - 1, MEMORY_SIZE, MEDIAN):
+    for i in range(MEDIAN_SIZE - 1, MEMORY_SIZE, MEDIAN_SIZE):
         memory[i] = 1
     coder = coder_at(at)
     time_differs = False
@@ -146,21 +146,21 @@ def encode_places(out, at, table, memory, x, y, returns, source, time, z_context
         jump = (number - last_number) & 15
         change = (jump if jump < 2 else 2 if jump == 15 else 3) | (count != last_count) << 2 | time_differs << 4
         change |= (source[i] != source[i - 1]) << 5
-        coder = encode(out, coder, table, context * CHANGES_SIZE, CHANGES, change)
+        coder = encode(out, coder, table, context * CHANGES_SIZE, POINT_CHANGES, change)
         if count != last_count:
-            coder = encode(out, coder, table, COUNTS_AT + last_count * NUMBERS_SIZE, NUMBERS, count)
+            coder = encode(out, coder, table, COUNTS_AT + last_count * NUMBERS_SIZE, RETURN_NUMBERS, count)
         if change & 3 == 3:
             if time_differs:
-                coder = encode(out, coder, table, NUMBERS_AT + last_number * NUMBERS_SIZE, NUMBERS, number)
+                coder = encode(out, coder, table, NUMBERS_AT + last_number * NUMBERS_SIZE, RETURN_NUMBERS, number)
             else:
                 coder = encode(out, coder, table, JUMPS_AT, JUMPS, jump - 2)
 
         single = count == 1
-        usual = MEDIAN * (2 * RETURN_KINDS[count, number] + time_differs)
+        usual = MEDIAN_SIZE * (2 * RETURN_KINDS[count, number] + time_differs)
         step = wrapped(np.int64(x[i]) - x[i - 1])
         coder, x_bits = encode_integer(out, coder, table, X_AT, 32, X_CONTEXTS, single, step - memory[usual + 2])
         take_into_median(memory, usual, step)
-        usual += MEDIAN * MEDIANS
+        usual += MEDIAN_SIZE * MEDIANS
         step = wrapped(np.int64(y[i]) - y[i - 1])
         context = min(x_bits & ~1, 20) + single
         coder, y_bits = encode_integer(out, coder, table, Y_AT, 32, Y_CONTEXTS, context, step - memory[usual + 2])

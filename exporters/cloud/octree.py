@@ -19,7 +19,7 @@ from furrowmap.exporters.cloud.records import Chosen, Records, copy_records, gat
 
 SLICE: Final = 1_000_000
 """Records copied in one go when a half of memory is sorted into the file."""
-CERTAIN: Final = 1 << 31
+CERTAIN_THRESHOLD: Final = 1 << 31
 """A threshold above all random numbers."""
 
 
@@ -37,7 +37,7 @@ class Key(NamedTuple):
         return Key(self.level + depth, (self.x << depth) + x, (self.y << depth) + y, (self.z << depth) + z)
 
 
-ROOT: Final = Key(0, 0, 0, 0)
+ROOT_KEY: Final = Key(0, 0, 0, 0)
 
 
 PutNode = Callable[[Key, Sequence[Chosen]], Future[Any]]
@@ -99,7 +99,7 @@ def plan_levels(counts: NDArray[np.int64], depth: int, node_points: int) -> Plan
         rest = points * passed
         keeps_all = (rest <= 2 * node_points) | (level == depth)
         passed = np.where(keeps_all, 0.0, passed * (1.0 - node_points / np.maximum(rest, 1.0)))
-        threshold[first[level] : first[level + 1]] = np.rint((1.0 - passed) * CERTAIN)
+        threshold[first[level] : first[level + 1]] = np.rint((1.0 - passed) * CERTAIN_THRESHOLD)
         if level < depth:
             passed = np.repeat(passed, 8)
     return Plan(depth, first, threshold, rest > 2 * node_points)
@@ -159,7 +159,7 @@ class Octree:
         folder: Path,
         random: np.random.Generator,
         cube: Cube | None = None,
-        key: Key = ROOT,
+        key: Key = ROOT_KEY,
     ) -> None:
         self._memory_points, self._node_points, self._folder = memory_points, node_points, folder
         self._random = random

@@ -10,13 +10,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.exporters.cloud.chunk import Columns
+from furrowmap.exporters.cloud.chunk import ChunkColumns
 
 Records = NDArray[np.void]
 """(n,) structured array of one layout."""
 ALWAYS_ZERO: Final = ("classification_flags", "user_data", "scan_angle")
 """Fields of a LAS record that are always 0 here and take no memory."""
-NUMBERS: Final = 8
+NUMBER_FIELDS: Final = 8
 """Fields of a record before colour and extra ones, in the order of :class:`.chunk.Columns`."""
 COLOUR: Final = ("red", "green", "blue")
 
@@ -58,21 +58,21 @@ def gather_records(source: Records, members: NDArray[np.uint32]) -> Records:
     return target
 
 
-def select_columns(parts: Sequence[Chosen]) -> Columns:
+def select_columns(parts: Sequence[Chosen]) -> ChunkColumns:
     """The points of at least one selection, in order."""
     n = sum(map(len, parts))
     layout = parts[0].records.dtype
     names = layout.names or ()
     coloured = COLOUR[0] in names
-    extra_bytes = sum(layout[name].itemsize for name in names[NUMBERS + len(COLOUR) * coloured :])
-    numbers = [np.empty(n, layout[name]) for name in names[:NUMBERS]]
+    extra_bytes = sum(layout[name].itemsize for name in names[NUMBER_FIELDS + len(COLOUR) * coloured :])
+    numbers = [np.empty(n, layout[name]) for name in names[:NUMBER_FIELDS]]
     extra = np.empty((extra_bytes, n), np.uint8)
     rgb = np.empty((3, n), np.uint16) if coloured else None
     start = 0
     for part in parts:
         end = start + len(part)
         take(
-            *(part.records[name] for name in names[:NUMBERS]),
+            *(part.records[name] for name in names[:NUMBER_FIELDS]),
             rows_of(part.records)[:, layout.itemsize - extra_bytes :],
             part.members,
             *(column[start:end] for column in numbers),
@@ -83,7 +83,7 @@ def select_columns(parts: Sequence[Chosen]) -> Columns:
                 column[start:end] = part.records[name][part.members]
         start = end
     x, y, z, intensity, returns, classification, point_source_id, gps_time = numbers
-    return Columns(x, y, z, intensity, returns, classification, point_source_id, gps_time, rgb, extra)
+    return ChunkColumns(x, y, z, intensity, returns, classification, point_source_id, gps_time, rgb, extra)
 
 
 @numba.njit("void(uint8[:, ::1], uint32[::1], uint8[:, ::1])", cache=True, nogil=True)
@@ -100,15 +100,15 @@ def field_type(dtype: Any) -> Any:
     return numba.types.Array(dtype, 1, "A", aligned=False)
 
 
-FIELDS: Final = (*(numba.int32,) * 3, numba.uint16, numba.uint8, numba.uint8, numba.uint16, numba.float64)
+FIELD_TYPES: Final = (*(numba.int32,) * 3, numba.uint16, numba.uint8, numba.uint8, numba.uint16, numba.float64)
 
 
 @numba.njit(
     numba.void(
-        *map(field_type, FIELDS),
+        *map(field_type, FIELD_TYPES),
         numba.uint8[:, :],
         numba.uint32[::1],
-        *(numba.types.Array(dtype, 1, "C") for dtype in FIELDS),
+        *(numba.types.Array(dtype, 1, "C") for dtype in FIELD_TYPES),
         numba.uint8[:, :],
     ),
     cache=True,

@@ -14,7 +14,7 @@ import laspy
 import numpy as np
 
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.exporters.cloud.chunk import Columns
+from furrowmap.exporters.cloud.chunk import ChunkColumns
 from furrowmap.exporters.cloud.cube import Cube
 from furrowmap.exporters.cloud.file import CopcFile, CopcFormat, describe, las_header
 from furrowmap.exporters.cloud.octree import Octree
@@ -100,7 +100,7 @@ class CopcWriter:
             done += len(room)
 
     def close(
-        self, progress: Progress = silent, complete: Callable[[Columns], None] | None = None, description: str = ""
+        self, progress: Progress = silent, complete: Callable[[ChunkColumns], None] | None = None, description: str = ""
     ) -> CopcSummary:
         """Sort, compress and write the points, and rename the file; a second call returns the same summary.
 
@@ -127,7 +127,7 @@ class CopcWriter:
         else:
             self._stack.__exit__(kind, error, trace)
 
-    def _write(self, progress: Progress, complete: Callable[[Columns], None] | None) -> CopcSummary:
+    def _write(self, progress: Progress, complete: Callable[[ChunkColumns], None] | None) -> CopcSummary:
         points = self._extent.points if self._extent is not None else 0
         with closing(
             CopcFile(self._unfinished, self._header, lambda done: progress("writing cloud", done / points), complete)

@@ -22,8 +22,8 @@ from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import TRAJECTORY, packaged_style, packaged_styles
 from furrowmap.exporters.reports.drawings import pass_colour
-from furrowmap.exporters.vectors.field_layers import LABELS
-from furrowmap.exporters.vectors.qgis_styles import NAMES, VALUES
+from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
+from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES, VALUES
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -33,7 +33,7 @@ _TITLES: Final = ("pass", "kind", "zone", "implement", "scan")
 """The first of these fields that a feature has is its name."""
 _PASSES: Final = "passes"
 """The layer whose colours follow the number of the pass."""
-_PLAIN: Final = ("ff404040", "40ffffff")
+_DEFAULT_COLOURS: Final = ("ff404040", "40ffffff")
 """Colours of points, lines and outlines, and of areas: alpha, blue, green and red in hexadecimal."""
 
 
@@ -77,7 +77,7 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
     notices = []
     for name, layer in reversed(list(layers.items())):  # KML draws later folders on top
         folder = ET.SubElement(document, "Folder")
-        _text(folder, "name", translated(NAMES.get(name, name.replace("_", " ")), language_of_user()))
+        _text(folder, "name", translated(LAYER_NAMES.get(name, name.replace("_", " ")), language_of_user()))
         if name == TRAJECTORY:
             _add_lines(folder, layer, styles[name])
             notices.append(Notice("kml-trajectory"))
@@ -94,7 +94,7 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
 def _read_styles(name: str, layer: gpd.GeoDataFrame) -> _KmlStyles:
     """Styles of a layer, from its packaged QGIS style."""
     if f"{name}.qml" not in packaged_styles():
-        return _KmlStyles(None, {"": _PLAIN})
+        return _KmlStyles(None, {"": _DEFAULT_COLOURS})
     root = ET.fromstring(packaged_style(f"{name}.qml"))  # noqa: S314 - a file of this package
     opacity = float(root.findtext("layerOpacity") or 1.0)
     symbols = {str(symbol.get("name")): _symbol_colours(symbol, opacity) for symbol in root.iter("symbol")}
@@ -172,8 +172,8 @@ def _add_placemark(
     data = ET.SubElement(mark, "ExtendedData")
     for name, text in fields.items():
         field = ET.SubElement(data, "Data", name=name)
-        if name in LABELS:
-            label = translated(LABELS[name], language_of_user())
+        if name in COLUMN_LABELS:
+            label = translated(COLUMN_LABELS[name], language_of_user())
             _text(field, "displayName", label.replace("UTC", zone.key))
         _text(field, "value", text)
     _add_shape(mark, shape)

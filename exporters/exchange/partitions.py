@@ -25,12 +25,12 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 
 FloatArray = NDArray[np.float64]
-Columns = Mapping[str, Any]
+RowColumns = Mapping[str, Any]
 
 ROW_GROUP: Final = 65_536
 """Rows that a reader takes or leaves by their bounding boxes."""
-_TIME: Final = pa.timestamp("us", tz="UTC")
-_TEXT: Final = pa.dictionary(pa.int32(), pa.string())
+_TIME_TYPE: Final = pa.timestamp("us", tz="UTC")
+_TEXT_TYPE: Final = pa.dictionary(pa.int32(), pa.string())
 _SIDES: Final = ("xmin", "ymin", "xmax", "ymax")
 _GEOMETRY: Final = [
     pa.field("geometry", pa.binary(), nullable=False),
@@ -40,11 +40,11 @@ _WKB: Final = np.dtype([("order", "u1"), ("kind", "<u4"), ("xyz", "<f8", 3)])
 _POINT_Z: Final = 1001
 _MORTON_BITS: Final = 16
 
-POINT_COLUMNS: Final = pa.schema(
+POINT_SCHEMA: Final = pa.schema(
     [
         *_GEOMETRY,
-        pa.field("session", _TEXT),
-        pa.field("time", _TIME),
+        pa.field("session", _TEXT_TYPE),
+        pa.field("time", _TIME_TYPE),
         pa.field("intensity", pa.uint16()),
         pa.field("return_number", pa.uint8()),
         pa.field("returns", pa.uint8()),
@@ -53,17 +53,17 @@ POINT_COLUMNS: Final = pa.schema(
         *(pa.field(colour, pa.uint16()) for colour in ("red", "green", "blue")),
     ]
 )
-POSE_COLUMNS: Final = pa.schema(
+POSE_SCHEMA: Final = pa.schema(
     [
         *_GEOMETRY,
-        pa.field("session", _TEXT),
-        pa.field("time", _TIME),
+        pa.field("session", _TEXT_TYPE),
+        pa.field("time", _TIME_TYPE),
         pa.field("scan", pa.int64()),
         *(pa.field(name, pa.float64()) for name in ("roll_deg", "pitch_deg", "heading_deg", "speed_mps")),
         *(pa.field(f"sigma_{name}_m", pa.float64()) for name in "enh"),
         *(pa.field(f"sigma_{name}_deg", pa.float64()) for name in ("roll", "pitch", "heading")),
-        *(pa.field(name, _TEXT) for name in ("motion", "fix", "heading_from", "position_from", "height_from")),
-        *(pa.field(name, _TEXT) for name in ("level_from", "implement")),
+        *(pa.field(name, _TEXT_TYPE) for name in ("motion", "fix", "heading_from", "position_from", "height_from")),
+        *(pa.field(name, _TEXT_TYPE) for name in ("level_from", "implement")),
         *(pa.field(name, pa.float64()) for name in ("implement_confidence", "tool_height_m")),
         pa.field("pass", pa.int32()),
     ]
@@ -101,7 +101,7 @@ class Partition:
             self._close()
         self._stack.__exit__(*error)
 
-    def write(self, xyz_m: FloatArray, columns: Columns) -> None:
+    def write(self, xyz_m: FloatArray, columns: RowColumns) -> None:
         """Write rows, those near each other together.
 
         Args:
@@ -135,7 +135,7 @@ class Partition:
         self.files.append((name, 0))
         self._bounds = np.array([np.inf, np.inf, -np.inf, -np.inf])
 
-    def _put(self, xyz_m: FloatArray, columns: Columns) -> None:
+    def _put(self, xyz_m: FloatArray, columns: RowColumns) -> None:
         arrays = [_points(xyz_m), _boxes(xyz_m)]
         arrays += [_column(columns.get(field.name), field.type, len(xyz_m)) for field in list(self.schema)[2:]]
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self.schema), row_group_size=ROW_GROUP)
@@ -167,7 +167,7 @@ def missing_text(values: Sequence[Any] | NDArray[Any]) -> Iterator[str | None]:
 def _type_name(kind: pa.DataType) -> str:
     if pa.types.is_dictionary(kind):
         return "string"
-    return "struct" if pa.types.is_struct(kind) else "timestamp" if kind == _TIME else str(kind)
+    return "struct" if pa.types.is_struct(kind) else "timestamp" if kind == _TIME_TYPE else str(kind)
 
 
 def _geo(crs: CRS, bounds: FloatArray) -> dict[str, Any]:
@@ -213,11 +213,11 @@ def _boxes(xyz_m: FloatArray) -> pa.Array:
 def _column(values: Any, kind: pa.DataType, rows: int) -> pa.Array:
     if values is None:
         return pa.nulls(rows, kind)
-    if kind == _TIME:
+    if kind == _TIME_TYPE:
         unknown = ~np.isfinite(values)
         microseconds = np.rint(np.where(unknown, 0.0, values) * 1e6).astype(np.int64)
-        return pa.array(microseconds, pa.int64(), mask=unknown).cast(_TIME)
-    if kind == _TEXT:
+        return pa.array(microseconds, pa.int64(), mask=unknown).cast(_TIME_TYPE)
+    if kind == _TEXT_TYPE:
         texts, codes = np.unique([text or "" for text in missing_text(values)], return_inverse=True)
         empty = np.asarray(texts)[codes] == ""
         return pa.DictionaryArray.from_arrays(pa.array(codes.astype(np.int32), mask=empty), pa.array(texts.tolist()))

@@ -39,10 +39,10 @@ from furrowmap.exporters.files.result_folder import (
     result_origin,
 )
 
-Item = dict[str, Any]
+StacItem = dict[str, Any]
 """A STAC item as JSON has it."""
 Bounds = tuple[float, float, float, float]
-Span = tuple[dt.datetime, dt.datetime]
+DateSpan = tuple[dt.datetime, dt.datetime]
 
 CATALOGUE: Final = "catalog.json"
 COLLECTION: Final = "collection.json"
@@ -56,7 +56,7 @@ _TABLE: Final = "https://stac-extensions.github.io/table/v1.2.0/schema.json"
 _LICENCE: Final = "other"
 """The owner of the recording decides on the licence of its products."""
 _COG: Final = "image/tiff; application=geotiff; profile=cloud-optimized"
-_PRODUCTS: Final = {  # media type, title, roles
+_PRODUCT_KINDS: Final = {  # media type, title, roles
     CLOUD: ("application/vnd.laszip+copc", "Point cloud", ["data"]),
     FIELD: ("application/geopackage+sqlite3", "Trajectory and ground worked", ["data"]),
     ORTHOPHOTO: (_COG, "Orthophoto", ["visual"]),
@@ -73,11 +73,11 @@ _UP: Final = "../.."
 """From a collection's folder to the season's."""
 _EDGE_POINTS: Final = 6
 _FOOTPRINT_DIGITS: Final = 7
-_NAME_BYTES: Final = 200
+_IDENTIFIER_BYTES: Final = 200
 """Maximum length of a session's name in an identifier, so that a file can be named after it."""
 
 
-def run_item(report: dict[str, Any]) -> Item:
+def run_item(report: dict[str, Any]) -> StacItem:
     """The item of one run, with assets relative to it.
 
     Args:
@@ -114,7 +114,7 @@ def run_item(report: dict[str, Any]) -> Item:
     for name in filter(is_file_name, report["products"]):
         stem = Path(name).stem
         raster = (_COG, stem.replace("_", " ").upper(), ["data"]) if name.endswith(".tif") else None
-        if kind := _PRODUCTS.get(name, raster):
+        if kind := _PRODUCT_KINDS.get(name, raster):
             media, title, roles = kind
             item["assets"][stem.split(".")[0]] = {"href": f"./{name}", "type": media, "title": title, "roles": roles}
     return item
@@ -147,7 +147,7 @@ def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path
 
 
 def write_season_catalogue(
-    folder: Path, target: Path, collections: Mapping[str, tuple[str, Sequence[Item], Mapping[str, Any]]]
+    folder: Path, target: Path, collections: Mapping[str, tuple[str, Sequence[StacItem], Mapping[str, Any]]]
 ) -> None:
     """Write `catalog.json`, and below `stac/` collections with their items.
 
@@ -165,7 +165,7 @@ def write_season_catalogue(
     _write_catalogue(folder, name, "Products of a season, made by furrowmap.", name, children)
 
 
-def season_session_item(folder: Path, report: dict[str, Any], date: dt.date, season: Path) -> Item:
+def season_session_item(folder: Path, report: dict[str, Any], date: dt.date, season: Path) -> StacItem:
     """The item of a session in the catalogue of a season, which links to its result folder."""
     item = _linked_item(folder, report, season / STAC_FOLDER / "sessions")
     item["properties"]["furrowmap:date"] = date.isoformat()
@@ -173,8 +173,8 @@ def season_session_item(folder: Path, report: dict[str, Any], date: dt.date, sea
 
 
 def tile_item(
-    name: str, date: dt.date, span: Span, crs: CRS, grid: Grid, rasters: Mapping[str, tuple[str, str, list[Any]]]
-) -> Item:
+    name: str, date: dt.date, span: DateSpan, crs: CRS, grid: Grid, rasters: Mapping[str, tuple[str, str, list[Any]]]
+) -> StacItem:
     """A tile of the mosaics of a date.
 
     Args:
@@ -190,8 +190,8 @@ def tile_item(
 
 
 def table_item(
-    name: str, date: dt.date, span: Span, crs: CRS, bounds_m: Bounds, columns: object, files: Mapping[str, int]
-) -> Item:
+    name: str, date: dt.date, span: DateSpan, crs: CRS, bounds_m: Bounds, columns: object, files: Mapping[str, int]
+) -> StacItem:
     """The files of a table of a date.
 
     Args:
@@ -216,7 +216,7 @@ def table_properties(columns: object) -> dict[str, Any]:
 def session_identifier(report: dict[str, Any]) -> str:
     """The session's name in characters that a file name may have, and its start."""
     name = "".join(c if c.isalnum() else "-" for c in str(report["session"]["name"] or "session")).strip("-")
-    words = "-".join(part for part in name.split("-") if part)[:80].encode()[:_NAME_BYTES].decode(errors="ignore")
+    words = "-".join(part for part in name.split("-") if part)[:80].encode()[:_IDENTIFIER_BYTES].decode(errors="ignore")
     return f"{words or 'session'}-{dt.datetime.fromisoformat(report['figures']['start']):%Y%m%dT%H%M%SZ}"
 
 
@@ -225,8 +225,8 @@ def _season_properties(date: dt.date) -> dict[str, Any]:
 
 
 def _item(
-    name: str, crs: CRS, bounds_m: Bounds, span: Span, properties: dict[str, Any], extensions: Sequence[str]
-) -> Item:
+    name: str, crs: CRS, bounds_m: Bounds, span: DateSpan, properties: dict[str, Any], extensions: Sequence[str]
+) -> StacItem:
     """An item without assets; its footprint has points along the edges of the bounds."""
     west, south, east, north = bounds_m
     corners = np.array([(west, south), (east, south), (east, north), (west, north), (west, south)])
@@ -251,7 +251,7 @@ def _item(
     }
 
 
-def _linked_item(folder: Path, report: dict[str, Any], start: Path) -> Item:
+def _linked_item(folder: Path, report: dict[str, Any], start: Path) -> StacItem:
     """The item of a run whose assets are relative to `start`, or URIs where they are on another drive of Windows."""
     item = run_item(report)
     for asset in item["assets"].values():
@@ -260,7 +260,7 @@ def _linked_item(folder: Path, report: dict[str, Any], start: Path) -> Item:
     return item
 
 
-def _write_collection(folder: Path, root: str, about: Mapping[str, Any], items: Sequence[Item]) -> None:
+def _write_collection(folder: Path, root: str, about: Mapping[str, Any], items: Sequence[StacItem]) -> None:
     """Write a collection and its items."""
     links = [_link("root", root), _link("parent", root)]
     for item in items:

@@ -37,26 +37,26 @@ FloatArray = NDArray[np.float64]
 WGS84: Final = Geod(ellps="WGS84")
 MAIN: Final = "TASKDATA.XML"
 LOG: Final = "TLG00001"
-FOLDER: Final = "TASKDATA"
+ARCHIVE_FOLDER: Final = "TASKDATA"
 DEVICE: Final = "DVC-1"
-MACHINE: Final = "DET-1"
-TOOL: Final = "DET-2"
+MACHINE_ELEMENT: Final = "DET-1"
+TOOL_ELEMENT: Final = "DET-2"
 FIELD_ID: Final = "PFD1"
 TASK: Final = "TSK1"
 CLIENT_NAME: Final = "A000000000000000"
 """The NAME (ISO 11783-5) of a machine without one on a bus: arbitrary address, agricultural."""
-LONGEST_NAME: Final = 32
+MAX_DESIGNATOR_LENGTH: Final = 32
 EPOCH_S: Final = 315_532_800
 DAY_MS: Final = 86_400_000
 NO_STATUS: Final = 15
 UNDEFINED: Final = 3
 """The work state for unknown."""
 OUTLINE_TOLERANCE_M: Final = 0.05
-_RECORD: Final = np.dtype(
+_LOG_RECORD: Final = np.dtype(
     [("ms", "<u4"), ("day", "<u2"), ("lat", "<i4"), ("lon", "<i4"), ("up", "<i4"), ("status", "u1"), ("gps_ms", "<u4"),
      ("gps_day", "<u2"), ("count", "u1")]
 )  # fmt: skip
-_VALUE: Final = np.dtype([("channel", "u1"), ("value", "<i4")])
+_LOG_VALUE: Final = np.dtype([("channel", "u1"), ("value", "<i4")])
 _STATE, _WIDTH = 0, 1
 """Places of the values among the header's."""
 
@@ -84,7 +84,7 @@ def write_task_data(result: ResultFolder, target: Path) -> list[Notice]:
     header = ET.Element("TIM", A="", D="4")
     ET.SubElement(header, "PTN", dict.fromkeys("ABCDHI", ""))
     for ddi in (WORK_STATE, ACTUAL_WIDTH):
-        ET.SubElement(header, "DLV", A=f"{ddi:04X}", B="", C=TOOL)
+        ET.SubElement(header, "DLV", A=f"{ddi:04X}", B="", C=TOOL_ELEMENT)
     files = {
         MAIN: _xml(_main(result, implement, outline, (float(t_s[0]), float(t_s[-1])))),
         f"{LOG}.xml": _xml(header),
@@ -93,7 +93,7 @@ def write_task_data(result: ResultFolder, target: Path) -> list[Notice]:
     if target.suffix.lower() == ".zip":
         with atomic_output(target) as unfinished, zipfile.ZipFile(unfinished, "w", zipfile.ZIP_DEFLATED) as archive:
             for name, data in files.items():
-                archive.writestr(zipfile.ZipInfo(f"{FOLDER}/{name}", (1980, 1, 1, 0, 0, 0)), data)
+                archive.writestr(zipfile.ZipInfo(f"{ARCHIVE_FOLDER}/{name}", (1980, 1, 1, 0, 0, 0)), data)
     else:
         with staged_folder(target) as staging:
             for name, data in files.items():
@@ -156,7 +156,7 @@ def _boundary(result: ResultFolder, implement: dict[str, Any]) -> tuple[BaseGeom
 def _log(t_s: FloatArray, place: FloatArray, state: NDArray[np.int8], fix: NDArray[np.uint8], width_mm: int) -> bytes:
     """The binary records, with values only where they change; `fix` has the codes of NMEA 0183 (and NMEA 2000)."""
     ms = np.round((t_s - EPOCH_S) * 1000.0).astype(np.int64)
-    records = np.zeros(len(t_s), _RECORD)
+    records = np.zeros(len(t_s), _LOG_RECORD)
     records["ms"], records["day"] = ms % DAY_MS, ms // DAY_MS
     records["gps_ms"], records["gps_day"] = records["ms"], records["day"]
     records["lon"], records["lat"] = np.round(1e7 * place[:, 0]), np.round(1e7 * place[:, 1])
@@ -168,7 +168,8 @@ def _log(t_s: FloatArray, place: FloatArray, state: NDArray[np.int8], fix: NDArr
     pieces = []
     for at, to in zip(changes, np.append(changes[1:], len(records)), strict=True):
         values = [(_STATE, state[at]), (_WIDTH, width_mm)][: int(records["count"][at])]
-        pieces += [records[at : at + 1].tobytes(), np.array(values, _VALUE).tobytes(), records[at + 1 : to].tobytes()]
+        parts = records[at : at + 1], np.array(values, _LOG_VALUE), records[at + 1 : to]
+        pieces += [part.tobytes() for part in parts]
     return b"".join(pieces)
 
 
@@ -202,7 +203,7 @@ def _main(
         (EFFECTIVE_TIME, hours["working_s"]),
         (EFFECTIVE_TIME + 1, hours["turning_s"] + hours["idle_s"]),
     ):
-        ET.SubElement(time, "DLV", A=f"{ddi:04X}", B=str(round(value)), C=TOOL)
+        ET.SubElement(time, "DLV", A=f"{ddi:04X}", B=str(round(value)), C=TOOL_ELEMENT)
     ET.SubElement(task, "TLG", A=LOG, C="1")
     ET.SubElement(task, "DAN", A=CLIENT_NAME, C=DEVICE)
     return root
@@ -213,8 +214,8 @@ def _add_device(root: ET.Element, implement: dict[str, Any]) -> None:
     device = ET.SubElement(
         root, "DVC", A=DEVICE, B=kind, C=version("furrowmap"), D=CLIENT_NAME, F="00000000000001", G="FF000000406E65"
     )
-    ET.SubElement(device, "DET", A=MACHINE, B="1", C="1", D=kind, E="0", F="0")
-    tool = ET.SubElement(device, "DET", A=TOOL, B="2", C="2", D=kind, E="1", F="1")
+    ET.SubElement(device, "DET", A=MACHINE_ELEMENT, B="1", C="1", D=kind, E="0", F="0")
+    tool = ET.SubElement(device, "DET", A=TOOL_ELEMENT, B="2", C="2", D=kind, E="1", F="1")
     described = (
         (WORK_STATE, "9", "Work state"),
         (ACTUAL_WIDTH, "9", "Working width"),
@@ -242,7 +243,7 @@ def _add_field(root: ET.Element, name: str, parts: Sequence[shapely.Polygon]) ->
 
 def _name(text: str) -> str:
     """A designator: printable text of at most the standard's length."""
-    return printable(text)[:LONGEST_NAME] or "field"
+    return printable(text)[:MAX_DESIGNATOR_LENGTH] or "field"
 
 
 def _xml(element: ET.Element) -> bytes:

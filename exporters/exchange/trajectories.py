@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 SBET: Final = "sbet"
 TRAJECTORIES: Final = {SBET: ".sbet", "tum": ".tum", "poses": ".csv"}
 """The suffix of the files of each format."""
-_HEAD: Final = "time_unix_s,e_m,n_m,h_m,lon_deg,lat_deg,roll_deg,pitch_deg,heading_deg"
+_CSV_HEAD: Final = "time_unix_s,e_m,n_m,h_m,lon_deg,lat_deg,roll_deg,pitch_deg,heading_deg"
 
 
 def write_trajectory(target: Path, to: str, result: ResultFolder) -> None:
@@ -68,7 +68,7 @@ def write_trajectory(target: Path, to: str, result: ResultFolder) -> None:
         else:
             sigmas = [f"sigma_{name}" for name in SIGMA_NAMES]
             table = np.column_stack([t_s, xyz_m, lon_lat_deg, attitude_deg, layer[sigmas].to_numpy(np.float64)])
-            form, head = "%.6f" + ",%.5f" * 3 + ",%.10f" * 2 + ",%.6f" * 9, ",".join([_HEAD, *sigmas])
+            form, head = "%.6f" + ",%.5f" * 3 + ",%.10f" * 2 + ",%.6f" * 9, ",".join([_CSV_HEAD, *sigmas])
             np.savetxt(unfinished, table, fmt=form, header=head, comments="", encoding="ascii")
 
 

@@ -30,16 +30,16 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.vectors.geopackage import write_styles
-from furrowmap.exporters.vectors.qgis_styles import Clock
+from furrowmap.exporters.vectors.qgis_styles import StyleClock
 
 if TYPE_CHECKING:
     import geopandas as gpd
 
 UTC: Final = ZoneInfo("UTC")
-WGS84: Final = CRS("EPSG:4326")
+WGS84_CRS: Final = CRS("EPSG:4326")
 DIGITS_DEG: Final = 9
 """Decimals of degrees in texts: a tenth of a millimetre."""
-_NAME_BYTES: Final = 10
+_SHAPEFILE_NAME_BYTES: Final = 10
 """Maximum length of a field's name in a Shapefile."""
 
 FloatArray = NDArray[np.float64]
@@ -137,7 +137,7 @@ def _write_geopackage(path: Path, layers: Layers, origin: Origin, zone: ZoneInfo
         layer.to_file(path, layer=name, driver="GPKG", engine="pyogrio", dataset_metadata=metadata)
     times = [layer[name].dropna() for layer in layers.values() for name in ("start", "end", "time") if name in layer]
     seconds = [moment.timestamp() for part in times if len(part) for moment in (part.min(), part.max())]
-    write_styles(path, list(layers), Clock(zone, min(seconds), max(seconds)) if seconds else None)
+    write_styles(path, list(layers), StyleClock(zone, min(seconds), max(seconds)) if seconds else None)
     return []
 
 
@@ -206,10 +206,10 @@ FORMATS: Final[Mapping[str, VectorFormat]] = {
             COORDINATE_PRECISION=DIGITS_DEG,
             WRITE_NAME="YES",
         ),
-        crs=WGS84,
+        crs=WGS84_CRS,
     ),
     "shapefile": VectorFormat(".shp", write_one=_write_shapefile, notices=_shortened),
-    "kml": VectorFormat(".kml", write_all=write_kml, crs=WGS84),
+    "kml": VectorFormat(".kml", write_all=write_kml, crs=WGS84_CRS),
     "csv": VectorFormat(".csv", write_one=_write_csv),
 }
 
@@ -233,14 +233,14 @@ def _short_names(layer: gpd.GeoDataFrame) -> dict[str, str]:
     taken: set[str] = set()
     for name in (str(column) for column in layer.columns if column != layer.geometry.name):
         words = name.split("_")
-        room = _NAME_BYTES
-        while room > 1 and len("_".join(word[:room] for word in words).encode()) > _NAME_BYTES:
+        room = _SHAPEFILE_NAME_BYTES
+        while room > 1 and len("_".join(word[:room] for word in words).encode()) > _SHAPEFILE_NAME_BYTES:
             room -= 1
         whole, number = "_".join(word[:room] for word in words), 1
-        cut = _cut(whole, _NAME_BYTES)
+        cut = _cut(whole, _SHAPEFILE_NAME_BYTES)
         while cut.casefold() in taken:
             number += 1
-            cut = f"{_cut(whole, _NAME_BYTES - len(str(number)))}{number}"
+            cut = f"{_cut(whole, _SHAPEFILE_NAME_BYTES - len(str(number)))}{number}"
         short[name] = cut
         taken.add(cut.casefold())
     return short

@@ -13,7 +13,7 @@ from furrowmap.exporters.farm.edit import SETTINGS, check_schema
 
 BUSY_S: Final = 5.0
 """Maximum wait for another program that writes."""
-_MAGIC: Final = b"SQLite format 3\0"
+_SQLITE_MAGIC: Final = b"SQLite format 3\0"
 
 
 def check_farm_map(path: Path) -> None:
@@ -26,7 +26,7 @@ def check_farm_map(path: Path) -> None:
     if path.is_dir():
         raise _not_a_farm_map(path, "is a folder")
     with path.open("rb") as file:
-        if file.read(len(_MAGIC)) != _MAGIC:
+        if file.read(len(_SQLITE_MAGIC)) != _SQLITE_MAGIC:
             raise _not_a_farm_map(path, "is not a GeoPackage")
     try:
         with closing(sqlite3.connect(path, timeout=BUSY_S)) as database:

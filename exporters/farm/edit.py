@@ -62,8 +62,8 @@ KNOWN_COLUMNS: Final = (
 """Those of :class:`KnownSession`, in its order, from `sessions` as s and `provenance` as p."""
 
 
-_TEXTS: Final = frozenset({"session", "field", "name", "implement", "machine", "field_name", "folder", "report"})
-_DATES: Final = frozenset({"date", "start", "end", "first_date", "last_date"})
+_TEXT_COLUMNS: Final = frozenset({"session", "field", "name", "implement", "machine", "field_name", "folder", "report"})
+_DATE_COLUMNS: Final = frozenset({"date", "start", "end", "first_date", "last_date"})
 """Columns of texts and of days."""
 
 
@@ -94,10 +94,10 @@ def chosen_columns(layer: Layer, columns: Sequence[str]) -> Layer:
     def column(name: str) -> NDArray[Any]:
         values = layer.columns.get(name)
         if values is None:
-            values = np.full(n, None, object) if name in _TEXTS else np.full(n, np.nan)
-        if name in _DATES:
+            values = np.full(n, None, object) if name in _TEXT_COLUMNS else np.full(n, np.nan)
+        if name in _DATE_COLUMNS:
             return np.asarray(values).astype("datetime64[D]")
-        if name not in _TEXTS:
+        if name not in _TEXT_COLUMNS:
             return np.ma.filled(np.ma.asarray(values).astype(np.float64), np.nan)
         return np.asarray(values, object)
 

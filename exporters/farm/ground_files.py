@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,21 +28,12 @@ _EXTENSIONS: Final = (
 """As PDAL and QGIS write virtual point clouds."""
 
 
-@dataclass(frozen=True)
-class GroundFiles:
-    """The files that were written, each None where no session has such a product.
+def write_ground_files(
+    farm_map: Path, results: Sequence[tuple[Path, dict[str, Any]]], crs: CRS
+) -> tuple[Path | None, Path | None]:
+    """Write a virtual raster of the sessions' `dsm.tif`, the latest on top, and a virtual point cloud of their clouds.
 
-    Attributes:
-        surface: virtual raster of the sessions' `dsm.tif`, the latest on top.
-        clouds: virtual point cloud of the sessions' clouds.
-    """
-
-    surface: Path | None
-    clouds: Path | None
-
-
-def write_ground_files(farm_map: Path, results: Sequence[tuple[Path, dict[str, Any]]], crs: CRS) -> GroundFiles:
-    """Write the files beside a farm map; neither copies a cell or a point.
+    Both lie beside the farm map and copy no cell and no point; None where no session has such a product.
 
     A surface is in it if it is in the CRS of the farm map and has the cells of the latest one.
 
@@ -51,7 +41,7 @@ def write_ground_files(farm_map: Path, results: Sequence[tuple[Path, dict[str, A
         results: folder and report of each session, in order of time.
     """
     surface, clouds = (farm_map.with_name(f"{farm_map.stem}_{name}") for name in ("surface.vrt", "clouds.vpc"))
-    return GroundFiles(_surface(surface, [folder for folder, _ in results], crs), _clouds(clouds, results, crs))
+    return _surface(surface, [folder for folder, _ in results], crs), _clouds(clouds, results, crs)
 
 
 def _surface(path: Path, folders: Sequence[Path], crs: CRS) -> Path | None:

@@ -40,14 +40,14 @@ PASS_COLUMNS: Final = ("session", "depth_m", "area_m2")
 """Columns of `sessions`, of ground, and of `passes` that the tables are computed from."""
 
 
-_TYPES: Final[Mapping[str, Any]] = {
+_DTYPES: Final[Mapping[str, Any]] = {
     **dict.fromkeys(("field", "session", "name", "implement", "machine"), object),
     **dict.fromkeys(("date", "first_date", "last_date"), "datetime64[D]"),
     **dict.fromkeys(("season", "sessions", "times_worked"), np.int64),
     "surveyed": bool,
 }
 """Types of the columns of the tables; all others are numbers."""
-_FIELD_COLUMNS: Final = ("field", "name", "surveyed", "area_m2", "sessions", "first_date", "last_date")
+_FIELDS_COLUMNS: Final = ("field", "name", "surveyed", "area_m2", "sessions", "first_date", "last_date")
 _VISIT_COLUMNS: Final = (
     "field", "session", "name", "date", "season", "implement", "machine", *_SESSION_NUMBERS, "depth_m",
     "work_rate_ha_h",
@@ -113,7 +113,10 @@ def memory_layers(known: Sessions, season_start: tuple[int, int]) -> list[Layer]
     machines = "Machines, and what each did"
     return [
         _table(
-            FIELDS, text, _FIELD_COLUMNS, [_field_row(f, [v for v in visits if v["field"] == f.id]) for f in fields]
+            FIELDS,
+            text,
+            _FIELDS_COLUMNS,
+            [_field_row(f, [v for v in visits if v["field"] == f.id]) for f in fields],
         ),
         _table(VISITS, "The work of each session in each field", _VISIT_COLUMNS, visits),
         _table(SEASONS, seasons, _SEASON_COLUMNS, list(_season_rows(fields, visits))),
@@ -123,7 +126,7 @@ def memory_layers(known: Sessions, season_start: tuple[int, int]) -> list[Layer]
 
 def _table(name: str, text: str, columns: Sequence[str], rows: Sequence[Row], kind: str = "MultiPolygon") -> Layer:
     shapes = [shapely.MultiPolygon(_polygons(row["ground"])) if kind else None for row in rows]
-    values = {column: np.array([row[column] for row in rows], _TYPES.get(column, np.float64)) for column in columns}
+    values = {column: np.array([row[column] for row in rows], _DTYPES.get(column, np.float64)) for column in columns}
     return Layer(name, kind, text, geometry_array(shapes), values)
 
 

@@ -38,7 +38,7 @@ from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_ar
 from furrowmap.exporters.vectors.geopackage import GEOMETRY
 
 _PATIENCE: Final = "60s"
-_TYPES: Final = {
+_SQL_TYPES: Final = {
     "f": "double precision", "i": "bigint", "u": "bigint", "b": "boolean", "O": "text", "D": "date", "M": "timestamptz",
 }  # fmt: skip
 
@@ -135,9 +135,10 @@ class PostgisEdit:
         names = [*([GEOMETRY] if layer.kind else []), *layer.columns]
         cells = [_cells(values) for values in layer.columns.values()]
         if layer.kind:
-            shapes: Any = shapely.set_srid(layer.shapes, self._srid(crs))
-            dimension = 3 if layer.kind.startswith("2.5D") else 2
-            cells.insert(0, list(shapely.to_wkb(shapes, hex=True, output_dimension=dimension, include_srid=True)))
+            shapes = shapely.set_srid(layer.shapes, self._srid(crs))
+            with_height = layer.kind.startswith("2.5D")
+            wkb = shapely.to_wkb(shapes, hex=True, output_dimension=3 if with_height else 2, include_srid=True)
+            cells.insert(0, list(wkb))
         columns = SQL(", ").join(Identifier(name) for name in names)
         copying = SQL("COPY {} ({}) FROM STDIN").format(self._table(layer.name), columns)
         with self._connection.cursor() as cursor, cursor.copy(copying) as copy:
@@ -259,7 +260,7 @@ class PostgisEdit:
         self.store_setting(f"{LAYER_SETTING}{layer.name}", layer.kind)
 
     def _column(self, layer: Layer, name: str) -> Composable:
-        column = SQL("{} {}").format(Identifier(name), SQL(column_type(layer.columns[name], _TYPES)))
+        column = SQL("{} {}").format(Identifier(name), SQL(column_type(layer.columns[name], _SQL_TYPES)))
         if name != "session":
             return column
         if layer.name == SESSIONS:

@@ -28,7 +28,7 @@ from furrowmap.exporters.files.qgis_project import (
     put_view,
 )
 from furrowmap.exporters.share.points import CLASS_COLOURS
-from furrowmap.exporters.vectors.qgis_styles import NAMES
+from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES
 
 PROJECT: Final = "furrowmap"
 """Its name in the farm map."""
@@ -48,8 +48,8 @@ _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Ground": ("clouds", "surface"),
     "Background": ("background map",),
 }
-_NAMES: Final[Mapping[str, str]] = {
-    **NAMES,
+_FARM_LAYER_NAMES: Final[Mapping[str, str]] = {
+    **LAYER_NAMES,
     FIELDS: "fields",
     VISITS: "work of each session",
     SEASONS: "work of each season",
@@ -134,8 +134,8 @@ def project_archive(
 
 def layer_title(name: str) -> str:
     """The name of a layer for people, in the user's language; a layer of others keeps its own."""
-    words = translated(_NAMES[name], language_of_user()) if name in _NAMES else name
-    return words[:1].upper() + words[1:] if name in _NAMES else name
+    words = translated(_FARM_LAYER_NAMES[name], language_of_user()) if name in _FARM_LAYER_NAMES else name
+    return words[:1].upper() + words[1:] if name in _FARM_LAYER_NAMES else name
 
 
 def background_layer(crs: CRS, bounds: tuple[float, float, float, float]) -> ProjectLayer:

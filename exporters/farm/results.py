@@ -49,7 +49,7 @@ _DRAWING_ORDER: Final = (
 )  # fmt: skip
 _MAX_GAP_S: Final = 1.0
 """A track is interrupted where positions are missing for longer."""
-_SIMPLIFY_M: Final = 0.02
+_TRACK_TOLERANCE_M: Final = 0.02
 """Maximum distance of a simplified track from the positions."""
 _FIGURES: Final = (
     "worked_area_m2", "worked_area_ellipsoid_m2", "worked_area_sigma_m2", "overlap_area_m2", "missed_area_m2",
@@ -252,7 +252,7 @@ def track_of(driven: Layer) -> shapely.Geometry:
     xyz = shapely.get_coordinates(driven.shapes, include_z=True)
     parts = np.split(xyz, np.flatnonzero(np.diff(driven.columns["t_s"]) > _MAX_GAP_S) + 1)
     lines = [shapely.LineString(part) for part in parts if len(part) > 1]
-    return shapely.MultiLineString(list(shapely.simplify(lines, _SIMPLIFY_M)))
+    return shapely.MultiLineString(list(shapely.simplify(lines, _TRACK_TOLERANCE_M)))
 
 
 def zone_of(report: Mapping[str, Any], place: shapely.Point, crs: CRS) -> ZoneInfo:

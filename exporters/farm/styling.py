@@ -17,8 +17,8 @@ from furrowmap.exporters.farm.edit import KnownSession
 from furrowmap.exporters.farm.memory import MACHINES, VISITS
 from furrowmap.exporters.farm.results import SESSIONS
 from furrowmap.exporters.files.qgis_project import DOCTYPE
-from furrowmap.exporters.vectors.field_layers import LABELS
-from furrowmap.exporters.vectors.qgis_styles import VALUES, Clock, in_language, in_local_times, with_words
+from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
+from furrowmap.exporters.vectors.qgis_styles import VALUES, StyleClock, in_language, in_local_times, with_words
 
 FARM_LABELS: Final = {
     "session": "key of the session",
@@ -88,7 +88,7 @@ def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSessio
     clocks = _clocks(sessions)
     if clocks:
         found = {name: in_local_times(text, clocks) for name, text in found.items()}
-    language, aliases = language_of_user(), LABELS | FARM_LABELS
+    language, aliases = language_of_user(), COLUMN_LABELS | FARM_LABELS
     plain = {name: labels for name, labels in VALUES.items() if name != "implement"}
     return {
         name: with_words(found.get(name, _BARE), sorted(fields), language, report=False, aliases=aliases, values=values)
@@ -97,14 +97,14 @@ def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSessio
     }
 
 
-def _clocks(sessions: Sequence[KnownSession]) -> list[Clock]:
+def _clocks(sessions: Sequence[KnownSession]) -> list[StyleClock]:
     """The zones of the sessions, that of most sessions first."""
     ordered = sorted(sessions, key=lambda session: session.time_zone)
     clocks = []
     for zone, group in groupby(ordered, lambda session: session.time_zone):
         of_zone = list(group)
         first_s, last_s = min(one.start.timestamp() for one in of_zone), max(one.end.timestamp() for one in of_zone)
-        clocks.append(Clock(ZoneInfo(zone), first_s, last_s, tuple(sorted(one.session for one in of_zone))))
+        clocks.append(StyleClock(ZoneInfo(zone), first_s, last_s, tuple(sorted(one.session for one in of_zone))))
     return sorted(clocks, key=lambda clock: -len(clock.sessions))
 
 

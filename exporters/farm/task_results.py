@@ -24,7 +24,7 @@ from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.exporters.vectors.geopackage import read_layer
 from furrowmap.exporters.vectors.task_fields import FIELDS
 
-HEIGHTS = "not measured"
+TASK_HEIGHTS = "not measured"
 """Height system of positions that task data log."""
 
 
@@ -82,7 +82,7 @@ def _task_result(
         "passes": np.int64(len(passes.shapes) if passes is not None else 0),
         "width_m": float(np.nanmax(widths)),
         "crs": crs.to_string(),
-        "heights": HEIGHTS,
+        "heights": TASK_HEIGHTS,
         "coordinates": "as-recorded",
         "folder": path.as_posix(),
     }

@@ -42,7 +42,7 @@ class Wheels:
 
 
 @dataclass(frozen=True)
-class Traffic:
+class FarmTraffic:
     """Where machines worked and drove.
 
     Attributes:
@@ -64,7 +64,7 @@ class Traffic:
 
 def write_traffic(
     path: Path,
-    traffic: Traffic,
+    traffic: FarmTraffic,
     crs: CRS,
     cell_m: float,
     wheels: Wheels | None,
@@ -94,8 +94,11 @@ def write_traffic(
             arrays = [*_worked(tile, passes[rows], day[rows])]
             if wheels is not None:
                 near = shapely.buffer(box, margin)
-                driven = np.sort(trees[1].query(near))
-                arrays.append(_driven(tile, near, traffic.tracks[driven], wheels))
+                driven = np.zeros(tile.shape, np.uint16)
+                for track in traffic.tracks[np.sort(trees[1].query(near))]:
+                    if paths := _paths_near(track, near):
+                        driven += wheel_passages(tile, paths, wheels.track_width_m, wheels.tyre_width_m)
+                arrays.append(driven)
             put(tile, arrays)
             progress("counting traffic", share_done(tile, grid))
     return grid
@@ -134,16 +137,6 @@ def _worked(tile: Grid, passes: ShapeArray, day: NDArray[np.int64]) -> list[NDAr
         rasterize(((shape, 1) for shape in shapes), out=times, merge_alg=MergeAlg.add, **place)
         rasterize(zip(shapes, days, strict=True), out=last, **place)
     return [times, last]
-
-
-def _driven(tile: Grid, near: shapely.Polygon, tracks: ShapeArray, wheels: Wheels) -> NDArray[np.uint16]:
-    """Passages of wheels; each track on its own."""
-    total = np.zeros(tile.shape, np.uint16)
-    for track in tracks:
-        paths = _paths_near(track, near)
-        if paths:
-            total += wheel_passages(tile, paths, wheels.track_width_m, wheels.tyre_width_m)
-    return total
 
 
 def _paths_near(track: shapely.MultiLineString, near: shapely.Polygon) -> list[NDArray[np.float64]]:

@@ -13,7 +13,7 @@ from furrowmap.exporters.files.result_folder import REPORT_PAGE
 from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.pages import days_words, render
-from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row
+from furrowmap.exporters.vectors.batch_table import BATCH_LAYERS, BATCH_TABLE, Row
 
 BATCH_PAGE: Final = "batch.html"
 MAX_SESSIONS: Final = 2000
@@ -47,8 +47,8 @@ def page(rows: Sequence[Row]) -> str:
         },
         start=_start,
         page=REPORT_PAGE,
-        table=TABLE,
-        layers=LAYERS,
+        table=BATCH_TABLE,
+        layers=BATCH_LAYERS,
         max_rows=MAX_SESSIONS,
     )
 

@@ -44,7 +44,7 @@ from furrowmap.exporters.share.shown_layers import (
     rasters_of,
     title_of,
 )
-from furrowmap.exporters.vectors.qgis_styles import Clock, in_language, in_local_times, with_words
+from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_language, in_local_times, with_words
 
 PROJECT_FILE: Final = "field.qgs"
 FIELD_PRODUCTS: Final = (PROJECT_FILE, FIELD)
@@ -73,7 +73,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
     tree = ET.SubElement(root, "layer-tree-group")
     within = ET.SubElement(root, "projectlayers")
     figures = result.report["figures"]
-    clock = Clock(result.zone, moment_s(figures["start"]), moment_s(figures["end"]))
+    clock = StyleClock(result.zone, moment_s(figures["start"]), moment_s(figures["end"]))
     names = (FIELD, *rasters_of(result))
     shown: dict[ProjectLayer, bool] = {}
     for number, name in enumerate(names):

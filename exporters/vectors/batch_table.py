@@ -6,7 +6,7 @@ import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -19,30 +19,21 @@ from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, numbers, texts
 from furrowmap.exporters.vectors.geopackage import write_layer
 
-TABLE: Final = "batch.csv"
-LAYERS: Final = "batch.gpkg"
-_NUMBERS: Final = (
+BATCH_TABLE: Final = "batch.csv"
+BATCH_LAYERS: Final = "batch.gpkg"
+_NUMBER_FIGURES: Final = (
     "duration_s", "distance_m", "points", "passes", "worked_area_m2", "overlap_area_m2", "missed_area_m2",
     "working_speed_mps", "work_rate_ha_h",
 )  # fmt: skip
-_TEXTS: Final = ("start", "end", "start_local", "end_local", "time_zone")
-FIGURES: Final = (*_TEXTS, *_NUMBERS)
+_TEXT_FIGURES: Final = ("start", "end", "start_local", "end_local", "time_zone")
+BATCH_FIGURES: Final = (*_TEXT_FIGURES, *_NUMBER_FIGURES)
 """Figures of a report that the table has; those that a run does not give are empty."""
-_SIMPLIFY_M: Final = 0.5
+_OUTLINE_TOLERANCE_M: Final = 0.5
 """Maximum distance of a simplified track from the positions."""
 _MAX_GAP_S: Final = 1.0
 """A track is interrupted where positions are missing for longer."""
-_DIGITS: Final = 7
+_DEGREE_DIGITS: Final = 7
 """Of a degree: a centimetre."""
-
-
-class HasLayers(Protocol):
-    """A result whose layers are GeoDataFrames by name."""
-
-    @property
-    def layers(self) -> Mapping[str, Any]:
-        """The layers."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -64,58 +55,61 @@ class Row:
         return "failed" if self.outcome.failure is not None else "done"
 
 
-def outlines(result: HasLayers, frame: MapFrame) -> tuple[str, str]:
-    """Footprint and track of a result in longitude and latitude, as hexadecimal WKB.
+def outlines(layers: Mapping[str, Any], frame: MapFrame) -> tuple[str, str]:
+    """Footprint and track of a result, given by its GeoDataFrames, in longitude and latitude as hexadecimal WKB.
 
     The footprint is the hull of the trajectory and of the worked ground.
     """
-    driven = result.layers["trajectory"]
+    driven = layers["trajectory"]
     xy_m = shapely.get_coordinates(driven.geometry.to_numpy())
     cuts = np.flatnonzero(np.diff(driven["t_s"].to_numpy()) > _MAX_GAP_S) + 1
     lines = [shapely.LineString(part) for part in np.split(xy_m, cuts) if len(part) > 1]
-    track = shapely.MultiLineString(list(shapely.simplify(lines, _SIMPLIFY_M)))
-    ground = list(result.layers["coverage"].geometry) if "coverage" in result.layers else []
+    track = shapely.MultiLineString(list(shapely.simplify(lines, _OUTLINE_TOLERANCE_M)))
+    ground = list(layers["coverage"].geometry) if "coverage" in layers else []
     hull = shapely.convex_hull(shapely.force_2d(shapely.GeometryCollection([track, *ground])))
     hull = hull if hull.geom_type == "Polygon" else hull.buffer(1.0, quad_segs=2)
 
     def lon_lat(xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.column_stack(frame.to_lon_lat(xy[:, 0], xy[:, 1])).round(_DIGITS)
+        return np.column_stack(frame.to_lon_lat(xy[:, 0], xy[:, 1])).round(_DEGREE_DIGITS)
 
     footprint, path = shapely.transform(hull, lon_lat), shapely.transform(track, lon_lat)
     return shapely.to_wkb(footprint, hex=True), shapely.to_wkb(path, hex=True)
 
 
 def write_table(folder: Path, rows: Sequence[Row]) -> None:
-    """Write :data:`TABLE`."""
-    head = ("name", "status", "session", "field", *FIGURES, "warnings", "run_s", "processor_s", "peak_mb", "code")
-    with atomic_output(folder / TABLE) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
+    """Write :data:`BATCH_TABLE`."""
+    head = ("name", "status", "session", "field", *BATCH_FIGURES, "warnings", "run_s", "processor_s", "peak_mb", "code")
+    with atomic_output(folder / BATCH_TABLE) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow([*head, "error", "file"])
         for row in rows:
             failure = row.outcome.failure
             figures = row.outcome.figures
             values = [row.name, row.status, figures.get("session", ""), row.field]
-            values += [figures.get(name, "") for name in (*FIGURES, "warnings")]
+            values += [figures.get(name, "") for name in (*BATCH_FIGURES, "warnings")]
             values += [row.outcome.seconds, row.outcome.processor_s, row.outcome.peak_mb]
             values += [failure.code, " ".join(failure.lines)] if failure is not None else ["", ""]
             writer.writerow([cell(value) for value in (*values, row.file)])
 
 
 def write_layers(folder: Path, rows: Sequence[Row]) -> None:
-    """Write :data:`LAYERS`: `sessions`, footprints of all that have a result, and `tracks`, with the same fields."""
+    """Write :data:`BATCH_LAYERS`: footprints (`sessions`) and `tracks` of all that have a result."""
     done = [row for row in rows if row.outcome.failure is None]
     columns: Columns = {
         "name": texts([row.name for row in done]),
         "session": texts([row.outcome.figures.get("session", "") for row in done]),
         "field": texts([row.field for row in done]),
-        **{name: texts(row.outcome.figures.get(name) for row in done) for name in _TEXTS},
-        **{name: numbers(_number(row.outcome.figures.get(name)) for row in done) for name in (*_NUMBERS, "warnings")},
+        **{name: texts(row.outcome.figures.get(name) for row in done) for name in _TEXT_FIGURES},
+        **{
+            name: numbers(_number(row.outcome.figures.get(name)) for row in done)
+            for name in (*_NUMBER_FIGURES, "warnings")
+        },
         "run_s": numbers(_number(row.outcome.seconds) for row in done),
     }
     footprints = [shapely.from_wkb(row.outcome.footprint) for row in done]
     tracks = [shapely.from_wkb(row.outcome.track) for row in done]
     sessions = "Where each session took place: the hull of its trajectory and worked ground"
-    with atomic_output(folder / LAYERS) as unfinished:
+    with atomic_output(folder / BATCH_LAYERS) as unfinished:
         for layer in (
             Layer("sessions", "Polygon", sessions, geometry_array(footprints), columns),
             Layer("tracks", "MultiLineString", "The path of the vehicle", geometry_array(tracks), columns),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 import shapely
@@ -16,12 +15,8 @@ from furrowmap.core.features.plants import Plants
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.ogr import unflushed
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.vectors.field_layers import Layer, geometry_array
+from furrowmap.exporters.vectors.field_layers import Layer, geometry_array, numbers, texts
 from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
-
-PLANES: Final = "planes"
-LINES: Final = "lines"
-PLANTS: Final = "plants"
 
 
 def feature_layers(planes: Sequence[PlanePiece], lines: Sequence[LineObject], plants: Plants) -> list[Layer]:
@@ -40,22 +35,21 @@ def write_features(path: Path, layers: Sequence[Layer], crs: CRS | str, origin: 
 
 def _planes(planes: Sequence[PlanePiece]) -> Layer:
     normals = np.array([plane.normal for plane in planes]).reshape(-1, 3)
-    steepness = [math.degrees(math.acos(min(1.0, abs(float(z))))) for z in normals[:, 2]]
     level = np.hypot(normals[:, 0], normals[:, 1]) < 1e-6
     azimuth = np.degrees(np.arctan2(normals[:, 0], normals[:, 1])) % 360.0
     return Layer(
-        PLANES,
+        "planes",
         "2.5D MultiPolygon",
         "Outlines of planes: horizontal ones up to 45 degrees, such as roofs, and vertical ones, such as walls",
         geometry_array([shapely.multipolygons(shapely.get_parts(plane.shape)) for plane in planes]),
         {
-            "kind": np.array(["vertical" if plane.vertical else "horizontal" for plane in planes], object),
-            "area_m2": np.array([plane.area_m2 for plane in planes], np.float64),
-            "tilt_deg": np.array(steepness, np.float64),
+            "kind": texts("vertical" if plane.vertical else "horizontal" for plane in planes),
+            "area_m2": numbers(plane.area_m2 for plane in planes),
+            "tilt_deg": numbers(math.degrees(math.acos(min(1.0, abs(float(z))))) for z in normals[:, 2]),
             "azimuth_deg": np.where(level, np.nan, azimuth),
             **{f"normal_{name}": normals[:, k] for k, name in enumerate("enh")},
-            "height_m": np.array([plane.top_m - plane.base_m for plane in planes], np.float64),
-            "rms_m": np.array([plane.rms_m for plane in planes], np.float64),
+            "height_m": numbers(plane.top_m - plane.base_m for plane in planes),
+            "rms_m": numbers(plane.rms_m for plane in planes),
             "points": np.array([plane.points for plane in planes], np.int64),
         },
     )
@@ -63,14 +57,14 @@ def _planes(planes: Sequence[PlanePiece]) -> Layer:
 
 def _lines(lines: Sequence[LineObject]) -> Layer:
     return Layer(
-        LINES,
+        "lines",
         "2.5D LineString",
         "Poles, posts and trunks; wires and rails; fences; the feet of walls; ditches, ridges and edges of banks",
         geometry_array([line.shape for line in lines]),
         {
-            "kind": np.array([line.kind for line in lines], object),
-            "height_m": np.array([line.height_m for line in lines], np.float64),
-            "length_m": np.array([line.length_m for line in lines], np.float64),
+            "kind": texts(line.kind for line in lines),
+            "height_m": numbers(line.height_m for line in lines),
+            "length_m": numbers(line.length_m for line in lines),
             "points": np.array([line.points for line in lines], np.int64),
         },
     )
@@ -78,7 +72,7 @@ def _lines(lines: Sequence[LineObject]) -> Layer:
 
 def _plants(plants: Plants) -> Layer:
     return Layer(
-        PLANTS,
+        "plants",
         "2.5D Point",
         "Tops of plants: trees, shrubs, hedges",
         geometry_array(shapely.points(plants.top_m)),

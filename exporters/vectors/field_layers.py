@@ -21,7 +21,7 @@ from furrowmap.core.work.strip_outlines import StripGround
 ObjectArray = NDArray[np.object_]
 Columns = dict[str, NDArray[Any]]
 
-LABELS: Final = {
+COLUMN_LABELS: Final = {
     "pass": "pass",
     "pass_a": "earlier pass",
     "pass_b": "later pass",

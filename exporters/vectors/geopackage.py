@@ -24,7 +24,7 @@ from furrowmap.exporters.files.ogr import pyogrio, unflushed
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
-from furrowmap.exporters.vectors.qgis_styles import NAMES, Clock, in_language, in_local_times, with_words
+from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES, StyleClock, in_language, in_local_times, with_words
 
 _UTC_OFFSET: Final = 100
 """OGR's time zone code of UTC (0 unknown, 1 local, 100 UTC)."""
@@ -33,14 +33,14 @@ PAGE_BYTES: Final = 1024
 INDEXED_FROM: Final = 1000
 """With fewer features a spatial index takes more room than it saves time."""
 GEOMETRY: Final = "geom"
-_NOTHING: Final = FieldWork()
+_NO_WORK: Final = FieldWork()
 
 
 def write_field(
     path: Path,
     poses: ScanPoses,
     crs: CRS | str,
-    work: FieldWork = _NOTHING,
+    work: FieldWork = _NO_WORK,
     words: str = "",
     origin: Origin | None = None,
     more: Sequence[Layer] = (),
@@ -68,7 +68,7 @@ def write_field(
         for layer in layers:
             first = None if unfinished.exists() else origin
             write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
-        clock = Clock(zone, float(poses.t_s[0]), float(poses.t_s[-1])) if zone is not None else None
+        clock = StyleClock(zone, float(poses.t_s[0]), float(poses.t_s[-1])) if zone is not None else None
         fields = {layer.name: tuple(layer.columns) for layer in layers} if path.name == FIELD else None
         write_styles(unfinished, [layer.name for layer in layers], clock, fields=fields, language=language)
         _pack(unfinished)
@@ -77,7 +77,7 @@ def write_field(
 
 def _named(layer: Layer, language: str) -> str:
     """The description of a layer, beginning with its name for people, by which QGIS's browser finds it."""
-    name = NAMES.get(layer.name)
+    name = LAYER_NAMES.get(layer.name)
     return f"{translated(name, language)}: {layer.description}" if name else layer.description
 
 
@@ -155,7 +155,7 @@ def _options(layer: Layer, *, indexed: bool) -> dict[str, str]:
 def write_styles(
     path: Path,
     layers: Sequence[str],
-    clock: Clock | None = None,
+    clock: StyleClock | None = None,
     *,
     fields: Mapping[str, Sequence[str]] | None = None,
     language: str = ENGLISH,

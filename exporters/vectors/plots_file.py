@@ -13,7 +13,7 @@ from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
 
-_SUFFIXES: Final = (".gpkg", ".geojson")
+_PLOT_SUFFIXES: Final = (".gpkg", ".geojson")
 _LAYER: Final = "plots"
 _CORNER_DIGITS: Final = 10
 """A hundredth of a millimetre: net parcels are computed from these corners."""
@@ -21,8 +21,8 @@ _CORNER_DIGITS: Final = 10
 
 def expect_suffix(path: Path) -> None:
     """Raises UsageError if a file's name states neither GeoPackage nor GeoJSON."""
-    if path.suffix.lower() not in _SUFFIXES:
-        raise UsageError("plots-format", path=path, suffixes=" or ".join(_SUFFIXES))
+    if path.suffix.lower() not in _PLOT_SUFFIXES:
+        raise UsageError("plots-format", path=path, suffixes=" or ".join(_PLOT_SUFFIXES))
 
 
 def write_parcels(path: Path, parcels: Sequence[Parcel], crs: CRS) -> None:

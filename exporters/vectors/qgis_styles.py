@@ -18,7 +18,7 @@ from zoneinfo import ZoneInfo
 from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.runtime.languages.catalogue import ENGLISH, catalogue, translated
 from furrowmap.exporters.files.qgis_project import DOCTYPE
-from furrowmap.exporters.vectors.field_layers import LABELS
+from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
 
 _CATEGORIES: Final = "Fields|Forms|Actions"
 """Of QGIS's style categories: those that are added to a style."""
@@ -71,7 +71,7 @@ VALUES: Final[Mapping[str, Mapping[str, str]]] = {
     },
 }
 """Words for the values of a field, by its name."""
-NAMES: Final = {
+LAYER_NAMES: Final = {
     "trajectory": "positions of the vehicle",
     "events": "events of the drive",
     "tool_path": "cultivated path",
@@ -97,7 +97,7 @@ _LABELLED_TAGS: Final = ("category", "item", "range", "rule")
 _LINE: Final = re.compile(r"<br>|(?:\[%.*?%\]|(?!<br>).)+", re.DOTALL)
 """A line of a map tip, or its end; an expression may hold one, too."""
 _EXPRESSION: Final = re.compile(r"\[%.*?%\]", re.DOTALL)
-_LITERAL: Final = re.compile(r"'([^']*)'")
+_QUOTED_TEXT: Final = re.compile(r"'([^']*)'")
 _FIELD: Final = re.compile(f'"({"|".join(VALUES)})"')
 _FORMATTED: Final = re.compile(r'format_date\("(start|end|time)",')
 
@@ -108,7 +108,7 @@ def with_words(
     language: str,
     *,
     report: bool,
-    aliases: Mapping[str, str] = LABELS,
+    aliases: Mapping[str, str] = COLUMN_LABELS,
     values: Mapping[str, Mapping[str, str]] = VALUES,
 ) -> str:
     """A style of QGIS with aliases, widgets and actions for the fields of a layer.
@@ -209,7 +209,7 @@ def _line(line: str, language: str) -> str:
 
 def _expression(expression: str, language: str) -> str:
     """An expression with its texts, and the values of fields that have words, in a language."""
-    text = _LITERAL.sub(lambda found: f"'{_known(found[1], language)}'", expression)
+    text = _QUOTED_TEXT.sub(lambda found: f"'{_known(found[1], language)}'", expression)
     return _FIELD.sub(lambda found: _worded(found[1], language), text)
 
 
@@ -223,7 +223,7 @@ def _known(text: str, language: str) -> str:
 
 
 @dataclass(frozen=True)
-class Clock:
+class StyleClock:
     """The clocks of a place over some time.
 
     Attributes:
@@ -238,7 +238,7 @@ class Clock:
     sessions: tuple[str, ...] = ()
 
 
-def in_local_times(style: str, clocks: Sequence[Clock]) -> str:
+def in_local_times(style: str, clocks: Sequence[StyleClock]) -> str:
     """A style whose map tips show the local time of a zone, which they name, instead of UTC.
 
     Where sessions have clocks of different zones, each feature shows and names that of its session.
@@ -268,7 +268,7 @@ def in_local_times(style: str, clocks: Sequence[Clock]) -> str:
     return _FORMATTED.sub(shifted, style).replace(" UTC", f" ({name})")
 
 
-def _shift(clock: Clock, field: str) -> str:
+def _shift(clock: StyleClock, field: str) -> str:
     """Expression of QGIS: what a clock is ahead of the UTC in a field."""
     shift = f"to_interval('{offset_at(clock.zone, clock.first_s)} seconds')"
     changes = offset_changes(clock.zone, clock.first_s, clock.last_s)

@@ -19,15 +19,11 @@ def write_states(path: Path, states: ToolStates) -> None:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(HEADER)
         for k in range(len(states)):
-            begin_s, end_s = float(states.begin_s[k]), float(states.end_s[k])
             word = ToolState(int(states.state[k])).label
-            sigma_s, confidence = float(states.begin_sigma_s[k]), float(states.confidence[k])
-            table.writerow([*_row(begin_s, word, sigma_s, confidence), repr(states.common_share)])
-            if k + 1 == len(states) or states.begin_s[k + 1] > end_s:
-                end = _row(end_s, ToolState.UNKNOWN.label, float(states.end_sigma_s[k]), 0.0)
-                table.writerow([*end, repr(states.common_share)])
-
-
-def _row(t_s: float, state: str, sigma_s: float, confidence: float) -> tuple[str, str, str, str, str]:
-    sigma = "" if math.isnan(sigma_s) else repr(sigma_s)
-    return iso_utc(t_s), repr(t_s), state, sigma, repr(confidence)
+            rows = [(states.begin_s[k], word, states.begin_sigma_s[k], states.confidence[k])]
+            if k + 1 == len(states) or states.begin_s[k + 1] > states.end_s[k]:
+                rows.append((states.end_s[k], ToolState.UNKNOWN.label, states.end_sigma_s[k], 0.0))
+            for t_s, state, sigma_s, confidence in rows:
+                sigma = "" if math.isnan(sigma_s) else repr(float(sigma_s))
+                texts = iso_utc(float(t_s)), repr(float(t_s)), state, sigma, repr(float(confidence))
+                table.writerow([*texts, repr(states.common_share)])

@@ -27,7 +27,7 @@ from furrowmap.exporters.vectors.field_layers import (
 from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
 
 FIELDS: Final = "fields"
-FIGURES: Final = (
+TASK_FIGURES: Final = (
     "worked_area_m2", "worked_area_sigma_m2", "overlap_area_m2", "missed_area_m2", "swept_area_m2",
     "logged_swept_area_m2", "counted_area_m2", "boundary_area_m2", "worked_length_m", "work_rate_ha_h",
 )  # fmt: skip
@@ -63,7 +63,7 @@ def task_figures(work: TaskWork) -> dict[str, Any]:
         }
     return {
         name: (round(value, 4) if math.isfinite(value) else None) if isinstance(value, float) else value
-        for name, value in ({"task": task.id} | dict.fromkeys(FIGURES) | row).items()
+        for name, value in ({"task": task.id} | dict.fromkeys(TASK_FIGURES) | row).items()
     }
 
 
@@ -89,7 +89,7 @@ def _fields(works: Sequence[TaskWork]) -> Layer:
     columns: Columns = {
         **{name: texts(row[name] for row in rows) for name in ("task", "task_name", "field")},
         "passes": np.ma.masked_equal(np.array(passes, np.int64), -1),
-        **{name: numbers(math.nan if row[name] is None else row[name] for row in rows) for name in FIGURES},
+        **{name: numbers(math.nan if row[name] is None else row[name] for row in rows) for name in TASK_FIGURES},
     }
     shapes = geometry_array([_outline(work) for work in works])
     return Layer(FIELDS, "MultiPolygon", "The fields, with the figures of their tasks", shapes, columns)

@@ -16,7 +16,7 @@ import pytest
 
 import furrowmap
 from furrowmap.exporters.share.features import shared_layer
-from furrowmap.exporters.vectors.qgis_styles import Clock, in_local_times, offset_changes
+from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_local_times, offset_changes
 from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions
 from furrowmap.workflows.share.export import export
 
@@ -93,7 +93,7 @@ def test_clocks_that_change_within_a_season__are_followed_in_map_tips() -> None:
     first, last = (dt.datetime(2026, month, 1, tzinfo=dt.UTC).timestamp() for month in (9, 12))
     change = dt.datetime(2026, 10, 25, 1, tzinfo=dt.UTC)
     assert offset_changes(berlin, first, last) == [(int(change.timestamp()), 3600)]
-    tip = in_local_times("""[% format_date("start", 'HH:mm') %] UTC""", [Clock(berlin, first, last)])
+    tip = in_local_times("""[% format_date("start", 'HH:mm') %] UTC""", [StyleClock(berlin, first, last)])
     assert f'WHEN epoch("start") &gt;= {1000 * int(change.timestamp())} THEN' in tip
     assert "ELSE to_interval('7200 seconds') END" in tip
     assert "(Europe/Berlin)" in tip
@@ -102,8 +102,8 @@ def test_clocks_that_change_within_a_season__are_followed_in_map_tips() -> None:
 def test_map_tips__of_sessions_in_different_zones_show_the_clock_of_each() -> None:
     june_s = dt.datetime(2026, 6, 11, tzinfo=dt.UTC).timestamp()
     clocks = [
-        Clock(TOKYO, june_s, june_s + 1.0, ("a", "c")),
-        Clock(ZoneInfo("Europe/Berlin"), june_s, june_s + 1.0, ("b",)),
+        StyleClock(TOKYO, june_s, june_s + 1.0, ("a", "c")),
+        StyleClock(ZoneInfo("Europe/Berlin"), june_s, june_s + 1.0, ("b",)),
     ]
     tip = in_local_times("""[% format_date("start", 'HH:mm') %] UTC""", clocks)
     of_b = """(CASE WHEN "session" IN ('b') THEN {} ELSE {} END)"""

@@ -28,7 +28,7 @@ from furrowmap.exporters.files.batch_state import (
 from furrowmap.exporters.files.lease import hold_lease, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
 from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
-from furrowmap.exporters.vectors.batch_table import LAYERS, TABLE, Row, write_layers, write_table
+from furrowmap.exporters.vectors.batch_table import BATCH_LAYERS, BATCH_TABLE, Row, write_layers, write_table
 from furrowmap.settings import BatchSettings
 from furrowmap.workflows.batch.engine import ATTEMPTS
 from furrowmap.workflows.batch.jobs import (
@@ -176,7 +176,7 @@ class _Batch:
                 state.keep(name, outcomes[name])
         for name, (_, failure) in plan.failures.items():
             outcomes[name] = SessionOutcome("", failure=failure)
-        summary, tables = self._summary(plan, outcomes), (TABLE, LAYERS, BATCH_PAGE)
+        summary, tables = self._summary(plan, outcomes), (BATCH_TABLE, BATCH_LAYERS, BATCH_PAGE)
         if plan.due or plan.failures or not all((self.results / name).is_file() for name in tables):
             write_table(self.results, summary.sessions)
             write_layers(self.results, summary.sessions)

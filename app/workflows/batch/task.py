@@ -18,7 +18,7 @@ from furrowmap.core.session.opened import OpenSession
 from furrowmap.exporters.files.batch_state import Failure, SessionOutcome, Stamp
 from furrowmap.exporters.files.file_records import file_records, files_in
 from furrowmap.exporters.files.result_folder import REPORT
-from furrowmap.exporters.vectors.batch_table import FIGURES, outlines
+from furrowmap.exporters.vectors.batch_table import BATCH_FIGURES, outlines
 from furrowmap.results import Result, open_result
 from furrowmap.workflows.batch.jobs import Job, key_of, open_job
 from furrowmap.workflows.batch.places import earlier_in_store, fetch_session, put_result, scratch, store_failure
@@ -126,7 +126,7 @@ def _outcome(key: str, stamps: tuple[Stamp, ...], result: Result, opened: OpenSe
     root = opened.file.resolve().parent
     digests = {(root / record["name"]).resolve(): record["sha256"] for record in report["inputs"]}
     inputs = tuple(replace(one, sha256=digests.get(Path(one.path).resolve(), "")) for one in stamps)
-    figures = {name: report["figures"][name] for name in FIGURES if name in report["figures"]}
+    figures = {name: report["figures"][name] for name in BATCH_FIGURES if name in report["figures"]}
     figures |= {"session": report["session"]["name"], "warnings": len(report["warnings"])}
-    footprint, track = outlines(result, opened.frame)
+    footprint, track = outlines(result.layers, opened.frame)
     return SessionOutcome(key, inputs, figures=figures, footprint=footprint, track=track)

@@ -328,22 +328,20 @@ def _ground_layers(edit: FarmEdit, sessions: Sequence[KnownSession], crs: CRS) -
     stored = edit.read(PROVENANCE, ("session", "report"))
     reports = dict(zip(stored.columns["session"], map(report_of, stored.columns["report"]), strict=True))
     results = [(Path(s.folder), reports[s.session]) for s in sessions if reports.get(s.session)]
-    written = write_ground_files(path, results, crs)
+    surface, clouds = write_ground_files(path, results, crs)
     language = language_of_user()
     layers = []
-    if written.clouds is not None:
+    if clouds is not None:
         layers.append(
-            ProjectLayer(
-                CLOUDS, POINT_CLOUD, f"./{written.clouds.name}", "vpc", None, translated("Point clouds", language)
-            )
+            ProjectLayer(CLOUDS, POINT_CLOUD, f"./{clouds.name}", "vpc", None, translated("Point clouds", language))
         )
-    if written.surface is not None:
+    if surface is not None:
         style = packaged_style("dsm.qml").replace('opacity="1"', 'opacity="0.6"')  # the background shows through
         layers.append(
             ProjectLayer(
                 SURFACE,
                 RASTER,
-                f"./{written.surface.name}",
+                f"./{surface.name}",
                 "gdal",
                 style,
                 translated("Surface, the latest on top", language),

@@ -18,7 +18,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.farm.memory import FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import TRACKS
-from furrowmap.exporters.farm.traffic import Traffic, write_traffic
+from furrowmap.exporters.farm.traffic import FarmTraffic, write_traffic
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.files.provenance import Origin
@@ -213,7 +213,7 @@ def farm_traffic(
     return TrafficRaster(target, crs.to_string(), settings.cell_m, grid.columns, grid.rows, len(traffic.tracks), passes)
 
 
-def _traffic(edit: FarmEdit, wanted: set[str]) -> Traffic:
+def _traffic(edit: FarmEdit, wanted: set[str]) -> FarmTraffic:
     passes, overlaps = (
         edit.read("passes", ("session", "date")),
         edit.read("overlaps", ("session", "date", "pass_a", "pass_b")),
@@ -224,7 +224,7 @@ def _traffic(edit: FarmEdit, wanted: set[str]) -> Traffic:
     mine[1] &= again
     shapes = np.concatenate([passes.shapes[mine[0]], overlaps.shapes[mine[1]]])
     days = np.concatenate([passes.columns["date"][mine[0]], overlaps.columns["date"][mine[1]]])
-    return Traffic(shapes, days.astype("datetime64[D]"), shapely.force_2d(tracks.shapes[mine[2]]))
+    return FarmTraffic(shapes, days.astype("datetime64[D]"), shapely.force_2d(tracks.shapes[mine[2]]))
 
 
 def _of(layer: Layer, sessions: set[str]) -> NDArray[np.bool_]:

@@ -20,7 +20,7 @@ from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.scan import PointClass
-from furrowmap.exporters.cloud.chunk import Columns
+from furrowmap.exporters.cloud.chunk import ChunkColumns
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO, packaged_style, style_of
 from furrowmap.exporters.rasters.orthophoto_file import write_orthophoto
@@ -105,7 +105,7 @@ class RunColours:
         self._working.close()
         self._colours, self._maker = self._maker.finish(self._notices, progress), None
 
-    def paint(self, points: Columns, scale_m: float) -> None:
+    def paint(self, points: ChunkColumns, scale_m: float) -> None:
         """Colour points of the cloud in place; called from several threads.
 
         Args:

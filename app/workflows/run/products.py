@@ -39,7 +39,7 @@ from furrowmap.core.values.session import FeatureSearch, Session
 from furrowmap.core.values.time_span import Interval, interval_numbers
 from furrowmap.core.work.field_surfaces import REACH_M, FieldPoints
 from furrowmap.core.work.saved import save_implement
-from furrowmap.exporters.cloud.chunk import Columns
+from furrowmap.exporters.cloud.chunk import ChunkColumns
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
@@ -327,7 +327,7 @@ class RunCloud:
         # The few passes are turned into the points' time, not the many points into the passes'.
         spans = [_Span(*(float(utc_to_las_time(t_s)) for t_s in (when.begin_s, when.end_s))) for when in passes]
 
-        def mark(points: Columns) -> None:
+        def mark(points: ChunkColumns) -> None:
             ground.classify(points.x, points.y, points.z, SCALE_M, points.classification)
             if spans:
                 points.point_source_id[:] = np.minimum(interval_numbers(spans, points.gps_time), MAX_PASSES)

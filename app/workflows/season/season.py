@@ -20,7 +20,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.exchange.stac import (
     CATALOGUE,
-    Item,
+    StacItem,
     season_session_item,
     table_item,
     table_properties,
@@ -212,20 +212,20 @@ def put_catalogue(plan: SeasonPlan, parts: Parts, accounts: Accounts, target: Pa
     """Write the catalogue of a season into its staging folder."""
     sessions = [season_session_item(one.folder, dict(one.report), one.date, target) for one in plan.sessions]
     tiles = list(_tile_items(plan, parts, accounts))
-    found: dict[str, tuple[str, list[Item], Mapping[str, Any]]] = {
+    found: dict[str, tuple[str, list[StacItem], Mapping[str, Any]]] = {
         "sessions": ("Sessions", sessions, {}),
         "mosaics": ("Mosaics of each date, in tiles of one grid", tiles, {}),
     }
     for kind, title in (("points", "Points of all sessions"), ("trajectories", "Poses of all sessions")):
         if any(part.kind == kind and accounts[name]["files"] for name, part in parts.items()):
-            from furrowmap.exporters.exchange.partitions import POINT_COLUMNS, POSE_COLUMNS, table_columns
+            from furrowmap.exporters.exchange.partitions import POINT_SCHEMA, POSE_SCHEMA, table_columns
 
-            columns = table_columns(POINT_COLUMNS if kind == "points" else POSE_COLUMNS)
+            columns = table_columns(POINT_SCHEMA if kind == "points" else POSE_SCHEMA)
             found[kind] = title, list(_table_items(kind, plan, parts, accounts, columns)), table_properties(columns)
     write_season_catalogue(plan.staging, target, {key: entry for key, entry in found.items() if entry[1]})
 
 
-def _tile_items(plan: SeasonPlan, parts: Parts, accounts: Accounts) -> Iterator[Item]:
+def _tile_items(plan: SeasonPlan, parts: Parts, accounts: Accounts) -> Iterator[StacItem]:
     found: dict[tuple[dt.date, tuple[int, int]], list[tuple[Planned, Any]]] = {}
     for name, part in parts.items():
         if part.tile is not None and accounts[name]["files"]:
@@ -250,7 +250,7 @@ def _raster(plan: SeasonPlan, part: Planned, said: Any) -> tuple[str, str, list[
     return f"{part.place}/{said['files'][0][0]}", TITLES[part.kind], bands
 
 
-def _table_items(kind: str, plan: SeasonPlan, parts: Parts, accounts: Accounts, columns: object) -> Iterator[Item]:
+def _table_items(kind: str, plan: SeasonPlan, parts: Parts, accounts: Accounts, columns: object) -> Iterator[StacItem]:
     own = [(part, accounts[name]) for name, part in parts.items() if part.kind == kind and accounts[name]["files"]]
     for date, group in groupby(sorted(own, key=lambda one: one[0].date), key=lambda one: one[0].date):
         members = list(group)

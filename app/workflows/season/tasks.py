@@ -115,10 +115,10 @@ def _passes(folder: Path, crs: CRS) -> NDArray[np.object_]:
 
 
 def _write_tables(tables: SessionTables) -> PartAccount:
-    from furrowmap.exporters.exchange.partitions import POINT_COLUMNS, POSE_COLUMNS, Partition
+    from furrowmap.exporters.exchange.partitions import POINT_SCHEMA, POSE_SCHEMA, Partition
 
     is_cloud = tables.source.is_file()
-    schema = POINT_COLUMNS if is_cloud else POSE_COLUMNS
+    schema = POINT_SCHEMA if is_cloud else POSE_SCHEMA
     crs = CRS.from_wkt(tables.crs)
     with Partition(tables.out, tables.name, schema, crs, tables.origin, tables.most_rows) as partition:
         if is_cloud:

@@ -14,7 +14,7 @@ from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.scan import PointClass, Scan
-from furrowmap.exporters.cloud.chunk import Columns
+from furrowmap.exporters.cloud.chunk import ChunkColumns
 from furrowmap.workflows.run.colours import ColourFigures, RunColours
 from tests.core.images.scenes import cloud, frames_above, texture
 
@@ -22,15 +22,15 @@ ORIGIN_M = (0.0, 0.0, 0.0)
 SCALE_M = 0.001
 
 
-def columns(xyz_m: np.ndarray, classes: np.ndarray) -> Columns:
+def columns(xyz_m: np.ndarray, classes: np.ndarray) -> ChunkColumns:
     """Points as the cloud has them."""
     n = len(xyz_m)
     x, y, z = np.rint(xyz_m.T / SCALE_M).astype(np.int32)
     small = [np.zeros(n, np.uint16), np.ones(n, np.uint8), classes, np.zeros(n, np.uint16)]
-    return Columns(x, y, z, *small, np.zeros(n), np.zeros((3, n), np.uint16), np.zeros((0, n), np.uint8))
+    return ChunkColumns(x, y, z, *small, np.zeros(n), np.zeros((3, n), np.uint16), np.zeros((0, n), np.uint8))
 
 
-def coloured(frames: Frames) -> tuple[Columns, ColourFigures]:
+def coloured(frames: Frames) -> tuple[ChunkColumns, ColourFigures]:
     """Points of the ground, some of them of the vehicle, through the colours of a run."""
     ground, board = cloud()
     whole = np.concatenate([ground, board])

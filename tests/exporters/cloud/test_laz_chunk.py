@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from furrowmap.exporters.cloud.chunk import Columns, compress_points
+from furrowmap.exporters.cloud.chunk import ChunkColumns, compress_points
 
 RECORD = [
     ("x", "<i4"),
@@ -29,7 +29,7 @@ RECORD = [
 NAMES = [name for name, _ in RECORD if name not in ("flags", "user_data", "scan_angle")]
 
 
-def records(points: Columns) -> NDArray[np.void]:
+def records(points: ChunkColumns) -> NDArray[np.void]:
     """The points as LAS records."""
     colour = [("rgb", "<u2", 3)] if points.rgb is not None else []
     extra = [("extra", "u1", len(points.extra))] if len(points.extra) else []
@@ -43,12 +43,12 @@ def records(points: Columns) -> NDArray[np.void]:
     return table
 
 
-def laz(points: Columns) -> lazrs.LazVlr:
+def laz(points: ChunkColumns) -> lazrs.LazVlr:
     point_format = 6 if points.rgb is None else 7
     return lazrs.LazVlr.new_for_compression(point_format, len(points.extra), use_variable_size_chunks=True)
 
 
-def by_lazrs(points: Columns) -> bytes:
+def by_lazrs(points: ChunkColumns) -> bytes:
     """The chunk that lazrs makes of the points."""
     file = io.BytesIO()
     compressor = lazrs.LasZipCompressor(file, laz(points))
@@ -97,7 +97,7 @@ def times(draw: st.DrawFn, random: np.random.Generator, n: int) -> NDArray[np.fl
 
 
 @st.composite
-def chunks(draw: st.DrawFn, most: int = 3_000) -> Columns:
+def chunks(draw: st.DrawFn, most: int = 3_000) -> ChunkColumns:
     """Points of all kinds that a file can hold, and some that it should not."""
     n = draw(st.sampled_from([1, 2, 3, 40, 500, most]))
     random = np.random.default_rng(draw(st.integers(0, 2**32)))
@@ -109,7 +109,7 @@ def chunks(draw: st.DrawFn, most: int = 3_000) -> Columns:
     count = np.repeat(random.integers(1, 16, n), random.integers(1, 6, n))[:n] if pulses == "in order" else np.ones(n)
     number = 1 + np.arange(n) % count
     returns = (count.astype(np.int64) << 4 | number.astype(np.int64)).astype(np.uint8)
-    return Columns(
+    return ChunkColumns(
         x=column(32, np.int32),
         y=column(32, np.int32),
         z=column(32, np.int32),
@@ -125,5 +125,5 @@ def chunks(draw: st.DrawFn, most: int = 3_000) -> Columns:
 
 @settings(max_examples=150)
 @given(points=chunks())
-def test_any_chunk__is_that_of_lazrs(points: Columns) -> None:
+def test_any_chunk__is_that_of_lazrs(points: ChunkColumns) -> None:
     assert compress_points(points) == by_lazrs(points)

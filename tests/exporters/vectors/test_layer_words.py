@@ -10,8 +10,8 @@ import pytest
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.exporters.farm.styling import FARM_LABELS
 from furrowmap.exporters.files.result_folder import packaged_style
-from furrowmap.exporters.vectors.field_layers import LABELS
-from furrowmap.exporters.vectors.qgis_styles import NAMES, VALUES, with_words
+from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
+from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES, VALUES, with_words
 
 FIELDS = ("pass", "start", "end", "area_m2", "speed_mps", "zone", "kind", "of_another_program")
 
@@ -42,7 +42,7 @@ def test_style__of_another_file_than_a_run_has_no_actions() -> None:
 
 
 def test_words__are_all_in_japanese() -> None:
-    names = (LABELS, FARM_LABELS, NAMES, *VALUES.values())
+    names = (COLUMN_LABELS, FARM_LABELS, LAYER_NAMES, *VALUES.values())
     words = {word for each in names for word in each.values()}
     for word in words - {"PPP"}:
         assert re.search(r"[ぁ-ヿ一-龥]|RTK FI|RTK FL", translated(word, "ja")), word
