@@ -20,6 +20,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.farm.database import (
     BUSY_S,
     check_farm_map,
+    exclusive,
     has_table,
     is_unchanged,
     locked,
@@ -37,7 +38,6 @@ from furrowmap.exporters.farm.edit import (
     column_type,
     row_of,
 )
-from furrowmap.exporters.farm.lock import exclusive
 from furrowmap.exporters.farm.memory import DERIVED
 from furrowmap.exporters.farm.project import PROJECT, project_metadata
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS

@@ -1,4 +1,4 @@
-"""The result of a run as a farm map takes it: one session with its layers."""
+"""The results of `furrowmap run` and of `furrowmap fields` as a farm map takes them: sessions with their layers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from pyproj import CRS, Transformer
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.local_time import local_time, zone_at
-from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out
 from furrowmap.exporters.farm.memory import DERIVED, FIELDS, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.files.ogr import pyogrio
@@ -177,7 +177,8 @@ def session_result(
     hull = hull if hull.geom_type == "Polygon" else hull.buffer(1.0, quad_segs=2)
     row = {**key, "name": name, **span, "time_zone": zone.key, **facts}
     where = "Where each session took place: the hull of its trajectory and worked ground"
-    added = {**identity, "base_by": version("furrowmap"), "added": np.datetime64("now", "ms"), **provenance}
+    versions = {"furrowmap": provenance["furrowmap"], "base_by": version("furrowmap")}
+    added = {**identity, **versions, "added": np.datetime64("now", "ms"), **provenance}
     what = "The report of each session, and its session file with all defaults"
     track = geometry_array([track_of(driven)])
     own = (
@@ -274,3 +275,102 @@ def local_date(start: np.datetime64, zone: ZoneInfo) -> dt.date:
 def short_hash(value: object) -> str:
     """16 hexadecimal digits of a hash of a value that JSON can express."""
     return hashlib.sha256(json.dumps(value, ensure_ascii=False).encode("utf-8", "surrogatepass")).hexdigest()[:16]
+
+
+TASK_HEIGHTS = "not measured"
+"""Height system of positions that task data log."""
+
+
+def read_tasks(path: Path, zone: ZoneInfo | None = None) -> list[SessionResult]:
+    """Read the GeoPackage that `furrowmap fields` wrote: a result for each task.
+
+    A task is identified by its id, its name and the time at which it began.
+
+    Args:
+        zone: time zone of the dates; None for that of the place.
+
+    Raises:
+        InputError: if it is no such file, or is damaged.
+    """
+    if not path.is_file():
+        raise _no_tasks(path, "does not exist")
+    with reading_result(path):
+        names = [str(name) for name in pyogrio.list_layers(path)[:, 0]]
+        if FIELDS not in names or TRAJECTORY not in names:
+            raise _no_tasks(path, "was not written by `furrowmap fields`")
+        layers = {name: read_layer(path, name) for name in names if name != "layer_styles"}
+        if not all("task" in layer.columns for layer in layers.values()):
+            raise _no_tasks(path, "was not written by `furrowmap fields`")
+        crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
+        figures, digest = layers.pop(FIELDS), hashlib.sha256(path.read_bytes()).hexdigest()
+        results = []
+        for row in range(len(figures.shapes)):
+            task = {name: _plain(values, row) for name, values in figures.columns.items()}
+            own = {name: _of_task(layer, str(task["task"])) for name, layer in layers.items()}
+            results.append(_task_result(path.resolve(), task, own, crs, digest, zone))
+        return results
+
+
+def _task_result(
+    path: Path, task: Mapping[str, Any], layers: dict[str, Layer], crs: CRS, digest: str, zone: ZoneInfo | None
+) -> SessionResult:
+    driven = layers[TRAJECTORY]
+    recordings = short_hash(["task data", task["task"], task["task_name"], str(driven.columns["time"][0])])
+    rate, area_m2 = float(task["work_rate_ha_h"]), float(task["worked_area_m2"])
+    passes = layers.get("passes")
+    widths = passes.columns["width_m"] if passes is not None and len(passes.shapes) else np.array([np.nan])
+    facts = {
+        "worked_area_m2": _area(layers, "coverage", area_m2),
+        "worked_area_ellipsoid_m2": area_m2,
+        "worked_area_sigma_m2": float(task["worked_area_sigma_m2"]),
+        "overlap_area_m2": _area(layers, "overlaps", float(task["overlap_area_m2"])),
+        "missed_area_m2": _area(layers, "misses", float(task["missed_area_m2"])),
+        "swept_area_m2": float(task["swept_area_m2"]),
+        "worked_length_m": float(task["worked_length_m"]),
+        "work_rate_ha_h": rate,
+        "distance_m": float(np.hypot(*np.diff(shapely.get_coordinates(driven.shapes), axis=0).T).sum()),
+        "duration_s": float(driven.columns["t_s"][-1] - driven.columns["t_s"][0]),
+        "hours": area_m2 / 10_000.0 / rate if rate > 0 else float("nan"),
+        "field_name": task["field"] or None,
+        "passes": np.int64(len(passes.shapes) if passes is not None else 0),
+        "width_m": float(np.nanmax(widths)),
+        "crs": crs.to_string(),
+        "heights": TASK_HEIGHTS,
+        "coordinates": "as-recorded",
+        "folder": path.as_posix(),
+    }
+    report = json.dumps({"task_data": {k: v for k, v in task.items() if v == v}}, ensure_ascii=False)
+    return session_result(
+        layers,
+        {"session": recordings, "recordings": recordings, "digest": digest},
+        str(task["task_name"] or task["task"]),
+        crs,
+        path,
+        zone or zone_of({}, driven.shapes[0], crs),
+        facts,
+        {"furrowmap": version("furrowmap"), "report": report, "session_toml": None},
+    )
+
+
+def _area(layers: Mapping[str, Layer], name: str, otherwise: float) -> float:
+    """Area of a layer in the plane of the map, as in a run's figures; nan where the task's is unknown."""
+    layer = layers.get(name)
+    return float(np.sum(layer.columns["area_m2"])) if layer is not None and np.isfinite(otherwise) else otherwise
+
+
+def _of_task(layer: Layer, task: str) -> Layer:
+    """The features of a task, without the columns that name it."""
+    mine = layer.columns["task"] == task
+    columns = {name: values[mine] for name, values in layer.columns.items() if name not in ("task", "field")}
+    return replace(layer, shapes=layer.shapes[mine], columns=columns)
+
+
+def _plain(values: NDArray[Any], row: int) -> Any:
+    if np.ma.getmaskarray(values)[row]:
+        return None
+    value = np.ma.getdata(values)[row]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _no_tasks(path: Path, why: str) -> InputError:
+    return InputError("no-task-result", path=path, why=why)

@@ -1,9 +1,10 @@
-"""Parcels and stands as layers: heights and volumes, growth, canopy; and their tables for spreadsheets."""
+"""Parcels and stands: layers of heights, growth and canopy, their tables, and the gross parcels as a file."""
 
 from __future__ import annotations
 
 import csv
 import datetime as dt
+import io
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from importlib.util import find_spec
@@ -12,10 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
+from pyproj import CRS
 
 from furrowmap.core.crops.growth import GrownParcel, Growth
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.crops.stand import PERCENTILES, Stand
+from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.csv_cells import cell
@@ -153,3 +156,40 @@ def _cells(layer: Layer, row: int) -> dict[str, object]:
         else:
             cells[name] = cell(value.item() if isinstance(value, np.generic) else value)
     return cells
+
+
+_PLOT_SUFFIXES: Final = (".gpkg", ".geojson")
+_PLOTS: Final = "plots"
+_CORNER_DIGITS: Final = 10
+"""A hundredth of a millimetre: net parcels are computed from these corners."""
+
+
+def expect_suffix(path: Path) -> None:
+    """Raises UsageError if a file's name states neither GeoPackage nor GeoJSON."""
+    if path.suffix.lower() not in _PLOT_SUFFIXES:
+        raise UsageError("plots-format", path=path, suffixes=" or ".join(_PLOT_SUFFIXES))
+
+
+def write_parcels(path: Path, parcels: Sequence[Parcel], crs: CRS) -> None:
+    """Write the gross parcels with id, block and attributes; GeoJSON in longitude and latitude of the CRS's own datum.
+
+    Raises:
+        UsageError: if the file's name states another format.
+    """
+    import geopandas as gpd
+
+    expect_suffix(path)
+    rows = [{"id": each.id, "block": each.block, **each.attributes} for each in parcels]
+    table = gpd.GeoDataFrame(rows, geometry=[each.gross for each in parcels], crs=crs)
+    for name in ("row", "column"):
+        if name in table:
+            table[name] = table[name].astype(int)
+    with atomic_output(path) as unfinished:
+        if path.suffix.lower() == ".gpkg":
+            table.to_file(unfinished, layer=_PLOTS, driver="GPKG", engine="pyogrio")
+            return
+        base = crs.geodetic_crs or crs
+        degrees = table.to_crs(base.to_2d()).set_crs("EPSG:4326", allow_override=True)
+        content = io.BytesIO()
+        degrees.to_file(content, driver="GeoJSON", layer=_PLOTS, engine="pyogrio", COORDINATE_PRECISION=_CORNER_DIGITS)
+        unfinished.write_bytes(content.getbuffer())

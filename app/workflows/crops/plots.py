@@ -17,7 +17,7 @@ from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.core.values.plot_grid import PlotGrid
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.vectors.plots_file import expect_suffix, write_parcels
+from furrowmap.exporters.vectors.crop_layers import expect_suffix, write_parcels
 
 
 @dataclass(frozen=True)

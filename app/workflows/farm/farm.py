@@ -33,9 +33,8 @@ from furrowmap.exporters.farm.project import (
     layer_title,
     project_archive,
 )
-from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, SessionResult, drawing_order, read_result
+from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, SessionResult, drawing_order, read_result, read_tasks
 from furrowmap.exporters.farm.styling import styles
-from furrowmap.exporters.farm.task_results import read_tasks
 from furrowmap.exporters.files.qgis_project import ProjectLayer
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.field_layers import concatenate_layers

@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 from pyproj import CRS
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
-from furrowmap.exporters.farm import lock
+from furrowmap.exporters.farm import database
 from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
 from tests.exporters.farm.processes import adders, ask, ended
 from tests.exporters.farm.result_folders import coverage, write_result
@@ -346,14 +346,14 @@ def test_other_process__is_waited_for_and_refused_in_the_end(base: Path, two: Pa
     shutil.copyfile(two, base)
     waits = []
     with (
-        lock.exclusive(base, lambda *_: None),
+        database.exclusive(base, lambda *_: None),
         pytest.raises(RefusedError) as refused,
-        lock.exclusive(base, lambda *told: waits.append(told), 0.2),
+        database.exclusive(base, lambda *told: waits.append(told), 0.2),
     ):
         pytest.fail("two have the base at once")
     assert refused.value.code == "base-busy"
     assert waits
-    with lock.exclusive(base, lambda *_: None):
+    with database.exclusive(base, lambda *_: None):
         pass
     assert [path.name for path in base.parent.iterdir()] == ["farm.gpkg"]
 
