@@ -48,10 +48,6 @@ class Estimate:
     low: float
     high: float
 
-    def holds(self, value: float) -> bool:
-        """Whether a value lies in the interval."""
-        return self.low <= value <= self.high
-
 
 @dataclass(frozen=True)
 class Logistic:

@@ -70,6 +70,7 @@ def stand_of(
     tops = np.where(tops > ground_m, tops, 0.0)
     known = len(height_m) > 0
     area = len(tops) * pixel_m2
+    layer = np.clip(np.floor(height_m / layer_m), 0, MAX_LAYERS - 1).astype(np.intp)
     return Stand(
         id=name,
         area_m2=area,
@@ -84,13 +85,5 @@ def stand_of(
         max_height_m=float(plants.max()) if len(plants) else math.nan,
         top_height_m=float(tops.mean()) if known else math.nan,
         top_sd_m=float(tops.std()) if known else math.nan,
-        profile=_profile(height_m, layer_m),
+        profile=tuple((np.bincount(layer) / len(height_m)).tolist()) if known else (),
     )
-
-
-def _profile(height_m: FloatArray, layer_m: float) -> tuple[float, ...]:
-    """Share of the returns by layer."""
-    if not len(height_m):
-        return ()
-    layer = np.clip(np.floor(height_m / layer_m), 0, MAX_LAYERS - 1).astype(np.intp)
-    return tuple((np.bincount(layer) / len(height_m)).tolist())

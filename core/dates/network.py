@@ -75,7 +75,11 @@ def adjust_network(ties: Mapping[tuple[int, int], PairTie], prior: FloatArray) -
         scale = np.sqrt(np.diag(normal))
         covariance = np.linalg.inv(normal / np.outer(scale, scale)) / np.outer(scale, scale)
         moves = (covariance @ right).reshape(n, MOVE_SIZE)
-        tension = {pair: _tension(tie, moves[pair[1]] - moves[pair[0]]) for pair, tie in ties.items()}
+        tension = {}
+        for (one, other), tie in ties.items():
+            off = tie.move - (moves[other] - moves[one])
+            freedom = max(int(np.linalg.matrix_rank(tie.information, hermitian=True)), 1)
+            tension[one, other] = math.sqrt(max(float(off @ tie.information @ off), 0.0) / freedom)
         weights = {pair: float(huber_weight(np.array([value]))[0]) for pair, value in tension.items()}
     first, second = (np.array([pair[k] for pair in ties], np.intp) for k in (0, 1))
     _, group = connected_components(coo_matrix((np.ones(len(ties)), (first, second)), (n, n)), directed=False)
@@ -85,12 +89,6 @@ def adjust_network(ties: Mapping[tuple[int, int], PairTie], prior: FloatArray) -
 def _sharing(pair: tuple[int, int], ties: Mapping[tuple[int, int], PairTie], n: int) -> int:
     """How many dates are tied with both of a pair, these included."""
     return 2 + sum(all((min(a, k), max(a, k)) in ties for a in pair) for k in range(n) if k not in pair)
-
-
-def _tension(tie: PairTie, move: FloatArray) -> float:
-    off = tie.move - move
-    freedom = max(int(np.linalg.matrix_rank(tie.information, hermitian=True)), 1)
-    return math.sqrt(max(float(off @ tie.information @ off), 0.0) / freedom)
 
 
 def interpolate_left_error(

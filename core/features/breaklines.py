@@ -106,7 +106,11 @@ def break_points(xyz_m: FloatArray) -> BreakPoints:
         gaussian_filter(rough, SMOOTH_CELLS, order, mode="nearest") / BREAK_CELL_M**2
         for order in ((2, 0), (1, 1), (0, 2))
     )
-    curvature, across = _principal(xx, xy, yy)
+    # the eigenvalue of greatest magnitude, and its unit vector
+    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
+    curvature = np.where(mean >= 0.0, mean + half, mean - half)
+    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy) + np.where(mean >= 0.0, 0.0, 0.5 * np.pi)
+    across = np.array([np.cos(angle), np.sin(angle)])
     column, row = np.nonzero(binary_dilation(known) & (np.abs(curvature) >= MIN_CURVATURE))
     at, way = np.array([column, row]), across[:, column, row]
     own = curvature[column, row]
@@ -170,11 +174,3 @@ def _longest_path(tree: Any) -> IntArray:
     while path[-1] != first:
         path.append(int(before[path[-1]]))
     return np.array(path, np.int64)
-
-
-def _principal(xx: FloatArray, xy: FloatArray, yy: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The eigenvalue of greatest magnitude of symmetric matrices, and its unit vector (2, …)."""
-    mean, half = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy)
-    value = np.where(mean >= 0.0, mean + half, mean - half)
-    angle = 0.5 * np.arctan2(2.0 * xy, xx - yy) + np.where(mean >= 0.0, 0.0, 0.5 * np.pi)
-    return value, np.array([np.cos(angle), np.sin(angle)])

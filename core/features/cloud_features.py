@@ -20,7 +20,6 @@ from furrowmap.core.features.objects import (
     PlanePiece,
     ground_lines,
     join_lines,
-    join_planes,
     line_objects,
     outline_plane,
     plane_foot,
@@ -78,10 +77,6 @@ class FoundFeatures:
             getattr(self, name).extend(getattr(other, name))
         self.points += other.points
 
-    def joined_planes(self) -> list[PlanePiece]:
-        """Planes without the borders of tiles, the largest first."""
-        return join_planes(self.planes)
-
     def all_lines(self, planes: list[PlanePiece]) -> list[LineObject]:
         """Poles, wires, fences, the feet of the vertical planes among the planes, and lines in the ground."""
         stand = [plane_foot(plane, "fence" if plane.is_open else "wall") for plane in planes if plane.vertical]
@@ -95,21 +90,8 @@ class FoundFeatures:
         return Plants(*(np.concatenate([getattr(each, name) for each in self.plants]) for name in vars(Plants.none())))
 
 
-@dataclass(frozen=True)
-class Density:
-    """Density of clouds.
-
-    Attributes:
-        cell_m: of voxels that fit the spacing of the points.
-        classified: whether the files classify ground.
-    """
-
-    cell_m: float
-    classified: bool
-
-
-def measure_density(clouds: Clouds, box: Box | None = None, progress: Progress = silent) -> Density:
-    """Spacing of the points of clouds, and whether their ground is classified."""
+def measure_density(clouds: Clouds, box: Box | None = None, progress: Progress = silent) -> tuple[float, bool]:
+    """Side in m of voxels that fit the spacing of the points of clouds, and whether the files classify ground."""
     total = max(clouds.points, 1)
     covered = np.zeros(0, np.int64)
     count = ground = 0
@@ -119,7 +101,7 @@ def measure_density(clouds: Clouds, box: Box | None = None, progress: Progress =
         ground += int(np.count_nonzero(batch.ground))
     spacing = math.sqrt(len(covered) * DENSITY_CELL_M**2 / max(count, 1))
     cell = float(np.clip(math.ceil(spacing * 100.0) / 100.0, *VOXEL_RANGE_M))
-    return Density(cell, ground > CLASSED_SHARE * max(count, 1))
+    return cell, ground > CLASSED_SHARE * max(count, 1)
 
 
 def classify_features(

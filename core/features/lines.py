@@ -84,7 +84,13 @@ def find_lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, 
     label_of[near.order] = label
     of_line = np.full(len(xyz_m), -1, np.int64)
     of_line[linear] = label_of
-    _absorb(xyz_m, linear, label_of, direction, axis_m, of_line)
+    # voxels on the axis of a line, though their own neighbourhood is no line, as where two lines cross
+    near = sort_into_columns(xyz_m[linear], 3.0 * axis_m)
+    rest = np.flatnonzero(of_line < 0)
+    along = direction[linear][near.order].astype(np.float64)
+    places = xyz_m[rest] - near.corner_m
+    nearest = _nearest_axis(places, near.xyz_m, near.starts, near.side_m, *near.across, along, axis_m)
+    of_line[rest[nearest >= 0]] = label_of[near.order][nearest[nearest >= 0]]
     every = sort_into_columns(xyz_m, max(LINE_SURROUNDINGS_M, 4.0 * cell_m))
     calm = np.zeros(len(xyz_m), bool)
     calm[linear] = True
@@ -108,20 +114,6 @@ def _long_lines(xyz_m: FloatArray, of_line: IntArray) -> Iterator[tuple[int, Int
     kept = (end - begin >= 4) & (np.linalg.norm(across, axis=1) >= MIN_LINE_LENGTH_M)
     for first, last in zip(begin[kept].tolist(), end[kept].tolist(), strict=True):
         yield int(of_line[order[first]]), order[first:last]
-
-
-def _absorb(
-    xyz_m: FloatArray, linear: IntArray, label: IntArray, direction: FloatArray, axis_m: float, of_line: IntArray
-) -> None:
-    """Give voxels on the axis of a line to it, though their own neighbourhood is no line, as where two lines cross."""
-    near = sort_into_columns(xyz_m[linear], 3.0 * axis_m)
-    rest = np.flatnonzero(of_line < 0)
-    nearest = _nearest_axis(
-        xyz_m[rest] - near.corner_m, near.xyz_m, near.starts, near.side_m, *near.across,
-        direction[linear][near.order].astype(np.float64), axis_m,
-    )  # fmt: skip
-    taken = nearest >= 0
-    of_line[rest[taken]] = label[near.order][nearest[taken]]
 
 
 def _fit_line(

@@ -104,15 +104,16 @@ class NeighbourStatistics:
         """Which distances (n,) exceed the limit at their points (n, 2 or 3)."""
         near = np.isfinite(mean_m)
         squares, number = self._squares(xy_m[near])
+        limits_m = np.empty(len(squares))
+        for k, (column, row) in enumerate(squares):
+            around = ((column + i, row + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
+            count, total, of_squares = sum((self._sums[key] for key in around if key in self._sums), np.zeros(3))
+            usual_m = total / count
+            sigma_m = np.sqrt(max(0.0, of_squares / count - usual_m * usual_m))
+            limits_m[k] = usual_m + MAX_DISTANCE_SIGMAS * sigma_m
         out = ~near
-        out[near] = ~(mean_m[near] <= np.array([self._limit_m(square) for square in squares])[number])
+        out[near] = ~(mean_m[near] <= limits_m[number])
         return out
-
-    def _limit_m(self, square: tuple[float, float]) -> float:
-        around = ((square[0] + i, square[1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1))
-        count, total, of_squares = sum((self._sums[key] for key in around if key in self._sums), np.zeros(3))
-        mean_m = total / count
-        return float(mean_m + MAX_DISTANCE_SIGMAS * np.sqrt(max(0.0, of_squares / count - mean_m * mean_m)))
 
     @staticmethod
     def _squares(xy_m: FloatArray) -> tuple[list[tuple[float, float]], NDArray[np.intp]]:

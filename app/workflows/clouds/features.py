@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from furrowmap.core.features.classes import Feature
 from furrowmap.core.features.cloud_features import VOXEL_RANGE_M, FoundFeatures, classify_features, measure_density
+from furrowmap.core.features.objects import join_planes
 from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, open_clouds
@@ -75,13 +76,13 @@ def _write(clouds: Clouds, staging: Path, settings: FeatureSettings, progress: P
     box, far = box_in(clouds, settings.box, optional_crs(settings.box_crs)), tuple[Notice, ...]()
     if box is None:
         box, far = near_box(clouds, progress)
-    spacing = measure_density(clouds, box, progress)
+    fitting_m, classified = measure_density(clouds, box, progress)
     method = settings.ground
     if method == "auto":
-        method = "class" if spacing.classified else "smrf"
-    if method == "class" and not spacing.classified:
+        method = "class" if classified else "smrf"
+    if method == "class" and not classified:
         raise InputError("no-ground-class")
-    cell_m = settings.cell_m or spacing.cell_m
+    cell_m = settings.cell_m or fitting_m
     cleaning = Cleaning(box, every=settings.every, ground="none" if method == "class" else method)
     inputs = input_records(clouds, progress)
     parameters = {
@@ -97,7 +98,7 @@ def _write(clouds: Clouds, staging: Path, settings: FeatureSettings, progress: P
         summary, lost = write_records(clouds, points, staging / CLOUD, box, origin, progress)
     figures = _write_layers(staging, clouds, found, inputs, parameters)
     notices = [notice for survey in surveys for notice in survey.notices()]
-    sparse = sparse_notices(spacing.cell_m)
+    sparse = sparse_notices(fitting_m)
     return {
         "furrowmap": version("furrowmap"),
         "inputs": input_rows(clouds, inputs),
@@ -129,7 +130,7 @@ def _write_layers(
 
 def found_layers(found: FoundFeatures) -> tuple[list[Layer], dict[str, int]]:
     """The layers of features, and the numbers of what they hold."""
-    joined = found.joined_planes()
+    joined = join_planes(found.planes)
     lines, plants = found.all_lines(joined), found.all_plants()
     planes = [plane for plane in joined if not plane.is_open]
     kinds = [line.kind for line in lines]

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from furrowmap.core.crops.growth import Growth, growth_of
 from furrowmap.core.crops.logistic import Logistic
-from furrowmap.core.crops.response import Response, dose_name, dose_unit, fit_response, parcel_doses
+from furrowmap.core.crops.response import (
+    Response,
+    Variance,
+    analysis_of_variance,
+    dose_name,
+    dose_unit,
+    fit_response,
+    parcel_doses,
+)
 from furrowmap.core.crops.trial_tables import (
     MEASURE,
     TREATMENT,
@@ -26,7 +34,6 @@ from furrowmap.core.crops.trial_tables import (
     read_treatments,
     with_treatments,
 )
-from furrowmap.core.crops.variance import Variance, analysis_of_variance
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.values.parcel import Parcel

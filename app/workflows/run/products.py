@@ -243,9 +243,9 @@ def run_features(cloud: Path, stated: FeatureSearch, progress: Progress) -> RunF
     box, far = box_in(clouds, None, None), tuple[Notice, ...]()
     if box is None:
         box, far = near_box(clouds, progress)
-    spacing = measure_density(clouds, box, progress)
-    ground = stated.ground or ("class" if spacing.classified else "smrf")
-    cell_m = stated.voxel_m or spacing.cell_m
+    fitting_m, classified = measure_density(clouds, box, progress)
+    ground = stated.ground or ("class" if classified else "smrf")
+    cell_m = stated.voxel_m or fitting_m
     found = FoundFeatures()
     cleaning = Cleaning(box, ground="none" if ground == "class" else ground)
     with closing(classify_features(clouds, cleaning, cell_m, cloud.parent, found, progress=progress)) as points:
@@ -253,7 +253,7 @@ def run_features(cloud: Path, stated: FeatureSearch, progress: Progress) -> RunF
             pass
     layers, figures = found_layers(found)
     account = {"parameters": {"ground": ground, "voxel_m": cell_m}, "figures": figures}
-    return RunFeatures(layers, account, (*far, *sparse_notices(spacing.cell_m)))
+    return RunFeatures(layers, account, (*far, *sparse_notices(fitting_m)))
 
 
 def session_text(session: Session, session_file: str) -> str:

@@ -12,6 +12,7 @@ import pytest
 
 from furrowmap.core.features import cloud_features
 from furrowmap.core.features.cloud_features import FoundFeatures, classify_features
+from furrowmap.core.features.objects import join_planes
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import open_clouds
 
@@ -56,7 +57,7 @@ def test_lines_and_planes__across_tiles_are_one_each(
     for _ in classify_features(open_clouds([cloud], None, None), Cleaning(), CELL_M, tmp_path, found):
         tiles += 1
     assert tiles >= 5
-    planes = found.joined_planes()
+    planes = join_planes(found.planes)
     lines = found.all_lines(planes)
     walls = [plane for plane in planes if plane.vertical and not plane.is_open]
     assert len(walls) == 1
