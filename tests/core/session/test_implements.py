@@ -122,6 +122,9 @@ def test_tools_in_one_place__are_noticed() -> None:
         assert bool(texts) == expected
         assert all("seeder and rear tiller" in text for text in texts)
         assert any(notice.text.startswith("rear tiller: ") for notice in found.notices)
+        assert [notice.code for notice in found.notices].count(
+            "machine-not-known"
+        ) == 1  # of the vehicle, not of a tool
 
 
 @pytest.mark.parametrize("place", ["[1" + 400 * "0" + ", 0]", "[nan, 0.0]", '["3", 0]', "[]", "3.0"])

@@ -1,0 +1,30 @@
+"""`furrowmap explain` as it is typed."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from furrowmap.cli.main import command_line
+from furrowmap.core.runtime.languages.messages import templates
+
+
+def test_explain__every_code_has_a_message_in_both_languages(capsys: pytest.CaptureFixture[str]) -> None:
+    codes = sorted({key.partition(".")[0] for key in templates("en")})
+    for code in codes[:: len(codes) // 20]:
+        texts = []
+        for language in ("en", "ja"):
+            assert command_line(["explain", code, "--json", "--lang", language]) == 0
+            answer = json.loads(capsys.readouterr().out)
+            assert answer["code"] == code
+            texts.append("".join(part for message in answer["messages"] for part in message.values()))
+        english, japanese = texts
+        assert english.isprintable()
+        assert not japanese.isascii(), code
+        assert "{" not in japanese
+
+
+def test_explain__an_unknown_code_names_those_like_it(capsys: pytest.CaptureFixture[str]) -> None:
+    assert command_line(["explain", "clock-ofset"]) == 2
+    assert "Did you mean clock-offset" in capsys.readouterr().err
