@@ -14,7 +14,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from furrowmap.core.crops.soil import SoilCells, least_squares, plane_design
-from furrowmap.core.dates.pair_tie import LEVEL, MOVE_NAMES, PairTie
+from furrowmap.core.dates.pair_tie import LEVEL_TERMS, MOVE_NAMES, PairTie
 from furrowmap.core.estimation.banded import huber_weight
 
 FloatArray = NDArray[np.float64]
@@ -112,11 +112,11 @@ def interpolate_left_error(
     places = xy_m[:: max(1, len(xy_m) // MAX_PLACES)]
     design = plane_design(places, middle_m)
     mean = design.mean(axis=0)
-    variance = float(mean @ covariance[np.ix_(LEVEL, LEVEL)] @ mean)
+    variance = float(mean @ covariance[np.ix_(LEVEL_TERMS, LEVEL_TERMS)] @ mean)
     if tie is None:
         return 0.0, math.sqrt(variance)
     at_cells = plane_design(tie.departures.xy_m, middle_m)
-    moved = at_cells @ (move[LEVEL] - tie.move[LEVEL])
+    moved = at_cells @ (move[LEVEL_TERMS] - tie.move[LEVEL_TERMS])
     cells = SoilCells(tie.departures.xy_m, tie.departures.height_m + moved, tie.departures.sigma_m)
     plane, of_plane, factor = least_squares(cells, tie.departure, at_cells)
     near = tie.departure.between(places, cells.xy_m).mean(axis=0)

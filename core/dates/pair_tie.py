@@ -18,8 +18,8 @@ FloatArray = NDArray[np.float64]
 
 MOVE_NAMES: Final = ("east_m", "north_m", "height_m", "tilt_east", "tilt_north", "turn_rad")
 """What moves a surface: east, north and up; its rise per metre east and north; counter-clockwise turn."""
-LEVEL: Final = np.array([2, 3, 4])
-PLACE: Final = np.array([0, 1, 5])
+LEVEL_TERMS: Final = np.array([2, 3, 4])
+PLACE_TERMS: Final = np.array([0, 1, 5])
 MIN_TIE_PATCHES: Final = 12
 TREND_PATCHES: Final = 600
 RELIEF_PATCHES: Final = 300
@@ -176,9 +176,9 @@ def _complete_tie(found: DifferencePatches, middle_m: FloatArray, place: FloatAr
     covariance = spread @ spread.T
     departures = SoilCells(cells.xy_m, cells.height_m - design @ trend, cells.sigma_m)
     move, information = np.zeros(6), np.zeros((6, 6))
-    move[LEVEL], move[PLACE] = -trend, place
-    information[np.ix_(LEVEL, LEVEL)] = np.linalg.inv(covariance)
-    information[np.ix_(PLACE, PLACE)] = of_place
+    move[LEVEL_TERMS], move[PLACE_TERMS] = -trend, place
+    information[np.ix_(LEVEL_TERMS, LEVEL_TERMS)] = np.linalg.inv(covariance)
+    information[np.ix_(PLACE_TERMS, PLACE_TERMS)] = of_place
     scatter = math.sqrt(float(np.median(found.variance_m2)))
     return PairTie(move, information, int(found.count.sum()), len(found), departures, departure, scatter)
 
@@ -204,8 +204,8 @@ def tie_points(xy_m: FloatArray, above_m: FloatArray, sigma_m: FloatArray, middl
     inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-9, hermitian=True)
     trend = inverse @ (design.T @ (weight * above_m) / scale) / scale
     move, information = np.zeros(6), np.zeros((6, 6))
-    move[LEVEL] = -trend
-    information[np.ix_(LEVEL, LEVEL)] = normal
+    move[LEVEL_TERMS] = -trend
+    information[np.ix_(LEVEL_TERMS, LEVEL_TERMS)] = normal
     departures = SoilCells(xy_m, above_m - design @ trend, sigma_m)
     none, sigma = HeightCovariance(0.0, 1.0, 0.0), float(np.median(sigma_m))
     return PairTie(move, information, len(above_m), len(above_m), departures, none, sigma)

@@ -51,7 +51,7 @@ THING_M: Final = 8.0
 """Pieces of a face within squares of this side share an error."""
 SHARED_M: Final = 0.005
 """Standard deviation of that: the slow error of receivers during a session."""
-MIN_WALL_SIGMA_M: Final = 0.003
+MIN_PLACE_SIGMA_M: Final = 0.003
 """Standard deviation of a shift in place at least, however much stands."""
 _PIXEL_M: Final = 0.1
 
@@ -257,7 +257,7 @@ def _solve_move(found: _Matches, place: FloatArray, middle_m: FloatArray) -> Upr
     place = scale * (np.linalg.pinv(normal, rcond=1e-6, hermitian=True) @ right)
     normal /= max(float(np.mean(away[kept] ** 2)) if kept.any() else 1.0, 1.0)
     # a floor under the standard deviations, though some directions may not be seen (Woodbury)
-    normal -= normal @ np.linalg.inv(normal + np.eye(3) / MIN_WALL_SIGMA_M**2) @ normal
+    normal -= normal @ np.linalg.inv(normal + np.eye(3) / MIN_PLACE_SIGMA_M**2) @ normal
     return UprightTie(place, normal / np.outer(scale, scale), used, moved)
 
 

@@ -23,7 +23,7 @@ SPOOL_TILE: Final = 256
 """Cells a side, so that a cell index has 16 bits."""
 HELD: Final = 1 << 20
 """Points collected in memory before they are sorted and written, while as many others are collected."""
-SPOOLED_POINT: Final = np.dtype([("cell", "<u2"), ("height_m", "<f4"), ("t_s", "<f4")])
+TILE_RECORD: Final = np.dtype([("cell", "<u2"), ("height_m", "<f4"), ("t_s", "<f4")])
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class PointSpool:
     def __init__(self, cell_m: float, base_m: float = 0.0, folder: Path | None = None) -> None:
         Grid(cell_m, 0, 0, (1, 1))  # raises on a bad cell size
         self.cell_m, self.base_m = cell_m, base_m
-        self._records = RecordSpool(SPOOLED_POINT, folder)
+        self._records = RecordSpool(TILE_RECORD, folder)
         self._points, self._others = _buffers(), _buffers()
         self._writer = ThreadPoolExecutor(1)
         self._written: Future[None] | None = None
@@ -231,7 +231,7 @@ def bounds(tiles):  # type: ignore[no-untyped-def]
     return low, high
 
 
-_RECORDS: Final = numba.from_dtype(SPOOLED_POINT)[::1]
+_RECORDS: Final = numba.from_dtype(TILE_RECORD)[::1]
 
 
 @numba.njit(
@@ -253,7 +253,7 @@ def sort_by_tile(tiles, cells, heights, times, low, columns, rows):  # type: ign
     for k in range(columns * rows):
         starts[k + 1] += starts[k]
     place = starts.copy()
-    out = np.empty(n, SPOOLED_POINT)
+    out = np.empty(n, TILE_RECORD)
     for i in range(n):
         record = out[place[tile[i]]]
         place[tile[i]] += 1

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.checking.surface_at_points import surface_at_points
-from furrowmap.core.dates.pair_tie import PLACE, PairTie, tie_pair, tie_points
+from furrowmap.core.dates.pair_tie import PLACE_TERMS, PairTie, tie_pair, tie_points
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.surfaces.grid import Grid
@@ -87,7 +87,7 @@ def reference_tie(
     """
     if reference.surface is not None:
         pieces = list(ground_pairs(reference.surface, before, touched))
-        return tie_pair(pieces, middle_m, date.sigma[PLACE])
+        return tie_pair(pieces, middle_m, date.sigma[PLACE_TERMS])
     options = SurveyOptions(sigma_m=reference.sigma_m)
     found = surface_at_points(date.before.path, reference.path, options)
     xyz = np.array([point.surveyed_m for point in found.points])

@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.dates.moved_surface import move_places
 from furrowmap.core.dates.network import MOVE_SIZE, Network, adjust_network, interpolate_left_error
-from furrowmap.core.dates.pair_tie import PLACE, PairTie, tie_pair
+from furrowmap.core.dates.pair_tie import PLACE_TERMS, PairTie, tie_pair
 from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
@@ -182,7 +182,7 @@ def _find_ties(work: _Work, progress: Progress) -> None:
         progress("tying dates", number / max(len(pairs), 1))
         touched = union_shapes([date.touched for date in dates[i:j]])
         pieces = list(ground_pairs(work.surfaces[i][1], work.surfaces[j][1], touched))
-        sigma = np.hypot(dates[i].sigma, dates[j].sigma)[PLACE]
+        sigma = np.hypot(dates[i].sigma, dates[j].sigma)[PLACE_TERMS]
         standing = tie_uprights(
             off_touched_ground(touched, work.upright[i]),
             off_touched_ground(touched, work.upright[j]),

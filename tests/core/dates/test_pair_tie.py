@@ -11,7 +11,7 @@ from furrowmap.core.crops.soil import HeightCovariance, SoilCells
 from furrowmap.core.dates.ground_pair import GroundPair
 from furrowmap.core.dates.moved_surface import move_surface
 from furrowmap.core.dates.network import adjust_network, interpolate_left_error
-from furrowmap.core.dates.pair_tie import LEVEL, PLACE, PairTie, tie_pair, tie_points
+from furrowmap.core.dates.pair_tie import LEVEL_TERMS, PLACE_TERMS, PairTie, tie_pair, tie_points
 from furrowmap.core.surfaces.grid import Grid
 
 CELL_M, SIDE = 0.05, 240
@@ -71,8 +71,8 @@ def test_pair_tie__standard_deviations_hold_where_surfaces_bend() -> None:
         one, other = measured(relief, np.zeros(6), rng, 0.002), measured(relief, np.zeros(6), rng, 0.002)
         tie = tie_pair(of(one[::1], other), MIDDLE_M, PLACE_SIGMA)
         assert tie is not None
-        covariance = np.linalg.inv(tie.information[np.ix_(LEVEL, LEVEL)])
-        ratios.append(tie.move[LEVEL] / np.sqrt(np.diag(covariance)))
+        covariance = np.linalg.inv(tie.information[np.ix_(LEVEL_TERMS, LEVEL_TERMS)])
+        ratios.append(tie.move[LEVEL_TERMS] / np.sqrt(np.diag(covariance)))
     assert 0.5 < float(np.sqrt(np.mean(np.square(ratios)))) < 1.7
 
 
@@ -90,7 +90,7 @@ def test_pair_tie__of_smooth_ground_leaves_the_place_to_the_positions() -> None:
     tie = tie_pair(of(one, other + np.float32(0.02)), MIDDLE_M, PLACE_SIGMA)
     assert tie is not None
     assert tie.move[2] == pytest.approx(-0.02, abs=1e-3)
-    assert np.linalg.matrix_rank(tie.information[np.ix_(PLACE, PLACE)]) < 3
+    assert np.linalg.matrix_rank(tie.information[np.ix_(PLACE_TERMS, PLACE_TERMS)]) < 3
     assert np.abs(tie.move[:2]).max() < 3 * 0.03
 
 
@@ -108,9 +108,9 @@ def test_pair_tie__a_dozen_patches_of_one_relief_show_a_shift(side_m: tuple[int,
     tie = tie_pair([pair], np.array([0.5 * side_m[1], 0.5 * side_m[0]]), np.array([0.5, 0.5, 0.05]))
     assert tie is not None
     assert tie.patches == side_m[0] * side_m[1]
-    assert tie.move[PLACE] == pytest.approx([0.02, -0.03, 0.0], abs=1e-3)
+    assert tie.move[PLACE_TERMS] == pytest.approx([0.02, -0.03, 0.0], abs=1e-3)
     # What is left are the cells: a millimetre in place, and as much at the farthest patch for the turn.
-    sigma = np.sqrt(np.diag(np.linalg.inv(tie.information[np.ix_(PLACE, PLACE)])))
+    sigma = np.sqrt(np.diag(np.linalg.inv(tie.information[np.ix_(PLACE_TERMS, PLACE_TERMS)])))
     assert sigma == pytest.approx([1e-3, 1e-3, 1e-3 / farthest_m], rel=0.05)
 
 
@@ -150,7 +150,7 @@ def test_points_tie__gives_height_by_one_point_and_tilt_by_three() -> None:
     above = 0.03 + 1e-3 * (xy[:, 0] - MIDDLE_M[0])
     tie = tie_points(xy, above, np.full(4, 0.01), MIDDLE_M)
     assert tie is not None
-    assert tie.move[LEVEL] == pytest.approx([-0.03, -1e-3, 0.0], abs=1e-9)
+    assert tie.move[LEVEL_TERMS] == pytest.approx([-0.03, -1e-3, 0.0], abs=1e-9)
     one = tie_points(xy[:1], above[:1], np.full(1, 0.01), MIDDLE_M)
     assert one is not None
     net = adjust_network({(0, 1): one}, np.array([np.full(6, 1e-4), [0.01, 0.01, 0.04, 1e-4, 1e-4, 1e-3]]))

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from furrowmap.core.dates.ground_pair import GroundPair
-from furrowmap.core.dates.pair_tie import PLACE, tie_pair
+from furrowmap.core.dates.pair_tie import PLACE_TERMS, tie_pair
 from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights
 
 FloatArray = NDArray[np.float64]
@@ -92,8 +92,8 @@ def test_pair_tie__of_smooth_ground_has_its_place_from_walls_unless_the_relief_c
     smooth = (0.003 * rng.standard_normal((2, 240, 240))).astype(np.float32)
     tie = tie_pair([GroundPair(14.0, 26.0, 0.05, smooth[0], smooth[1])], MIDDLE_M, SIGMA, things)
     assert tie is not None
-    assert tie.move[PLACE] == pytest.approx(move, abs=6e-3)
-    assert np.sqrt(np.diag(np.linalg.inv(tie.information))[PLACE]).max() < 0.008
+    assert tie.move[PLACE_TERMS] == pytest.approx(move, abs=6e-3)
+    assert np.sqrt(np.diag(np.linalg.inv(tie.information))[PLACE_TERMS]).max() < 0.008
     clods = 0.01 * np.repeat(np.repeat(rng.standard_normal((60, 60)), 4, 0), 4, 1).astype(np.float32)
     relief = tie_pair([GroundPair(14.0, 26.0, 0.05, clods + smooth[0], clods + smooth[1])], MIDDLE_M, SIGMA, things)
     assert relief is not None
