@@ -1,0 +1,61 @@
+"""Fields of settings are options: described once, and set by what the command line is given."""
+
+from __future__ import annotations
+
+import datetime as dt
+import inspect
+from dataclasses import is_dataclass
+from typing import Any
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from furrowmap import settings
+from furrowmap.cli.options import settings_options
+from furrowmap.core.runtime.options import options_of
+from furrowmap.core.values.plot_grid import PlotGrid
+
+CLASSES = [one for _, one in inspect.getmembers(settings, is_dataclass)] + [PlotGrid]
+
+
+def given(kind: type, *arguments: str) -> Any:
+    """The settings that a command gets."""
+
+    @click.command()
+    @settings_options(kind)
+    def command(settings: Any) -> None:
+        found.append(settings)
+
+    found: list[Any] = []
+    done = CliRunner().invoke(command, arguments, catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return found[0]
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+def test_options__have_a_help_and_names_of_their_own(kind: type) -> None:
+    options = options_of(kind).values()
+    assert len({option.name for option in options}) == len(options) > 0
+    assert [option.name for option in options if not option.help.endswith(".")] == []
+
+
+@pytest.mark.parametrize("kind", [one for one in CLASSES if one not in (PlotGrid, settings.CanopySettings)])
+def test_options__that_are_not_given_leave_the_defaults(kind: type) -> None:
+    assert given(kind) == kind()
+
+
+def test_options__set_their_fields() -> None:
+    assert given(settings.SurfaceSettings, "--bbox", "1,2,3,4", "--class", "2,9", "--fill", "0.5") == (
+        settings.SurfaceSettings(box=(1.0, 2.0, 3.0, 4.0), classes=frozenset({2, 9}), fill_m=0.5)
+    )
+    assert given(settings.TrafficSettings, "--since", "2026-06-11") == settings.TrafficSettings(
+        since=dt.date(2026, 6, 11)
+    )
+    assert given(settings.EvaluationSettings, "--reference-fix", "fixed").fixed_reference_only
+    assert given(settings.GrowthSettings, "--day", "2026-06-11", "--day", "2026-06-18").days == (
+        "2026-06-11",
+        "2026-06-18",
+    )
+    grid = given(PlotGrid, "--rows", "2", "--columns", "3", "--width", "1.5", "--blocks", "rows")
+    assert grid == PlotGrid(2, 3, None, 1.5, serpentine=True, block="rows")
