@@ -42,9 +42,9 @@ _SIGMA_COLUMNS: Final = (
     "sigma_heading_deg",
 )
 _UNKNOWN_SIGMA: Final = np.array([0.05, 0.05, 0.1, 5e-3, 5e-3, 1e-2])
-HEIGHTS: Final = 1
-SPREADS: Final = 3
-STANDARD_ERRORS: Final = 4
+HEIGHT_INDEX: Final = 1
+SPREAD_INDEX: Final = 3
+ERROR_INDEX: Final = 4
 """Bands of a surface's file, as :data:`~furrowmap.exporters.rasters.cog.SURFACE_BANDS`."""
 
 
@@ -119,7 +119,7 @@ class OpenSurface:
     raster: Any
     grid: Grid
 
-    def read(self, part: Grid, band: int = HEIGHTS) -> Float32Array:
+    def read(self, part: Grid, band: int = HEIGHT_INDEX) -> Float32Array:
         """A band on the cells of `part`: nan beside the raster, and everywhere where the file has no such band.
 
         Raises:

@@ -18,7 +18,7 @@ from furrowmap.core.dates.moved_surface import move_surface, reach_cells
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import CHANGE_BANDS, HEIGHT_BAND, STANDARD_ERROR_BAND, cog_output
-from furrowmap.exporters.rasters.dated_surface import SPREADS, STANDARD_ERRORS, OpenSurface, cells_inside
+from furrowmap.exporters.rasters.dated_surface import ERROR_INDEX, SPREAD_INDEX, OpenSurface, cells_inside
 from furrowmap.exporters.rasters.windows import shared_cells, windows
 
 FloatArray = NDArray[np.float64]
@@ -87,7 +87,7 @@ def write_moved(path: Path, mover: Mover, grid: Grid, crs: CRS, origin: Origin) 
     """
     with cog_output(path, grid, crs, (HEIGHT_BAND, STANDARD_ERROR_BAND), origin) as put:
         for part, _ in windows(grid, 0):
-            put(part, (mover.heights(part), mover.surface.read(part, STANDARD_ERRORS)))
+            put(part, (mover.heights(part), mover.surface.read(part, ERROR_INDEX)))
 
 
 @dataclass(frozen=True)
@@ -149,9 +149,9 @@ def write_change(
     with cog_output(path, grid, crs, CHANGE_BANDS, origin) as put:
         for part, _ in windows(grid, 0):
             change = other.heights(part) - one.heights(part)
-            error = np.hypot(other.surface.read(part, STANDARD_ERRORS), one.surface.read(part, STANDARD_ERRORS))
+            error = np.hypot(other.surface.read(part, ERROR_INDEX), one.surface.read(part, ERROR_INDEX))
             put(part, (change, np.where(np.isfinite(change), error, np.float32(np.nan))))
-            relief = np.hypot(other.surface.read(part, SPREADS), one.surface.read(part, SPREADS))
+            relief = np.hypot(other.surface.read(part, SPREAD_INDEX), one.surface.read(part, SPREAD_INDEX))
             now, again = (
                 cells_inside(ground.worked, part, touched=False),
                 cells_inside(ground.before, part, touched=False),

@@ -22,9 +22,9 @@ _UNITS: Final = {HECTARE: (10_000.0, 3, "ha"), TEN_ARES: (100.0, 2, "a"), ACRE: 
 _FINE_M2: Final = 10.0
 _SMALL_M2: Final = {HECTARE: 1_000.0, TEN_ARES: 100.0, ACRE: 100.0}
 """Smaller areas are shown in square metres."""
-_VALUE: Final = r"[-+]?[0-9.]+(?:e[-+]?[0-9]+)?"
-_AREA_MARK: Final = re.compile(rf"⟦(area|rate) ({_VALUE})⟧")
-_AREA_ELEMENT: Final = re.compile(rf'<data class="(area|rate)" value="({_VALUE})">[^<]*</data>')
+_SI_VALUE: Final = r"[-+]?[0-9.]+(?:e[-+]?[0-9]+)?"
+_AREA_MARK: Final = re.compile(rf"⟦(area|rate) ({_SI_VALUE})⟧")
+_AREA_ELEMENT: Final = re.compile(rf'<data class="(area|rate)" value="({_SI_VALUE})">[^<]*</data>')
 
 
 def area(area_m2: float) -> str:

@@ -18,7 +18,7 @@ from furrowmap.exporters.reports.trial_charts import ParcelValues, response_char
 HEIGHT_COLOURS: Final = np.array([[247, 252, 185], [120, 198, 121], [0, 69, 41]])
 """From the shortest parcel over the middle to the tallest, as in the layer's style."""
 UNKNOWN_COLOUR: Final = "#d9d9d9"
-MAX_PARCELS: Final = 200
+MAX_TABLE_PARCELS: Final = 200
 """Maximum length of the table."""
 MAX_NAMED_PARCELS: Final = 150
 """Parcels with their names on the map."""
@@ -54,7 +54,7 @@ def parcel_sections(found: Sequence[MeasuredParcel]) -> str:
     return render(
         "parcels.html",
         parcels=found,
-        max_parcels=MAX_PARCELS,
+        max_parcels=MAX_TABLE_PARCELS,
         published=any(math.isfinite(row.published_height_m) for row in found),
         map=sheet.svg(parts, "Map of the parcels by height"),
         colours=[(colour(value), f"{100.0 * value:.1f} cm") for value in np.linspace(low, high, 5).tolist()],

@@ -52,7 +52,7 @@ FIELD_PRODUCTS: Final = (PROJECT_FILE, FIELD)
 PASSES: Final = "passes"
 HATCHED: Final = 'name="style" type="QString" value="b_diagonal"'
 """Fill of areas above the change of the surface, which is seen between the lines."""
-HEIGHT_RASTERS: Final = frozenset({*RELIEFS, HEIGHT_ABOVE_GROUND, CHANGE})
+COPIED_HEIGHTS: Final = frozenset({*RELIEFS, HEIGHT_ABOVE_GROUND, CHANGE})
 
 
 def write_field_project(staging: Path, result: ResultFolder, language: str, progress: Progress) -> list[str]:
@@ -112,7 +112,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
 def _copy(result: ResultFolder, name: str, staging: Path) -> None:
     """A file of the result; of a surface only the heights, which are all that the map draws."""
     source = result.folder / name
-    if name not in HEIGHT_RASTERS:
+    if name not in COPIED_HEIGHTS:
         shutil.copyfile(source, staging / name)
         return
     with open_geotiff(source, lambda file, fault: unreadable(file, ValueError(fault)), with_heights=False) as raster:

@@ -17,8 +17,8 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import ResultFolder, open_result
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, Bands, with_heights
 from furrowmap.exporters.rasters.dated_surface import (
-    SPREADS,
-    STANDARD_ERRORS,
+    ERROR_INDEX,
+    SPREAD_INDEX,
     cells_inside,
     dated_surface,
     open_surface,
@@ -115,7 +115,7 @@ def test_result__without_a_surface_is_refused(result: Path, tmp_path: Path) -> N
 )
 def test_cells__of_any_part_are_those_of_the_file_and_unknown_beside_it(part: Grid, tmp_path: Path) -> None:
     with open_surface(surface_file(surface(tmp_path / "dsm.tif"))) as found:
-        read = found.read(part), found.read(part, SPREADS), found.read(part, STANDARD_ERRORS)
+        read = found.read(part), found.read(part, SPREAD_INDEX), found.read(part, ERROR_INDEX)
     for values, band in zip(read, (bands()[0], bands()[2], bands()[3]), strict=True):
         for row in range(part.rows):
             for column in range(part.columns):
@@ -129,8 +129,8 @@ def test_cells__of_any_part_are_those_of_the_file_and_unknown_beside_it(part: Gr
 def test_figures__that_a_file_does_not_have_are_unknown(count: int, spread: bool, error: bool, tmp_path: Path) -> None:
     with open_surface(surface_file(surface(tmp_path / "dsm.tif", count))) as found:
         assert np.isfinite(found.read(GRID)).sum() == 95
-        assert bool(np.isfinite(found.read(GRID, SPREADS)).all()) == spread
-        assert bool(np.isfinite(found.read(GRID, STANDARD_ERRORS)).all()) == error
+        assert bool(np.isfinite(found.read(GRID, SPREAD_INDEX)).all()) == spread
+        assert bool(np.isfinite(found.read(GRID, ERROR_INDEX)).all()) == error
 
 
 @pytest.mark.parametrize("nodata", [None, -9999.0, np.nan])

@@ -10,7 +10,12 @@ import shapely
 
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.exporters.reports.parcel_section import MAX_NAMED_PARCELS, MAX_PARCELS, UNKNOWN_COLOUR, parcel_sections
+from furrowmap.exporters.reports.parcel_section import (
+    MAX_NAMED_PARCELS,
+    MAX_TABLE_PARCELS,
+    UNKNOWN_COLOUR,
+    parcel_sections,
+)
 
 FIGURES = ParcelFigures(
     id="", points=9000, points_m2=500.0, area_m2=18.0, filled=0.01, mean_height_m=0.5, p50_m=0.5, p90_m=0.55,
@@ -61,9 +66,9 @@ def test_published_method__has_its_columns_where_it_was_computed() -> None:
 
 
 def test_many_parcels__are_cut_in_the_table_and_have_no_names_on_the_map() -> None:
-    text = parcel_sections(parcels([0.4] * (MAX_PARCELS + 7)))
+    text = parcel_sections(parcels([0.4] * (MAX_TABLE_PARCELS + 7)))
     assert "7 more parcels are in parcels.csv" in text
-    assert text.count("<tr>") == MAX_PARCELS + 1
+    assert text.count("<tr>") == MAX_TABLE_PARCELS + 1
     assert 'class="number"' in text, "the arrow's N"
     assert ">P3</text>" not in text
     few = parcel_sections(parcels([0.4] * MAX_NAMED_PARCELS))
