@@ -18,6 +18,7 @@ from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, w
 from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
 from furrowmap.exporters.vectors.gnss_layers import gnss_layers
+from furrowmap.exporters.vectors.qgis_styles import StyleClock
 
 EVALUATION_PRODUCTS: Final = ("evaluation.json", "evaluation.html", "evaluation.gpkg", "services.csv", "epochs.csv")
 PAPER_COLUMNS: Final = ("3D", "2D", "X", "Y", "Z")
@@ -41,7 +42,7 @@ def write_evaluation(folder: Path, evaluations: Mapping[str, Evaluation], *, ove
         layers = gnss_layers(evaluations)
         for layer in layers:
             write_layer(staging / "evaluation.gpkg", layer, "EPSG:4326", indexed=True)
-        clock = (_zone(evaluations), *_span_s(evaluations))
+        clock = StyleClock(_zone(evaluations), *_span_s(evaluations))
         write_styles(staging / "evaluation.gpkg", [layer.name for layer in layers], clock)
         (staging / "evaluation.html").write_text(page(evaluations), encoding="utf-8", errors="xmlcharrefreplace")
 
