@@ -47,9 +47,9 @@ from furrowmap.core.values.time_span import track_within
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.boundary import field_boundary, ground_to_map
-from furrowmap.core.work.classifying import classifier
 from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.field_work import FieldWork, ImplementTracker, with_grounds
+from furrowmap.core.work.machine import classifier
 from furrowmap.core.work.saved import load_implement
 from furrowmap.core.work.strip_differences import StripDifferences, strip_differences
 

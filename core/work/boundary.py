@@ -16,7 +16,7 @@ from furrowmap.core.readers.areas.area import Area
 from furrowmap.core.readers.boundary import FieldOutline, read_fields
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
-LEAST_SHARE: Final = 0.01
+MIN_BOUNDARY_SHARE: Final = 0.01
 """A field in which the vehicle is for less of the time is passed by or crossed."""
 MOST_NAMES: Final = 10
 
@@ -47,7 +47,7 @@ def field_boundary(
         return boundary_on_map(fields[0].outline, frame), []
     on_map = [boundary_on_map(field.outline, frame) for field in fields]
     shares = [float(np.mean(shapely.contains_xy(shape, *xy_m[:, :2].T))) for shape in on_map]
-    chosen = [k for k, share in enumerate(shares) if share >= LEAST_SHARE] or list(range(len(fields)))
+    chosen = [k for k, share in enumerate(shares) if share >= MIN_BOUNDARY_SHARE] or list(range(len(fields)))
     boundary = shapely.union_all([on_map[k] for k in chosen])
     if len(chosen) == len(fields):
         return boundary, []

@@ -28,8 +28,8 @@ from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.sweep import sweeps
 
-CELL_M: Final = 0.05
-REACH_M: Final = 15.0
+FIELD_CELL_M: Final = 0.05
+MAX_REACH_M: Final = 15.0
 """Farther returns are too sparse and more than a centimetre too high, every twentieth by more than five."""
 BESIDE_M: Final = 0.5
 """Width beside the line of the tool in which soil may be thrown."""
@@ -80,7 +80,7 @@ class FieldPoints:
         reach_m: farther returns are left out.
     """
 
-    def __init__(self, folder: Path, cell_m: float = CELL_M, reach_m: float = REACH_M) -> None:
+    def __init__(self, folder: Path, cell_m: float = FIELD_CELL_M, reach_m: float = MAX_REACH_M) -> None:
         self._folder, self._cell_m, self._reach_m = folder, cell_m, reach_m
         self._spool: PointSpool | None = None
         self._origin_m = (0.0, 0.0, 0.0)

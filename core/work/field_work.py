@@ -24,9 +24,8 @@ from furrowmap.core.work.external_states import StateComparison, compare_states
 from furrowmap.core.work.ground import WorkedGround, worked_ground
 from furrowmap.core.work.heights import ToolHeightTracker
 from furrowmap.core.work.learning import learn_implement
-from furrowmap.core.work.machine import AIRBORNE, Machine, learn_machine
-from furrowmap.core.work.model import Hint, Learned
-from furrowmap.core.work.model import Implement as SeenImplement
+from furrowmap.core.work.machine import AIRBORNE, MachineVoxels, learn_machine
+from furrowmap.core.work.model import Hint, Learned, SeenImplement
 from furrowmap.core.work.near_scans import FRONT_M, NearScan, NearScans
 from furrowmap.core.work.states import ToolHistory, tool_history
 from furrowmap.core.work.sweep import PassTimes, pass_times
@@ -91,7 +90,7 @@ class FieldWork:
         return interval_numbers(self.passes, t_s)
 
 
-class _Followed:
+class _ImplementTracking:
     """One implement on its way through both readings; None stands for what the session does not state."""
 
     def __init__(self, stated: Implement | None, earlier: SeenImplement | None) -> None:
@@ -136,7 +135,7 @@ class ImplementTracker:
         self._flying = flying
         self._session = session
         stated: Sequence[Implement | None] = session.implements or (None,)
-        self._tools = [_Followed(*pair) for pair in zip_longest(stated, earlier[: len(stated)])]
+        self._tools = [_ImplementTracking(*pair) for pair in zip_longest(stated, earlier[: len(stated)])]
         reach_m = [tool.hint.region_m[1] for tool in self._tools if tool.hint is not None and len(stated) > 1]
         self._near: NearScans | None = NearScans(session.lidar.mounting, max([FRONT_M, *reach_m]))
         self._notices: tuple[Notice, ...] = ()
@@ -151,7 +150,7 @@ class ImplementTracker:
         self.add_scan(scan)
         return scan
 
-    def learn(self, trajectory: Trajectory) -> Machine | None:
+    def learn(self, trajectory: Trajectory) -> MachineVoxels | None:
         """Find the implements, between the two readings; the machine of which they are part, None where not known.
 
         Args:
@@ -204,7 +203,7 @@ class ImplementTracker:
         return replace(work, notices=(*work.notices, *_not_separated(from_scans)))
 
 
-def _not_separated(tools: Sequence[_Followed]) -> Iterator[Notice]:
+def _not_separated(tools: Sequence[_ImplementTracking]) -> Iterator[Notice]:
     """Tools that are looked for in the same place."""
     for one, other in combinations(tools, 2):
         assert one.hint is not None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -13,22 +14,89 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.values.session import Implement
-from furrowmap.core.values.tool_states import ToolStates
-from furrowmap.core.values.trajectory import Trajectory
-from furrowmap.core.work.hours import Hours, hours
+from furrowmap.core.values.tool_states import ToolState, ToolStates
+from furrowmap.core.values.trajectory import Motion, Trajectory
 from furrowmap.core.work.misses import missed, unworked
-from furrowmap.core.work.overlaps import overlapping
 from furrowmap.core.work.ribbon import Ribbon, ribbons
-from furrowmap.core.work.shapes import joined
+from furrowmap.core.work.shapes import joined, parts
 from furrowmap.core.work.sweep import PassTimes, Sweep, pass_times, sweeps, tool_line, unknown_times
 from furrowmap.core.work.uncertainty import OutlineErrors
 from furrowmap.core.work.zones import zones
+
+
+def overlapping(runs: Sequence[tuple[int, Sequence[Ribbon]]]) -> dict[tuple[int, int], list[shapely.Polygon]]:
+    """For each pair of passes the places that both worked, a polygon a place; the earlier pass stands first.
+
+    A pass that comes back to its own ground overlaps itself. Ribbons that follow each other in one run do not: where
+    they touch, the tool turned.
+
+    Args:
+        runs: number of the pass and ribbons of each run, in the order of time.
+    """
+    pieces = np.array([r.polygon for _, ribbons in runs for r in ribbons], object)
+    number = np.array([number for number, ribbons in runs for _ in ribbons], np.intp)
+    run = np.repeat(np.arange(len(runs)), [len(ribbons) for _, ribbons in runs])
+    first, second = shapely.STRtree(pieces).query(pieces, predicate="intersects")
+    distinct = (first < second) & ~((run[first] == run[second]) & (second == first + 1))
+    first, second = first[distinct], second[distinct]
+    shared = defaultdict(list)
+    for a, b, piece in zip(
+        number[first].tolist(),
+        number[second].tolist(),
+        shapely.intersection(pieces[first], pieces[second]),
+        strict=True,
+    ):
+        if piece.area > 0.0:
+            shared[a, b].append(piece)
+    found = {pair: parts(shapely.union_all(shapely.make_valid(places))) for pair, places in sorted(shared.items())}
+    return {pair: places for pair, places in found.items() if places}
+
+
+@dataclass(frozen=True)
+class Hours:
+    """Seconds between the beginning of the first pass and the end of the last; the parts add up to the whole.
+
+    Attributes:
+        field_s: the whole.
+        working_s: forward, the tool down.
+        turning_s: moving with the tool up, or backwards.
+        idle_s: standing.
+        unknown_s: moving forward, the tool's state unknown.
+        unplaced_s: without a position.
+    """
+
+    field_s: float
+    working_s: float
+    turning_s: float
+    idle_s: float
+    unknown_s: float
+    unplaced_s: float
+
+
+def hours(trajectory: Trajectory, states: ToolStates, begin_s: float, end_s: float) -> Hours:
+    """How the time from `begin_s` to `end_s` was spent."""
+    cuts = np.concatenate([trajectory.t_s, states.begin_s, states.end_s, [begin_s, end_s]])
+    t = np.unique(np.clip(cuts, begin_s, end_s))
+    length, middle = np.diff(t), 0.5 * (t[1:] + t[:-1])
+    knot, _, placed = trajectory.interval(middle)
+    motion, state = trajectory.motion[knot], states.at(middle)[0]
+    standing = placed & (motion == Motion.STANDING)
+    forward, back = placed & (motion == Motion.FORWARD), placed & (motion == Motion.REVERSE)
+    spent = [
+        forward & (state == ToolState.DOWN),
+        forward & (state == ToolState.UP) | back,
+        standing,
+        forward & (state == ToolState.UNKNOWN),
+        ~placed,
+    ]
+    return Hours(float(end_s - begin_s), *(float(length[part].sum()) for part in spent))
+
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Area:
+class AreaFigure:
     """How much ground, seen from above.
 
     Attributes:
@@ -61,7 +129,7 @@ class Pass:
     number: int
     times: PassTimes
     ground: shapely.MultiPolygon
-    area: Area
+    area: AreaFigure
     length_m: float
     width_m: float
     speed_mps: float
@@ -82,7 +150,7 @@ class Overlap:
     pass_a: int
     pass_b: int
     ground: shapely.Polygon
-    area: Area
+    area: AreaFigure
 
 
 @dataclass(frozen=True)
@@ -96,7 +164,7 @@ class FieldPlace:
 
     kind: str
     ground: shapely.Polygon
-    area: Area
+    area: AreaFigure
 
 
 @dataclass(frozen=True)
@@ -109,9 +177,9 @@ class FieldFigures:
         unworked: ground of the field that was neither worked nor missed.
     """
 
-    area: Area
+    area: AreaFigure
     worked_share: float
-    unworked: Area
+    unworked: AreaFigure
 
 
 @dataclass(frozen=True)
@@ -131,10 +199,10 @@ class WorkFigures:
         hours: what the time was spent on.
     """
 
-    worked: Area
+    worked: AreaFigure
     swept_m2: float
-    overlap: Area
-    missed: Area
+    overlap: AreaFigure
+    missed: AreaFigure
     field: FieldFigures | None
     passes: int
     length_m: float
@@ -262,7 +330,7 @@ def _pass(
     times: PassTimes,
     runs: Sequence[tuple[Sweep, Sequence[Ribbon]]],
     ground: shapely.MultiPolygon,
-    area: Area,
+    area: AreaFigure,
     implement: Implement,
 ) -> Pass:
     length_m = float(sum(sweep.distance_m[-1] for sweep, _ in runs))
@@ -286,7 +354,7 @@ class _Areas:
         self._frame = frame
         self._errors = errors
 
-    def of(self, shapes: Sequence[BaseGeometry], doubtful: Sequence[BaseGeometry] | None = None) -> list[Area]:
+    def of(self, shapes: Sequence[BaseGeometry], doubtful: Sequence[BaseGeometry] | None = None) -> list[AreaFigure]:
         """The areas of `shapes`, each with the ground in `doubtful` that may belong to it but is not counted.
 
         Any part of such ground is as likely as any other: a third of its square is added to the variance.
@@ -296,7 +364,7 @@ class _Areas:
             sigma = np.hypot(sigma, shapely.area(shapely.difference(doubtful, shapes)) / np.sqrt(3.0))
         grid = shapely.area(np.asarray(shapes, object))
         columns = (grid, self._on_ellipsoid(shapes), sigma)
-        return [Area(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
+        return [AreaFigure(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
 
     def of_field(
         self, boundary: BaseGeometry, coverage: BaseGeometry, left: BaseGeometry, doubtful: BaseGeometry

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.work.model import Implement
-from furrowmap.core.work.range_image import column_of
-from furrowmap.core.work.template import CELL_X_M, CELL_Z_M, fit_height
-from furrowmap.core.work.views import AGREE_M, CUT_M, CUT_PER_M, FEWEST_POINTS, FEWEST_SHARE, LEAST_GAIN, TOP_M
+from furrowmap.core.work.model import CELL_X_M, CELL_Z_M, SeenImplement, fit_height
+from furrowmap.core.work.near_scans import column_of
+from furrowmap.core.work.views import AGREE_M, CUT_M, CUT_PER_M, FEWEST_POINTS, FEWEST_SHARE, MIN_PROFILE_GAIN, TOP_M
 
 FloatArray = NDArray[np.float64]
 
@@ -68,7 +67,7 @@ class ToolHeightTracker:
         working_depth_m: from the session.
     """
 
-    def __init__(self, mounting: Mounting, implement: Implement, working_depth_m: float | None) -> None:
+    def __init__(self, mounting: Mounting, implement: SeenImplement, working_depth_m: float | None) -> None:
         region, grid = implement.region, implement.template.grid
         self._implement = implement
         self._threshold_m = implement.threshold_m(working_depth_m)
@@ -140,7 +139,7 @@ class ToolHeightTracker:
         if not (
             0 < best < len(scores) - 1
             and fit.explained > max(FEWEST_POINTS, FEWEST_SHARE * implement.points)
-            and fit.gain > LEAST_GAIN * implement.gain * fit.explained
+            and fit.gain > MIN_PROFILE_GAIN * implement.gain * fit.explained
         ):
             return float("nan"), seen, 0.0
         height = fit.height_m - implement.working_m

@@ -1,15 +1,15 @@
 """Detection of the implement in sampled scans: what moves up and down while the rest of the body is static.
 
 Scans are compared with a reference scan by the pixels of their range images. Equal pixels show the body (or the
-implement
-in the same position); points above the ground that differ, but match those of the other scan at another height, were
-lifted or lowered. Their side view is the template, which is refined with the heights of all scans in turn. Several
-reference scans are tried, and the most likely outcome is used.
+implement in the same position); points above the ground that differ, but match those of the other scan at another
+height, were lifted or lowered. Their side view is the template, which is refined with the heights of all scans in turn.
+Several reference scans are tried, and the most likely outcome is used.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -17,16 +17,133 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.core.work.found import USUAL_LIFT_M, Found, Outcome, describe_implement
-from furrowmap.core.work.levels import FEWEST_SCANS, MOVED_M, find_positions
-from furrowmap.core.work.model import Box, Hint, Learned, Levels
-from furrowmap.core.work.near_scans import NearScan
-from furrowmap.core.work.template import CELL_X_M, CELL_Z_M, Template, fit_height
-from furrowmap.core.work.views import FEWEST_POINTS, SEARCH_M, Views, ground_plane, views_of
+from furrowmap.core.work.levels import MIN_LEVEL_SCANS, MOVED_M, find_positions
+from furrowmap.core.work.model import (
+    CELL_X_M,
+    CELL_Z_M,
+    Box,
+    DepthImages,
+    Hint,
+    Learned,
+    Levels,
+    Region,
+    SeenImplement,
+    SideTemplate,
+    fit_height,
+)
+from furrowmap.core.work.near_scans import IMAGE_COLUMNS, NearScan, median_image
+from furrowmap.core.work.views import FEWEST_POINTS, SEARCH_M, Heights, Views, ground_plane, views_of
+
+USUAL_LIFT_M: Final = 0.45
+"""Assumed lift where it is not observed, accurate to 10 or 15 cm."""
+_IMAGES: Final = 15
+"""Scans per depth image."""
+_OFTEN: Final = 0.3
+"""Least share of the scans in one state in which a pixel of the implement shows it."""
+_MARGIN: Final = 8
+"""Columns added on both sides of the implement."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A template at the position of a reference scan with range image `image`, and its heights in all scans."""
+
+    views: Views
+    image: NDArray[np.float32]
+    template: SideTemplate
+    still_m: NDArray[np.float32]
+    heights: Heights
+
+    def likely(self, number: int) -> NDArray[np.bool_]:
+        """Which points of a scan are more likely implement than clutter."""
+        return self.views.likely(number, float(self.heights.height_m[number]), self.template, self.still_m)
+
+
+@dataclass(frozen=True)
+class Found:
+    """An outcome that behaves like a tool, with its two positions."""
+
+    outcome: Outcome
+    levels: Levels
+
+
+def describe_implement(found: Found, lift_m: float) -> SeenImplement:
+    """The implement; `lift_m` applies where its working position is out of view, if larger than the observed lift."""
+    outcome, levels = found.outcome, found.levels
+    shows, own = _shows(found)
+    first, count = _arc(np.flatnonzero(shows.any(axis=0)))
+    shown = (first - 2 * _MARGIN + np.arange(min(count + 4 * _MARGIN, IMAGE_COLUMNS))) % IMAGE_COLUMNS
+    down, up = (
+        median_image(np.stack([outcome.views.images[k][:, shown] for k in _showing(found, state)]))
+        for state in (ToolState.DOWN, ToolState.UP)
+    )
+    azimuth = (shown[0] + 0.5 + np.arange(len(shown))) * (360.0 / IMAGE_COLUMNS)
+    usual_m = levels.high_m - lift_m
+    points, gain = outcome.heights.usual
+    return SeenImplement(
+        region=_region(outcome, first, count),
+        template=outcome.template,
+        levels=levels,
+        working_m=min(levels.low_m, usual_m) if levels.hidden == ToolState.DOWN else levels.low_m,
+        points=points,
+        gain=gain,
+        images=DepthImages(up, down, own[:, shown], azimuth),
+    )
+
+
+def _shows(found: Found) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(lasers, COLUMNS): pixels that show the implement sometimes, and often."""
+    outcome, levels = found.outcome, found.levels
+    up = outcome.heights.height_m > 0.5 * (levels.low_m + levels.high_m)
+    now_and_then, often = np.zeros((2, *outcome.image.shape), bool)
+    for side in (outcome.heights.sure & up, outcome.heights.sure & ~up):
+        count = np.zeros(outcome.image.shape, np.int32)
+        for number in np.flatnonzero(side).tolist():
+            likely, view = outcome.likely(number), outcome.views.views[number]
+            count[view.laser[likely], view.column[likely]] += 1
+        scans = int(np.count_nonzero(side))
+        now_and_then |= count >= max(MIN_LEVEL_SCANS, scans // 50)
+        often |= count > max(MIN_LEVEL_SCANS - 1, _OFTEN * scans)
+    return now_and_then, often
+
+
+def _region(outcome: Outcome, first: int, count: int) -> Region:
+    """Search region for an implement in `count` columns from `first` on."""
+    views = outcome.views
+    columns = np.zeros(IMAGE_COLUMNS, bool)
+    columns[(first - _MARGIN + np.arange(count + 2 * _MARGIN)) % IMAGE_COLUMNS] = True
+    return Region(
+        ground=views.ground,
+        box_m=views.box_m,
+        columns=columns,
+        still_m=outcome.still_m,
+        split=(first + count + (IMAGE_COLUMNS - count) // 2) % IMAGE_COLUMNS,
+        clockwise=float(np.mean([scan.clockwise for scan in views.scans])) > 0.5,
+        turn_s=float(np.median([scan.end_s - scan.begin_s for scan in views.scans])),
+    )
+
+
+def _arc(at: NDArray[np.intp]) -> tuple[int, int]:
+    """First column and length of the shortest arc that contains the sorted columns `at`."""
+    gaps = np.diff(np.append(at, at[0] + IMAGE_COLUMNS))
+    widest = int(np.argmax(gaps))
+    return int(at[(widest + 1) % len(at)]), IMAGE_COLUMNS - int(gaps[widest]) + 1
+
+
+def _showing(found: Found, state: ToolState) -> list[int]:
+    """Indices of a few scans with the implement in a state."""
+    heights, levels = found.outcome.heights, found.levels
+    if state == levels.hidden:
+        away = np.flatnonzero(~heights.sure)
+        return [int(k) for k in away[np.linspace(0, len(away) - 1, min(len(away), _IMAGES)).astype(np.intp)]]
+    level = levels.low_m if state == ToolState.DOWN else levels.high_m
+    off = np.where(heights.sure, np.abs(heights.height_m - level), np.inf)
+    return [int(k) for k in np.argsort(off, kind="stable")[:_IMAGES]]
+
 
 FloatArray = NDArray[np.float64]
 
-_ANYWHERE: Final[Box] = (-9.0, 4.0, -4.5, 4.5)
+_SEARCH_REGION_M: Final[Box] = (-9.0, 4.0, -4.5, 4.5)
 _CALM_M: Final = 0.03
 """Greatest difference in range of one pixel, or in height, between successive scans of a static object."""
 _ALIKE: Final = 0.3
@@ -34,7 +151,7 @@ _ALIKE: Final = 0.3
 _CHOSEN: Final = 24
 """Pairs of scans chosen for their dissimilarity, and as many evenly spread."""
 _REFERENCES: Final = 6
-_ROUNDS: Final = 2
+_LEARNING_ROUNDS: Final = 2
 _AT_M: Final = 0.04
 """Tolerance of the two positions."""
 _OTHER_TRAVEL_M: Final = 0.10
@@ -50,7 +167,7 @@ def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
     ground = ground_plane(scans)
     if ground is None:
         return Learned(None, (_NO_GROUND,))
-    views = views_of(scans, ground, hint.region_m if hint is not None else _ANYWHERE)
+    views = views_of(scans, ground, hint.region_m if hint is not None else _SEARCH_REGION_M)
     found = _find(views)
     box = _box_of(found) if found is not None else None
     if box is not None and hint is None:
@@ -64,7 +181,7 @@ def learn_implement(scans: Sequence[NearScan], hint: Hint | None) -> Learned:
 def _find(views: Views) -> Found | None:
     """What moves up and down, if anything."""
     pairs = views.pairs[views.pairs[:, 0] % 2 == 0] if len(views) else views.pairs
-    if len(pairs) < FEWEST_SCANS:
+    if len(pairs) < MIN_LEVEL_SCANS:
         return None
     unlike = _unlike(views, pairs[:, 0])
     evenly = np.linspace(0, len(pairs) - 1, min(_CHOSEN, len(pairs))).astype(np.intp)
@@ -95,7 +212,7 @@ def _by_travel(found: Found) -> Found | None:
     views, height, sure = outcome.views, outcome.heights.height_m, outcome.heights.sure
     at_low, at_high = (sure & (np.abs(height - level) < _AT_M) for level in (levels.low_m, levels.high_m))
     between = np.flatnonzero(sure & ~at_low & ~at_high)
-    if levels.hidden != ToolState.UNKNOWN or len(between) < FEWEST_SCANS:
+    if levels.hidden != ToolState.UNKNOWN or len(between) < MIN_LEVEL_SCANS:
         return None
     lower = _mean_side(views, at_low, np.where(at_low, height, 0.0), outcome.still_m)
     upper = _mean_side(views, at_high, height, outcome.still_m)
@@ -121,7 +238,7 @@ def _worth(
     """Log-likelihood per point of scans of the moving tool for a travel larger by `rows`."""
     moved = np.zeros_like(upper)
     moved[:, max(0, -rows) : upper.shape[1] - max(0, rows)] = upper[:, max(0, rows) : upper.shape[1] - max(0, -rows)]
-    template = Template.of(views.grid, lower + moved)
+    template = SideTemplate.of(views.grid, lower + moved)
     low_m, high_m = levels.low_m - _BEYOND_M, levels.high_m + rows * CELL_Z_M + _BEYOND_M
     gains = [fit_height(side, template, low_m, high_m)[0].gain / max(float(side.sum()), 1.0) for side in sides]
     return float(np.mean(gains))
@@ -156,7 +273,7 @@ def _from_reference(views: Views, reference: int) -> Outcome | None:
     beside = views.images[reference + 1 if reference % 2 == 0 else reference - 1]
     if not len(view) or view.differs(beside, _CALM_M).mean() > 0.5:
         return None
-    template = Template.of(views.grid, views.side(reference, None).astype(np.float64))
+    template = SideTemplate.of(views.grid, views.side(reference, None).astype(np.float64))
     heights = views.heights(template, image)
     known = heights.sure & (np.abs(heights.height_m) > MOVED_M)
     if not known.any():
@@ -165,7 +282,7 @@ def _from_reference(views: Views, reference: int) -> Outcome | None:
     for number, other in enumerate(views.views):
         known[number] |= len(other) >= FEWEST_POINTS and other.differs(image).mean() < _ALIKE
     outcome = None
-    for _ in range(_ROUNDS):
+    for _ in range(_LEARNING_ROUNDS):
         known[reference] = True
         outcome = _improved(views, image, height, known)
         if outcome is None:
@@ -183,7 +300,7 @@ def _improved(views: Views, image: NDArray[np.float32], height: FloatArray, know
     still = views.still(image, sides)
     steady = _steady(views, height)
     upper, lower = (_mean_side(views, side & steady, height, still) for side in sides)
-    template = Template.of(views.grid, upper + lower)
+    template = SideTemplate.of(views.grid, upper + lower)
     return Outcome(views, image, template, still, views.heights(template, still))
 
 
@@ -209,7 +326,7 @@ def _box_of(found: Found) -> Box | None:
     """A box around the implement, from likely points in most of the best scans; None if these are scattered."""
     outcome, views = found.outcome, found.outcome.views
     sure = np.flatnonzero(outcome.heights.sure)
-    best = sure[np.argsort(-outcome.heights.explained[sure])][: max(FEWEST_SCANS, len(sure) // 3)]
+    best = sure[np.argsort(-outcome.heights.explained[sure])][: max(MIN_LEVEL_SCANS, len(sure) // 3)]
     bounds = ((views.box_m[0], views.box_m[1]), (views.box_m[2], views.box_m[3]))
     cells = [round((high - low) / CELL_X_M) for low, high in bounds]
     often = np.zeros(cells)

@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 MOVED_M: Final = 0.10
 """Least travel of a tool; less is a swinging frame."""
-FEWEST_SCANS: Final = 3
+MIN_LEVEL_SCANS: Final = 3
 _NOISE_M: Final = 0.04
 """Greatest scatter between successive scans."""
 SHORTEST_S: Final = 1.5
@@ -38,12 +38,12 @@ def find_positions(views: Views, heights: Heights) -> Levels | None:
 def _seen_to_move(views: Views, heights: Heights) -> Levels | None:
     """The two positions of a tool that is seen in both, or on most of its travel."""
     sure, height = heights.sure, heights.height_m
-    if np.count_nonzero(sure) < 2 * FEWEST_SCANS:
+    if np.count_nonzero(sure) < 2 * MIN_LEVEL_SCANS:
         return None
     upper = sure & (height > _split(height[sure]))
     lower = sure & ~upper
     below, above, away = (int(np.count_nonzero(side)) for side in (lower, upper, ~sure))
-    if min(below, above) < FEWEST_SCANS or _dwell_s(views, upper, lower) < SHORTEST_S:
+    if min(below, above) < MIN_LEVEL_SCANS or _dwell_s(views, upper, lower) < SHORTEST_S:
         return None
     low, high = float(np.median(height[lower])), float(np.median(height[upper]))
     if high - low < MOVED_M:
@@ -63,13 +63,13 @@ def _seen_to_move(views: Views, heights: Heights) -> Levels | None:
 def _seen_to_leave(views: Views, heights: Heights) -> Levels | None:
     """The position of a tool with one constant height and long absences, which is seen to leave downward or upward."""
     sure, height = heights.sure, heights.height_m
-    if np.count_nonzero(sure) < 2 * FEWEST_SCANS:
+    if np.count_nonzero(sure) < 2 * MIN_LEVEL_SCANS:
         return None
     level = float(np.median(height[sure]))
     there = sure & (np.abs(height - level) < _LEFT_M)
     away = ~sure & (heights.there < _AWAY_SHARE * heights.usual[0])
     sigma = _sigma(views, height, there)
-    fewest = max(2 * FEWEST_SCANS, _FEWEST_SHARE * len(sure))
+    fewest = max(2 * MIN_LEVEL_SCANS, _FEWEST_SHARE * len(sure))
     if min(np.count_nonzero(there), np.count_nonzero(away)) < fewest or np.count_nonzero(there | away) < 0.8 * len(
         sure
     ):

@@ -7,7 +7,7 @@ down with it, and occupies all voxels between its working and its lifted positio
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -17,12 +17,80 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
+from furrowmap.core.pointclouds.placed import unclassified
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import PointClass, Scan
-from furrowmap.core.work.model import Implement, Plane
-from furrowmap.core.work.near_scans import NearScan
-from furrowmap.core.work.range_image import median_image
+from furrowmap.core.work.model import Plane, SeenImplement
+from furrowmap.core.work.near_scans import NearScan, median_image
 from furrowmap.core.work.views import CUT_M, CUT_PER_M, ground_plane, views_of
+
+NEIGHBOUR_FIRINGS: Final = 2
+"""Neighbours are up to this many firings earlier or later, of the same or an adjacent laser."""
+NEIGHBOUR_RANGE_M: Final = 0.3
+NEIGHBOUR_RANGE_SHARE: Final = 0.02
+"""A neighbour supports a return if their ranges differ by less than NEIGHBOUR_RANGE_M plus this share of the range."""
+MAX_ISOLATED_SHARE: Final = 1.0 / 3.0
+"""With a larger share without neighbours the scan is not a range image: its lasers or firings are unknown."""
+
+
+def isolated(scan: Scan) -> NDArray[np.bool_]:
+    """Which returns (n,) of a scan have no neighbour at a similar range in the range image.
+
+    Outlier removal after Rusu et al. (2008, Robotics and Autonomous Systems 56, 927-941) with neighbours by direction,
+    whatever the point spacing. None where the scan is not a range image, as in bags without lasers and times.
+    """
+    lasers = 1 + int(scan.laser.max(initial=0))
+    columns = 1 + int(scan.column.max(initial=0))
+    alone: NDArray[np.bool_] = _alone(
+        np.ascontiguousarray(scan.xyz_m, np.float32),
+        np.ascontiguousarray(scan.laser, np.uint8),
+        np.ascontiguousarray(scan.column, np.uint16),
+        np.zeros((lasers, columns), np.float32),
+    )
+    return alone if np.count_nonzero(alone) <= MAX_ISOLATED_SHARE * len(scan) else np.zeros(len(scan), bool)
+
+
+@numba.njit(cache=True, nogil=True)
+def _alone(xyz_m, laser, column, image):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`isolated`; `image` comes empty."""
+    n = len(xyz_m)
+    lasers, columns = image.shape
+    distance = np.empty(n, np.float32)
+    out = np.empty(n, np.bool_)
+    for i in range(n):
+        x, y, z = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
+        distance[i] = np.sqrt(x * x + y * y + z * z)
+        image[laser[i], column[i]] = distance[i]
+    for i in range(n):
+        row, middle, own = int(laser[i]), int(column[i]), distance[i]
+        near = np.float32(NEIGHBOUR_RANGE_M) + np.float32(NEIGHBOUR_RANGE_SHARE) * own
+        first, last = max(middle - NEIGHBOUR_FIRINGS, 0), min(middle + NEIGHBOUR_FIRINGS, columns - 1)
+        alone = True
+        for k in range(first, last + 1):
+            if k != middle and abs(image[row, k] - own) < near:
+                alone = False
+                break
+        if alone:
+            for other in (row - 1, row + 1):
+                if 0 <= other < lasers:
+                    for k in range(first, last + 1):
+                        if abs(image[other, k] - own) < near:
+                            alone = False
+                            break
+        out[i] = alone
+    return out
+
+
+def classifier(machine: MachineVoxels | None) -> Callable[[Scan], NDArray[np.uint8]]:
+    """A function from a scan to the classes (n,) uint8 of its points: VEHICLE, IMPLEMENT, NOISE, else OTHER."""
+
+    def classify(scan: Scan) -> NDArray[np.uint8]:
+        classes = machine.classify(scan) if machine is not None else unclassified(scan)
+        classes[isolated(scan) & (classes == PointClass.OTHER)] = PointClass.NOISE
+        return classes
+
+    return classify
+
 
 VOXEL_M: Final = 0.1
 _LOW_M: Final = np.array([-9.0, -4.5, -0.35])
@@ -37,7 +105,7 @@ VEHICLE_SHARE: Final = 0.4
 IMPLEMENT_SHARE: Final = 0.15
 """Least share for the implement in its own frame: lower, as reversible ploughs show each side half the time and trailed
 tools swing."""
-FEWEST_SCANS: Final = 20
+MIN_MACHINE_SCANS: Final = 20
 AIRBORNE: Final[Plane] = (-2.0, 0.0, 0.0)
 """Below an aircraft: it is looked for above this plane, and no ground is seen there in flight."""
 _STANDS_ROW: Final = round((0.45 - _LOW_M[2]) / VOXEL_M)
@@ -45,7 +113,7 @@ _STANDS_ROW: Final = round((0.45 - _LOW_M[2]) / VOXEL_M)
 
 
 @dataclass(frozen=True)
-class Machine:
+class MachineVoxels:
     """Voxels of vehicle and implement.
 
     Attributes:
@@ -79,9 +147,9 @@ def learn_machine(
     scans: Sequence[NearScan],
     moving: NDArray[np.bool_],
     mounting: Mounting,
-    implements: Sequence[Implement],
+    implements: Sequence[SeenImplement],
     ground: Plane | None = None,
-) -> Machine | None:
+) -> MachineVoxels | None:
     """Learn the vehicle and its implements; None with few moving scans, or without ground where the mounting has it.
 
     Args:
@@ -92,7 +160,7 @@ def learn_machine(
         ground: plane above which the vehicle is; by default that of the scans.
     """
     numbers = np.flatnonzero(moving).tolist()
-    if len(numbers) < FEWEST_SCANS:
+    if len(numbers) < MIN_MACHINE_SCANS:
         return None
     if ground is None:
         ground = implements[0].region.ground if implements else ground_plane(scans)
@@ -114,7 +182,7 @@ def learn_machine(
         classes[_with_foot(tool)] = PointClass.IMPLEMENT
         vehicle &= ~tool
     classes[_with_foot(vehicle)] = PointClass.VEHICLE
-    return Machine(mounting, ground, classes)
+    return MachineVoxels(mounting, ground, classes)
 
 
 class _Counts:
@@ -137,7 +205,7 @@ class _Counts:
         return often
 
 
-def _tool(scans: Sequence[NearScan], implement: Implement, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _tool(scans: Sequence[NearScan], implement: SeenImplement, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """The voxels of the implement between its positions."""
     region, template, levels = implement.region, implement.template, implement.levels
     views = views_of(scans, region.ground, region.box_m)

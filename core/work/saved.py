@@ -10,15 +10,14 @@ import numpy as np
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.npz import read_npz
 from furrowmap.core.values.tool_states import ToolState
-from furrowmap.core.work.model import DepthImages, Implement, Levels, Region
-from furrowmap.core.work.range_image import COLUMNS
-from furrowmap.core.work.template import SideViewGrid, Template
+from furrowmap.core.work.model import DepthImages, Levels, Region, SeenImplement, SideTemplate, SideViewGrid
+from furrowmap.core.work.near_scans import IMAGE_COLUMNS
 
-FORM: Final = 1
+FILE_FORM: Final = 1
 """Version of the file format."""
 
 
-def save_implement(path: Path, implement: Implement) -> None:
+def save_implement(path: Path, implement: SeenImplement) -> None:
     """Write an implement as a NumPy archive.
 
     Raises:
@@ -27,7 +26,7 @@ def save_implement(path: Path, implement: Implement) -> None:
     region, template, levels, images = implement.region, implement.template, implement.levels, implement.images
     grid = template.grid
     arrays: dict[str, Any] = {
-        "form": np.int64(FORM),
+        "form": np.int64(FILE_FORM),
         "ground": np.array(region.ground),
         "box_m": np.array(region.box_m),
         "columns": region.columns,
@@ -46,7 +45,7 @@ def save_implement(path: Path, implement: Implement) -> None:
         np.savez_compressed(file, **arrays)
 
 
-def load_implement(path: Path) -> Implement:
+def load_implement(path: Path) -> SeenImplement:
     """Read an implement of an earlier session.
 
     Raises:
@@ -59,21 +58,21 @@ def load_implement(path: Path) -> Implement:
     return implement
 
 
-def _implement(arrays: dict[str, Any]) -> Implement:
+def _implement(arrays: dict[str, Any]) -> SeenImplement:
     """The implement in the arrays of a file."""
-    if int(arrays["form"]) != FORM:
-        raise ValueError(f"format version {int(arrays['form'])}, supported is {FORM}")
+    if int(arrays["form"]) != FILE_FORM:
+        raise ValueError(f"format version {int(arrays['form'])}, supported is {FILE_FORM}")
     split, clockwise, turn_s = arrays["turn"].tolist()
     x_m, z_m, columns, rows = arrays["grid"].tolist()
     low_m, high_m, hidden, sigma_m, jitter_m = arrays["levels"].tolist()
     working_m, points, gain = arrays["usual"].tolist()
     grid = SideViewGrid(x_m, z_m, int(columns), int(rows))
     shapes = (arrays["odds"].shape, arrays["columns"].shape, arrays["still_m"].shape[1:])
-    if shapes != ((grid.columns, grid.rows), (COLUMNS,), (COLUMNS,)):
+    if shapes != ((grid.columns, grid.rows), (IMAGE_COLUMNS,), (IMAGE_COLUMNS,)):
         raise ValueError("its arrays do not fit each other")
     a, b, c = arrays["ground"].tolist()
     x0, x1, y0, y1 = arrays["box_m"].tolist()
-    return Implement(
+    return SeenImplement(
         region=Region(
             ground=(a, b, c),
             box_m=(x0, x1, y0, y1),
@@ -83,7 +82,7 @@ def _implement(arrays: dict[str, Any]) -> Implement:
             clockwise=bool(clockwise),
             turn_s=turn_s,
         ),
-        template=Template(grid, arrays["odds"].astype(np.float32)),
+        template=SideTemplate(grid, arrays["odds"].astype(np.float32)),
         levels=Levels(low_m, high_m, ToolState(int(hidden)), sigma_m, jitter_m),
         working_m=working_m,
         points=points,

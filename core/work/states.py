@@ -16,7 +16,7 @@ from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.heights import ToolHeights
 from furrowmap.core.work.levels import SHORTEST_S
-from furrowmap.core.work.model import Implement
+from furrowmap.core.work.model import SeenImplement
 
 FloatArray = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ class ToolHistory:
     notices: tuple[Notice, ...]
 
 
-def tool_history(heights: ToolHeights, implement: Implement, working_depth_m: float | None) -> ToolHistory:
+def tool_history(heights: ToolHeights, implement: SeenImplement, working_depth_m: float | None) -> ToolHistory:
     """States and transitions of the tool from its heights.
 
     A transition is the interpolated time at which the height crosses the threshold. It counts only if the tool then
@@ -135,7 +135,7 @@ def _without_strays(height: FloatArray, whole: NDArray[np.bool_]) -> FloatArray:
     return out
 
 
-def _confidence(heights: ToolHeights, height: FloatArray, threshold: float, implement: Implement) -> FloatArray:
+def _confidence(heights: ToolHeights, height: FloatArray, threshold: float, implement: SeenImplement) -> FloatArray:
     """(n,) probability that the tool is on the measured side of the threshold; 0 where not seen."""
     sigma = np.hypot(implement.levels.jitter_m, _LEVEL_M)
     sure = ndtr(np.abs(height - threshold) / sigma) * expit(_WORTH * heights.contrast)
@@ -146,7 +146,7 @@ def _confidence(heights: ToolHeights, height: FloatArray, threshold: float, impl
 
 
 def _states(
-    heights: ToolHeights, height: FloatArray, confidence: FloatArray, threshold: float, implement: Implement
+    heights: ToolHeights, height: FloatArray, confidence: FloatArray, threshold: float, implement: SeenImplement
 ) -> ToolStates:
     """Intervals of one state, with the times of the crossings."""
     lower = min(0.25 * threshold, 3.0 * implement.levels.jitter_m)
@@ -238,7 +238,7 @@ def _longest_gap(t: FloatArray, height: FloatArray, beyond: NDArray[np.int8], a:
     return float(np.diff(t[known]).max())
 
 
-def _passage(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float, implement: Implement) -> _End:
+def _passage(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float, implement: SeenImplement) -> _End:
     """Time of the crossing between revolutions a and b, with standard deviation."""
     if np.isnan(height[a]) or np.isnan(height[b]):
         return _passage_out_of_view(t, height, a, b, threshold)

@@ -19,7 +19,7 @@ from furrowmap.core.values.trajectory import Motion, Trajectory
 FloatArray = NDArray[np.float64]
 
 LINE_EVERY_M: Final = 0.1
-SHORTEST_M: Final = 0.02
+MIN_SWEEP_STEP_M: Final = 0.02
 """Shortest path of work; less is vibration."""
 MARGIN_S: Final = 2.0
 """How far beyond a pass its path is smoothed, so that the pass itself has no ends of a spline in it."""
@@ -132,7 +132,7 @@ class _Path:
             across = 0.5 * (yaw[1:] + yaw[:-1])
             forward = np.where(moving, step[:, 0] * np.cos(across) + step[:, 1] * np.sin(across), 0.0)
             way = np.concatenate([[0.0], np.cumsum(np.maximum(forward, 0.0))])
-            if way[-1] < SHORTEST_M:
+            if way[-1] < MIN_SWEEP_STEP_M:
                 continue
             from_transition = run[0] == times.begin_s - self._t0
             to_transition = run[-1] == times.end_s - self._t0

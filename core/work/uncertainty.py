@@ -32,7 +32,7 @@ STEP_M: Final = 3.0
 """Bits of an outline that move as one."""
 MOST_BITS: Final = 1_000_000
 """Of longer outlines than these bits make, the bits are longer."""
-NEAR_M: Final = 0.01
+TOUCHING_M: Final = 0.01
 """What of an outline lies further from the tool's way was not drawn by it: a boundary, taken as exact."""
 
 
@@ -83,7 +83,7 @@ class OutlineErrors:
 
     def _sources(self, points: NDArray[np.object_]) -> tuple[IntArray, IntArray]:
         """(which of `points`, index of the nearest line), for those that lie on a line."""
-        point, line = self._tree.query(points, predicate="dwithin", distance=NEAR_M)
+        point, line = self._tree.query(points, predicate="dwithin", distance=TOUCHING_M)
         order = np.lexsort((shapely.distance(points[point], self._lines[line]), point))
         point, line = point[order], line[order]
         nearest = np.diff(point, prepend=-1) > 0

@@ -10,9 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.work.model import Box, Plane
+from furrowmap.core.work.model import CELL_X_M, CELL_Z_M, Box, Plane, SideTemplate, SideViewGrid, fit_height
 from furrowmap.core.work.near_scans import NearScan
-from furrowmap.core.work.template import CELL_X_M, CELL_Z_M, SideViewGrid, Template, fit_height
 
 FloatArray = NDArray[np.float64]
 
@@ -26,7 +25,7 @@ SEARCH_M: Final = 1.2  # greatest lift
 # Detection: least points, least share of the usual points, least share of the usual gain of each.
 FEWEST_POINTS: Final = 25
 FEWEST_SHARE: Final = 0.12
-LEAST_GAIN: Final = 0.55
+MIN_PROFILE_GAIN: Final = 0.55
 # Ground plane: least share of near points in it, greatest distance from the tyres and slope.
 _GROUND_SHARE: Final = 0.15
 _GROUND_M: Final = 0.5
@@ -90,7 +89,7 @@ class Heights:
         return (
             (np.abs(self.height_m) < SEARCH_M - 2 * CELL_Z_M)
             & (self.explained > max(FEWEST_POINTS, FEWEST_SHARE * points))
-            & (self.gain > LEAST_GAIN * gain * self.explained)
+            & (self.gain > MIN_PROFILE_GAIN * gain * self.explained)
         )
 
 
@@ -137,7 +136,7 @@ class Views:
             xyz = xyz[self.views[number].differs(still_m)]
         return self.grid.side_view(xyz[:, 0], xyz[:, 2] - np.float32(lifted_m))
 
-    def heights(self, template: Template, still_m: NDArray[np.float32]) -> Heights:
+    def heights(self, template: SideTemplate, still_m: NDArray[np.float32]) -> Heights:
         """Fit of `template` to the points of each scan that differ from static pixels."""
         found = np.zeros((len(self), 4))
         for number in range(len(self)):
@@ -158,7 +157,7 @@ class Views:
         return np.where(still, image, np.float32(np.nan))
 
     def likely(
-        self, number: int, height_m: float, template: Template, still_m: NDArray[np.float32]
+        self, number: int, height_m: float, template: SideTemplate, still_m: NDArray[np.float32]
     ) -> NDArray[np.bool_]:
         """Which points of a scan are more likely implement, at this height, than clutter."""
         view, grid = self.views[number], self.grid

@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 AGAIN_M: Final = 2.0
 """A wheel that comes back to a spot within so much driving, as where it stands or turns about, passes it once."""
 
-SHORTEST_M: Final = 0.1
+MIN_TRACK_STEP_M: Final = 0.1
 """Shorter steps show no direction: positions of a standing vehicle tremble."""
 
 
@@ -52,7 +52,7 @@ def wheel_passages(
 
 def _smooth_pieces(path: FloatArray) -> list[FloatArray]:
     """A path without small steps, cut where it turns by more than a right angle, as where the vehicle reverses."""
-    path = path[_apart(path[:, 0].copy(), path[:, 1].copy(), SHORTEST_M)]
+    path = path[_apart(path[:, 0].copy(), path[:, 1].copy(), MIN_TRACK_STEP_M)]
     steps = np.diff(path[:, :2], axis=0)
     cusps = 1 + np.flatnonzero((steps[1:] * steps[:-1]).sum(axis=1) < 0.0)
     ends = [0, *cusps.tolist(), len(path) - 1]

@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 
 TURN_RAD: Final = np.radians(60.0)
 """Between two passes whose headings differ by less the tool was lifted, but the machine did not turn."""
-REACH_M: Final = 12.0
+HEADLAND_REACH_M: Final = 12.0
 REACH_WIDTHS: Final = 3.0
 """No turn reaches further from the ends of its passes than the larger of these; what does is a drive elsewhere."""
 INSIDE_SHARE: Final = 0.5
@@ -60,7 +60,7 @@ def _turns(
     trajectory: Trajectory, passes: Sequence[Sequence[tuple[Sweep, Sequence[Ribbon]]]], implement: Implement
 ) -> Iterator[BaseGeometry]:
     """The ground that each turn between two passes takes up: the hull of the tool's line near the passes' ends."""
-    reach_m = max(REACH_M, REACH_WIDTHS * implement.width_m)
+    reach_m = max(HEADLAND_REACH_M, REACH_WIDTHS * implement.width_m)
     for before, after in pairwise(passes):
         leaving, coming = before[-1][0], after[0][0]
         turn = np.arctan2(*_cross_and_dot(leaving.half_m[-1], coming.half_m[0]))

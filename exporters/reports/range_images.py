@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from furrowmap.core.work.model import Implement
+from furrowmap.core.work.model import SeenImplement
 from furrowmap.exporters.reports.svg import WIDTH, drawing, element, image, label, turned_label
 
 LEFT: Final = 58.0
@@ -21,7 +21,7 @@ _NO_RETURN: Final = np.array([238.0, 238.0, 235.0])
 _STEPS_DEG: Final = (1, 2, 5, 10, 15, 20, 30, 45, 60, 90)
 
 
-def range_images(seen: Implement) -> Iterator[tuple[str, Markup]]:
+def range_images(seen: SeenImplement) -> Iterator[tuple[str, Markup]]:
     """The implement up and down, and what does not move in the scanner's frame: captions and images."""
     images, still_m = seen.images, seen.region.still_m
     around_deg = (np.arange(still_m.shape[1]) + 0.5) * (360.0 / still_m.shape[1])

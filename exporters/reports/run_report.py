@@ -30,7 +30,7 @@ from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMA_NAMES
 from furrowmap.core.work.external_states import NEAR_S
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import Area, WorkedGround
+from furrowmap.core.work.ground import AreaFigure, WorkedGround
 from furrowmap.core.work.strip_outlines import StripGround
 from furrowmap.exporters.cloud.writer import CopcSummary
 from furrowmap.exporters.files.atomic import atomic_output
@@ -291,7 +291,7 @@ def _worked(ground: WorkedGround | None) -> dict[str, Any]:
     }
 
 
-def _area(name: str, area: Area) -> dict[str, float]:
+def _area(name: str, area: AreaFigure) -> dict[str, float]:
     """An area in the map's plane, on the ellipsoid, and its standard deviation."""
     return {
         f"{name}_m2": round(area.grid_m2, 3),

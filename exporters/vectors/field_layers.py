@@ -14,7 +14,7 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMA_NAMES, SOURCE_NAMES, Motion, ScanPoses
 from furrowmap.core.work.field_work import FieldWork
-from furrowmap.core.work.ground import Area, FieldPlace
+from furrowmap.core.work.ground import AreaFigure, FieldPlace
 from furrowmap.core.work.strip_differences import StripDifferences
 from furrowmap.core.work.strip_outlines import StripGround
 
@@ -326,7 +326,7 @@ def _event_layer(work: FieldWork, *, drive: bool) -> Layer:
     )
 
 
-def _areas(areas: Sequence[Area]) -> Columns:
+def _areas(areas: Sequence[AreaFigure]) -> Columns:
     return {
         "area_m2": numbers(area.grid_m2 for area in areas),
         "area_ellipsoid_m2": numbers(area.ellipsoid_m2 for area in areas),

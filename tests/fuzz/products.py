@@ -14,9 +14,9 @@ import shapely
 from furrowmap.cli.worker import _arguments
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.simulator.scenario_file import load_scenario
-from furrowmap.core.work.range_image import COLUMNS
+from furrowmap.core.work.model import SideTemplate, SideViewGrid
+from furrowmap.core.work.near_scans import IMAGE_COLUMNS
 from furrowmap.core.work.saved import load_implement, save_implement
-from furrowmap.core.work.template import SideViewGrid, Template
 from furrowmap.workflows.share.export import export
 from tests.core.work.test_tool_history import TILLER
 from tests.exporters.farm.result_folders import write_result
@@ -41,8 +41,10 @@ rpy_deg = [0.0, 40.0, 180.0]
 
 
 def implements(folder: Path) -> list[Files]:
-    region = replace(TILLER.region, columns=np.ones(COLUMNS, bool), still_m=np.ones((2, COLUMNS), np.float32))
-    template = Template(SideViewGrid(-3.0, 0.0, 6, 9), np.ones((6, 9), np.float32))
+    region = replace(
+        TILLER.region, columns=np.ones(IMAGE_COLUMNS, bool), still_m=np.ones((2, IMAGE_COLUMNS), np.float32)
+    )
+    template = SideTemplate(SideViewGrid(-3.0, 0.0, 6, 9), np.ones((6, 9), np.float32))
     save_implement(folder / "implement.npz", replace(TILLER, region=region, template=template))
     return [{"implement.npz": (folder / "implement.npz").read_bytes()}]
 

@@ -37,7 +37,7 @@ from furrowmap.core.surfaces.local_ground import GroundSampler
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.core.values.session import FeatureSearch, Session
 from furrowmap.core.values.time_span import Interval, interval_numbers
-from furrowmap.core.work.field_surfaces import REACH_M, FieldPoints
+from furrowmap.core.work.field_surfaces import MAX_REACH_M, FieldPoints
 from furrowmap.core.work.saved import save_implement
 from furrowmap.exporters.cloud.chunk import ChunkColumns
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
@@ -114,7 +114,7 @@ def open_products(
         colours = stack.enter_context(RunColours(frames, origin_m)) if frames is not None else None
         cloud = stack.enter_context(open_cloud(staging / CLOUD, frame, origin_m, colours))
         # All returns of an aircraft make surfaces: they meet the ground steeply.
-        land = stack.enter_context(FieldPoints(staging, reach_m=math.inf if flies else REACH_M))
+        land = stack.enter_context(FieldPoints(staging, reach_m=math.inf if flies else MAX_REACH_M))
         land.begin(origin_m)
         yield RunProducts(opened, staging, origin_m, cloud, land, colours, parcels)
 

@@ -7,7 +7,7 @@ import pytest
 
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory, trajectory_from_attitude
-from furrowmap.core.work.hours import Hours, hours
+from furrowmap.core.work.ground import Hours, hours
 
 MOTIONS = ((Motion.STANDING, 3), (Motion.FORWARD, 40), (Motion.REVERSE, 7), (Motion.STANDING, 5), (Motion.FORWARD, 45))
 

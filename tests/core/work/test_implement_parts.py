@@ -16,11 +16,9 @@ from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.work import learning
-from furrowmap.core.work.found import Found
-from furrowmap.core.work.model import Hint
-from furrowmap.core.work.near_scans import MOST_SCANS, NearScans
-from furrowmap.core.work.range_image import COLUMNS, column_of, median_image
-from furrowmap.core.work.template import CELL_Z_M, SideViewGrid, Template, fit_height
+from furrowmap.core.work.learning import Found
+from furrowmap.core.work.model import CELL_Z_M, Hint, SideTemplate, SideViewGrid, fit_height
+from furrowmap.core.work.near_scans import IMAGE_COLUMNS, MOST_SCANS, NearScans, column_of, median_image
 from tests.core.work.conftest import HINT, Scene
 
 GRID = SideViewGrid(-3.0, 0.15, 20, 150)
@@ -37,7 +35,7 @@ def _columns(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def test_column__is_that_of_the_azimuth() -> None:
     azimuth = np.linspace(0.0, 2 * np.pi, 100_003)[:-1]
     column = _columns(3.0 * np.cos(azimuth), -3.0 * np.sin(azimuth))
-    exact = azimuth * COLUMNS / (2 * np.pi)
+    exact = azimuth * IMAGE_COLUMNS / (2 * np.pi)
     assert np.all(np.abs(column + 0.5 - exact) < 0.5 + 2e-3)
     assert _columns(np.zeros(1), np.zeros(1)).tolist() == [0]
 
@@ -86,7 +84,7 @@ def _tool(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 @given(st.floats(-0.3, 1.0), st.integers(0, 50))
 def test_fit__finds_by_how_much_a_tool_was_lifted(lifted_m: float, seed: int) -> None:
-    template = Template.of(GRID, GRID.side_view(*_tool(1000)).astype(np.float64))
+    template = SideTemplate.of(GRID, GRID.side_view(*_tool(1000)).astype(np.float64))
     x, z = _tool(seed)
     dust = np.random.default_rng(seed).uniform((-3.0, 0.2), (-1.0, 2.0), (150, 2)).astype(np.float32)
     view = GRID.side_view(np.append(x, dust[:, 0]), np.append(z + np.float32(lifted_m), dust[:, 1]))
@@ -98,10 +96,10 @@ def test_fit__finds_by_how_much_a_tool_was_lifted(lifted_m: float, seed: int) ->
 
 
 def test_fit__of_nothing_is_none() -> None:
-    template = Template.of(GRID, GRID.side_view(*_tool(1)).astype(np.float64))
+    template = SideTemplate.of(GRID, GRID.side_view(*_tool(1)).astype(np.float64))
     nothing = np.zeros((GRID.columns, GRID.rows), np.float32)
     assert np.isnan(fit_height(nothing, template, -0.4, 1.2)[0].height_m)
-    empty = Template.of(GRID, nothing.astype(np.float64))
+    empty = SideTemplate.of(GRID, nothing.astype(np.float64))
     assert np.isnan(fit_height(GRID.side_view(*_tool(1)), empty, -0.4, 1.2)[0].height_m)
 
 

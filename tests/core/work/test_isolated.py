@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.work.classifying import isolated
+from furrowmap.core.work.machine import isolated
 
 
 def scan_of(range_m: NDArray[np.float64]) -> Scan:

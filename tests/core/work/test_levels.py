@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.work.levels import find_positions
-from furrowmap.core.work.model import Levels
+from furrowmap.core.work.model import Levels, SideViewGrid
 from furrowmap.core.work.near_scans import NearScan
-from furrowmap.core.work.template import SideViewGrid
 from furrowmap.core.work.views import SEARCH_M, Heights, Views
 
 GRID = SideViewGrid(-3.0, 0.15, 20, 150)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.values.scan import PointClass, Scan
 from furrowmap.core.work.learning import learn_implement
-from furrowmap.core.work.machine import Machine, learn_machine
+from furrowmap.core.work.machine import MachineVoxels, learn_machine
 from furrowmap.core.work.near_scans import NearScans
 
 from .conftest import BODY, HINT, MOUNTING, REACH, Box, Scene
@@ -31,7 +31,7 @@ def scans() -> list[Scan]:
 
 
 @pytest.fixture(scope="module")
-def machine(scans: list[Scan]) -> Machine:
+def machine(scans: list[Scan]) -> MachineVoxels:
     near = NearScans(MOUNTING)
     for scan in scans:
         near.add(scan)
@@ -43,7 +43,7 @@ def machine(scans: list[Scan]) -> Machine:
     return found
 
 
-def test_machine__body_and_tool_are_told_from_the_ground(scans: list[Scan], machine: Machine) -> None:
+def test_machine__body_and_tool_are_told_from_the_ground(scans: list[Scan], machine: MachineVoxels) -> None:
     for scan in scans[::7]:
         xyz, classes = vehicle_xyz(scan), machine.classify(scan)
         body = np.any([inside(xyz, box) for box in BODY], axis=0) & (xyz[:, 2] > 0.3)
@@ -52,7 +52,7 @@ def test_machine__body_and_tool_are_told_from_the_ground(scans: list[Scan], mach
         assert (classes[away] == PointClass.OTHER).all()
 
 
-def test_machine__the_tool_is_known_at_every_height(scans: list[Scan], machine: Machine) -> None:
+def test_machine__the_tool_is_known_at_every_height(scans: list[Scan], machine: MachineVoxels) -> None:
     for scan in scans[::7]:
         xyz, classes = vehicle_xyz(scan), machine.classify(scan)
         tool = inside(xyz, (-3.0, -1.25, -0.9, 0.9, 0.2, 1.9)) & ~np.any([inside(xyz, box) for box in BODY], axis=0)

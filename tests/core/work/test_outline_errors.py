@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import Trajectory
-from furrowmap.core.work.ground import Area, WorkedGround, worked_ground
+from furrowmap.core.work.ground import AreaFigure, WorkedGround, worked_ground
 from tests.core.trajectory.drives import drive
 from tests.core.work.drives_with_tool import FRAME, Sample, disturbed, sample, states_of, thinned, trajectory_of
 
@@ -98,7 +98,7 @@ def test_sample__errors_of_many_drives_are_as_large_as_their_sigma(
     truth: Sample = sample(shared_data / name)
     path = thinned(truth.trajectory, 10)
 
-    def areas(ground: WorkedGround) -> list[Area]:
+    def areas(ground: WorkedGround) -> list[AreaFigure]:
         return [ground.figures.worked, ground.figures.overlap, *(p.area for p in ground.passes)]
 
     tool = truth.session.implement

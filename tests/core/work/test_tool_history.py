@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.work.heights import ToolHeights
-from furrowmap.core.work.model import DepthImages, Implement, Levels, Region
+from furrowmap.core.work.model import DepthImages, Levels, Region, SeenImplement, SideTemplate, SideViewGrid
 from furrowmap.core.work.states import ToolHistory, tool_history
-from furrowmap.core.work.template import SideViewGrid, Template
 
 TURN_S = 0.1
 LIFT_M = 0.5
 _NONE = np.zeros((0, 0), np.float32)
-TILLER = Implement(
+TILLER = SeenImplement(
     region=Region((0.0, 0.0, 0.0), (-3.0, -1.0, -1.0, 1.0), np.ones(4, bool), _NONE, 0, clockwise=True, turn_s=TURN_S),
-    template=Template(SideViewGrid(-3.0, 0.0, 0, 0), _NONE),
+    template=SideTemplate(SideViewGrid(-3.0, 0.0, 0, 0), _NONE),
     levels=Levels(0.0, LIFT_M, ToolState.UNKNOWN, 0.005, 0.01),
     working_m=0.0,
     points=100.0,
@@ -60,7 +59,7 @@ def heights(every_s: float, length_s: float = 60.0) -> ToolHeights:
     return tool(lambda t: np.where(t // every_s % 2 == 1, LIFT_M, 0.0), length_s)
 
 
-def hiding(hidden: ToolState) -> Implement:
+def hiding(hidden: ToolState) -> SeenImplement:
     return replace(TILLER, levels=replace(TILLER.levels, hidden=hidden))
 
 
