@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import GivesTrack, ReadOptions, Recognised
 from furrowmap.core.readers.sbf.log import ATTITUDE, COV_GEODETIC, GEODETIC
-from furrowmap.core.readers.sbf.log import LAYOUTS as SBF
+from furrowmap.core.readers.sbf.log import SBF_LAYOUTS as SBF
 from furrowmap.core.readers.ubx.log import COV, HPPOSLLH, PVT
-from furrowmap.core.readers.ubx.log import LAYOUTS as UBX
+from furrowmap.core.readers.ubx.log import UBX_LAYOUTS as UBX
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix

@@ -7,18 +7,20 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from pyproj import CRS
 
-from furrowmap.core.geodesy.datum_guard import check_datum
-from furrowmap.core.geodesy.height_system import JAPAN, height_system
+from furrowmap.core.geodesy.height_system import GEOIDS_OF_JAPAN, height_system
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
-from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.crs import name_of
+from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m, name_of
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
 
 FloatArray = NDArray[np.float64]
 
+JGD2000_UNTIL_S: Final = 1_319_122_800.0
+"""21 October 2011 in Japan: since then survey results and network corrections are in JGD2011."""
 JGD2024_SINCE_S: Final = 1_743_433_200.0
 """1 April 2025 in Japan: from then on survey results and network corrections are in JGD2024."""
 YEAR_S: Final = 31_556_952.0
@@ -119,7 +121,11 @@ def transform_track(track: GnssTrack, frame: MapFrame) -> tuple[GnssTrack, Trans
         RefusedError: if the datum of the map is not one of satellite positioning.
     """
     lon, lat, height, done = _transform(frame, track.t_s, track.lon_deg, track.lat_deg, track.height_m)
-    done = replace(done, notices=(*_of_today(frame, track), *done.notices))
+    by_ppp = track.service in OF_TODAY or bool(np.mean(track.fix == Fix.PPP) > 0.5)
+    if by_ppp and frame.parameters is None and frame.stated is None:
+        service = track.service.upper() or "PPP"
+        notice = Notice("epoch-of-the-day", source=track.source, service=service, frame=frame.name)
+        done = replace(done, notices=(notice, *done.notices))
     return replace(track, lon_deg=lon, lat_deg=lat, height_m=height), done
 
 
@@ -154,12 +160,24 @@ def _transform(
         known &= np.abs((lon_deg - middle[0] + 180.0) % 360.0 - 180.0) < FAR_DEG
         known &= np.abs(lat_deg - middle[1]) < FAR_DEG
     lon, lat, height = lon_deg[known], lat_deg[known], height_m[known]
-    notices = [*_unused_heights(frame), *_epoch_notices(frame, t_s[known])]
+    notices = []
+    if frame.unused is not None:
+        notices.append(Notice("heights-not-asked-for", unused=frame.unused.name, code=name_of(frame.unused)))
+    notices += _epoch_notices(frame, t_s[known])
     if frame.stated is None:
         notices += check_datum(frame.crs, frame.name, *middle, float(np.median(t_s[known])))
     epoch = None
     if frame.parameters is not None:
-        _expect_year(frame, t_s[known])
+        holds, first_s, last_s = frame.parameters.holds_s, t_s[known][0], t_s[known][-1]
+        if holds is not None and not (holds[0] <= first_s and last_s < holds[1]):
+            raise InputError(
+                "epoch-out-of-range",
+                parameters=frame.parameters.name,
+                holds=iso_utc(holds[0]),
+                holds_other=iso_utc(holds[1]),
+                t_s=iso_utc(first_s),
+                t_s_last=iso_utc(last_s),
+            )
         before = np.column_stack([*frame.project(lon, lat), np.zeros(len(lon))])
         lon, lat, up = frame.parameters.to_map(lon, lat, np.zeros(len(lon)))
         height = height + up
@@ -170,7 +188,16 @@ def _transform(
     heights = None
     if frame.heights.vertical is not None:
         geoid = frame.heights.geoid_m(lon, lat)
-        _expect_geoid(frame, lon, lat, geoid)
+        missing = np.flatnonzero(~np.isfinite(geoid))
+        if len(missing):
+            raise InputError(
+                "geoid-outside",
+                heights=frame.heights.name,
+                lat_deg=lat[missing[0]],
+                lon_deg=lon[missing[0]],
+                missing=len(missing) - 1,
+                geoid_m=len(geoid),
+            )
         height = height - geoid
         heights = HeightMove(frame.heights.name, frame.heights.source, (float(geoid.min()), float(geoid.max())))
         notices += _mixed(frame, t_s[known], *middle_deg(lon, lat))
@@ -180,12 +207,21 @@ def _transform(
     return out[0], out[1], out[2], TransformSummary(epoch, heights, tuple(notices))
 
 
-def _unused_heights(frame: MapFrame) -> list[Notice]:
-    """Notice where the CRS of the map includes heights that the session does not request."""
-    if frame.unused is None:
+def check_datum(crs: CRS, name: str, lon_deg: float, lat_deg: float, time_s: float) -> list[Notice]:
+    """Notices about the datum of a map for satellite positions at a site and time.
+
+    Raises:
+        RefusedError: if it differs widely from the datums of satellite positioning.
+    """
+    base = crs.geodetic_crs
+    if base is None:
         return []
-    code = name_of(frame.unused)
-    return [Notice("heights-not-asked-for", unused=frame.unused.name, code=code)]
+    apart = datum_shift_m(base, round(lon_deg, 1), round(lat_deg, 1))
+    if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
+        raise RefusedError("crs-datum", name=name, base=base.name, apart=apart, lat_deg=lat_deg, lon_deg=lon_deg)
+    if base.name == "JGD2000" and time_s > JGD2000_UNTIL_S:
+        return [Notice("datum-superseded", name=name)]
+    return []
 
 
 def _epoch_notices(frame: MapFrame, t_s: FloatArray) -> list[Notice]:
@@ -198,51 +234,9 @@ def _epoch_notices(frame: MapFrame, t_s: FloatArray) -> list[Notice]:
     return []
 
 
-def _of_today(frame: MapFrame, track: GnssTrack) -> list[Notice]:
-    """Notice where positions at the current epoch are used without transformation."""
-    by_ppp = track.service in OF_TODAY or bool(np.mean(track.fix == Fix.PPP) > 0.5)
-    if not by_ppp or frame.parameters is not None or frame.stated is not None:
-        return []
-    service = track.service.upper() or "PPP"
-    return [Notice("epoch-of-the-day", source=track.source, service=service, frame=frame.name)]
-
-
-def _expect_year(frame: MapFrame, t_s: FloatArray) -> None:
-    """Raises InputError where the parameters are not valid for the date of the recording."""
-    parameters = frame.parameters
-    assert parameters is not None
-    holds = parameters.holds_s
-    if holds is None or (holds[0] <= t_s[0] and t_s[-1] < holds[1]):
-        return
-    raise InputError(
-        "epoch-out-of-range",
-        parameters=parameters.name,
-        holds=iso_utc(holds[0]),
-        holds_other=iso_utc(holds[1]),
-        t_s=iso_utc(t_s[0]),
-        t_s_last=iso_utc(t_s[-1]),
-    )
-
-
-def _expect_geoid(frame: MapFrame, lon_deg: FloatArray, lat_deg: FloatArray, geoid_m: FloatArray) -> None:
-    """Raises InputError where the model does not cover a position."""
-    missing = ~np.isfinite(geoid_m)
-    if not missing.any():
-        return
-    k = int(np.flatnonzero(missing)[0])
-    raise InputError(
-        "geoid-outside",
-        heights=frame.heights.name,
-        lat_deg=lat_deg[k],
-        lon_deg=lon_deg[k],
-        missing=int(missing.sum()) - 1,
-        geoid_m=len(geoid_m),
-    )
-
-
 def _mixed(frame: MapFrame, t_s: FloatArray, lon_deg: float, lat_deg: float) -> list[Notice]:
     """Notice where a geoid of Japan is combined with ellipsoidal heights of another realisation."""
-    belongs = JAPAN.get(frame.heights.name)
+    belongs = GEOIDS_OF_JAPAN.get(frame.heights.name)
     if belongs is None:
         return []
     stated = frame.stated.name if frame.stated is not None else None
@@ -253,7 +247,7 @@ def _mixed(frame: MapFrame, t_s: FloatArray, lon_deg: float, lat_deg: float) -> 
         return []
     base = frame.crs.geodetic_crs or frame.crs
     here = np.array([lon_deg]), np.array([lat_deg])
-    both = [float(height_system(name, base).geoid_m(*here)[0]) for name in JAPAN]
+    both = [float(height_system(name, base).geoid_m(*here)[0]) for name in GEOIDS_OF_JAPAN]
     return [
         Notice(
             "epoch-and-geoid",
@@ -262,7 +256,7 @@ def _mixed(frame: MapFrame, t_s: FloatArray, lon_deg: float, lat_deg: float) -> 
             stated=stated,
             parameters=frame.parameters.name if frame.parameters is not None and holds_s is not None else None,
             results=results,
-            geoids=" and ".join(JAPAN),
+            geoids=" and ".join(GEOIDS_OF_JAPAN),
             apart_cm=100.0 * abs(both[0] - both[1]),
             moved=results is None,
         )

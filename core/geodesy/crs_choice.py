@@ -10,7 +10,7 @@ from typing import Final, TypeAlias
 from pyproj import CRS
 from pyproj.database import CRSInfo, query_utm_crs_info
 
-_JAPAN: Final = {
+_ZONES_OF_JAPAN: Final = {
     6669: "Nagasaki and the western islands of Kagoshima",
     6670: "Fukuoka, Saga, Kumamoto, Oita, Miyazaki, Kagoshima",
     6671: "Yamaguchi, Shimane, Hiroshima",
@@ -32,7 +32,7 @@ _JAPAN: Final = {
     6687: "Minamitorishima",
 }
 """EPSG codes of JGD2011 plane rectangular zones I to XIX with their prefectures (MLIT public notice no. 9 of 2002)."""
-_NEAR_JAPAN_DEG: Final = 0.1
+_NEAR_ZONE_DEG: Final = 0.1
 _NEAR_UTM_DEG: Final = 0.5
 """Distance from a zone border (10 and about 50 km) within which the neighbouring zone is an alternative."""
 _LOCAL_DATUMS: Final = ("ETRS89", "NAD83(2011)", "GDA2020", "NZGD2000", "SIRGAS 2000")
@@ -71,9 +71,9 @@ def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     """
     zones = sorted(
         (_eccentricity(area.bounds, lon_deg, lat_deg), code)
-        for code in _JAPAN
+        for code in _ZONES_OF_JAPAN
         if (area := CRS.from_epsg(code).area_of_use) is not None
-        and _outside_deg(area.bounds, lon_deg, lat_deg) <= _NEAR_JAPAN_DEG
+        and _outside_deg(area.bounds, lon_deg, lat_deg) <= _NEAR_ZONE_DEG
     )
     if not zones or zones[0][0] > 1.0:
         return None
@@ -81,8 +81,8 @@ def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     return CrsChoice(
         code=f"EPSG:{best}",
         name=CRS.from_epsg(best).name,
-        reason=f"{_place(lon_deg, lat_deg)} lies in its area of use ({_JAPAN[best]})",
-        alternatives=tuple(f"EPSG:{code} for {_JAPAN[code]}" for code in others),
+        reason=f"{_place(lon_deg, lat_deg)} lies in its area of use ({_ZONES_OF_JAPAN[best]})",
+        alternatives=tuple(f"EPSG:{code} for {_ZONES_OF_JAPAN[code]}" for code in others),
     )
 
 

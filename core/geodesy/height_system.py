@@ -22,9 +22,9 @@ from furrowmap.core.values.session import ELLIPSOIDAL
 
 FloatArray = NDArray[np.float64]
 
-JAPAN: Final = {"GSIGEO2011": "JGD2011", "JPGEO2024": "JGD2024"}
+GEOIDS_OF_JAPAN: Final = {"GSIGEO2011": "JGD2011", "JPGEO2024": "JGD2024"}
 """Geoid models of Japan, and the realisation whose ellipsoidal heights each applies to."""
-VERTICAL: Final = {"EGM84": "EPSG:5798", "EGM96": "EPSG:5773", "EGM2008": "EPSG:3855"}
+VERTICAL_CRS: Final = {"EGM84": "EPSG:5798", "EGM96": "EPSG:5773", "EGM2008": "EPSG:3855"}
 """Global geoid models and their vertical CRS."""
 _JGD2011: Final = 6695
 """EPSG code of JGD2011 (vertical), the heights of GSIGEO2011."""
@@ -70,7 +70,7 @@ def height_system(name: str, base: CRS, grid: Path | None = None) -> HeightSyste
     """The height system that a session requests.
 
     Args:
-        name: "ellipsoidal", a key of `JAPAN` or `VERTICAL`, or any vertical CRS that PROJ reads.
+        name: "ellipsoidal", a key of `GEOIDS_OF_JAPAN` or `VERTICAL_CRS`, or any vertical CRS that PROJ reads.
         base: the geographic CRS of the positions.
         grid: geoid grid that PROJ reads (GeoTIFF, GTX), for other models than those of Japan and of PROJ.
 
@@ -80,9 +80,20 @@ def height_system(name: str, base: CRS, grid: Path | None = None) -> HeightSyste
     """
     if name == ELLIPSOIDAL:
         return ABOVE_ELLIPSOID
-    if name.upper() in JAPAN:
+    if name.upper() in GEOIDS_OF_JAPAN:
         return _japan(name.upper())
-    vertical = _vertical(name)
+    try:
+        vertical = CRS.from_user_input(VERTICAL_CRS.get(name.upper(), name))
+    except CRSError:
+        vertical = None
+    if vertical is None or not vertical.is_vertical or vertical.is_compound:
+        raise InputError(
+            "heights-unknown",
+            name=name,
+            ellipsoidal=ELLIPSOIDAL,
+            japan=", ".join(GEOIDS_OF_JAPAN),
+            vertical=", ".join(VERTICAL_CRS),
+        )
     if grid is None and vertical == CRS.from_epsg(_JGD2011):
         return _japan("GSIGEO2011")
     geoid_m, source = _from_grid(grid) if grid is not None else _from_proj(name, vertical, base)
@@ -100,28 +111,12 @@ def _japan(name: str) -> HeightSystem:
         model, vertical = japan_geoid.load_embedded_gsigeo2011(), CRS.from_epsg(_JGD2011)
         source = "GSIGEO2011 of the Geospatial Information Authority of Japan"
     else:
-        model, vertical = japan_geoid.load_embedded_jpgeo2024_hrefconv2024(), _jgd2024()
+        known = query_crs_info(auth_name="EPSG", pj_types=PJType.VERTICAL_CRS)
+        code = next((info.code for info in known if info.name == _JGD2024_NAME and not info.deprecated), None)
+        vertical = CRS.from_wkt(_JGD2024) if code is None else CRS.from_authority("EPSG", code)
+        model = japan_geoid.load_embedded_jpgeo2024_hrefconv2024()
         source = "JPGEO2024 with Hrefconv2024 of the Geospatial Information Authority of Japan"
     return HeightSystem(name, vertical, source, lambda lon, lat: np.asarray(model.get_heights(lon, lat), np.float64))
-
-
-def _jgd2024() -> CRS:
-    """The vertical CRS of JGD2024, from EPSG where the PROJ database has it."""
-    known = query_crs_info(auth_name="EPSG", pj_types=PJType.VERTICAL_CRS)
-    code = next((info.code for info in known if info.name == _JGD2024_NAME and not info.deprecated), None)
-    return CRS.from_wkt(_JGD2024) if code is None else CRS.from_authority("EPSG", code)
-
-
-def _vertical(name: str) -> CRS:
-    try:
-        crs = CRS.from_user_input(VERTICAL.get(name.upper(), name))
-    except CRSError:
-        crs = None
-    if crs is None or not crs.is_vertical or crs.is_compound:
-        raise InputError(
-            "heights-unknown", name=name, ellipsoidal=ELLIPSOIDAL, japan=", ".join(JAPAN), vertical=", ".join(VERTICAL)
-        )
-    return crs
 
 
 def _from_grid(grid: Path) -> tuple[GeoidHeight, str]:
@@ -136,7 +131,7 @@ def _from_grid(grid: Path) -> tuple[GeoidHeight, str]:
         )
     except ProjError as error:
         raise InputError("geoid-unreadable.from-grid", grid=grid, error=error) from None
-    return _taken(shift, 1.0), f"the grid {grid.name}"
+    return _geoid_heights(shift, 1.0), f"the grid {grid.name}"
 
 
 def _from_proj(name: str, vertical: CRS, base: CRS) -> tuple[GeoidHeight, str]:
@@ -147,14 +142,14 @@ def _from_proj(name: str, vertical: CRS, base: CRS) -> tuple[GeoidHeight, str]:
         group = TransformerGroup(base.to_3d(), whole, always_xy=True, allow_ballpark=False)
     if group.transformers:
         best = group.transformers[0]
-        return _taken(best, -1.0), best.description
+        return _geoid_heights(best, -1.0), best.description
     needed = [grid.short_name for operation in group.unavailable_operations for grid in operation.grids]
     if needed:
         raise RefusedError("geoid-grid-missing", name=name, needed=needed[0])
     raise RefusedError("geoid-unknown", base=base.name, vertical=vertical.name)
 
 
-def _taken(change: Transformer, sign: float) -> GeoidHeight:
+def _geoid_heights(change: Transformer, sign: float) -> GeoidHeight:
     """Geoid heights as the transformation of points on the ellipsoid."""
 
     def geoid_m(lon_deg: FloatArray, lat_deg: FloatArray) -> FloatArray:

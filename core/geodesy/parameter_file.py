@@ -2,7 +2,11 @@
 
 Geospatial Information Authority of Japan, semi-dynamic correction: the file of a fiscal year holds, on a mesh of 2.5'
 by 3.75', the ground motion since the reference epoch. Added to coordinates at the epoch of the map, interpolated
-bilinearly, it gives those at the current epoch. For a quarter of a year: :mod:`furrowmap.core.geodesy.pos2jgd`.
+bilinearly, it gives those at the current epoch.
+
+POS2JGD: steady crustal motion for a quarter of a year, for PPP and CLAS. The header states fields, period and both
+datums, but not the sign. It follows from the motion: since the epoch of JGD2011 the plates under Japan have moved south
+in every ITRF, except the Philippine Sea plate (Izu and Ogasawara islands).
 """
 
 from __future__ import annotations
@@ -18,7 +22,6 @@ import jgdtrans
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.geodesy import pos2jgd
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.foreign_content import binary_kind
 
@@ -31,14 +34,21 @@ BETWEEN_EPOCHS: Final = (YEAR, QUARTER)
 _SOUTH_NORTH_DEG: Final = (0.0, 66.6)
 _WEST_EAST_DEG: Final = (100.0, 180.0)
 """Where mesh codes are defined (JIS X 0410)."""
-LARGEST_BYTES: Final = 50_000_000
+MAX_PARAMETER_BYTES: Final = 50_000_000
 """The largest official file (TKY2JGD, 390,000 nodes) has 11 MB."""
-LARGEST: Final = (1.0 / 60.0, 1.0 / 60.0, 100.0)
+MAX_CORRECTION: Final = (1.0 / 60.0, 1.0 / 60.0, 100.0)
+"""Degrees and metres of a change of datum: a minute of arc and 100 m."""
 _ROW: Final = re.compile(r"[0-9]{8}(\s+-?[0-9]+\.[0-9]{5}){1,3}\s*|\s*")
 """The columns are of fixed width: with a digit lost, all behind it would be read from the wrong place."""
-_ROUNDS: Final = 6
+_INVERSE_ROUNDS: Final = 6
 """Iterations of the inverse: parameters vary by less than 1e-3, so each adds three digits."""
-_JAPAN: Final = dt.timezone(dt.timedelta(hours=9))
+_JAPAN_TIME: Final = dt.timezone(dt.timedelta(hours=9))
+
+_POS2JGD_TITLE: Final = "GRIDDED CORRECTION PARAMETER FOR POS2JGD"
+_POS2JGD_DATUMS: Final = ("JGD2011", "JGD2024")
+_POS2JGD_FIELDS: Final = "'4 MeshCode dB dL dH'"
+_IZU_DEG: Final = 138.0, 35.0
+"""East of this longitude and south of this latitude the islands move north-west."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +94,7 @@ class ParameterFile:
             InputError: as :meth:`forward`.
         """
         moved = np.median(self.corrections, axis=0)[None, :]
-        for _ in range(_ROUNDS):
+        for _ in range(_INVERSE_ROUNDS):
             moved = self._at(lon_deg - moved[:, 0], lat_deg - moved[:, 1])
         return lon_deg - moved[:, 0], lat_deg - moved[:, 1], height_m - moved[:, 2]
 
@@ -93,7 +103,7 @@ class ParameterFile:
         """Period of validity (UTC) of a file between epochs; None where unknown."""
         if self.days is None:
             return None
-        begin, end = (dt.datetime.combine(day, dt.time(), _JAPAN) for day in self.days)
+        begin, end = (dt.datetime.combine(day, dt.time(), _JAPAN_TIME) for day in self.days)
         return begin.timestamp(), (end + dt.timedelta(days=1)).timestamp()
 
     def _at(self, lon_deg: FloatArray, lat_deg: FloatArray) -> FloatArray:
@@ -111,21 +121,17 @@ class ParameterFile:
         for north in (0, 1):
             for east in (0, 1):
                 share = (up if north else 1.0 - up) * (right if east else 1.0 - right)
-                index, known = self._find(
-                    unit * (south.astype(np.int64) + north), unit * (west.astype(np.int64) + east)
-                )
+                y = unit * (south.astype(np.int64) + north)
+                x = unit * (west.astype(np.int64) + east)
+                code = (y // 80) * 1_000_000 + (x // 80) * 10_000
+                code += (y % 80 // 10) * 1_000 + (x % 80 // 10) * 100 + (y % 10) * 10 + x % 10
+                index = np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)
+                known = self.codes[index] == code
                 missing = ~known & (share[:, 0] > 0.0)
                 if missing.any():
                     raise self._outside(lon_deg, lat_deg, missing)
                 out += share * np.where(known[:, None], self.corrections[index], 0.0)
         return out
-
-    def _find(self, row: NDArray[np.int64], column: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Index (n,) of nodes by row and column in units of 30" and 45"; and whether the file has them."""
-        code = (row // 80) * 1_000_000 + (column // 80) * 10_000
-        code += (row % 80 // 10) * 1_000 + (column % 80 // 10) * 100 + (row % 10) * 10 + column % 10
-        index = np.minimum(np.searchsorted(self.codes, code), len(self.codes) - 1)
-        return index, self.codes[index] == code
 
     def _outside(self, lon_deg: FloatArray, lat_deg: FloatArray, where: NDArray[np.bool_]) -> InputError:
         k = int(np.flatnonzero(where)[0])
@@ -146,7 +152,7 @@ def read_parameters(path: Path) -> ParameterFile:
         InputError: if it is no such file, or is damaged.
     """
     try:
-        if path.stat().st_size > LARGEST_BYTES:
+        if path.stat().st_size > MAX_PARAMETER_BYTES:
             raise _unreadable(path, f"it has {path.stat().st_size:,} bytes")
         content = path.read_bytes()
     except OSError as error:
@@ -155,8 +161,8 @@ def read_parameters(path: Path) -> ParameterFile:
         raise _unreadable(path, f"it is {kind}, not text")
     text = content.decode("cp932", "replace")
     lines = text.splitlines()
-    if lines and lines[0].strip() == pos2jgd.TITLE:
-        return _quarter(path, lines)
+    if lines and lines[0].strip() == _POS2JGD_TITLE:
+        return _read_pos2jgd(path, lines)
     head = next((k for k, line in enumerate(lines) if re.match(r"\d{8}\s", line)), None)
     if head is None:
         raise _unreadable(path, "it has no mesh codes after a header of 2 or 16 lines")
@@ -172,29 +178,49 @@ def read_parameters(path: Path) -> ParameterFile:
         raise _unreadable(path, str(error) or type(error).__name__) from None
     codes = np.array(sorted(found), np.int64)
     rows = np.array([(p.longitude / 3600.0, p.latitude / 3600.0, p.altitude) for p in map(found.__getitem__, codes)])
-    if not _plausible(rows):
-        raise _unreadable(path, "some of its parameters are not numbers, or larger than any")
+    _check_corrections(path, rows)
     year = re.search(r"SemiDyna(20\d\d)", f"{path.name} {' '.join(lines[:head])}", re.IGNORECASE)
     days = (dt.date(int(year[1]), 4, 1), dt.date(int(year[1]) + 1, 3, 31)) if year and kind == YEAR else None
     return ParameterFile(path.name, kind, days, codes, rows)
 
 
-def _quarter(path: Path, lines: list[str]) -> ParameterFile:
-    """The parameters of POS2JGD."""
+def _read_pos2jgd(path: Path, lines: list[str]) -> ParameterFile:
+    head = {key.strip(): value.strip() for key, _, value in (line.partition("=") for line in lines if "=" in line)}
+    if head.get("DATA_FIELDS", _POS2JGD_FIELDS) != _POS2JGD_FIELDS:
+        raise _unreadable(path, f"its fields are {head['DATA_FIELDS']}, not {_POS2JGD_FIELDS}")
+    if head.get("NATIONAL_DATUM") not in _POS2JGD_DATUMS:
+        raise _unreadable(path, f"its NATIONAL_DATUM is {head.get('NATIONAL_DATUM', 'not stated')}")
+    days = []
+    for key in ("START_OF_APPLICABLE_PERIOD", "END_OF_APPLICABLE_PERIOD"):
+        try:
+            days.append(dt.datetime.strptime(head.get(key, ""), "%Y%m%d").date())  # noqa: DTZ007 - a day of a calendar
+        except ValueError:
+            raise _unreadable(path, f"its {key} is not a date such as 20230601") from None
+    rows = [line.split() for line in lines if line[:8].isdigit()]
+    if not rows or any(len(row) != 4 or len(row[0]) != 8 for row in rows):
+        raise _unreadable(path, "not every line after its header has a mesh code and three numbers")
     try:
-        found = pos2jgd.parse(lines)
+        values = np.array([[float(value) for value in row[1:]] for row in rows])
+        codes = np.array([int(row[0]) for row in rows], np.int64)
     except ValueError as error:
         raise _unreadable(path, str(error)) from None
-    order = np.argsort(found.codes)
-    rows = found.corrections[order][:, [1, 0, 2]] / (3600.0, 3600.0, 1.0)
-    if not _plausible(rows):
+    north_deg, east_deg = codes // 1_000_000 / 1.5, 100.0 + codes // 10_000 % 100
+    on_islands = (north_deg < _IZU_DEG[1]) & (east_deg >= _IZU_DEG[0])
+    northward = values[~on_islands & (values[:, 0] != 0.0), 0]
+    if not len(northward) or max((northward < 0.0).mean(), (northward > 0.0).mean()) < 0.9:
+        why = "the sign of its numbers cannot be determined without nodes on the main islands of Japan"
+        raise _unreadable(path, why)
+    order = np.argsort(codes)
+    corrections = values[order][:, [1, 0, 2]] / (3600.0, 3600.0, 1.0)
+    _check_corrections(path, corrections)
+    from_map = bool(np.median(northward) < 0.0)
+    return ParameterFile(path.name, QUARTER, (days[0], days[1]), codes[order], corrections, from_map)
+
+
+def _check_corrections(path: Path, rows: FloatArray) -> None:
+    """Refuse corrections (n, 3) that are not numbers of the size of a change of datum."""
+    if not len(rows) or not (np.abs(rows) <= MAX_CORRECTION).all():
         raise _unreadable(path, "some of its parameters are not numbers, or larger than any")
-    return ParameterFile(path.name, QUARTER, found.days, found.codes[order], rows, found.from_map)
-
-
-def _plausible(rows: FloatArray) -> bool:
-    """Whether parameters (n, 3) are numbers of the size of a change of datum: up to a minute of arc and 100 m."""
-    return bool(len(rows)) and bool((np.abs(rows) <= LARGEST).all())
 
 
 def _kind(lines: list[str], head: int) -> str | None:

@@ -12,7 +12,7 @@ import shapely
 from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.readers.isoxml.content import LARGEST_DEG, read_content
+from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, read_content
 from furrowmap.core.readers.isoxml.files import is_task_data, open_task_files
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
 from furrowmap.core.runtime.errors import InputError
@@ -82,7 +82,7 @@ def _outlines(path: Path, polygons: Polygons) -> tuple[list[BaseGeometry], CRS]:
             raise _unreadable(
                 path, f"it reaches from {south:g} to {north:g} latitude and {west:g} to {east:g} longitude"
             )
-        if max(north - south, (east - west) * np.cos(np.radians(max(-south, north)))) > LARGEST_DEG:
+        if max(north - south, (east - west) * np.cos(np.radians(max(-south, north)))) > MAX_FIELD_DEG:
             raise _unreadable(path, f"it is {north - south:.3g}° high and {east - west:.3g}° wide, which no field is")
         outlines.append(outline)
     return outlines, base

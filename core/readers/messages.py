@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Generic, TypeVar
 
@@ -92,19 +92,16 @@ def read_messages(
         counts: of the streams before, if there are any; updated. Their lengths are added to :attr:`Messages.at`.
     """
     found: dict[int, list[Messages]] = {kind: [] for kind in layouts}
-    base = counts.stream_bytes
-    rest = b""
-    while True:
-        block = source.read(MESSAGE_CHUNK_BYTES)
-        data = np.frombuffer(rest + block, np.uint8)
-        frames = find_frames(data, framing, last=not block)
+
+    def scan(piece: bytes, base: int, last: bool) -> int:
+        data = np.frombuffer(piece, np.uint8)
+        frames = find_frames(data, framing, last=last)
         kinds, times = np.unique(frames.kind, return_counts=True)
         counts.kinds.update(dict(zip(kinds.tolist(), times.tolist(), strict=True)))
         counts.bad += frames.bad
         counts.cut += frames.cut
         counts.message_bytes += frames.intact_bytes
         counts.foreign_bytes += frames.foreign
-        counts.stream_bytes += len(block)
         for kind, layout in layouts.items():
             of_kind = frames.kind == kind
             whole = of_kind & (frames.length >= layout.itemsize)
@@ -113,10 +110,31 @@ def read_messages(
                 begin = frames.at[whole]
                 content = data[begin[:, None] + np.arange(layout.itemsize)]
                 found[kind].append(Messages(content.view(layout).ravel(), begin + base))
+        return frames.used
+
+    scan_stream(source, counts, scan)
+    return found
+
+
+def scan_stream(source: Source, counts: MessageCounts[Any], scan: Callable[[bytes, int, bool], int]) -> None:
+    """Scan a stream from its current position, piece by piece; its length is added to `counts.stream_bytes`.
+
+    Args:
+        source: the stream.
+        counts: of the streams before, if there are any.
+        scan: is called with the bytes that are not done with, their offset in all streams, and whether the stream ends
+            with them; returns how many of them are done with.
+    """
+    base, rest = counts.stream_bytes, b""
+    while True:
+        block = source.read(MESSAGE_CHUNK_BYTES)
+        counts.stream_bytes += len(block)
+        piece = rest + block
+        used = scan(piece, base, not block)
         if not block:
-            return found
-        base += frames.used
-        rest = (rest + block)[frames.used :]
+            return
+        base += used
+        rest = piece[used:]
 
 
 def layout(size: int, **columns: tuple[int, str]) -> np.dtype[np.void]:

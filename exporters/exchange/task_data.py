@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from pyproj import CRS, Geod
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.readers.isoxml.files import MAIN
+from furrowmap.core.readers.isoxml.time_log import EPOCH_S
 from furrowmap.core.readers.isoxml.work import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA, WORK_STATE
 from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.values.gnss import Fix
@@ -35,7 +37,7 @@ if TYPE_CHECKING:
 FloatArray = NDArray[np.float64]
 
 WGS84: Final = Geod(ellps="WGS84")
-MAIN: Final = "TASKDATA.XML"
+
 LOG: Final = "TLG00001"
 ARCHIVE_FOLDER: Final = "TASKDATA"
 DEVICE: Final = "DVC-1"
@@ -46,7 +48,6 @@ TASK: Final = "TSK1"
 CLIENT_NAME: Final = "A000000000000000"
 """The NAME (ISO 11783-5) of a machine without one on a bus: arbitrary address, agricultural."""
 MAX_DESIGNATOR_LENGTH: Final = 32
-EPOCH_S: Final = 315_532_800
 DAY_MS: Final = 86_400_000
 NO_STATUS: Final = 15
 UNDEFINED: Final = 3

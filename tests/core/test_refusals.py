@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import zipfile
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -24,7 +25,7 @@ from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.poses.file import RawPoses
 from furrowmap.core.readers.reader import GROUP, ReadOptions, readers
 from furrowmap.core.readers.rosbag.bags import RosBag2
-from furrowmap.core.readers.rosbag.storage import ByteStream, Damage
+from furrowmap.core.readers.rosbag.files import BagFiles
 from furrowmap.core.readers.states_csv import StatesCsv
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import FurrowmapError, Notice
@@ -63,9 +64,12 @@ def test_task_data__whose_time_logs_have_no_positions(records: list[Record], tmp
 
 
 def test_bag__a_record_larger_than_any_message(tmp_path: Path) -> None:
-    (tmp_path / "bag").write_bytes(bytes(100))
-    with pytest.raises(Damage, match="a record of 536870913 bytes is declared at byte 0"):
-        ByteStream(tmp_path / "bag").take((1 << 29) + 1)
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQ", 1, (1 << 29) + 1) + bytes(100))
+    files = BagFiles([path])
+    assert not list(files.messages())
+    (notice,) = files.notices
+    assert "a record of 536870913 bytes is declared at byte 17" in notice.text
 
 
 COLUMNS = "MeshCode   dB(sec)  dL(sec)"
@@ -105,7 +109,7 @@ def test_parameters__of_an_earthquake_are_told_by_their_columns(
 
 def test_files__too_large_for_what_they_are(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The bounds are lowered, so that the files are small; the rule is the same."""
-    monkeypatch.setattr(parameter_file, "LARGEST_BYTES", 60)
+    monkeypatch.setattr(parameter_file, "MAX_PARAMETER_BYTES", 60)
     monkeypatch.setattr(surveyed_points, "MAX_SURVEY_BYTES", 60)
     monkeypatch.setattr(vector_file, "MAX_VECTOR_BYTES", 60)
     with refusal("parameters-unreadable", "it has [0-9,]+ bytes"):
@@ -148,12 +152,12 @@ def test_task_data__of_too_many_or_too_large_files(tmp_path: Path, monkeypatch: 
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         for name in ("TASKDATA.XML", "a", "b", "c"):
             archive.writestr(name, "<ISO11783_TaskData/>")
-    monkeypatch.setattr(files, "MOST_FILES", 3)
+    monkeypatch.setattr(files, "MAX_ARCHIVE_FILES", 3)
     with pytest.raises(FurrowmapError, match="it has 4 files"):
         files.open_task_files(tmp_path / "a.zip")
     (tmp_path / "TASKDATA.XML").write_text("<ISO11783_TaskData/>" + " " * 99)
     assert files.is_task_data(tmp_path / "TASKDATA.XML")
-    monkeypatch.setattr(files, "LARGEST_BYTES", 60)
+    monkeypatch.setattr(files, "MAX_FILE_BYTES", 60)
     with refusal("task-data-unreadable", "more than any task data"):
         files.open_task_files(tmp_path / "TASKDATA.XML").read("TASKDATA.XML")
 
@@ -194,7 +198,7 @@ def test_crs__that_proj_does_not_know(text: str) -> None:
 
 
 def test_time_log__of_more_values_than_can_be_numbered() -> None:
-    most = time_log.MOST_VALUES + 1
+    most = time_log.MAX_CHANNELS
     assert len(time_log.read_header(header([(141, "DET-1")] * most), "TLG00001").channels) == most
     with refusal("time-log-header", rf"TLG00001\.xml: {most + 1} values; at most {most} can be numbered"):
         time_log.read_header(header([(141, "DET-1")] * (most + 1)), "TLG00001")

@@ -22,8 +22,8 @@ EXTERNAL: Final = "XFC"
 BOUNDARY_POLYGON: Final = "1"
 EXTERIORS: Final = ("1", "")
 INTERIOR: Final = "2"
-MOST_DIGITS: Final = 20
-LARGEST_DEG: Final = 1.0
+MAX_DIGITS: Final = 20
+MAX_FIELD_DEG: Final = 1.0
 """No field is wider or higher, in degrees of latitude."""
 PARALLEL: Final = frozenset({"4", "5"})
 """Types of device elements that are side by side: sections and units."""
@@ -140,7 +140,17 @@ def read_content(files: TaskFiles) -> TaskData:
         maker=maker,
         partfields=_by_id(partfields, "partfield", notices),
         elements=_by_id(elements, "device element", notices),
-        tasks=tuple(_task(item) for item in items if item.tag == "TSK"),
+        tasks=tuple(
+            Task(
+                id=item.get("A"),
+                name=item.get("B") or item.get("A"),
+                partfield=item.get("E"),
+                logs=tuple(log.get("A") for log in item.all("TLG")),
+                spans=tuple(_time_span(span) for span in item.all("TIM")),
+            )
+            for item in items
+            if item.tag == "TSK"
+        ),
         notices=tuple(notices),
     )
 
@@ -177,10 +187,9 @@ def _partfield(item: Element, notices: list[Notice]) -> Partfield:
     name = item.get("C") or item.get("A")
     polygons = [p for p in item.all("PLN") if p.get("A") == BOUNDARY_POLYGON]
     boundary = shapely.union_all([_polygon(p, name, notices) for p in polygons])
-    area = _whole(item.get("D"))
-    return Partfield(
-        item.get("A"), name, float(area) if area else float("nan"), None if boundary.is_empty else boundary
-    )
+    area = _integer(item.get("D"))
+    area_m2 = float(area) if area else float("nan")
+    return Partfield(item.get("A"), name, area_m2, None if boundary.is_empty else boundary)
 
 
 def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
@@ -193,7 +202,7 @@ def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
     for ring in item.all("LSG"):
         places = [(_degrees(p.get("D")), _degrees(p.get("C"))) for p in ring.all("PNT")]
         usable = [(lon, lat) for lon, lat in places if abs(lon) <= 180.0 and abs(lat) <= 90.0]
-        far = len(usable) > 0 and bool(np.ptp(usable, axis=0).max() > LARGEST_DEG)
+        far = len(usable) > 0 and bool(np.ptp(usable, axis=0).max() > MAX_FIELD_DEG)
         if len(usable) < 3 or len(usable) < len(places) or far or ring.get("A") not in (*EXTERIORS, INTERIOR):
             notices.append(Notice("boundary-ring", name=name, usable=len(usable), places=len(places)))
         else:
@@ -213,41 +222,22 @@ def _elements(device: Element) -> Iterator[DeviceElement]:
     by_number = {part.get("B"): part.get("A") for part in parts}
     for part in parts:
         parent = by_number.get(part.get("F"), "")
-        name = part.get("D") or part.get("A")
-        yield DeviceElement(
-            part.get("A"), part.get("C"), name, parent if parent != part.get("A") else "", device.get("B")
-        )
+        own = part.get("A")
+        yield DeviceElement(own, part.get("C"), part.get("D") or own, parent if parent != own else "", device.get("B"))
 
 
-def _task(item: Element) -> Task:
-    return Task(
-        id=item.get("A"),
-        name=item.get("B") or item.get("A"),
-        partfield=item.get("E"),
-        logs=tuple(log.get("A") for log in item.all("TLG")),
-        spans=tuple(_span(span) for span in item.all("TIM")),
-    )
-
-
-def _span(item: Element) -> TimeSpan:
+def _time_span(item: Element) -> TimeSpan:
     totals = {}
     for value in item.all("DLV"):
-        ddi, number = _hex(value.get("A")), _whole(value.get("B"))
+        ddi, number = _integer(value.get("A"), base=16), _integer(value.get("B"))
         if ddi is not None and number is not None:
             totals[ddi, value.get("C")] = number
     return TimeSpan(item.get("A"), item.get("B"), item.get("D"), totals)
 
 
-def _hex(text: str) -> int | None:
-    try:
-        return int(text, 16)
-    except ValueError:
-        return None
-
-
-def _whole(text: str) -> int | None:
+def _integer(text: str, base: int = 10) -> int | None:
     """The integer in a text; None if it is none, or has more digits than any in task data."""
     try:
-        return int(text) if len(text) <= MOST_DIGITS else None
+        return int(text, base) if len(text) <= MAX_DIGITS else None
     except ValueError:
         return None

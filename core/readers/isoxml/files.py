@@ -15,8 +15,8 @@ from furrowmap.core.runtime.file_names import is_file_name, leads_out
 from furrowmap.core.runtime.limits import expect_growth, expect_memory
 
 MAIN: Final = "TASKDATA.XML"
-MOST_FILES: Final = 100_000
-LARGEST_BYTES: Final = 1 << 30
+MAX_ARCHIVE_FILES: Final = 100_000
+MAX_FILE_BYTES: Final = 1 << 30
 """Largest plausible file: the time log of a day has a few megabytes."""
 
 
@@ -36,13 +36,6 @@ class TaskFiles:
     def named(self, name: str) -> str:
         """Path of one of the files for messages."""
         return f"{self.path}, {name}"
-
-    def names(self) -> list[str]:
-        """The names, in capitals."""
-        return sorted(self._readers)
-
-    def __contains__(self, name: str) -> bool:
-        return name.upper() in self._readers
 
     def read(self, name: str) -> bytes:
         """The content of a file.
@@ -65,11 +58,12 @@ def open_task_files(path: Path) -> TaskFiles:
     Raises:
         InputError: if there is none or more than one, or the archive is damaged or hostile.
     """
-    if path.is_dir():
-        return _of_folder(path)
-    if path.name.upper() == MAIN:
-        return _of_folder(path.parent)
-    return _of_archive(path)
+    if not path.is_dir() and path.name.upper() != MAIN:
+        return _open_archive(path)
+    folder = path if path.is_dir() else path.parent
+    inside = folder / _folder_of_main(folder, _folder_names(folder))
+    files = [p for p in sorted(inside.iterdir()) if p.is_file() and not leads_out(p, inside)]
+    return TaskFiles(folder, (), {p.name.upper(): partial(_read_file, p) for p in files})
 
 
 def is_task_data(path: Path) -> bool:
@@ -101,7 +95,7 @@ def _mains(names: list[str]) -> list[str]:
     return [p.as_posix() for p in paths if p.name.upper() == MAIN and not any("MACOSX" in part for part in p.parts)]
 
 
-def _one_main(path: Path, names: list[str]) -> PurePosixPath:
+def _folder_of_main(path: Path, names: list[str]) -> PurePosixPath:
     """The folder, inside `path`, of the main file."""
     mains = _mains(names)
     if len(mains) == 1:
@@ -112,20 +106,13 @@ def _one_main(path: Path, names: list[str]) -> PurePosixPath:
     raise InputError("task-data-missing.one-main", path=path, held=held)
 
 
-def _of_folder(folder: Path) -> TaskFiles:
-    names = _folder_names(folder)
-    inside = folder / _one_main(folder, names)
-    files = [p for p in sorted(inside.iterdir()) if p.is_file() and not leads_out(p, inside)]
-    return TaskFiles(folder, (), {p.name.upper(): partial(_read_file, p) for p in files})
-
-
 def _read_file(path: Path) -> bytes:
-    if path.stat().st_size > LARGEST_BYTES:
+    if path.stat().st_size > MAX_FILE_BYTES:
         raise OSError(f"{path.stat().st_size:,} bytes is more than any task data")
     return path.read_bytes()
 
 
-def _of_archive(path: Path) -> TaskFiles:
+def _open_archive(path: Path) -> TaskFiles:
     try:
         with zipfile.ZipFile(path) as archive:
             found = archive.infolist()
@@ -133,15 +120,15 @@ def _of_archive(path: Path) -> TaskFiles:
         raise InputError("task-data-unreadable", path=path, error=error) from None
     ahead = min((entry.header_offset for entry in found), default=0)
     entries = [entry for entry in found if not entry.filename.endswith("/")]
-    _refuse_hostile(path, entries)
-    inside = _one_main(path, [entry.filename for entry in entries])
+    expect_growth(path, path.stat().st_size, sum(entry.file_size for entry in entries))
+    expect_memory(path, max((entry.file_size for entry in entries), default=0))
+    if fault := _hostile_entry(entries):
+        raise InputError("archive-hostile", path=path, fault=fault)
+    inside = _folder_of_main(path, [entry.filename for entry in entries])
     here = [entry for entry in entries if PurePosixPath(entry.filename).parent == inside]
-    notices = [Notice("archive-foreign-bytes", path=path, ahead=ahead)] * (ahead > 0)
-    return TaskFiles(
-        path,
-        tuple(notices),
-        {PurePosixPath(entry.filename).name.upper(): partial(_read_entry, path, entry) for entry in here},
-    )
+    notices = (Notice("archive-foreign-bytes", path=path, ahead=ahead),) * (ahead > 0)
+    readers = {PurePosixPath(entry.filename).name.upper(): partial(_read_entry, path, entry) for entry in here}
+    return TaskFiles(path, notices, readers)
 
 
 def _read_entry(path: Path, entry: zipfile.ZipInfo) -> bytes:
@@ -152,21 +139,15 @@ def _read_entry(path: Path, entry: zipfile.ZipInfo) -> bytes:
     return data
 
 
-def _refuse_hostile(path: Path, entries: list[zipfile.ZipInfo]) -> None:
-    """Check an archive for hostile entries."""
-    expect_growth(path, path.stat().st_size, sum(entry.file_size for entry in entries))
-    expect_memory(path, max((entry.file_size for entry in entries), default=0))
-    fault = ""
-    if len(entries) > MOST_FILES:
-        fault = f"it has {len(entries):,} files"
+def _hostile_entry(entries: list[zipfile.ZipInfo]) -> str:
+    """What is hostile about the first entry that is; "" without."""
+    if len(entries) > MAX_ARCHIVE_FILES:
+        return f"it has {len(entries):,} files"
     for entry in entries:
         # A backslash separates folders in archives of some programs for Windows.
         parts = PurePosixPath(entry.filename.replace("\\", "/")).parts
         if not parts or not all(map(is_file_name, parts)):
-            fault = f"the name {entry.filename!r} points outside the archive"
-        elif stat.S_ISLNK(entry.external_attr >> 16):
-            fault = f"{entry.filename!r} is a link"
-        if fault:
-            break
-    if fault:
-        raise InputError("archive-hostile", path=path, fault=fault)
+            return f"the name {entry.filename!r} points outside the archive"
+        if stat.S_ISLNK(entry.external_attr >> 16):
+            return f"{entry.filename!r} is a link"
+    return ""

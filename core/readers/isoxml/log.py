@@ -59,14 +59,8 @@ class TaskDataLog(FileReader):
             InputError: as :meth:`track`.
         """
         parts = [task.states for task in self._tasks()]
-        return ToolStates(
-            begin_s=np.concatenate([part.begin_s for part in parts]),
-            end_s=np.concatenate([part.end_s for part in parts]),
-            state=np.concatenate([part.state for part in parts]),
-            confidence=np.concatenate([part.confidence for part in parts]),
-            begin_sigma_s=np.concatenate([part.begin_sigma_s for part in parts]),
-            end_sigma_s=np.concatenate([part.end_sigma_s for part in parts]),
-        )
+        names = ("begin_s", "end_s", "state", "confidence", "begin_sigma_s", "end_sigma_s")
+        return ToolStates(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
     def inspect(self) -> Inspection:
         """Read the whole first set and report what it contains.
@@ -84,13 +78,15 @@ class TaskDataLog(FileReader):
         placed = [task for task in tasks if len(task.track)]
         width_m = whole_width_m(placed)
         facts["width_m"] = round(width_m, 3) if np.isfinite(width_m) else None
-        clocks = tuple(
-            ClockReading(Clock.GNSS, *_span(task), f"of task {task.id}, {_clock_note(task)}") for task in placed
-        )
+        clocks = []
+        for task in placed:
+            known = np.isfinite(task.local_minus_utc_s)
+            utc = f" minus {task.local_minus_utc_s:g} s" if known else ", assumed to be UTC"
+            clocks.append(ClockReading(Clock.GNSS, *_span(task), f"of task {task.id}, terminal's clock{utc}"))
         if len(placed) == 1:
             track = placed[0].track
             facts |= utc_facts(track.t_s) | timing_facts(track.t_s) | position_facts(track)
-        return Inspection(self.paths[0], self.format, self.title, facts, clocks, _notices(content, tasks))
+        return Inspection(self.paths[0], self.format, self.title, facts, tuple(clocks), _notices(content, tasks))
 
     def _tasks(self) -> list[LoggedTask]:
         """The requested tasks with positions, in the order of time."""
@@ -113,12 +109,6 @@ class TaskDataLog(FileReader):
 
 def _span(task: LoggedTask) -> tuple[float, float]:
     return float(task.track.t_s[0]), float(task.track.t_s[-1])
-
-
-def _clock_note(task: LoggedTask) -> str:
-    if not np.isfinite(task.local_minus_utc_s):
-        return "terminal's clock, assumed to be UTC"
-    return f"terminal's clock minus {task.local_minus_utc_s:g} s"
 
 
 def _task_facts(task: LoggedTask) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,14 +22,16 @@ from furrowmap.core.values.tool_states import ToolState, ToolStates
 
 FloatArray = NDArray[np.float64]
 
-LONGEST_HOLD_S: Final = 15.0
+MAX_HOLD_S: Final = 15.0
 """Longest time that a state is assumed to last without another record."""
 QUARTER_S: Final = 900.0
-FARTHEST_ZONE_S: Final = 15 * 3600.0
+MAX_ZONE_S: Final = 15 * 3600.0
 """Largest offset of a time zone; a GPS time that differs more from the terminal's clock is invalid."""
 STEADY_S: Final = 2.0
-_FIXES: Final = {1: Fix.SINGLE, 2: Fix.DGPS, 3: Fix.PPS, 4: Fix.FIXED, 5: Fix.FLOAT, 6: Fix.ESTIMATED, 7: Fix.MANUAL,
-                 8: Fix.SIMULATED}  # fmt: skip
+NMEA2000_FIXES: Final = {
+    1: Fix.SINGLE, 2: Fix.DGPS, 3: Fix.PPS, 4: Fix.FIXED, 5: Fix.FLOAT, 6: Fix.ESTIMATED, 7: Fix.MANUAL,
+    8: Fix.SIMULATED,
+}  # fmt: skip
 """Fix of the codes of NMEA 2000."""
 
 
@@ -76,10 +79,10 @@ def read_tasks(files: TaskFiles, only: str | None = None) -> tuple[TaskData, lis
     if only is not None and not wanted:
         known = ", ".join(f"{task.id} ({task.name})" for task in content.tasks) or "none"
         raise InputError("no-such-task", files=files.path, only=only, known=known)
-    return content, [_logged(files, content, task) for task in wanted if task.logs]
+    return content, [_read_task(files, content, task) for task in wanted if task.logs]
 
 
-def _logged(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
+def _read_task(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
     notices: list[Notice] = []
     logs = []
     for name in task.logs:
@@ -97,7 +100,7 @@ def _logged(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
     local_s = _local_minus_utc_s(files.named(task.id), [log for log, _ in logs], task, notices)
     notices += [notice for _, work in logs for notice in work.notices]
     counted = [work.counted_m2 for _, work in logs if np.isfinite(work.counted_m2)]
-    track, state, width, states = _joined(files.named(task.id), logs, local_s, notices)
+    track, state, width, states = _join_logs(files.named(task.id), logs, local_s, notices)
     if not len(track):
         notices.append(Notice("no-positions.logged", id=files.named(task.id)))
     return LoggedTask(
@@ -115,7 +118,7 @@ def _logged(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
     )
 
 
-def _joined(
+def _join_logs(
     name: str, logs: Sequence[tuple[TimeLog, LoggedWork]], local_s: float, notices: list[Notice]
 ) -> tuple[GnssTrack, NDArray[np.int8], FloatArray, ToolStates]:
     """Positions, state and width of all records with a position, and the states of all records.
@@ -150,7 +153,7 @@ def _joined(
         lon_deg=column(log.lon_deg for log, _ in logs)[placed],
         lat_deg=lat[placed],
         height_m=column(log.up_m for log, _ in logs)[placed],
-        fix=np.array([_FIXES.get(code, Fix.SINGLE) for code in status.tolist()], np.int8),
+        fix=np.array([NMEA2000_FIXES.get(code, Fix.SINGLE) for code in status.tolist()], np.int8),
         satellites=column(log.satellites for log, _ in logs)[placed],
         hdop=column(log.hdop for log, _ in logs)[placed],
     )
@@ -164,12 +167,12 @@ def _joined(
 
 
 def _intervals(t_s: FloatArray, state: NDArray[np.int8]) -> ToolStates:
-    """The state of each record until the next record; unknown beyond :data:`LONGEST_HOLD_S`.
+    """The state of each record until the next record; unknown beyond :data:`MAX_HOLD_S`.
 
     A change happened at some time since the record before, uniformly distributed, which gives its standard deviation.
     """
     step = np.diff(t_s)
-    near = step <= LONGEST_HOLD_S
+    near = step <= MAX_HOLD_S
     begins = np.ones(len(t_s), bool)
     begins[1:] = (state[1:] != state[:-1]) | ~near
     first = np.flatnonzero(begins)
@@ -192,22 +195,18 @@ def _intervals(t_s: FloatArray, state: NDArray[np.int8]) -> ToolStates:
 
 
 def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task, notices: list[Notice]) -> float:
-    """Terminal's clock minus UTC, from the records' GPS times, or from the time zone of the task's times.
-
-    Returns:
-        nan if there is neither.
-    """
+    """Terminal's clock minus UTC, from the records' GPS times, or from the time zone of the task's times; else nan."""
     ahead = np.concatenate([log.clock_s - log.gps_s for log in logs]) if logs else np.zeros(0)
     ahead = ahead[np.isfinite(ahead)]
     if len(ahead):
         middle = float(np.median(ahead))
         steady = float(np.median(np.abs(ahead - middle))) < STEADY_S
-        if steady and abs(middle) < FARTHEST_ZONE_S:
+        if steady and abs(middle) < MAX_ZONE_S:
             if abs(middle) > STEADY_S:
                 notices.append(Notice("clock-by-gps", name=name, middle=middle))
             return middle
         notices.append(Notice("gps-time-unused", name=name, middle=abs(middle)))
-    local_s = _by_zone(logs, task)
+    local_s = _zone_s(logs, task)
     if local_s is not None:
         return local_s
     if logs:
@@ -215,13 +214,17 @@ def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task, notices: 
     return float("nan")
 
 
-def _by_zone(logs: Sequence[TimeLog], task: Task) -> float | None:
+def _zone_s(logs: Sequence[TimeLog], task: Task) -> float | None:
     """Terminal's clock minus UTC from the time zones of the task's times; None if there are none.
 
     Some terminals write the time of the records' clock with its zone, others write UTC; the difference is a multiple of
     a quarter of an hour.
     """
-    zoned = [when for span in task.spans if (when := _zoned(span.begin)) is not None]
+    zoned = []
+    for span in task.spans:
+        with suppress(ValueError):
+            zoned.append(dt.datetime.fromisoformat(span.begin))
+    zoned = [when for when in zoned if when.tzinfo is not None]
     for when in zoned:
         zone_s = (when.utcoffset() or dt.timedelta()).total_seconds()
         face_s = when.timestamp() + zone_s
@@ -229,23 +232,13 @@ def _by_zone(logs: Sequence[TimeLog], task: Task) -> float | None:
             return zone_s
     if not zoned or not logs:
         return None
-    off = [min((log.clock_s[0] - when.timestamp() for when in zoned), key=_from_quarter) for log in logs]
+
+    def from_quarter(seconds: float) -> float:
+        return abs(seconds - QUARTER_S * round(seconds / QUARTER_S))
+
+    off = [min((log.clock_s[0] - when.timestamp() for when in zoned), key=from_quarter) for log in logs]
     local_s = QUARTER_S * round(float(np.median(off)) / QUARTER_S)
-    return local_s if abs(local_s) < FARTHEST_ZONE_S else None
-
-
-def _from_quarter(seconds: float) -> float:
-    """Distance of a time difference from a multiple of a quarter of an hour."""
-    return abs(seconds - QUARTER_S * round(seconds / QUARTER_S))
-
-
-def _zoned(text: str) -> dt.datetime | None:
-    """A time in the XML; None if it has no time zone."""
-    try:
-        when = dt.datetime.fromisoformat(text)
-    except ValueError:
-        return None
-    return when if when.tzinfo is not None else None
+    return local_s if abs(local_s) < MAX_ZONE_S else None
 
 
 def whole_width_m(tasks: Sequence[LoggedTask]) -> float:

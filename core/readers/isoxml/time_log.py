@@ -2,30 +2,31 @@
 
 ISO 11783-10:2015, annex D.8 and clause 8.8.2.2. A record, little-endian: milliseconds of the day (u32), days since
 1980-01-01 (u16), the attributes of PTN that the header leaves open in their order, the number of values (u8), and for
-each value its index among the header's DLV (u8) and an i32. A record has only the values that changed.
+each value its index among the header's DLV (u8) and an i32. A record has only the values that changed, so each is found
+from the one before.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Final
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.isoxml.records import find_records, read_values
-from furrowmap.core.readers.isoxml.xml import Element, parse_xml
+from furrowmap.core.readers.isoxml.xml import parse_xml
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.values.clock import DAY_S
 
 FloatArray = NDArray[np.float64]
 
 EPOCH_S: Final = 315_532_800
 """1980-01-01, day 0, in POSIX seconds."""
-DAY_S: Final = 86_400
-POSITION: Final = {"A": 4, "B": 4, "C": 4, "D": 1, "E": 2, "F": 2, "G": 1, "H": 4, "I": 2}
+_ATTRIBUTE_BYTES: Final = {"A": 4, "B": 4, "C": 4, "D": 1, "E": 2, "F": 2, "G": 1, "H": 4, "I": 2}
 """Bytes of each attribute of PTN: latitude, longitude, up, status, PDOP, HDOP, satellites, GPS time and day."""
-MOST_VALUES: Final = 255
+MAX_CHANNELS: Final = 256
 NOT_AVAILABLE: Final = 0x7FFFFFFF
 
 
@@ -43,7 +44,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Header:
+class RecordLayout:
     """The layout of records.
 
     Attributes:
@@ -87,7 +88,7 @@ class TimeLog:
     hdop: FloatArray
     satellites: NDArray[np.int16]
     gps_s: FloatArray
-    header: Header
+    header: RecordLayout
     record: NDArray[np.int64]
     channel: NDArray[np.uint8]
     value: NDArray[np.int32]
@@ -96,16 +97,13 @@ class TimeLog:
     def __len__(self) -> int:
         return len(self.clock_s)
 
-    @cached_property
-    def placed(self) -> NDArray[np.bool_]:
-        """(n,) whether a record has a position."""
-        return np.isfinite(self.lat_deg)
-
-    def channels(self, ddi: int) -> list[int]:
-        """Indices of the channels of a data dictionary identifier that have at least one value."""
-        seen = np.zeros(MOST_VALUES + 1, bool)
+    def values_of(self, ddi: int) -> Iterator[tuple[str, FloatArray]]:
+        """Device element and raw values (n,) of each channel of a data dictionary identifier that has any value."""
+        seen = np.zeros(MAX_CHANNELS, bool)
         seen[self.channel] = True
-        return [k for k, channel in enumerate(self.header.channels) if channel.ddi == ddi and seen[k]]
+        for k, channel in enumerate(self.header.channels):
+            if channel.ddi == ddi and seen[k]:
+                yield channel.element, self.latest(k)
 
     def latest(self, channel: int) -> FloatArray:
         """(n,) the raw value at each record, the last one logged; nan before the first."""
@@ -126,14 +124,56 @@ def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
     """
     layout = read_header(header, name)
     data = np.frombuffer(records, np.uint8)
-    width = 6 + sum(POSITION[letter] for letter in layout.open)
-    places = _offset(layout.open, "A"), _offset(layout.open, "B")
-    starts, lost, breaks = find_records(data, width, places, len(layout.channels))
-    notices = _damage(name, len(data), lost, breaks)
-    return _assembled(name, layout, data, starts, read_values(data, starts, width), notices)
+
+    def offset(letter: str) -> int:
+        """Offset of an attribute of PTN in a record; −1 if it has none."""
+        before, found, _ = layout.open.partition(letter)
+        return 6 + sum(_ATTRIBUTE_BYTES[other] for other in before) if found else -1
+
+    width = 6 + sum(_ATTRIBUTE_BYTES[letter] for letter in layout.open)
+    places = np.array([offset("A"), offset("B")], np.int64)
+    starts, lost, breaks = _find_records(data, width, places, len(layout.channels))
+    n = len(starts)
+    count = int(data[starts + width].astype(np.int64).sum()) if n else 0
+    record, channel, value = _read_values(data, starts, width, count)
+
+    def column(at: int, kind: str) -> NDArray[Any]:
+        """Numbers (n,) at an offset of each record."""
+        size = np.dtype(kind).itemsize
+        return np.ascontiguousarray(data[starts[:, None] + (at + np.arange(size))]).view(kind)[:, 0]
+
+    def attribute(letter: str, kind: str) -> FloatArray:
+        """A PTN attribute (n,), raw; nan where it is not stated."""
+        at = offset(letter)
+        return np.full(n, layout.fixed.get(letter, np.nan)) if at < 0 else column(at, kind).astype(np.float64)
+
+    lat, lon = 1e-7 * attribute("A", "<i4"), 1e-7 * attribute("B", "<i4")
+    nowhere = ~((np.abs(lat) <= 90.0) & (np.abs(lon) <= 180.0)) | ((lat == 0.0) & (lon == 0.0))
+    status = attribute("D", "<u1")
+    stated = np.isfinite(status) & (status < 9)
+    nowhere |= stated & (status == 0)
+    up, hdop, satellites = attribute("C", "<i4"), attribute("F", "<u2"), attribute("G", "<u1")
+    gps_day = attribute("I", "<u2")
+    gps_s = EPOCH_S + DAY_S * gps_day + attribute("H", "<u4") / 1000.0
+    return TimeLog(
+        name=name,
+        clock_s=EPOCH_S + DAY_S * column(4, "<u2").astype(np.float64) + column(0, "<u4") / 1000.0,
+        lat_deg=np.where(nowhere, np.nan, lat),
+        lon_deg=np.where(nowhere, np.nan, lon),
+        up_m=np.where(np.abs(up) < NOT_AVAILABLE, up / 1000.0, np.nan),
+        status=np.where(stated, status, -1).astype(np.int8),
+        hdop=np.where(hdop < 0xFFFE, hdop / 100.0, np.nan),
+        satellites=np.where(satellites < 0xFE, satellites, -1).astype(np.int16),
+        gps_s=np.where((gps_day < 0xFFFE) & (gps_day > 0), gps_s, np.nan),
+        header=layout,
+        record=record,
+        channel=channel,
+        value=value,
+        notices=(Notice("time-log-damaged", name=name, lost=lost, size=len(data), breaks=breaks),) * (lost > 0),
+    )
 
 
-def read_header(data: bytes, name: str) -> Header:
+def read_header(data: bytes, name: str) -> RecordLayout:
     """The header of a time log.
 
     Raises:
@@ -143,92 +183,114 @@ def read_header(data: bytes, name: str) -> Header:
     position = next(root.all("PTN"), None)
     if root.tag != "TIM" or position is None:
         raise InputError("time-log-header", name=name, tag=root.tag[:40], position=", without PTN" * (position is None))
-    channels = [_channel(item, name) for item in root.all("DLV")]
-    if len(channels) > MOST_VALUES + 1:
-        raise InputError("time-log-header.read-header", name=name, channels=len(channels), most_values=MOST_VALUES + 1)
-    present = [letter for letter in POSITION if letter in position.attributes]
-    stated = {letter: float(position.get(letter)) for letter in present if _is_number(position.get(letter))}
-    return Header("".join(letter for letter in present if letter not in stated), stated, tuple(channels))
+    channels = []
+    for item in root.all("DLV"):
+        try:
+            channels.append(Channel(int(item.get("A"), 16), item.get("C")))
+        except ValueError:
+            raise InputError("time-log-header.channel", name=name, item=item.get("A")) from None
+    if len(channels) > MAX_CHANNELS:
+        raise InputError("time-log-header.read-header", name=name, channels=len(channels), most_values=MAX_CHANNELS)
+    open_letters, stated = "", {}
+    for letter in _ATTRIBUTE_BYTES:
+        if letter in position.attributes:
+            try:
+                stated[letter] = float(position.get(letter))
+            except ValueError:
+                open_letters += letter
+    return RecordLayout(open_letters, stated, tuple(channels))
 
 
-def _channel(item: Element, name: str) -> Channel:
-    try:
-        return Channel(int(item.get("A"), 16), item.get("C"))
-    except ValueError:
-        raise InputError("time-log-header.channel", name=name, item=item.get("A")) from None
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _offset(letters: str, letter: str) -> int:
-    """Offset of an attribute of PTN in a record; −1 if it has none."""
-    if letter not in letters:
+@numba.njit(cache=True, nogil=True)
+def _record_end(data: Any, at: int, width: int, offsets: Any, channels: int) -> Any:
+    """End of the record at an offset; −1 if it is not plausible, −2 if the file ends within it."""
+    size = len(data)
+    if at + width + 1 > size:
+        return -2
+    millis = data[at] + (data[at + 1] << 8) + (data[at + 2] << 16) + (np.int64(data[at + 3]) << 24)
+    if millis > 86_400_999:
         return -1
-    return 6 + sum(POSITION[other] for other in letters[: letters.index(letter)])
+    end = at + width + 1 + 5 * np.int64(data[at + width])
+    if end > size:
+        return -2
+    for k in range(at + width + 1, end, 5):
+        if data[k] >= channels:
+            return -1
+    for k in range(2):
+        if offsets[k] >= 0:
+            place = at + offsets[k]
+            raw = np.int32(
+                np.uint32(data[place])
+                | (np.uint32(data[place + 1]) << np.uint32(8))
+                | (np.uint32(data[place + 2]) << np.uint32(16))
+                | (np.uint32(data[place + 3]) << np.uint32(24))
+            )
+            limit = 900_000_000 if k == 0 else 1_800_000_000
+            # values around 0x7FFFFFFF stand for no position
+            if (raw > limit or raw < -limit) and raw < 0x7FFFFFF0 and raw > -0x7FFFFFF0:
+                return -1
+    return end
 
 
-def _assembled(
-    name: str,
-    header: Header,
-    data: NDArray[np.uint8],
-    starts: NDArray[np.int64],
-    values: tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.int32]],
-    notices: tuple[Notice, ...],
-) -> TimeLog:
-    n = len(starts)
-
-    def column(offset: int, kind: str) -> NDArray[Any]:
-        """Numbers (n,) at an offset of each record."""
-        size = np.dtype(kind).itemsize
-        return np.ascontiguousarray(data[starts[:, None] + (offset + np.arange(size))]).view(kind)[:, 0]
-
-    def attribute(letter: str, kind: str) -> FloatArray:
-        """A PTN attribute (n,), raw; nan where it is not stated."""
-        offset = _offset(header.open, letter)
-        if offset < 0:
-            return np.full(n, header.fixed.get(letter, np.nan))
-        return column(offset, kind).astype(np.float64) if n else np.zeros(0)
-
-    if not n:
-        empty = np.zeros(0)
-        return TimeLog(
-            name, empty, empty, empty, empty, np.zeros(0, np.int8), empty, np.zeros(0, np.int16), empty, header,
-            *values, notices,
-        )  # fmt: skip
-    clock_s = EPOCH_S + DAY_S * column(4, "<u2").astype(np.float64) + column(0, "<u4") / 1000.0
-    lat, lon = 1e-7 * attribute("A", "<i4"), 1e-7 * attribute("B", "<i4")
-    nowhere = ~((np.abs(lat) <= 90.0) & (np.abs(lon) <= 180.0)) | ((lat == 0.0) & (lon == 0.0))
-    status = attribute("D", "<u1")
-    stated = np.isfinite(status) & (status < 9)
-    nowhere |= stated & (status == 0)
-    up = attribute("C", "<i4")
-    gps = EPOCH_S + DAY_S * attribute("I", "<u2") + attribute("H", "<u4") / 1000.0
-    hdop, satellites = attribute("F", "<u2"), attribute("G", "<u1")
-    return TimeLog(
-        name=name,
-        clock_s=clock_s,
-        lat_deg=np.where(nowhere, np.nan, lat),
-        lon_deg=np.where(nowhere, np.nan, lon),
-        up_m=np.where(np.abs(up) < NOT_AVAILABLE, up / 1000.0, np.nan),
-        status=np.where(stated, status, -1).astype(np.int8),
-        hdop=np.where(hdop < 0xFFFE, hdop / 100.0, np.nan),
-        satellites=np.where(satellites < 0xFE, satellites, -1).astype(np.int16),
-        gps_s=np.where((attribute("I", "<u2") < 0xFFFE) & (attribute("I", "<u2") > 0), gps, np.nan),
-        header=header,
-        record=values[0],
-        channel=values[1],
-        value=values[2],
-        notices=notices,
-    )
+@numba.njit(cache=True, nogil=True)
+def _day(data: Any, at: int) -> Any:
+    return np.int64(data[at + 4]) + (np.int64(data[at + 5]) << 8)
 
 
-def _damage(name: str, size: int, lost: int, breaks: int) -> tuple[Notice, ...]:
-    if not lost:
-        return ()
-    return (Notice("time-log-damaged", name=name, lost=lost, size=size, breaks=breaks),)
+@numba.njit(cache=True, nogil=True)
+def _find_records(data: Any, width: int, offsets: Any, channels: int) -> Any:
+    """Offset of each record (n,), number of bytes that are not records, and in how many places.
+
+    A record is plausible if its time is within a day, its position is on the Earth or missing, its values are among the
+    header's, and its day is within a year of the record before. After damage, reading resumes at the next two plausible
+    records in a row. `offsets` of latitude and longitude in a record are −1 if it has none.
+    """
+    size = len(data)
+    starts = np.empty(size // (width + 1) + 1, np.int64)
+    n, at, lost, breaks = 0, 0, 0, 0
+    broken = False
+    while at < size:
+        end = _record_end(data, at, width, offsets, channels)
+        good = end > 0
+        if good and (broken or n > 0) and n > 0 and abs(_day(data, at) - _day(data, starts[n - 1])) > 366:
+            good = False  # a log does not span years: this is damage
+        if good and broken:
+            # after damage, resume at two records in a row on neighbouring days
+            follower = _record_end(data, end, width, offsets, channels) if end < size else -1
+            good = follower > 0 and abs(_day(data, end) - _day(data, at)) <= 1
+        if good:
+            starts[n] = at
+            n += 1
+            at = end
+            broken = False
+        else:
+            if not broken:
+                breaks += 1
+            broken = True
+            lost += 1
+            at += 1
+    return starts[:n].copy(), lost, breaks
+
+
+@numba.njit(cache=True, nogil=True)
+def _read_values(data: Any, starts: Any, width: int, count: int) -> Any:
+    """(record, channel, value), each (count,), of all values in the records at the offsets `starts` (n,)."""
+    record = np.empty(count, np.int64)
+    channel = np.empty(count, np.uint8)
+    value = np.empty(count, np.int32)
+    k = 0
+    for n in range(len(starts)):
+        at = starts[n] + width
+        for _ in range(np.int64(data[at])):
+            place = at + 1
+            record[k] = n
+            channel[k] = data[place]
+            value[k] = np.int32(
+                np.uint32(data[place + 1])
+                | (np.uint32(data[place + 2]) << np.uint32(8))
+                | (np.uint32(data[place + 3]) << np.uint32(16))
+                | (np.uint32(data[place + 4]) << np.uint32(24))
+            )
+            at += 5
+            k += 1
+    return record, channel, value

@@ -68,12 +68,21 @@ def logged_work(log: TimeLog, elements: Mapping[str, DeviceElement]) -> LoggedWo
         state[(table == ToolState.DOWN).any(axis=0)] = ToolState.DOWN
     width = _width(log, elements, states, state == ToolState.DOWN, notices)
     state[(state == ToolState.DOWN) & (width == 0.0)] = ToolState.UP
-    return LoggedWork(state, width, _counted(log, elements), tuple(notices))
+    gains = {
+        element: np.nanmax(values) - np.nanmin(values)
+        for element, values in log.values_of(TOTAL_AREA)
+        if np.isfinite(values).any()
+    }
+    topmost = [gain for element, gain in gains.items() if not set(ancestors(element, elements)) & gains.keys()]
+    return LoggedWork(state, width, float(max(topmost, default=np.nan)), tuple(notices))
 
 
 def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[Notice]) -> dict[str, NDArray[np.int8]]:
     """The state (n,) of each of the smallest device elements that have one."""
-    own = {log.header.channels[k].element: _state(log.latest(k)) for k in log.channels(WORK_STATE)}
+    own = {
+        element: np.select([raw == 0, raw == 1], [ToolState.UP, ToolState.DOWN], ToolState.UNKNOWN).astype(np.int8)
+        for element, raw in log.values_of(WORK_STATE)
+    }
     sections = _section_states(log)
     for element, any_on in sections.items():
         if not (any_on == ToolState.DOWN).any() and (own.get(element, any_on) == ToolState.DOWN).any():
@@ -90,20 +99,13 @@ def _section_states(log: TimeLog) -> dict[str, NDArray[np.int8]]:
     """For each element with condensed states, whether any of its sections works (n,)."""
     found: dict[str, NDArray[np.int8]] = {}
     for ddi in CONDENSED_STATES:
-        for k in log.channels(ddi):
-            bits = log.latest(k)
+        for element, bits in log.values_of(ddi):
             known = np.isfinite(bits)
             pairs = np.where(known, bits, 0).astype(np.int64)[:, None] >> (2 * np.arange(SECTIONS_EACH)) & 3
             state = np.where((pairs == 1).any(axis=1), ToolState.DOWN, ToolState.UP)
             state = np.where(known, state, ToolState.UNKNOWN).astype(np.int8)
-            element = log.header.channels[k].element
             found[element] = np.maximum(found[element], state) if element in found else state
     return found
-
-
-def _state(raw: FloatArray) -> NDArray[np.int8]:
-    """States (n,) from values of the work state (n,)."""
-    return np.select([raw == 0, raw == 1], [ToolState.UP, ToolState.DOWN], ToolState.UNKNOWN).astype(np.int8)
 
 
 def _width(
@@ -116,16 +118,9 @@ def _width(
     """The working width (n,), from the largest device elements that have one.
 
     Sections are side by side, so the widths of those that work are added; functions are one after the other, so the
-    largest width is used.
-
-    Args:
-        log: the time log.
-        elements: device elements by id.
-        states: (n,) of the elements that have one.
-        at_work: (n,) whether any element works, for sections without a state.
-        notices: extended where a width is that of no machine, and taken as unknown.
+    largest width is used. Sections without a state work where the machine is `at_work`.
     """
-    widths = {log.header.channels[k].element: log.latest(k) / 1000.0 for k in log.channels(ACTUAL_WIDTH)}
+    widths = {element: raw / 1000.0 for element, raw in log.values_of(ACTUAL_WIDTH)}
     wrong = sum(int(np.sum((values < 0.0) | (values > MAX_IMPLEMENT_WIDTH_M))) for values in widths.values())
     if wrong:
         notices.append(Notice("width-implausible", log=log.name, wrong=wrong, widest_m=MAX_IMPLEMENT_WIDTH_M))
@@ -134,15 +129,15 @@ def _width(
         for element, values in widths.items()
     }
     topmost = [element for element in widths if not set(ancestors(element, elements)) & widths.keys()]
+    sections = [e for e in topmost if e in elements and elements[e].kind in PARALLEL]
     width = np.full(len(log), np.nan)
     parallel = np.zeros(len(log))
     for element in topmost:
-        if element in elements and elements[element].kind in PARALLEL:
+        if element in sections:
             working = states[element] == ToolState.DOWN if element in states else at_work
             parallel += np.where(working & np.isfinite(widths[element]), widths[element], 0.0)
         else:
             width = np.fmax(width, widths[element])
-    sections = [e for e in topmost if e in elements and elements[e].kind in PARALLEL]
     return np.fmax(width, parallel) if sections else width
 
 
@@ -152,14 +147,3 @@ def ancestors(element: str, elements: Mapping[str, DeviceElement]) -> list[str]:
     while element in elements and (element := elements[element].parent) and element not in found:
         found.append(element)
     return found
-
-
-def _counted(log: TimeLog, elements: Mapping[str, DeviceElement]) -> float:
-    """Increase (m²) of the area counter, that of the whole machine if its elements have one too."""
-    gains = {
-        log.header.channels[k].element: np.nanmax(values) - np.nanmin(values)
-        for k in log.channels(TOTAL_AREA)
-        if np.isfinite(values := log.latest(k)).any()
-    }
-    topmost = [gain for element, gain in gains.items() if not set(ancestors(element, elements)) & gains.keys()]
-    return float(max(topmost, default=np.nan))

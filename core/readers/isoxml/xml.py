@@ -9,8 +9,8 @@ from xml.parsers import expat  # document types, and with them entities, are rej
 
 from furrowmap.core.runtime.errors import InputError
 
-DEEPEST: Final = 64
-MOST_ELEMENTS: Final = 5_000_000
+MAX_LEVELS: Final = 64
+MAX_ELEMENTS: Final = 5_000_000
 
 
 @dataclass
@@ -42,58 +42,38 @@ def parse_xml(data: bytes, name: str) -> Element:
         InputError: if it is not well-formed (with line and column), declares a document type, or has more elements or
             levels than any task data.
     """
-    tree = _Tree(name)
+    document = Element("", {})
+    path = [document]
+    count = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if count > MAX_ELEMENTS or len(path) > MAX_LEVELS:
+            what = f"more than {MAX_ELEMENTS:,} elements, or more than {MAX_LEVELS} levels"
+            raise InputError("xml-hostile", name=name, what=what)
+        path[-1].children.append(Element(tag, attributes))
+        path.append(path[-1].children[-1])
+
+    def add_text(text: str) -> None:
+        if not text.isspace():
+            path[-1].text += text
+
+    def refuse_doctype(*_: object) -> None:
+        what = "a document type, which can refer to other files and expand without limit"
+        raise InputError("xml-hostile", name=name, what=what)
+
     parser = expat.ParserCreate()
-    parser.StartElementHandler = tree.start
-    parser.EndElementHandler = tree.end
-    parser.CharacterDataHandler = tree.characters
+    parser.StartElementHandler = start
+    parser.EndElementHandler = lambda _: path.pop()
+    parser.CharacterDataHandler = add_text
     parser.buffer_text = True
-    parser.StartDoctypeDeclHandler = tree.doctype
+    parser.StartDoctypeDeclHandler = refuse_doctype
     try:
         parser.Parse(data, True)  # noqa: FBT003 (expat takes it by position only)
     except expat.ExpatError as error:
-        raise _damaged(
-            f"{name}, line {error.lineno}, column {error.offset + 1}: {expat.ErrorString(error.code)}"
-        ) from None
+        what = f"{name}, line {error.lineno}, column {error.offset + 1}: {expat.ErrorString(error.code)}"
+        raise InputError("xml-damaged", what=what) from None
     except (LookupError, ValueError) as error:  # an encoding that Python does not know, or expat cannot use
-        raise _damaged(f"{name}, line 1: {error}") from None
-    assert tree.root is not None  # expat rejects a document without an element
-    return tree.root
-
-
-def _damaged(what: str) -> InputError:
-    return InputError("xml-damaged", what=what)
-
-
-class _Tree:
-    """Builds the elements from expat's events."""
-
-    def __init__(self, name: str) -> None:
-        self.root: Element | None = None
-        self._name = name
-        self._open: list[Element] = []
-        self._count = 0
-
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
-        element = Element(tag, attributes)
-        self._count += 1
-        if self._count > MOST_ELEMENTS or len(self._open) >= DEEPEST:
-            raise self._hostile(f"more than {MOST_ELEMENTS:,} elements, or more than {DEEPEST} levels")
-        if self._open:
-            self._open[-1].children.append(element)
-        else:
-            self.root = element
-        self._open.append(element)
-
-    def end(self, tag: str) -> None:  # noqa: ARG002 (expat's signature)
-        self._open.pop()
-
-    def characters(self, text: str) -> None:
-        if not text.isspace():
-            self._open[-1].text += text
-
-    def doctype(self, *_: object) -> None:
-        raise self._hostile("a document type, which can refer to other files and expand without limit")
-
-    def _hostile(self, what: str) -> InputError:
-        return InputError("xml-hostile", name=self._name, what=what)
+        raise InputError("xml-damaged", what=f"{name}, line 1: {error}") from None
+    return document.children[0]  # expat rejects a document without an element

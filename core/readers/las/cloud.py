@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.copc import CopcIndex, is_copc, read_index
 from furrowmap.core.readers.las.crs import stated_crs
-from furrowmap.core.readers.las.gps_time import SAMPLE, LasClock, clock_of
+from furrowmap.core.readers.las.gps_time import TIME_SAMPLE, LasClock, clock_of
 from furrowmap.core.readers.las.header import LEAST_RECORD_BYTES, LasHeader, read_header
 from furrowmap.core.readers.las.laz import (
-    NUMBER,
-    USER,
+    LAZ_RECORD_ID,
+    LAZ_USER_ID,
     LazPoints,
     decode_chunks,
     find_points,
@@ -25,13 +25,13 @@ from furrowmap.core.readers.las.laz import (
     stream_points,
 )
 from furrowmap.core.readers.las.points import CloudBatch, layout, unpack
-from furrowmap.core.readers.las.records import ExtraDimension, Record, extra_dimensions, read_records
+from furrowmap.core.readers.las.records import ExtraDimension, extra_dimensions, read_records
 from furrowmap.core.runtime.errors import InputError, Notice
 
 BATCH_POINTS: Final = 1_000_000
 BATCH_BYTES: Final = 1 << 26
 """Bytes of records at a time: a record may have up to 65,535 bytes."""
-HEAD_BYTES: Final = 375
+MAX_HEADER_BYTES: Final = 375
 
 Box = tuple[float, float, float, float]
 
@@ -46,7 +46,6 @@ class CloudFile:
         crs: None if the file states none, or none that PROJ understands.
         clock: the meaning of its times.
         extra: dimensions that are not part of the point format; they are listed, not read.
-        records: variable-length records before and after the points.
         laz: where the compressed points are; None if the points are not compressed.
         index: the octree; None if there is none, or it is invalid.
         notices: errors in header and records that show before the points are read; for the others see
@@ -61,7 +60,6 @@ class CloudFile:
     crs: pyproj.CRS | None
     clock: LasClock
     extra: tuple[ExtraDimension, ...]
-    records: tuple[Record, ...] = field(repr=False)
     laz: LazPoints | None = field(repr=False)
     index: CopcIndex | None = field(repr=False)
     notices: tuple[Notice, ...]
@@ -125,10 +123,10 @@ def open_cloud(path: Path) -> CloudFile:
         raise InputError("no-such-file.open-cloud", path=path, is_path=bool(path.is_dir()))
     with path.open("rb") as file:
         size_bytes = path.stat().st_size
-        header = read_header(path, file.read(HEAD_BYTES), size_bytes)
+        header = read_header(path, file.read(MAX_HEADER_BYTES), size_bytes)
         records, notices = read_records(path, file, header)
         notices = (*header.notices, *notices)
-        said_compressed = any((record.user, record.number) == (USER, NUMBER) for record in records)
+        said_compressed = any((record.user, record.number) == (LAZ_USER_ID, LAZ_RECORD_ID) for record in records)
         laz = index = None
         form = "las"
         if header.compressed or said_compressed:
@@ -143,9 +141,14 @@ def open_cloud(path: Path) -> CloudFile:
         extra, extra_notices = extra_dimensions(
             path, records, header.record_bytes - LEAST_RECORD_BYTES[header.point_format]
         )
-        clock, time_notices = clock_of(path, header, _first_times(path, file, header, points, laz))
+        times, count = np.empty(0), min(TIME_SAMPLE, points)
+        if header.has_time and count and laz is None:
+            times = next(_plain(path, file, header, count, count)).view(layout(header))["gps_time"]
+        elif header.has_time and count and laz is not None:
+            times = first_points(path, file, header, laz, count).view(layout(header))["gps_time"]
+        clock, time_notices = clock_of(path, header, times)
     notices = (*notices, *crs_notices, *extra_notices, *time_notices)
-    return CloudFile(path, form, header, points, crs, clock, extra, records, laz, index, notices)
+    return CloudFile(path, form, header, points, crs, clock, extra, laz, index, notices)
 
 
 def _room(path: Path, header: LasHeader) -> tuple[int, tuple[Notice, ...]]:
@@ -195,16 +198,3 @@ def _runs(wanted: NDArray[np.intp], points: NDArray[np.int64], batch_points: int
         total += int(points[number])
     if len(wanted):
         yield int(wanted[start]), int(wanted[-1]) + 1
-
-
-def _first_times(
-    path: Path, file: BinaryIO, header: LasHeader, points: int, laz: LazPoints | None
-) -> NDArray[np.float64]:
-    """GPS times of the first points; empty where there are none."""
-    count = min(SAMPLE, points)
-    if not header.has_time or not count:
-        return np.empty(0)
-    data = (
-        next(_plain(path, file, header, count, count)) if laz is None else first_points(path, file, header, laz, count)
-    )
-    return np.asarray(data.view(layout(header))["gps_time"], np.float64)

@@ -12,15 +12,15 @@ from typing import BinaryIO, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.las.header import LasHeader, is_number
+from furrowmap.core.readers.las.header import LasHeader
 from furrowmap.core.readers.las.laz import LazPoints
-from furrowmap.core.readers.las.records import Record
+from furrowmap.core.readers.las.records import LasRecord
 from furrowmap.core.runtime.errors import Notice
 
 INFO_BYTES: Final = 160
 ENTRY: Final = np.dtype([("key", "<i4", 4), ("offset", "<u8"), ("bytes", "<i4"), ("points", "<i4")])
-DEEPEST: Final = 30
-MOST_PAGES: Final = 100_000
+MAX_LEVEL: Final = 30
+MAX_PAGES: Final = 100_000
 _INFO: Final = struct.Struct("<5d2Q2d")
 
 
@@ -62,13 +62,13 @@ class CopcIndex:
         return np.sort(self.chunks[keep])
 
 
-def is_copc(records: Sequence[Record]) -> bool:
+def is_copc(records: Sequence[LasRecord]) -> bool:
     """Whether the file is marked as COPC."""
     return any((record.user, record.number) == ("copc", 1) for record in records)
 
 
 def read_index(
-    path: Path, file: BinaryIO, header: LasHeader, records: Sequence[Record], laz: LazPoints
+    path: Path, file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz: LazPoints
 ) -> tuple[CopcIndex | None, tuple[Notice, ...]]:
     """The octree of a file that is marked as COPC; None, with a notice, if it is invalid."""
     try:
@@ -81,13 +81,13 @@ class _OctreeError(Exception):
     """What is wrong with the octree."""
 
 
-def _index(file: BinaryIO, header: LasHeader, records: Sequence[Record], laz: LazPoints) -> CopcIndex:
+def _index(file: BinaryIO, header: LasHeader, records: Sequence[LasRecord], laz: LazPoints) -> CopcIndex:
     info = next(record for record in records if (record.user, record.number) == ("copc", 1))
     if len(info.data) < INFO_BYTES:
         raise _OctreeError(f"the info record has {len(info.data)} bytes instead of {INFO_BYTES}")
     *cube, root_at, root_bytes, _, _ = _INFO.unpack_from(info.data)
     x, y, z, half, spacing = cube
-    if not (is_number(tuple(cube)) and half > 0 and spacing > 0):
+    if not (np.isfinite(cube).all() and half > 0 and spacing > 0):
         raise _OctreeError(f"half size of the cube {half:g}, spacing {spacing:g}")
     entries = _entries(file, header, int(root_at), int(root_bytes))
     nodes = entries[entries["points"] > 0]
@@ -95,7 +95,7 @@ def _index(file: BinaryIO, header: LasHeader, records: Sequence[Record], laz: La
         stated = f"{int(nodes['points'].sum(dtype=np.int64)):,} points in {len(nodes):,} nodes"
         raise _OctreeError(f"it has {stated}, the file {header.points:,} points in {len(laz.points):,} chunks")
     level, place = nodes["key"][:, :1], nodes["key"][:, 1:]
-    if np.any(level < 0) or np.any(level > DEEPEST) or np.any(place < 0) or np.any(place >= 2.0**level):
+    if np.any(level < 0) or np.any(level > MAX_LEVEL) or np.any(place < 0) or np.any(place >= 2.0**level):
         raise _OctreeError("a node is outside the cube")
     chunks = np.searchsorted(laz.begins, nodes["offset"].astype(np.int64))
     fitting = chunks < len(laz.begins)
@@ -123,7 +123,7 @@ def _entries(file: BinaryIO, header: LasHeader, root_at: int, root_bytes: int) -
         if at < header.header_bytes or at + size > header.size_bytes or size < 0 or size % ENTRY.itemsize:
             raise _OctreeError(f"a hierarchy page at bytes {at:,} to {at + size:,} is outside the file")
         left = min(left, header.size_bytes) - size
-        if left < 0 or len(seen) > MOST_PAGES:
+        if left < 0 or len(seen) > MAX_PAGES:
             raise _OctreeError("hierarchy pages overlap")
         file.seek(at)
         page = np.frombuffer(file.read(size), ENTRY)

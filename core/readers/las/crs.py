@@ -11,10 +11,10 @@ import pyproj
 from pyproj.exceptions import CRSError, ProjError
 
 from furrowmap.core.readers.las.header import LasHeader
-from furrowmap.core.readers.las.records import Record
+from furrowmap.core.readers.las.records import LasRecord
 from furrowmap.core.runtime.errors import Notice
 
-_USER: Final = "LASF_Projection"
+_USER_ID: Final = "LASF_Projection"
 _WKT, _KEYS, _DOUBLES, _TEXTS = 2112, 34735, 34736, 34737
 _MODEL, _GEOGRAPHIC, _PROJECTED = 1024, 2048, 3072
 """GeoTIFF keys: model type, code of the geographic CRS, code of the projected CRS (or 32767: user-defined)."""
@@ -23,15 +23,15 @@ _SAME: Final = 1e-3
 
 
 def stated_crs(
-    path: Path, header: LasHeader, records: tuple[Record, ...]
+    path: Path, header: LasHeader, records: tuple[LasRecord, ...]
 ) -> tuple[pyproj.CRS | None, tuple[Notice, ...]]:
     """The CRS that the records state; None if they state none, or none that PROJ understands.
 
     If there are both WKT and GeoTIFF keys, the kind that the header announces is used.
     """
     notices: list[Notice] = []
-    texts = [r.data for r in records if (r.user, r.number) == (_USER, _WKT) and r.data.strip(b"\0 ")]
-    keys = {r.number: r.data for r in reversed(records) if r.user == _USER and r.number in (_KEYS, _DOUBLES, _TEXTS)}
+    texts = [r.data for r in records if (r.user, r.number) == (_USER_ID, _WKT) and r.data.strip(b"\0 ")]
+    keys = {r.number: r.data for r in reversed(records) if r.user == _USER_ID and r.number in (_KEYS, _DOUBLES, _TEXTS)}
     by_text = next(filter(None, (_from_wkt(path, text, notices) for text in texts)), None)
     by_keys = _from_keys(path, keys, notices)
     first, second = (by_text, by_keys) if header.crs_is_wkt else (by_keys, by_text)
@@ -71,41 +71,32 @@ def _from_wkt(path: Path, data: bytes, notices: list[Notice]) -> pyproj.CRS | No
 
 def _from_keys(path: Path, records: dict[int, bytes], notices: list[Notice]) -> pyproj.CRS | None:
     """The CRS of GeoTIFF keys. GDAL reads it from a TIFF of one pixel: it knows user-defined CRS, units, old codes."""
-    keys = _key_values(records.get(_KEYS, b""))
-    if not keys.get(_PROJECTED) and not keys.get(_GEOGRAPHIC):
-        if keys.get(_MODEL):
-            notices.append(_no_keys(path))
+    directory = records.get(_KEYS, b"")
+    entries = struct.iter_unpack(
+        "<4H", directory[8 : 8 + (len(directory) - 8) // 8 * 8] if len(directory) >= 8 else b""
+    )
+    keys = {key: value for key, place, _, value in entries if place == 0}
+    if keys.get(_PROJECTED) or keys.get(_GEOGRAPHIC):
+        import rasterio
+        from rasterio.errors import RasterioError
+
+        try:
+            with (
+                rasterio.Env(GTIFF_REPORT_COMPD_CS=True),
+                rasterio.MemoryFile(_pixel(records), ext=".tif") as file,
+                file.open(driver="GTiff") as picture,
+            ):
+                found = pyproj.CRS.from_wkt(picture.crs.to_wkt()) if picture.crs else None
+        except (RasterioError, CRSError, ProjError, ValueError):
+            found = None
+        flat = found.sub_crs_list[0] if found is not None and found.is_compound else found
+        # GDAL makes a local CRS from keys that name none.
+        if flat is not None and (flat.is_projected or flat.is_geographic):
+            return found
+    elif not keys.get(_MODEL):
         return None
-    import rasterio
-    from rasterio.errors import RasterioError
-
-    try:
-        with (
-            rasterio.Env(GTIFF_REPORT_COMPD_CS=True),
-            rasterio.MemoryFile(_pixel(records), ext=".tif") as file,
-            file.open(driver="GTiff") as picture,
-        ):
-            found = pyproj.CRS.from_wkt(picture.crs.to_wkt()) if picture.crs else None
-    except (RasterioError, CRSError, ProjError, ValueError):
-        found = None
-    flat = found.sub_crs_list[0] if found is not None and found.is_compound else found
-    # GDAL makes a local CRS from keys that name none.
-    if flat is None or not (flat.is_projected or flat.is_geographic):
-        notices.append(_no_keys(path))
-        return None
-    return found
-
-
-def _no_keys(path: Path) -> Notice:
-    return Notice("crs-unreadable", path=path.name)
-
-
-def _key_values(data: bytes) -> dict[int, int]:
-    """The keys with their values in the key directory."""
-    if len(data) < 8:
-        return {}
-    entries = struct.iter_unpack("<4H", data[8 : 8 + (len(data) - 8) // 8 * 8])
-    return {key: value for key, place, _, value in entries if place == 0}
+    notices.append(Notice("crs-unreadable", path=path.name))
+    return None
 
 
 def _pixel(records: dict[int, bytes]) -> bytes:

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.las import decoding
 from furrowmap.core.runtime.settings import threads
 
-LEAST_S: Final = 20.0
-SLOWEST_BYTES_S: Final = 1e6
-"""An order that takes longer than LEAST_S and its bytes at this speed hangs; two cores decode 40 MB/s."""
+MIN_ORDER_S: Final = 20.0
+MIN_BYTES_PER_S: Final = 1e6
+"""An order that takes longer than MIN_ORDER_S and its bytes at this speed hangs; two cores decode 40 MB/s."""
 
 
 class Undecodable(Exception):
@@ -48,8 +48,8 @@ class Decoder:
         """
         line = json.dumps({**order, "size": size}).encode() + b"\n"
         with self._lock:
-            process = self._running()
-            longest_s, began_s = LEAST_S + size / SLOWEST_BYTES_S, time.monotonic()
+            process = self._start()
+            longest_s, began_s = MIN_ORDER_S + size / MIN_BYTES_PER_S, time.monotonic()
             late = Timer(longest_s, process.kill)
             late.start()
             try:
@@ -72,7 +72,7 @@ class Decoder:
             if self._process is not None and self._owner == os.getpid():
                 self._end()
 
-    def _running(self) -> subprocess.Popen[bytes]:
+    def _start(self) -> subprocess.Popen[bytes]:
         if self._process is None or self._owner != os.getpid():  # a fork has no part in its parent's pipes
             place = find_spec("lazrs")
             assert place is not None

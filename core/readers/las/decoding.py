@@ -18,7 +18,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 LENGTH: Final = struct.Struct("<q")
-MOST_MEMORY: Final = 2 << 30
+MAX_MEMORY_BYTES: Final = 2 << 30
 """Bytes of address space: no order needs a quarter of it."""
 
 
@@ -74,7 +74,7 @@ def _limit_memory() -> None:
     with suppress(ImportError, OSError, ValueError):  # there is no such limit on Windows, or a lower one is in force
         import resource
 
-        resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
+        resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
 
 
 if __name__ == "__main__":

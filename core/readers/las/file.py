@@ -13,7 +13,7 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.scan import Clock
 
-CLASSES: Final = {
+LAS_CLASSES: Final = {
     0: "never classified", 1: "unclassified", 2: "ground", 3: "low vegetation", 4: "medium vegetation",
     5: "high vegetation", 6: "building", 7: "noise", 8: "model key point", 9: "water", 10: "rail", 11: "road",
     12: "overlap", 13: "wire guard", 14: "wire conductor", 15: "tower", 16: "wire connector", 17: "bridge deck",
@@ -61,15 +61,18 @@ class LasCloud(FileReader):
             "version": f"LAS 1.{header.version}, point format {header.point_format}",
             "compression": {"las": "none", "laz": "LAZ", "copc": "LAZ, in an octree (COPC)"}[cloud.format],
             "points": found.points,
-            "crs": _crs_label(cloud.crs.name, cloud.crs.to_epsg()) if cloud.crs is not None else "none stated",
+            "crs": "none stated",
         }
+        if cloud.crs is not None:
+            epsg = cloud.crs.to_epsg()
+            facts["crs"] = f"EPSG:{epsg} ({cloud.crs.name})" if epsg is not None else cloud.crs.name
         if found.points:
             digits = [max(0, min(12, round(-np.log10(step)))) for step in header.scale]
             facts |= {
                 axis: [round(low, places), round(high, places)]
                 for axis, low, high, places in zip("xyz", found.low.tolist(), found.high.tolist(), digits, strict=True)
             }
-            names = CLASSES | (OWN_CLASSES if header.software.startswith("furrowmap") else {})
+            names = LAS_CLASSES | (OWN_CLASSES if header.software.startswith("furrowmap") else {})
             facts["points_by_class"] = {
                 f"{number} {names.get(number, '')}".strip(): int(found.by_class[number])
                 for number in np.flatnonzero(found.by_class).tolist()
@@ -90,7 +93,3 @@ class LasCloud(FileReader):
         if found.utc_s is not None:
             clocks.append(ClockReading(Clock.STATED, *found.utc_s, "GPS time minus leap seconds"))
         return Inspection(path, self.format, self.title, facts, tuple(clocks), tuple(self.notices))
-
-
-def _crs_label(name: str, epsg: int | None) -> str:
-    return f"EPSG:{epsg} ({name})" if epsg is not None else name

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.header import LasHeader
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.values.clock import GPS_EPOCH_S, LAS_STANDARD_OFFSET_S, WEEK_S, las_time_to_utc
+from furrowmap.core.values.clock import DAY_S, GPS_EPOCH_S, LAS_STANDARD_OFFSET_S, WEEK_S, las_time_to_utc
 
 FloatArray = NDArray[np.float64]
 
-SAMPLE: Final = 1024
+TIME_SAMPLE: Final = 1024
 """Number of points at the start of a file from which the meaning of its times is derived."""
 _FIRST_STANDARD: Final = -LAS_STANDARD_OFFSET_S
 _LAST_UTC: Final = dt.datetime(2100, 1, 1, tzinfo=dt.UTC).timestamp()
@@ -84,11 +84,13 @@ def clock_of(path: Path, header: LasHeader, sample: FloatArray) -> tuple[LasCloc
         return LasClock(declared), ()
     first, last = float(known.min()), float(known.max())
     week, standard = float(np.mean(is_week(known))), float(np.mean(is_standard(known) & ~is_week(known)))
-    if declared is TimeKind.WEEK and standard > 0.5 and _plausible(np.median(known)):
+    latest_s = dt.datetime.now(dt.UTC).timestamp() + 366 * DAY_S
+    if declared is TimeKind.WEEK and standard > 0.5 and _EARLIEST_UTC <= las_time_to_utc(np.median(known)) <= latest_s:
         return LasClock(TimeKind.STANDARD), (
             Notice("gps-time-type", path=path.name, week_s=WEEK_S, first=first, last=last),
         )
-    if declared is TimeKind.STANDARD and week > 0.5 and not _made_in_2011(header):
+    of_2011 = header.created is not None and header.created.year in (2011, 2012)  # times of that week, perhaps
+    if declared is TimeKind.STANDARD and week > 0.5 and not of_2011:
         return LasClock(TimeKind.WEEK), (Notice("gps-time-type.clock-of", path=path.name, first=first, last=last),)
     if week + standard < 0.5:
         return LasClock(TimeKind.UNKNOWN), (Notice("gps-time-impossible", path=path.name, first=first, last=last),)
@@ -97,12 +99,3 @@ def clock_of(path: Path, header: LasHeader, sample: FloatArray) -> tuple[LasCloc
             Notice("gps-time-impossible.clock-of", path=path.name, first=first, last=last),
         )
     return LasClock(declared), ()
-
-
-def _plausible(las_time: float) -> bool:
-    return bool(_EARLIEST_UTC <= las_time_to_utc(las_time) <= dt.datetime.now(dt.UTC).timestamp() + 366 * 86_400)
-
-
-def _made_in_2011(header: LasHeader) -> bool:
-    """Whether the file may be from that week: it was created then, or later in that year."""
-    return header.created is not None and header.created.year in (2011, 2012)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import datetime as dt
-import math
 import struct
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,15 +15,15 @@ LEAST_RECORD_BYTES: Final = (20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67)
 """Bytes of a point record without extra bytes, of point formats 0 to 10 (LAS 1.4 R15, tables 7 to 17)."""
 HEADER_BYTES: Final = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375}
 """By minor version."""
-FARTHEST: Final = 1e13
+MAX_COORDINATE: Final = 1e13
 """Largest plausible coordinate in any CRS and unit; a double resolves smaller ones to 2 mm or better."""
-FINEST: Final = 1e-12
+MIN_SCALE: Final = 1e-12
 """Smallest plausible scale: 32 bits of a smaller one span less than 0.01."""
-COMPRESSED: Final = 0x80
+COMPRESSED_BIT: Final = 0x80
 FIRST_YEAR: Final = 1990
 
-_HEAD: Final = struct.Struct("<4sHH16xBB32s32sHHHIIBHI5I12d")
-_COUNTS: Final = struct.Struct("<QIQ15Q")
+_HEADER: Final = struct.Struct("<4sHH16xBB32s32sHHHIIBHI5I12d")
+_LAS14_COUNTS: Final = struct.Struct("<QIQ15Q")
 """From byte 235: start and number of extended records, points, points by return."""
 
 
@@ -109,27 +108,29 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
     if version >= 3:
         (waveforms_at,) = struct.unpack_from("<Q", data, 227)
     if version >= 4:
-        extended_at, extended, whole, *of_returns = _COUNTS.unpack_from(data, 235)
+        extended_at, extended, whole, *of_returns = _LAS14_COUNTS.unpack_from(data, 235)
         if points and points != whole:
             notices.append(Notice("legacy-count", path=path.name, whole=whole, points=points))
         points, by_return = whole or points, tuple(of_returns) if whole else by_return
     _check_layout(path, header_bytes, HEADER_BYTES[version], offset, kind, record_bytes, size_bytes)
     scale, shift, box = doubles[:3], doubles[3:6], doubles[6:]
-    _check_scale(path, scale, shift)
+    for axis, step, start in zip("xyz", scale, shift, strict=True):
+        if not (step >= MIN_SCALE and abs(start) + abs(step) * 2.0**31 <= MAX_COORDINATE):
+            raise InputError("scale-impossible", path=path, step=step, start=start, axis=axis)
     created = _date(year, day)
     if created is None and (year, day) != (0, 0):
         notices.append(Notice("creation-date", path=path.name, day=day, year=year))
     return LasHeader(
         version=version,
         encoding=encoding,
-        system=_text(system),
-        software=_text(software),
+        system=text_of(system),
+        software=text_of(software),
         created=created,
         header_bytes=header_bytes,
         offset=offset,
         records=records,
         point_format=kind & 0x3F,
-        compressed=bool(kind & COMPRESSED),
+        compressed=bool(kind & COMPRESSED_BIT),
         record_bytes=record_bytes,
         points=points,
         by_return=tuple(by_return),
@@ -152,7 +153,7 @@ def _checked_head(path: Path, data: bytes, size_bytes: int) -> tuple[Any, ...]:
     least = HEADER_BYTES.get(data[25], 375) if len(data) > 25 else 227
     if len(data) < least:
         raise InputError("header-cut", path=path, size_bytes=size_bytes, least=least)
-    head = _HEAD.unpack_from(data)
+    head = _HEADER.unpack_from(data)
     major, version = head[3:5]
     if (major, version) not in {(1, minor) for minor in HEADER_BYTES}:
         raise InputError("las-version", path=path, major=major, version=version)
@@ -174,14 +175,6 @@ def _check_layout(
         raise InputError("record-length", path=path, record_bytes=record_bytes, kind=kind & 0x7F, shortest=shortest)
 
 
-def _check_scale(path: Path, scale: tuple[float, ...], shift: tuple[float, ...]) -> None:
-    """Raises InputError if they are invalid."""
-    for axis, step, start in zip("xyz", scale, shift, strict=True):
-        reach = abs(start) + abs(step) * 2.0**31
-        if not (step >= FINEST and reach <= FARTHEST):
-            raise InputError("scale-impossible", path=path, step=step, start=start, axis=axis)
-
-
 def _date(year: int, day: int) -> dt.date | None:
     if not (FIRST_YEAR <= year <= dt.datetime.now(dt.UTC).year + 1 and 1 <= day <= 366):
         return None
@@ -189,10 +182,6 @@ def _date(year: int, day: int) -> dt.date | None:
     return date if date.year == year else None
 
 
-def _text(field: bytes) -> str:
+def text_of(field: bytes) -> str:
+    """The text in a field that is filled with zeros."""
     return field.split(b"\0")[0].decode("utf-8", "replace").strip()
-
-
-def is_number(values: tuple[float, ...]) -> bool:
-    """Whether all of them are finite."""
-    return all(math.isfinite(value) for value in values)

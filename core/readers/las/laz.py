@@ -21,31 +21,31 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
 from furrowmap.core.readers.las.header import LasHeader
-from furrowmap.core.readers.las.records import Record
+from furrowmap.core.readers.las.records import LasRecord
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.limits import expect_growth
 from furrowmap.core.runtime.settings import allows
 
-USER: Final = "laszip encoded"
-NUMBER: Final = 22204
+LAZ_USER_ID: Final = "laszip encoded"
+LAZ_RECORD_ID: Final = 22204
 POINTWISE, LAYERED = 2, 3
 """Compressors with chunks that can be decoded independently."""
-VARIABLE: Final = 0xFFFF_FFFF
+VARIABLE_CHUNKS: Final = 0xFFFF_FFFF
 """Chunk size that stands for variable sizes, which are in the chunk table."""
-MOST_CHUNKS: Final = 1 << 24
+MAX_CHUNKS: Final = 1 << 24
 LARGEST_CHUNK_BYTES: Final = 1 << 27
 """Largest decompressed chunk that is decoded in one call, in parallel with others; larger ones are streamed."""
 
-_RECORD: Final = struct.Struct("<HHBBHIIqqH")
+_LAZ_RECORD: Final = struct.Struct("<HHBBHIIqqH")
 _ITEMS: Final = {
     0: (6,), 1: (6, 7), 2: (6, 8), 3: (6, 7, 8), 4: (6, 7, 9), 5: (6, 7, 8, 9),
     6: (10,), 7: (10, 11), 8: (10, 12), 9: (10, 13), 10: (10, 12, 13),
 }  # fmt: skip
 """Items by point format, without extra bytes."""
 _ITEM_BYTES: Final = {6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29}
-_LAYERS: Final = {10: 9, 11: 1, 12: 2, 13: 1}
+_ITEM_LAYERS: Final = {10: 9, 11: 1, 12: 2, 13: 1}
 """Layers of the items of layered chunks; extra bytes have one layer per byte."""
-_EXTRA: Final = {0, 14}
+_EXTRA_ITEMS: Final = {0, 14}
 
 
 @dataclass(frozen=True)
@@ -74,17 +74,17 @@ class LazPoints:
         return not len(self.points) or int(self.points.max()) * self.record_bytes <= LARGEST_CHUNK_BYTES
 
 
-def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence[Record]) -> LazPoints:
+def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence[LasRecord]) -> LazPoints:
     """Check the compressed points of a file.
 
     Raises:
         InputError: if they cannot be found or decoded.
         RefusedError: if they are implausibly many for the file.
     """
-    stated = next((record for record in records if (record.user, record.number) == (USER, NUMBER)), None)
-    if stated is None or len(stated.data) < _RECORD.size:
+    stated = next((record for record in records if (record.user, record.number) == (LAZ_USER_ID, LAZ_RECORD_ID)), None)
+    if stated is None or len(stated.data) < _LAZ_RECORD.size:
         raise InputError("laz-record", path=path)
-    compressor, _, _, _, _, _, chunk_points, _, _, items = _RECORD.unpack_from(stated.data)
+    compressor, _, _, _, _, _, chunk_points, _, _, items = _LAZ_RECORD.unpack_from(stated.data)
     if compressor not in (POINTWISE, LAYERED):
         raise InputError(
             "laz-compressor",
@@ -102,7 +102,7 @@ def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence
     expect_growth(path, header.size_bytes, header.points * header.record_bytes)
     sizes = np.array([size for _, size in table], np.int64)
     points = np.array([number for number, _ in table], np.int64)
-    if chunk_points != VARIABLE:
+    if chunk_points != VARIABLE_CHUNKS:
         points[:] = chunk_points
         points[-1] = header.points - (len(points) - 1) * chunk_points
     begins = header.offset + 8 + np.cumsum(sizes) - sizes
@@ -111,10 +111,10 @@ def find_points(path: Path, file: BinaryIO, header: LasHeader, records: Sequence
 
 def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, layered: bool) -> int:
     """Number of layers of a chunk."""
-    if items > 8 or len(data) < _RECORD.size + 6 * items:
+    if items > 8 or len(data) < _LAZ_RECORD.size + 6 * items:
         raise InputError("laz-items.count", path=path, items=items, size_bytes=len(data))
-    listed_items = [struct.unpack_from("<3H", data, _RECORD.size + 6 * number) for number in range(items)]
-    kinds = tuple(kind for kind, _, _ in listed_items if kind not in _EXTRA)
+    listed_items = [struct.unpack_from("<3H", data, _LAZ_RECORD.size + 6 * number) for number in range(items)]
+    kinds = tuple(kind for kind, _, _ in listed_items if kind not in _EXTRA_ITEMS)
     sizes = sum(size for _, size, _ in listed_items)
     fits = kinds == _ITEMS[header.point_format] and all(
         _ITEM_BYTES.get(kind, size) == size for kind, size, _ in listed_items
@@ -129,7 +129,7 @@ def _check_items(path: Path, header: LasHeader, data: bytes, items: int, *, laye
             point_format=header.point_format,
             record_bytes=header.record_bytes,
         )
-    return sum(_LAYERS.get(kind, size) for kind, size, _ in listed_items) if layered else 0
+    return sum(_ITEM_LAYERS.get(kind, size) for kind, size, _ in listed_items) if layered else 0
 
 
 def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chunk_points: int) -> list[tuple[int, int]]:
@@ -148,34 +148,20 @@ def _chunk_table(path: Path, file: BinaryIO, header: LasHeader, vlr: bytes, chun
     if chunk_points == 0:
         raise InputError("laz-chunk-size", path=path)
     # Each chunk begins with an uncompressed point.
-    most = min(room // header.record_bytes, header.points, MOST_CHUNKS)
+    most = min(room // header.record_bytes, header.points, MAX_CHUNKS)
     expected = -(-header.points // chunk_points)
-    if not 0 < count <= most or (chunk_points != VARIABLE and count != expected):
+    if not 0 < count <= most or (chunk_points != VARIABLE_CHUNKS and count != expected):
         raise InputError(
             "laz-chunk-count",
             path=path,
             points=header.points,
             count=count,
-            chunk_points=chunk_points if chunk_points != VARIABLE else None,
+            chunk_points=chunk_points if chunk_points != VARIABLE_CHUNKS else None,
             room=room,
         )
     # With a record that has only the version of the method, the decoder neither seeks nor allocates more than `count`
     # entries.
     file.seek(at)
-    table = _table(path, file, vlr)
-    least = min(size for _, size in table)
-    sizes = sum(size for _, size in table)
-    points = sum(number for number, _ in table)
-    fewest = min(number for number, _ in table)
-    if least < header.record_bytes or sizes != room or len(table) != count:
-        raise InputError("laz-chunk-table.bytes", path=path, sizes=sizes, room=room)
-    if chunk_points == VARIABLE and (points != header.points or fewest <= 0):
-        raise InputError("laz-chunk-table.points", path=path, points=points, header_points=header.points)
-    return table
-
-
-def _table(path: Path, file: BinaryIO, vlr: bytes) -> list[tuple[int, int]]:
-    """The chunk table at the file's position, decoded."""
     try:
         table: list[tuple[int, int]] = lazrs.read_chunk_table_only(file, lazrs.LazVlr(vlr))
     except BaseException as error:
@@ -183,6 +169,14 @@ def _table(path: Path, file: BinaryIO, vlr: bytes) -> list[tuple[int, int]]:
         if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
             raise
         raise InputError("laz-chunk-damaged.table", path=path, reason=_short(error)) from None
+    least = min(size for _, size in table)
+    sizes = sum(size for _, size in table)
+    points = sum(number for number, _ in table)
+    fewest = min(number for number, _ in table)
+    if least < header.record_bytes or sizes != room or len(table) != count:
+        raise InputError("laz-chunk-table.bytes", path=path, sizes=sizes, room=room)
+    if chunk_points == VARIABLE_CHUNKS and (points != header.points or fewest <= 0):
+        raise InputError("laz-chunk-table.points", path=path, points=points, header_points=header.points)
     return table
 
 
@@ -198,33 +192,25 @@ def decode_chunks(
         InputError: if a chunk is found to be damaged, and the user does not allow that.
     """
     try:
-        whole = [_decoded(path, file, laz, first, last)]
+        whole = [_decode(path, file, laz, first, last)]
     except Undecodable:
-        whole = _undamaged(path, file, laz, first, last, lost)
+        whole = []
+        before = np.cumsum(laz.points) - laz.points
+        for number in range(first, last):
+            try:
+                whole.append(_decode(path, file, laz, number, number + 1))
+            except Undecodable as fault:
+                begin, size = int(laz.begins[number]), int(laz.sizes[number])
+                where = f"chunk {number + 1} of {len(laz.points):,} (bytes {begin:,} to {begin + size:,})"
+                if not allows("damaged"):
+                    raise InputError("laz-chunk-damaged", path=path, where=where, reason=_short(fault)) from None
+                points = f"points {before[number] + 1:,} to {before[number] + laz.points[number]:,}"
+                what = f"{where} cannot be decoded ({_short(fault)}): {points}"
+                lost.append(Notice("laz-damage-left-out", path=path.name, what=what))
     yield from whole
 
 
-def _undamaged(
-    path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int, lost: list[Notice]
-) -> list[NDArray[np.uint8]]:
-    """The records of the chunks that can be decoded."""
-    found = []
-    before = np.cumsum(laz.points) - laz.points
-    for number in range(first, last):
-        try:
-            found.append(_decoded(path, file, laz, number, number + 1))
-        except Undecodable as fault:
-            begin, size = int(laz.begins[number]), int(laz.sizes[number])
-            where = f"chunk {number + 1} of {len(laz.points):,} (bytes {begin:,} to {begin + size:,})"
-            if not allows("damaged"):
-                raise InputError("laz-chunk-damaged", path=path, where=where, reason=_short(fault)) from None
-            points = f"points {before[number] + 1:,} to {before[number] + laz.points[number]:,}"
-            what = f"{where} cannot be decoded ({_short(fault)}): {points}"
-            lost.append(Notice("laz-damage-left-out", path=path.name, what=what))
-    return found
-
-
-def _decoded(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
+def _decode(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -> NDArray[np.uint8]:
     """The records of consecutive chunks."""
     _check_layers(file, laz, first, last)
     begin, end = int(laz.begins[first]), int(laz.begins[last - 1] + laz.sizes[last - 1])
@@ -241,7 +227,7 @@ def first_points(path: Path, file: BinaryIO, header: LasHeader, laz: LazPoints, 
         InputError: if they are damaged.
     """
     try:
-        _check_layers(file, laz, 0, _chunk_of(laz, points) + 1)
+        _check_layers(file, laz, 0, int(np.searchsorted(np.cumsum(laz.points), points)) + 1)
         return DECODER.points(points * laz.record_bytes, **_stream(path, header, laz))
     except Undecodable as fault:
         if not allows("damaged"):
@@ -249,11 +235,6 @@ def first_points(path: Path, file: BinaryIO, header: LasHeader, laz: LazPoints, 
                 "laz-chunk-damaged", path=path, where=f"points 1 to {points:,}", reason=_short(fault)
             ) from None
         return np.empty(0, np.uint8)
-
-
-def _chunk_of(laz: LazPoints, point: int) -> int:
-    """Index of the chunk that holds a point."""
-    return int(np.searchsorted(np.cumsum(laz.points), point))
 
 
 def _stream(path: Path, header: LasHeader, laz: LazPoints) -> dict[str, Any]:
@@ -281,7 +262,7 @@ def stream_points(
     decoder = Decoder()
     done = 0
     try:
-        _check_layers(file, laz, 0, _chunk_of(laz, points) + 1)
+        _check_layers(file, laz, 0, int(np.searchsorted(np.cumsum(laz.points), points)) + 1)
         while done < points:
             count = min(batch_points, points - done)
             yield decoder.points(count * laz.record_bytes, **(order if done == 0 else {"what": "more"}))

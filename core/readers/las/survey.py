@@ -60,56 +60,48 @@ class Survey:
 
     def notices(self) -> tuple[Notice, ...]:
         """Lost points, and differences between header and points, once all points have been added."""
-        differences = (self._box(), self._returns(), self._times())
-        return (*dict.fromkeys(self.cloud.lost), *(notice for notice in differences if notice is not None))
-
-    def _box(self) -> Notice | None:
-        header = self.cloud.header
-        if not self.points:
-            return None
+        cloud, header = self.cloud, self.cloud.header
+        found = list(dict.fromkeys(cloud.lost))
         off = np.maximum(np.abs(np.subtract(header.low, self.low)), np.abs(np.subtract(header.high, self.high)))
         # One step of the scale is rounding, and so is the resolution of a double for large coordinates.
         slack = 1.5 * np.array(header.scale) + 1e-12 * np.maximum(np.abs(self.low), np.abs(self.high))
         wrong = ~(off <= slack)
-        if not wrong.any():
-            return None
-        in_header, in_points = (
-            ", ".join(
-                f"{axis} {low:.10g} to {high:.10g}"
-                for axis, low, high, bad in zip("xyz", *box, wrong, strict=True)
-                if bad
+        if self.points and wrong.any():
+            in_header, in_points = (
+                ", ".join(
+                    f"{axis} {low:.10g} to {high:.10g}"
+                    for axis, low, high, bad in zip("xyz", *box, wrong, strict=True)
+                    if bad
+                )
+                for box in ((header.low, header.high), (self.low, self.high))
             )
-            for box in ((header.low, header.high), (self.low, self.high))
-        )
-        return Notice("header-box", cloud=self.cloud.path.name, in_header=in_header, in_points=in_points)
-
-    def _returns(self) -> Notice | None:
-        in_header = np.zeros(15, np.int64)
-        stated = np.minimum(np.array(self.cloud.header.by_return, np.uint64), np.iinfo(np.int64).max).astype(np.int64)
-        in_header[: len(stated)] = stated
-        if not self.points or not in_header.any() or np.array_equal(in_header, self.by_return[1:]):
-            return None
-        listed = [
-            " + ".join(f"{n:,}" for n in np.trim_zeros(counts, "b")) for counts in (in_header, self.by_return[1:])
-        ]
-        return Notice(
-            "returns-differ",
-            cloud=self.cloud.path.name,
-            listed=listed[0],
-            listed_2=listed[1] or "none",
-            by_return=self.by_return[0] or None,
-        )
-
-    def _times(self) -> Notice | None:
-        if not self.bad_times or self.cloud.clock.kind is TimeKind.UNKNOWN:  # has a notice since the file was opened
-            return None
-        return Notice(
-            "gps-times-bad",
-            cloud=self.cloud.path.name,
-            bad_times=self.bad_times,
-            points=self.points,
-            kind=self.cloud.clock.kind,
-        )
+            found.append(Notice("header-box", cloud=cloud.path.name, in_header=in_header, in_points=in_points))
+        in_header_by_return = np.zeros(15, np.int64)
+        stated = np.minimum(np.array(header.by_return, np.uint64), np.iinfo(np.int64).max).astype(np.int64)
+        in_header_by_return[: len(stated)] = stated
+        counts = in_header_by_return, self.by_return[1:]
+        if self.points and stated.any() and not np.array_equal(*counts):
+            listed = [" + ".join(f"{n:,}" for n in np.trim_zeros(numbers, "b")) for numbers in counts]
+            found.append(
+                Notice(
+                    "returns-differ",
+                    cloud=cloud.path.name,
+                    listed=listed[0],
+                    listed_2=listed[1] or "none",
+                    by_return=self.by_return[0] or None,
+                )
+            )
+        if self.bad_times and cloud.clock.kind is not TimeKind.UNKNOWN:  # that has a notice since the file was opened
+            found.append(
+                Notice(
+                    "gps-times-bad",
+                    cloud=cloud.path.name,
+                    bad_times=self.bad_times,
+                    points=self.points,
+                    kind=cloud.clock.kind,
+                )
+            )
+        return tuple(found)
 
     @property
     def utc_s(self) -> tuple[float, float] | None:

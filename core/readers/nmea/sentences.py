@@ -7,7 +7,6 @@ binary messages and truncated sentences may directly precede intact ones.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final, Self
@@ -16,11 +15,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.messages import MessageCounts
+from furrowmap.core.readers.messages import MessageCounts, scan_stream
 from furrowmap.core.readers.source import Source
 
-CHUNK_BYTES: Final = 1 << 22
-LONGEST: Final = 512
+MAX_SENTENCE_BYTES: Final = 512
 """Maximum distance in bytes from ``$`` to ``*``; the standard allows 82, proprietary sentences are longer."""
 
 KNOT_MPS: Final = 1852.0 / 3600.0
@@ -77,7 +75,7 @@ class Sentences:
         """Some of the sentences."""
         return type(self)(self.kind[index], self.talker[index], self.at[index], self.values[index])
 
-    def of(self, kind: Kind) -> Self:
+    def of_kind(self, kind: Kind) -> Self:
         """The sentences of one kind."""
         return self[self.kind == kind]
 
@@ -109,24 +107,22 @@ class SentenceCounts(MessageCounts[str]):
     behind_cut: int = 0
 
 
-def read_sentences(source: Source, counts: SentenceCounts, base: int = 0) -> Iterator[Sentences]:
-    """The sentences of a stream, chunk by chunk.
+def read_sentences(source: Source, counts: SentenceCounts) -> list[Sentences]:
+    """The sentences of a stream, piece by piece.
 
     Args:
         source: the stream, from its current position.
-        counts: the counts; updated.
-        base: added to every :attr:`Sentences.at`.
+        counts: of the streams before, if there are any; updated. Their lengths are added to :attr:`Sentences.at`.
     """
-    rest = b""
-    while True:
-        block = source.read(CHUNK_BYTES)
-        counts.stream_bytes += len(block)
-        found, used = scan_bytes(rest + block, counts, base, last=not block)
-        yield found
-        if not block:
-            return
-        base += used
-        rest = (rest + block)[used:]
+    found = []
+
+    def scan(piece: bytes, base: int, last: bool) -> int:
+        sentences, used = scan_bytes(piece, counts, base, last=last)
+        found.append(sentences)
+        return used
+
+    scan_stream(source, counts, scan)
+    return found
 
 
 def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool = True) -> tuple[Sentences, int]:
@@ -187,7 +183,7 @@ def _scan(
             continue
         end = i + 1
         checksum = 0
-        while end < size and end - i < LONGEST:
+        while end < size and end - i < MAX_SENTENCE_BYTES:
             c = data[end]
             if c < 32 or c > 126 or c in (_STAR, _DOLLAR):
                 break

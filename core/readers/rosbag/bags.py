@@ -9,8 +9,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
-from furrowmap.core.readers.rosbag import db3, mcap, rosbag1
+from furrowmap.core.readers.rosbag.clouds import CloudScans
+from furrowmap.core.readers.rosbag.db3 import SQLITE_MAGIC
 from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
+from furrowmap.core.readers.rosbag.inertial import ImuLog
+from furrowmap.core.readers.rosbag.lines import LineScans
+from furrowmap.core.readers.rosbag.mcap import MCAP_MAGIC
 from furrowmap.core.readers.rosbag.messages import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
@@ -22,8 +26,10 @@ from furrowmap.core.readers.rosbag.messages import (
     SENTENCE,
     VELODYNE_SCAN,
     FixLog,
-    deserialised,
+    deserialize,
 )
+from furrowmap.core.readers.rosbag.pictures import ImageLog, camera_of_info, info_topic
+from furrowmap.core.readers.rosbag.rosbag1 import ROSBAG1_MAGIC
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -37,14 +43,11 @@ from furrowmap.core.values.pose_track import AttitudeTrack
 from furrowmap.core.values.scan import Clock, Scan
 
 if TYPE_CHECKING:
-    from furrowmap.core.readers.rosbag.clouds import CloudScans
-    from furrowmap.core.readers.rosbag.inertial import ImuLog
-    from furrowmap.core.readers.rosbag.lines import LineScans
     from furrowmap.core.readers.rosbag.packets import PacketScans
-    from furrowmap.core.readers.rosbag.pictures import ImageLog
     from furrowmap.core.readers.rosbag.sentences import SentenceLog
 
 T = TypeVar("T")
+Log = TypeVar("Log", "FixLog", "SentenceLog", "ImuLog", "ImageLog")
 _POINT_TIMES: Final = "time stamps of the points, the clock of the scans"
 
 
@@ -108,8 +111,6 @@ class _RosBag(FileReader):
 
     def camera(self) -> Camera:
         """The camera of these images by its CameraInfo messages."""
-        from furrowmap.core.readers.rosbag.pictures import camera_of_info, info_topic
-
         chosen = self._choose("images", IMAGE, COMPRESSED_IMAGE, wanted=self.options.topic)
         name = info_topic(chosen.name, [topic.name for topic in self._found() if topic.type == CAMERA_INFO])
         why = "no CameraInfo messages"
@@ -132,7 +133,15 @@ class _RosBag(FileReader):
             "first": iso_utc(first_s),
             "last": iso_utc(last_s),
             "span_s": round(last_s - first_s, 3),
-            "topics": {topic.name: _topic_facts(topic) for topic in topics},
+            "topics": {
+                topic.name: {
+                    "type": topic.type,
+                    "messages": topic.messages,
+                    "first": iso_utc(topic.first_ns * 1e-9),
+                    "last": iso_utc(topic.last_ns * 1e-9),
+                }
+                for topic in topics
+            },
         }
         clocks = [ClockReading(Clock.RECORDER, first_s, last_s, "times of reception by the recorder")]
         looks = [("imu", self._imu_facts), ("scans", self._scan_facts), ("positions", self._position_facts)]
@@ -190,28 +199,27 @@ class _RosBag(FileReader):
         return chosen
 
     def _decoder(self, chosen: _Topic) -> PacketScans | CloudScans | LineScans:
-        from furrowmap.core.readers.rosbag.clouds import CloudScans
-        from furrowmap.core.readers.rosbag.lines import LineScans
-        from furrowmap.core.readers.rosbag.packets import PacketScans
-
         source = self._source(chosen)
         if chosen.type == VELODYNE_SCAN:
+            from furrowmap.core.readers.rosbag.packets import PacketScans
+
             return PacketScans(source, self.options)
         return CloudScans(source) if chosen.type == POINT_CLOUD else LineScans(source)
 
     def _scans(self, chosen: _Topic, decoder: PacketScans | CloudScans | LineScans) -> Iterator[Scan]:
         first_s, last_s = float("inf"), float("-inf")
-        for scans in self._batches(chosen, decoder):
+
+        def batches() -> Iterator[list[Scan]]:
+            yield from self._read(chosen, decoder.push)
+            yield decoder.finish()
+
+        for scans in batches():
             self.clock = decoder.clock
             for scan in scans:
                 first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
                 yield scan
         self.clocks = (ClockReading(self.clock, first_s, last_s, _POINT_TIMES),) if first_s <= last_s else ()
         self._add_notices(*decoder.notices())
-
-    def _batches(self, chosen: _Topic, decoder: PacketScans | CloudScans | LineScans) -> Iterator[list[Scan]]:
-        yield from self._read(chosen, decoder.push)
-        yield decoder.finish()
 
     def _positions(self) -> tuple[GnssTrack, _Topic, FixLog | SentenceLog]:
         """The positions, their topic, and its messages."""
@@ -220,54 +228,43 @@ class _RosBag(FileReader):
         chosen = self._choose("positions", SENTENCE, NAV_SAT_FIX)
         log: FixLog | SentenceLog
         if chosen.type == SENTENCE:
-            track, log, fault = self._of_sentences(chosen)
-            if fault is not None:
+            from furrowmap.core.readers.rosbag.sentences import SentenceLog
+
+            log = self._collect(chosen, SentenceLog())
+            positions = log.positions(self._source(chosen), self.options.date)
+            track, fault = positions.track, positions.fault
+            if fault is None:
+                self._add_notices(*positions.notices)
+            else:
                 if all(topic.type != NAV_SAT_FIX for topic in self._found()):
                     raise fault
                 self._add_notices(Notice("bag-sentences-unused", value=fault.what.rstrip(".")))
                 chosen = self._choose("positions", NAV_SAT_FIX)
         if chosen.type == NAV_SAT_FIX:
-            log = FixLog()
-            for _ in self._read(chosen, log.add):
-                pass
+            log = self._collect(chosen, FixLog())
             track, notices = log.track(self._source(chosen))
             self._add_notices(*notices)
         track, _, dropped = drop_implausible_positions(track)
         self._add_notices(*dropped, *jump_notices(track))
         return track, chosen, log
 
-    def _of_sentences(self, chosen: _Topic) -> tuple[GnssTrack, SentenceLog, InputError | None]:
-        """The positions in sentences, and why there are none."""
-        from furrowmap.core.readers.rosbag.sentences import SentenceLog
-
-        log = SentenceLog()
-        for _ in self._read(chosen, log.add):
-            pass
-        positions = log.positions(self._source(chosen), self.options.date)
-        if positions.fault is None:
-            self._add_notices(*positions.notices)
-        return positions.track, log, positions.fault
-
     def _inertial(self) -> tuple[InertialTrack, _Topic, ImuLog]:
-        from furrowmap.core.readers.rosbag.inertial import ImuLog
-
         chosen = self._choose("inertial measurements", IMU, wanted=self.options.topic)
-        log = ImuLog()
-        for _ in self._read(chosen, log.add):
-            pass
+        log = self._collect(chosen, ImuLog())
         notices: list[Notice] = []
         track = log.track(self._source(chosen), notices)
         self._add_notices(*notices)
         return track, chosen, log
 
     def _images(self, *, kept: bool) -> tuple[_Topic, ImageLog]:
-        from furrowmap.core.readers.rosbag.pictures import ImageLog
-
         chosen = self._choose("images", IMAGE, COMPRESSED_IMAGE, wanted=self.options.topic)
-        log = ImageLog(self.options.glance_s or 0.0, kept=kept)
+        return chosen, self._collect(chosen, ImageLog(self.options.glance_s or 0.0, kept=kept))
+
+    def _collect(self, chosen: _Topic, log: Log) -> Log:
+        """The log, with all messages of the topic."""
         for _ in self._read(chosen, log.add):
             pass
-        return chosen, log
+        return log
 
     def _read(self, chosen: _Topic, take: Callable[[Any, BagMessage], T]) -> Iterator[T]:
         """`take` applied to each message of a topic; those that cannot be decoded are skipped and counted."""
@@ -279,7 +276,7 @@ class _RosBag(FileReader):
             if message.type != chosen.type:
                 continue
             try:
-                result = take(deserialised(message), message)
+                result = take(deserialize(message), message)
             except Damage as damage:
                 damaged += 1
                 first = first or f"{damage}, received {iso_utc(message.received_ns * 1e-9)}"
@@ -357,7 +354,7 @@ class RosBag1(_RosBag):
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain by the first bytes."""
-        return 1.0 if head.data.startswith(rosbag1.MAGIC) else 0.0
+        return 1.0 if head.data.startswith(ROSBAG1_MAGIC) else 0.0
 
 
 class RosBag2(_RosBag):
@@ -371,17 +368,8 @@ class RosBag2(_RosBag):
         """Certain by the first bytes (of an SQLite file: by its tables) or by the files in a folder."""
         if head.path.is_dir():
             return 0.9 if (head.path / METADATA).is_file() or storage_files(head.path) else 0.0
-        if head.data.startswith(mcap.MAGIC):
+        if head.data.startswith(MCAP_MAGIC):
             return 1.0
-        if head.data.startswith(db3.MAGIC):
+        if head.data.startswith(SQLITE_MAGIC):
             return 1.0 if all(word in head.data for word in (b"messages", b"topics", b"topic_id")) else 0.0
         return 0.0
-
-
-def _topic_facts(topic: _Topic) -> dict[str, Any]:
-    return {
-        "type": topic.type,
-        "messages": topic.messages,
-        "first": iso_utc(topic.first_ns * 1e-9),
-        "last": iso_utc(topic.last_ns * 1e-9),
-    }

@@ -7,12 +7,12 @@ the drivers of Velodyne, Ouster, Hesai, Robosense and Livox. Definition: ROS pac
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.line_points import MAX_RANGE_M
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -32,27 +32,17 @@ _REVOLUTION_S: Final = (0.005, 1.5)
 """Range of the duration of a revolution, of any spinning scanner. Units of time differ by a factor of 1000, so at most
 one of them puts the time span of a message in this range."""
 
-FARTHEST_M: Final = 2000.0
-"""No scanner on a machine sees as far; farther coordinates are damaged or not metres."""
-_MOST_INVALID: Final = 0.5
+_MAX_INVALID_SHARE: Final = 0.5
 """Share of the points, beyond which the messages are not what they seem to be."""
-
-_MOST_FIRINGS: Final = 1e6
+_MAX_FIRINGS: Final = 1e6
 """In one message; more result from damaged times only."""
 
 
-@dataclass(frozen=True)
-class _PointTimes:
-    """Unit and origin of a time field.
-
-    Attributes:
-        unit_s: the unit.
-        origin: "utc", "stamp" (counts from the message's stamp), or "first" (counts from an unknown zero: the first
-            return is placed at the message's stamp).
-    """
+class _PointTimes(NamedTuple):
+    """Unit and origin of a time field."""
 
     unit_s: float
-    origin: str
+    origin: str  # "utc", "stamp" (of the message), or "first" (unknown: the first return is placed at the stamp)
 
 
 class CloudScans:
@@ -85,7 +75,14 @@ class CloudScans:
         self._fields = self._fields or tuple(str(field.name) for field in content.fields)
         self._slots += points.size
         xyz = np.stack([points[axis] for axis in "xyz"], axis=-1).astype(np.float32)
-        returned = self._returned(xyz, dense=bool(content.is_dense))
+        # Drivers write nan or 0 where there is no return, nan only in messages that are not dense.
+        empty = (xyz == 0).all(axis=-1) | (not content.is_dense and np.isnan(xyz).any(axis=-1))
+        finite = np.isfinite(xyz).all(axis=-1)
+        near = (np.abs(xyz) <= MAX_RANGE_M).all(axis=-1)
+        self._points += int(np.count_nonzero(~empty))
+        self._invalid["coordinates that are no numbers"] += int(np.count_nonzero(~empty & ~finite))
+        self._invalid[f"coordinates beyond {MAX_RANGE_M:,.0f} m"] += int(np.count_nonzero(finite & ~near))
+        returned: NDArray[np.bool_] = ~empty & finite & near
         if not returned.any():
             self._empty += 1
             return []
@@ -125,27 +122,13 @@ class CloudScans:
         )
         return [scan]
 
-    def _returned(self, xyz: NDArray[np.float32], *, dense: bool) -> NDArray[np.bool_]:
-        """Which points (height, width, 3) are returns; those that are neither that nor empty are counted by reason.
-
-        Drivers write nan or 0 where there is no return, nan only in messages that are not `dense`.
-        """
-        empty = (xyz == 0).all(axis=-1) | (not dense and np.isnan(xyz).any(axis=-1))
-        finite = np.isfinite(xyz).all(axis=-1)
-        near = (np.abs(xyz) <= FARTHEST_M).all(axis=-1)
-        self._points += int(np.count_nonzero(~empty))
-        self._invalid["coordinates that are no numbers"] += int(np.count_nonzero(~empty & ~finite))
-        self._invalid[f"coordinates beyond {FARTHEST_M:,.0f} m"] += int(np.count_nonzero(finite & ~near))
-        returned: NDArray[np.bool_] = ~empty & finite & near
-        return returned
-
     def finish(self) -> list[Scan]:
         """No scans: every message is a complete scan.
 
         Raises:
             InputError: if most points are invalid.
         """
-        if sum(self._invalid.values()) > _MOST_INVALID * self._points:
+        if sum(self._invalid.values()) > _MAX_INVALID_SHARE * self._points:
             raise InputError("points-mostly-invalid.finish", source=self._source, self=self._reasons())
         return []
 
@@ -189,7 +172,7 @@ class CloudScans:
         own = np.full(n, np.nan) if values is None else values.astype(np.float64)
         usable = bool(np.isfinite(own).all())
         if self._times is None and usable:
-            self._times = _read_times(own, at_s)
+            self._times = _detect_times(own, at_s)
         if self._times is None or not usable:
             self._untimed += 1
             return np.full(n, at_s)
@@ -223,7 +206,7 @@ def _points(content: Any) -> NDArray[Any]:
     return np.ndarray((height, width), dtype, data.data, strides=(row, step))
 
 
-def _read_times(values: FloatArray, at_s: float) -> _PointTimes | None:
+def _detect_times(values: FloatArray, at_s: float) -> _PointTimes | None:
     """Unit and origin of a cloud's times (n,), from the duration of a revolution and the difference from the stamp."""
     low, middle, high = np.quantile(values, [0.02, 0.5, 0.98]).tolist()  # a damaged time or two do not matter
     span = (high - low) / 0.96
@@ -262,7 +245,7 @@ def _columns_of_times(t_s: FloatArray, laser: NDArray[np.uint8]) -> NDArray[np.i
         return np.zeros(len(t_s), np.int64)
     cycle_s = float(np.quantile(step, 0.2, method="lower"))
     cycle_s = float(step[np.abs(step - cycle_s) < 0.2 * cycle_s].mean())
-    turns = np.minimum((t_s - t_s[0]) / cycle_s, _MOST_FIRINGS)
+    turns = np.minimum((t_s - t_s[0]) / cycle_s, _MAX_FIRINGS)
     within = np.sort(turns % 1.0)
     pause = np.diff(within, append=within[0] + 1.0)
     widest = int(np.argmax(pause))

@@ -16,30 +16,26 @@ from pathlib import Path
 from typing import Final
 from urllib.parse import quote
 
-from furrowmap.core.readers.rosbag.storage import LARGEST_BYTES, BagMessage, StorageFile, ros2_type
+from furrowmap.core.readers.rosbag.storage import MAX_RECORD_BYTES, BagMessage, BagStorage, ros2_type
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.limits import expect_disk
 
-MAGIC: Final = b"SQLite format 3\x00"
-_JOURNALS: Final = ("-wal", "-journal")
+SQLITE_MAGIC: Final = b"SQLite format 3\x00"
 
 
-class Db3File(StorageFile):
-    """A .db3 file, read once (implements :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self.share_read = 0.0
+class Db3Storage(BagStorage):
+    """A .db3 file, read once."""
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """The messages (of some topics) in the order of recording."""
+        """See :meth:`BagStorage.messages`."""
         with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
             database, writable = self._plain(Path(folder))
             self._note_missing_pages(database)
             flags = "mode=rw" if writable else "mode=ro&immutable=1"
             try:
                 with closing(sqlite3.connect(f"file:{quote(str(database))}?{flags}", uri=True)) as connection:
-                    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(LARGEST_BYTES, database.stat().st_size))
+                    largest = min(MAX_RECORD_BYTES, database.stat().st_size)
+                    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, largest)
                     yield from self._rows(connection, topics)
             except (sqlite3.Error, UnicodeDecodeError, OverflowError) as error:
                 self._note("bag-cut.database", error=error)
@@ -51,7 +47,7 @@ class Db3File(StorageFile):
         A database with a journal, left by a recorder that was killed, is copied so that SQLite completes it; a
         compressed database is decompressed.
         """
-        journals = [Path(f"{self.path}{end}") for end in _JOURNALS]
+        journals = [Path(f"{self.path}{end}") for end in ("-wal", "-journal")]
         journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
         with Source(self.path) as source:
             if not source.compression and not journals:
@@ -82,12 +78,8 @@ class Db3File(StorageFile):
             self._note("bag-cut.size", size_bytes=there, expected=expected)
 
     def _rows(self, connection: sqlite3.Connection, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        known = {
-            number: (str(name), ros2_type(str(kind)), str(encoding))
-            for number, name, kind, encoding in connection.execute(
-                "SELECT id, name, type, serialization_format FROM topics"
-            )
-        }
+        rows = connection.execute("SELECT id, name, type, serialization_format FROM topics")
+        known = {number: (str(name), ros2_type(str(kind)), str(encoding)) for number, name, kind, encoding in rows}
         wanted = [number for number, (topic, _, _) in known.items() if topics is None or topic in topics]
         (last,) = connection.execute("SELECT max(id) FROM messages").fetchone()
         rows = connection.execute(

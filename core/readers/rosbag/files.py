@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path, PurePath
 from typing import Final
 
-from furrowmap.core.readers.rosbag import db3, mcap, rosbag1
-from furrowmap.core.readers.rosbag.db3 import Db3File
-from furrowmap.core.readers.rosbag.mcap import McapFile
-from furrowmap.core.readers.rosbag.rosbag1 import Rosbag1File
-from furrowmap.core.readers.rosbag.storage import BagMessage, Storage
+from furrowmap.core.readers.rosbag.db3 import SQLITE_MAGIC, Db3Storage
+from furrowmap.core.readers.rosbag.mcap import MCAP_MAGIC, McapStorage
+from furrowmap.core.readers.rosbag.rosbag1 import ROSBAG1_MAGIC, Rosbag1Storage
+from furrowmap.core.readers.rosbag.storage import BagMessage, BagStorage
 from furrowmap.core.readers.source import look
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import is_file_name
@@ -24,14 +22,6 @@ _STORAGE_NAME: Final = re.compile(r".+\.(db3|mcap)(\.(zstd|zst|gz|xz))?", re.IGN
 # would take minutes for a hostile file with a few thousand brackets.
 _FILES: Final = re.compile(r"^ {2}relative_file_paths: *\n((?: *- .+\n)+)", re.MULTILINE)
 _MESSAGES: Final = re.compile(r"^ {2}message_count: (\d{1,18}) *$", re.MULTILINE)
-
-
-@dataclass(frozen=True)
-class _Metadata:
-    """The entries of a ROS 2 bag's metadata.yaml that are used."""
-
-    files: tuple[str, ...]
-    messages: int
 
 
 class BagFiles:
@@ -53,7 +43,7 @@ class BagFiles:
         self._files = [file for path in paths for file in self._files_of(path)]
         self._sizes = [file.stat().st_size for file in self._files]
         self._behind = 0
-        self._open: Storage | None = None
+        self._open: BagStorage | None = None
 
     @property
     def share_read(self) -> float:
@@ -92,33 +82,29 @@ class BagFiles:
         """The file itself; of a folder, the files named in its metadata, else those with the names of bag files."""
         if not path.is_dir():
             return [path]
-        files = storage_files(path)
-        metadata = self._metadata(path)
-        if metadata is not None:
-            self._declared += metadata.messages
-            missing = [name for name in metadata.files if not (is_file_name(name) and (path / name).is_file())]
-            if missing:
-                self.notices.append(Notice("bag-file-missing", path=path, missing=", ".join(missing)))
-            files = [path / name for name in metadata.files if name not in missing] or files
+        names = self._names_in_metadata(path / METADATA)
+        missing = [name for name in names if not (is_file_name(name) and (path / name).is_file())]
+        if missing:
+            self.notices.append(Notice("bag-file-missing", path=path, missing=", ".join(missing)))
+        files = [path / name for name in names if name not in missing] or storage_files(path)
         if not files:
             raise InputError("bag-folder-empty", path=path)
         return files
 
-    def _metadata(self, folder: Path) -> _Metadata | None:
-        """The entries of metadata.yaml; None, with a notice, if it is missing or damaged."""
-        file = folder / METADATA
+    def _names_in_metadata(self, file: Path) -> list[str]:
+        """The files that metadata.yaml names; none, with a notice, if it is missing or damaged."""
         try:
             text = file.read_text(encoding="utf-8", errors="replace")
         except OSError as error:
             self.notices.append(Notice("bag-no-metadata", file=file, reason=error.strerror))
-            return None
+            return []
         files, messages = _FILES.search(text), _MESSAGES.search(text)
         if files is None or messages is None:
             self.notices.append(Notice("bag-metadata-damaged", file=file))
-            return None
+            return []
+        self._declared += int(messages[1])
         # Folders in the names are ignored, so that nothing outside the bag is read.
-        names = (PurePath(line.strip().removeprefix("- ").strip("\"'")).name for line in files[1].splitlines())
-        return _Metadata(tuple(names), int(messages[1]))
+        return [PurePath(line.strip().removeprefix("- ").strip("\"'")).name for line in files[1].splitlines()]
 
 
 def storage_files(folder: Path) -> list[Path]:
@@ -129,17 +115,14 @@ def storage_files(folder: Path) -> list[Path]:
     )
 
 
-def open_storage(path: Path) -> Storage:
+def open_storage(path: Path) -> BagStorage:
     """The file's storage, by its content.
 
     Raises:
         InputError: if it is not a storage of a ROS bag.
     """
     data = look(path).data
-    if data.startswith(rosbag1.MAGIC):
-        return Rosbag1File(path)
-    if data.startswith(mcap.MAGIC):
-        return McapFile(path)
-    if data.startswith(db3.MAGIC):
-        return Db3File(path)
+    for magic, storage in ((ROSBAG1_MAGIC, Rosbag1Storage), (MCAP_MAGIC, McapStorage), (SQLITE_MAGIC, Db3Storage)):
+        if data.startswith(magic):
+            return storage(path)
     raise InputError("bag-unknown-storage", path=path)

@@ -21,8 +21,6 @@ from furrowmap.core.values.pose_track import UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.rotation import quaternion_to_attitude
 
 NOT_MEASURED: Final = -1.0
-_COLUMNS: Final = 12
-"""Stamp, angular rate, specific force, orientation (w, x, y, z), time of reception."""
 
 
 class ImuLog:
@@ -55,7 +53,8 @@ class ImuLog:
 
     @property
     def _table(self) -> NDArray[np.float64]:
-        return np.array(self._rows).reshape(-1, _COLUMNS)
+        """Stamp, angular rate, specific force, orientation (w, x, y, z), time of reception."""
+        return np.array(self._rows).reshape(-1, 12)
 
     def delay_s(self) -> float:
         """Median of reception minus stamp."""

@@ -12,7 +12,7 @@ from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan
 
-LONGEST_S: Final = 10.0
+MAX_SWEEP_S: Final = 10.0
 """No sweep takes longer: its time increment is damaged."""
 
 
@@ -46,7 +46,7 @@ class LineScans:
         each_s = float(content.time_increment)
         if not np.isfinite((first, step, each_s)).all() or abs(step) * n > 4.0 * np.pi or n > np.iinfo(np.uint16).max:
             raise Damage(f"{n} ranges from an angle of {first:g} rad in steps of {step:g} rad are no sweep")
-        if not 0.0 <= each_s * n <= LONGEST_S:
+        if not 0.0 <= each_s * n <= MAX_SWEEP_S:
             raise Damage(f"its time increment of {each_s:g} s is not that of a sweep")
         at_s = stamp_s(content, message)
         if at_s <= self._last_s:

@@ -7,14 +7,13 @@ content). Messages and their channels are in chunks or separate; the summary at 
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Final
+from typing import ClassVar, Final
 
-from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, RecordsFile, inflate, ros2_type
+from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, RecordStorage, ros2_type
 
-MAGIC: Final = b"\x89MCAP0\r\n"
+MCAP_MAGIC: Final = b"\x89MCAP0\r\n"
 
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0B
 _KNOWN = range(0x01, 0x10)
@@ -24,94 +23,59 @@ _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
 
 
-class McapFile(RecordsFile):
-    """An MCAP file, read once (implements :class:`~furrowmap.core.readers.rosbag.storage.Storage`)."""
+class McapStorage(RecordStorage):
+    """An MCAP file, read once."""
+
+    declared_by: ClassVar[str] = "channels"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, tuple[str, str, str]] = {}
 
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """The messages (of some topics) in the order of recording."""
-        with self._stream.source:
-            self._stream.take(len(MAGIC))
-            try:
-                while (record := self._record()) is not None:
-                    op, content = record
-                    if op == _FOOTER:
-                        break
-                    if op == _STATISTICS:
-                        self.declared = int.from_bytes(content[:8], "little")
-                    elif op == _CHUNK:
-                        yield from self._chunk(content, topics)
-                    else:
-                        yield from self._message(op, content, topics)
-                else:
-                    self._note("bag-cut.footer", where=self._stream.where(), lost=self._lost())
-            except Damage as damage:
-                self._note("bag-cut", where=self._stream.where(), damage=damage, lost=self._lost())
-            self._note_orphans("channels")
+    def _read(self, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        self._take(len(MCAP_MAGIC))
+        while head := self._take_head(_RECORD.size):
+            op, size = _RECORD.unpack(head)
+            if op not in _KNOWN and op not in _PRIVATE:
+                raise Damage(f"unknown record type {op}")
+            content = self._take_whole(size, may_be_cut=op == _CHUNK)
+            if op == _FOOTER:
+                return
+            if op == _STATISTICS:
+                self.declared = int.from_bytes(content[:8], "little")
+            elif op == _CHUNK:
+                yield from self._chunk(None, content, topics)
+            elif (message := self._message(op, content, topics)) is not None:
+                yield message
+        self._note("bag-cut.footer", where=self._where(), lost=self._lost())
 
-    def _record(self) -> tuple[int, bytes] | None:
-        """The next record of the file, or None at its end."""
-        head = self._stream.take(_RECORD.size)
-        if not head:
-            if self._stream.source.fault:
-                raise Damage(self._stream.source.fault)
-            return None
-        if len(head) < _RECORD.size:
-            raise Damage("the file ends within the header of a record")
-        op, size = _RECORD.unpack(head)
-        if op not in _KNOWN and op not in _PRIVATE:
-            raise Damage(f"unknown record type {op}")
-        content = self._stream.take(size)
-        if len(content) < size and op != _CHUNK:
-            raise Damage(f"the last record is truncated by {size - len(content)} bytes")
-        return op, content
+    def _chunk_content(self, header: None, data: bytes) -> tuple[bytes, str, int, int]:  # noqa: ARG002
+        _, _, size, checksum = _CHUNK_HEAD.unpack_from(data)
+        method, start = _string(data, _CHUNK_HEAD.size)
+        (packed,) = struct.unpack_from("<Q", data, start)
+        return data[start + 8 : start + 8 + packed], method, size, checksum
 
-    def _chunk(self, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        """The messages of a chunk up to where it is damaged; none if its checksum is wrong."""
-        at = self._stream.offset - len(content)
-        faults = []
-        records = b""
-        try:
-            _, _, size, checksum = _CHUNK_HEAD.unpack_from(content)
-            method, start = _string(content, _CHUNK_HEAD.size)
-            (packed,) = struct.unpack_from("<Q", content, start)
-            records, fault = inflate(content[start + 8 : start + 8 + packed], method, size)
-            if fault:
-                faults.append(fault)
-            elif checksum and zlib.crc32(records) != checksum:
-                records = b""
-                faults.append("its checksum is wrong, so all of it is skipped")
-        except Damage as damage:
-            faults.append(str(damage))
-        except (struct.error, UnicodeDecodeError):
-            faults.append("its header is damaged")
-        position = 0
-        while position < len(records):
-            if position + _RECORD.size > len(records):
-                break
-            op, size = _RECORD.unpack_from(records, position)
-            start, position = position + _RECORD.size, position + _RECORD.size + size
-            if position > len(records):
-                break
-            yield from self._message(op, records[start:position], topics)
-        if position != len(records):
-            faults.append("its last record is truncated")
-        if faults:
-            self._note("bag-chunk-damaged", at=at, faults="; ".join(faults))
+    def _messages_of(self, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        at = 0
+        while at < len(content):
+            begin = at + _RECORD.size
+            op, size = _RECORD.unpack_from(content, at) if begin <= len(content) else (0, 0)
+            at = begin + size
+            if at > len(content):
+                raise Damage("its last record is truncated")
+            if (message := self._message(op, content[begin:at], topics)) is not None:
+                yield message
 
-    def _message(self, op: int, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
-        """The message in a record, if it is one; schemas and channels are stored."""
+    def _message(self, op: int, content: bytes, topics: Collection[str] | None) -> BagMessage | None:
+        """The message in a record, if it is one of these topics; schemas and channels are stored."""
         try:
             if op == _MESSAGE:
                 channel, _, log_ns, _ = _MESSAGE_HEAD.unpack_from(content)
                 topic, kind, encoding = self._channels[channel]
                 self._last_ns = log_ns
                 if topics is None or topic in topics:
-                    yield BagMessage(topic, kind, encoding, log_ns, content[_MESSAGE_HEAD.size :])
+                    return BagMessage(topic, kind, encoding, log_ns, content[_MESSAGE_HEAD.size :])
             elif op == _SCHEMA:
                 name, _ = _string(content, 2)
                 self._schemas[int.from_bytes(content[:2], "little")] = name
@@ -122,6 +86,7 @@ class McapFile(RecordsFile):
                 self._channels[channel] = (topic, ros2_type(self._schemas.get(schema, "")), encoding)
         except (KeyError, struct.error, UnicodeDecodeError):
             self._orphans += 1
+        return None
 
 
 def _string(content: bytes, position: int) -> tuple[str, int]:

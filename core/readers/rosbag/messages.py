@@ -1,4 +1,4 @@
-"""ROS messages with packets and positions, deserialised by `rosbags`.
+"""ROS messages with packets and positions, deserialize by `rosbags`.
 
 Definitions: the ROS packages sensor_msgs, velodyne_msgs and nmea_msgs. `rosbags` is imported with the first message,
 because all readers are imported at each start.
@@ -10,9 +10,9 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, unpacked
+from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, decompress_message
+from furrowmap.core.readers.velodyne.models import PACKET_BYTES
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
@@ -33,17 +33,16 @@ FIXED_SIGMA_M: Final = 0.10
 """Largest horizontal standard deviation of an RTK fix in a NavSatFix with ground-based augmentation: integer
 ambiguities give centimetres, float ones decimetres."""
 
-_PACKET_BYTES: Final = 1206
 _DEFINITIONS: Final = {
-    "velodyne_msgs/msg/VelodynePacket": f"builtin_interfaces/Time stamp\nuint8[{_PACKET_BYTES}] data\n",
+    "velodyne_msgs/msg/VelodynePacket": f"builtin_interfaces/Time stamp\nuint8[{PACKET_BYTES}] data\n",
     VELODYNE_SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets\n",
     SENTENCE: "std_msgs/Header header\nstring sentence\n",
 }
 """Those that the stores of `rosbags` do not have."""
 
 
-def deserialised(message: BagMessage) -> Any:
-    """The message deserialised by `rosbags`: an object with the fields of its definition.
+def deserialize(message: BagMessage) -> Any:
+    """The message deserialize by `rosbags`: an object with the fields of its definition.
 
     Raises:
         Damage: if the bytes are not a message of this type.
@@ -54,7 +53,7 @@ def deserialised(message: BagMessage) -> Any:
     try:
         if message.encoding == "ros1":
             return store.deserialize_ros1(message.data, message.type)
-        return store.deserialize_cdr(unpacked(message.data), message.type)
+        return store.deserialize_cdr(decompress_message(message.data), message.type)
     except Exception as error:  # noqa: BLE001 (the one boundary: on damage rosbags raises whatever comes)
         raise Damage(str(error) or type(error).__name__) from None
 
@@ -71,14 +70,12 @@ def _typestore(encoding: str) -> Typestore:
 
 def stamp_s(content: Any, message: BagMessage) -> float:
     """The stamp in a message's header as UTC; the time of reception if the driver left it at 0."""
-    return _seconds(content.header.stamp) or message.received_ns * 1e-9
+    return seconds(content.header.stamp) or message.received_ns * 1e-9
 
 
-def packets(content: Any, message: BagMessage) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """Payloads (m, 1206) and stamps (m,) UTC of the packets in a VelodyneScan."""
-    payloads = np.array([packet.data for packet in content.packets], np.uint8).reshape(-1, _PACKET_BYTES)
-    at_s = stamp_s(content, message)
-    return payloads, np.array([_seconds(packet.stamp) or at_s for packet in content.packets], np.float64)
+def seconds(stamp: Any) -> float:
+    """A time of a message in seconds."""
+    return float(stamp.sec) + float(stamp.nanosec) * 1e-9
 
 
 class FixLog:
@@ -109,7 +106,9 @@ class FixLog:
         variance = np.asarray(content.position_covariance, np.float64)[::4]
         with np.errstate(invalid="ignore"):
             sigma = np.sqrt(variance) if known else np.full(3, np.nan)
-        fix = _fix(int(content.status.status), float(np.hypot(sigma[0], sigma[1])))
+        fix = {0: Fix.SINGLE, 1: Fix.DGPS, 2: Fix.FLOAT}.get(int(content.status.status), Fix.NONE)
+        if fix is Fix.FLOAT and np.hypot(sigma[0], sigma[1]) <= FIXED_SIGMA_M:
+            fix = Fix.FIXED
         if not np.isfinite((lat, lon)).all():
             fix = Fix.NONE
         self._rows.append((stamp_s(content, message), lon, lat, height, float(fix), *map(float, sigma)))
@@ -141,14 +140,3 @@ class FixLog:
                 )
             )
         return GnssTrack.build(table[:, 0], source=source, **columns, **sigmas), notices
-
-
-def _fix(status: int, sigma_m: float) -> Fix:
-    """The fix of a NavSatStatus and a horizontal standard deviation (nan: not stated)."""
-    if status == 2:
-        return Fix.FIXED if sigma_m <= FIXED_SIGMA_M else Fix.FLOAT
-    return {0: Fix.SINGLE, 1: Fix.DGPS}.get(status, Fix.NONE)
-
-
-def _seconds(stamp: Any) -> float:
-    return float(stamp.sec) + float(stamp.nanosec) * 1e-9

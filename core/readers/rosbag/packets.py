@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.rosbag.messages import packets
+from furrowmap.core.readers.rosbag.messages import seconds, stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
-from furrowmap.core.readers.velodyne.models import BLOCK_MARK, RETURN_WORDS
+from furrowmap.core.readers.velodyne.models import BLOCK_MARK, PACKET_BYTES, RETURN_WORDS
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.scan import Clock, Scan
 
-_BATCH: Final = 1000
+_BATCH_PACKETS: Final = 1000
 
 
 class PacketScans:
@@ -35,20 +35,22 @@ class PacketScans:
 
     def push(self, content: Any, message: BagMessage) -> list[Scan]:
         """The scans that this message completes."""
-        payloads, host_s = packets(content, message)
+        payloads = np.array([packet.data for packet in content.packets], np.uint8).reshape(-1, PACKET_BYTES)
+        at_s = stamp_s(content, message)
+        host_s = np.array([seconds(packet.stamp) or at_s for packet in content.packets], np.float64)
         sound = (payloads[:, :2] == np.frombuffer(BLOCK_MARK, np.uint8)).all(axis=1)
         payloads, host_s = payloads[sound], host_s[sound]
         self._foreign += len(sound) - len(payloads)
         self._payloads.append(payloads)
         self._host_s.append(host_s)
         self._held += len(payloads)
-        return self._decoded() if self._held >= _BATCH else []
+        return self._decode_held() if self._held >= _BATCH_PACKETS else []
 
     def finish(self) -> list[Scan]:
         """The scans that are still open."""
-        return self._decoded() + self._decoder.finish()
+        return self._decode_held() + self._decoder.finish()
 
-    def _decoded(self) -> list[Scan]:
+    def _decode_held(self) -> list[Scan]:
         if not self._held:
             return []
         payloads, host_s = np.concatenate(self._payloads), np.concatenate(self._host_s)

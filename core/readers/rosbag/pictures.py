@@ -14,7 +14,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.exif import MAX_PIXELS
 from furrowmap.core.readers.raw_pixels import layout_fault
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
@@ -22,11 +21,11 @@ from furrowmap.core.runtime.arrays import scratch_file
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import RAW, Images, RawLayout, StoredImage
 
-PACKED: Final = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
-"""First bytes of the formats of CompressedImage that are read."""
-TOLERANCE_S: Final = 1e-3
-"""Frames of a camera may come so much earlier than stated."""
-_COMPRESSED: Final = re.compile(r"/compressed$")
+_SUFFIXES: Final = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
+"""By the first bytes of the formats of CompressedImage that are read."""
+_EARLY_S: Final = 1e-3
+"""Frames of a camera may come this much earlier than its rate states."""
+_COMPRESSED_TOPIC: Final = re.compile(r"/compressed$")
 
 
 class ImageLog:
@@ -51,19 +50,30 @@ class ImageLog:
             Damage: if its encoding is not supported, or its bytes are not such an image.
         """
         at_s = stamp_s(content, message)
-        if self._times and 0.0 <= at_s - self._times[-1][0] < self._every_s - TOLERANCE_S:
+        if self._times and 0.0 <= at_s - self._times[-1][0] < self._every_s - _EARLY_S:
             self.left_out += 1
             return
         data = np.asarray(content.data, np.uint8).tobytes()
-        layout = _layout(content, data) if hasattr(content, "encoding") else None
-        suffix = RAW if layout is not None else _suffix(content, data)
+        layout, suffix = None, RAW
+        if hasattr(content, "encoding"):
+            step, big_endian = int(content.step), bool(content.is_bigendian)
+            layout = RawLayout(int(content.width), int(content.height), step, str(content.encoding), big_endian)
+            fault = layout_fault(layout, len(data))
+            if fault or layout.width * layout.height > MAX_PIXELS:
+                raise Damage(fault or f"it has {layout.width} × {layout.height} pixels")
+        else:
+            suffix = next((suffix for start, suffix in _SUFFIXES.items() if data.startswith(start)), "")
+            stated = str(content.format)
+            if not suffix or stated.startswith("bayer") or "Depth" in stated:
+                raise Damage(f"the format {stated[:40]!r} is not supported (supported: JPEG, PNG)")
         if not self._times:
             self.encoding = layout.encoding if layout is not None else str(content.format)
             self.size = f"{layout.width} × {layout.height}" if layout is not None else ""
         begin = self._rows[-1][2] if self._rows else 0
         if self._file is not None:
             self._file.write(data)
-        self._rows.append((f"{name_of(message.topic, at_s)}{suffix}", begin, begin + len(data), layout))
+        name = f"{message.topic.strip('/').replace('/', '_')}_{at_s:.6f}{suffix}"
+        self._rows.append((name, begin, begin + len(data), layout))
         self._times.append((at_s, message.received_ns * 1e-9))
 
     def __len__(self) -> int:
@@ -88,11 +98,6 @@ class ImageLog:
         return Images.sorted(stored, np.array([stamp for stamp, _ in self._times], np.float64))
 
 
-def name_of(topic: str, at_s: float) -> str:
-    """Name of an image in tables and messages: topic and stamp, such as `camera_image_raw_1779529272.250000`."""
-    return f"{topic.strip('/').replace('/', '_')}_{at_s:.6f}"
-
-
 def info_topic(topic: str, infos: Sequence[str]) -> str | None:
     """The topic of a camera's CameraInfo: beside its images (image_transport), else the only one; None without.
 
@@ -100,7 +105,7 @@ def info_topic(topic: str, infos: Sequence[str]) -> str | None:
         topic: of the images.
         infos: topics of CameraInfo messages.
     """
-    beside = f"{_COMPRESSED.sub('', topic).rpartition('/')[0]}/camera_info"
+    beside = f"{_COMPRESSED_TOPIC.sub('', topic).rpartition('/')[0]}/camera_info"
     return beside if beside in infos else infos[0] if len(infos) == 1 else None
 
 
@@ -113,7 +118,7 @@ def camera_of_info(content: Any, topic: str) -> Camera:
     k, d, p = (np.asarray(getattr(content, n, getattr(content, n.upper(), None)), np.float64).ravel() for n in "kdp")
     if max(content.binning_x, content.binning_y) > 1 or content.roi.x_offset or content.roi.y_offset:
         raise ValueError("it states binning or a region of interest")
-    if "rect" in _COMPRESSED.sub("", topic).rpartition("/")[2]:
+    if "rect" in _COMPRESSED_TOPIC.sub("", topic).rpartition("/")[2]:
         k, d = p[[0, 1, 2, 4, 5, 6, 8, 9, 10]], np.zeros(0)
     if not (np.isfinite(k).all() and k[0] > 0.0 and k[4] > 0.0):
         raise ValueError("its matrix K is 0: the camera is not calibrated")
@@ -123,22 +128,3 @@ def camera_of_info(content: Any, topic: str) -> Camera:
     k1, k2, p1, p2, k3 = (float(value) for value in np.pad(d, (0, 5))[:5])
     fx, fy, cx, cy = (float(k[at]) for at in (0, 4, 2, 5))
     return Camera(int(content.width), int(content.height), fx, fy, cx, cy, k1, k2, k3, p1, p2)
-
-
-def _layout(content: Any, data: bytes) -> RawLayout:
-    """The layout of an Image."""
-    step, big_endian = int(content.step), bool(content.is_bigendian)
-    layout = RawLayout(int(content.width), int(content.height), step, str(content.encoding), big_endian)
-    fault = layout_fault(layout, len(data))
-    if fault or layout.width * layout.height > MAX_PIXELS:
-        raise Damage(fault or f"it has {layout.width} × {layout.height} pixels")
-    return layout
-
-
-def _suffix(content: Any, data: bytes) -> str:
-    """The suffix of the file that a CompressedImage holds."""
-    suffix = next((suffix for start, suffix in PACKED.items() if data.startswith(start)), None)
-    stated = str(content.format)
-    if suffix is None or stated.startswith("bayer") or "Depth" in stated:
-        raise Damage(f"the format {stated[:40]!r} is not supported (supported: JPEG, PNG)")
-    return suffix

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, Sentences, scan_bytes
-from furrowmap.core.readers.nmea.track import assemble
+from furrowmap.core.readers.nmea.log import assemble
+from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, scan_bytes
 from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage
@@ -16,7 +16,7 @@ from furrowmap.core.values.clock import DAY_S, nearest_in_cycle
 
 
 class SentenceLog:
-    """Positions collected from the sentences of one topic.
+    """LoggedPositions collected from the sentences of one topic.
 
     Times are those of the sentences; a log without dates has the date of the stamps.
     """
@@ -33,11 +33,8 @@ class SentenceLog:
         self._lines.append(content.sentence.encode("latin-1", "replace").strip() + b"\r\n")
         self._received_s.append(message.received_ns * 1e-9)
 
-    def _sentences(self) -> Sentences:
-        return scan_bytes(b"".join(self._lines), SentenceCounts())[0]
-
     def positions(self, source: str, date: str | None) -> LoggedPositions:
-        """The positions of the receiver; see :func:`~furrowmap.core.readers.nmea.track.assemble`.
+        """The positions of the receiver; see :func:`~furrowmap.core.readers.nmea.log.assemble`.
 
         Raises:
             InputError: if `date` is not a date.
@@ -46,11 +43,12 @@ class SentenceLog:
         def place(at: int) -> str:
             return f"{source}, message {self._message(np.array([at]))[0]}"
 
-        return assemble(self._sentences(), source, date=date, near_s=self._first_s, place=place)
+        sentences = scan_bytes(b"".join(self._lines), SentenceCounts())[0]
+        return assemble(sentences, source, date=date, near_s=self._first_s, place=place)
 
     def delay_s(self) -> float:
         """Median of the reception of sentences minus the times in them."""
-        sentences = self._sentences()
+        sentences = scan_bytes(b"".join(self._lines), SentenceCounts())[0]
         timed = sentences[(sentences.kind == Kind.GGA) | (sentences.kind == Kind.GNS)]
         received = np.array(self._received_s)[self._message(timed.at)]
         return float(np.nanmedian(received - nearest_in_cycle(timed.values[:, 0], received, DAY_S)))

@@ -8,10 +8,13 @@ trusted before that many bytes have been read.
 from __future__ import annotations
 
 import bz2
+import struct
 import sys
+import zlib
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple
 
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime.errors import Notice
@@ -22,7 +25,7 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-LARGEST_BYTES = 1 << 29
+MAX_RECORD_BYTES = 1 << 29
 """Largest plausible record or chunk: a rosbag chunk has 768 KiB or a single message, one of an MCAP file a few MiB."""
 
 _BLOCK_BYTES = 1 << 20
@@ -46,100 +49,135 @@ class BagMessage(NamedTuple):
     data: bytes
 
 
-class Storage(Protocol):
-    """One file of a bag.
-
-    Attributes:
-        notices: damage; complete when the messages have ended.
-        declared: number of messages in the file's index, if it has one and was read to its end.
-    """
-
-    notices: list[Notice]
-    declared: int | None
-
-    @property
-    def share_read(self) -> float:
-        """How much of the file has been read, 0 to 1."""
-        ...
-
-    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
-        """The messages (of some topics) in the order of recording, up to the end or to damage."""
-        ...
-
-
 class Damage(Exception):
     """A part of a bag that cannot be decoded, and why."""
 
 
-class ByteStream:
-    """A file's bytes in order, and the current offset (in the decompressed bytes of a `.gz`)."""
+class BagStorage(ABC):
+    """One file of a bag, read once.
 
-    def __init__(self, path: Path) -> None:
-        self.source = Source(path)
-        self.offset = 0
-
-    def take(self, size: int) -> bytes:
-        """The next `size` bytes; fewer only at the end of the file.
-
-        Raises:
-            Damage: if the size is implausible.
-        """
-        if size > LARGEST_BYTES:
-            raise Damage(f"a record of {size} bytes is declared at byte {self.offset}")
-        blocks = []
-        wanted = size
-        while wanted > 0 and (block := self.source.read(min(wanted, _BLOCK_BYTES))):
-            blocks.append(block)
-            wanted -= len(block)
-        self.offset += size - wanted
-        return blocks[0] if len(blocks) == 1 else b"".join(blocks)
-
-    @property
-    def share_read(self) -> float:
-        """How much of the file has been read, 0 to 1."""
-        return 1.0 if self.source.closed else self.source.share_read
-
-    def where(self) -> str:
-        """The current offset, for messages."""
-        packed = self.source.compression
-        return f"byte {self.offset}" + (f" (unpacked from {packed})" if packed else f" of {self.source.size_bytes}")
-
-
-class StorageFile:
-    """Base of all storages."""
+    Attributes:
+        notices: damage; complete when the messages have ended.
+        declared: number of messages in the file's index, if it has one and was read to its end.
+        share_read: how much of the file has been read, 0 to 1.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.notices: list[Notice] = []
         self.declared: int | None = None
+        self.share_read = 0.0
+
+    @abstractmethod
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """The messages (of some topics) in the order of recording, up to the end or to damage.
+
+        Raises:
+            InputError: if the file is encrypted, or of a version that is not supported.
+        """
 
     def _note(self, key: str, **values: object) -> None:
         self.notices.append(Notice(key, file=self.path.name, **values))
 
 
-class RecordsFile(StorageFile):
-    """A storage that is a sequence of records, which may end anywhere."""
+class RecordStorage(BagStorage):
+    """A storage that is a sequence of records, some of them in chunks, which may end anywhere."""
+
+    declared_by: ClassVar[str]
+    """What states topic and type of a message, in the plural."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        self._stream = ByteStream(path)
+        self._source = Source(path)
+        self._offset = 0  # in the decompressed bytes of a `.gz`
         self._orphans = 0
         self._last_ns: int | None = None
 
-    @property
-    def share_read(self) -> float:
-        """How much of the file has been read, 0 to 1."""
-        return self._stream.share_read
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """See :meth:`BagStorage.messages`."""
+        with self._source:
+            try:
+                yield from self._read(topics)
+            except Damage as damage:
+                self._note("bag-cut", where=self._where(), damage=damage, lost=self._lost())
+        self.share_read = 1.0
+        if self._orphans:
+            self._note("bag-orphans", orphans=self._orphans, kind=self.declared_by)
+
+    @abstractmethod
+    def _read(self, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        """The messages of the file; raises Damage where it is damaged."""
+
+    @abstractmethod
+    def _chunk_content(self, header: Any, data: bytes) -> tuple[bytes, str, int, int]:
+        """Compressed bytes, compression, declared size and CRC-32 (0 for none) of a chunk."""
+
+    @abstractmethod
+    def _messages_of(self, content: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        """The messages in the content of a chunk; raises Damage where it is damaged."""
+
+    def _chunk(self, header: Any, data: bytes, topics: Collection[str] | None) -> Iterator[BagMessage]:
+        """The messages of a chunk up to where it is damaged; none if its checksum is wrong."""
+        at = self._offset - len(data)
+        faults = []
+        content = b""
+        try:
+            packed, method, size, checksum = self._chunk_content(header, data)
+            content, fault = inflate(packed, method, size)
+            if fault:
+                faults.append(fault)
+            elif checksum and zlib.crc32(content) != checksum:
+                content = b""
+                faults.append("its checksum is wrong, so all of it is skipped")
+        except Damage as damage:
+            faults.append(str(damage))
+        except (KeyError, struct.error, UnicodeDecodeError):
+            faults.append("its header is damaged")
+        try:
+            yield from self._messages_of(content, topics)
+        except Damage as damage:
+            faults.append(str(damage))
+        if faults:
+            self._note("bag-chunk-damaged", at=at, faults="; ".join(faults))
+
+    def _take(self, size: int) -> bytes:
+        """The next `size` bytes; fewer only at the end of the file."""
+        if size > MAX_RECORD_BYTES:
+            raise Damage(f"a record of {size} bytes is declared at byte {self._offset}")
+        blocks = []
+        wanted = size
+        while wanted > 0 and (block := self._source.read(min(wanted, _BLOCK_BYTES))):
+            blocks.append(block)
+            wanted -= len(block)
+        self._offset += size - wanted
+        self.share_read = self._source.share_read
+        return blocks[0] if len(blocks) == 1 else b"".join(blocks)
+
+    def _take_head(self, size: int) -> bytes:
+        """The first `size` bytes of a record; none at the end of the file."""
+        head = self._take(size)
+        if not head and self._source.fault:
+            raise Damage(self._source.fault)
+        if 0 < len(head) < size:
+            raise Damage("the file ends within the header of a record")
+        return head
+
+    def _take_whole(self, size: int, *, may_be_cut: bool = False) -> bytes:
+        """The next `size` bytes; fewer at the end of the file only where the content `may_be_cut`."""
+        data = self._take(size)
+        if len(data) < size and not may_be_cut:
+            raise Damage(f"the last record is truncated by {size - len(data)} bytes")
+        return data
+
+    def _where(self) -> str:
+        """The current offset, for messages."""
+        packed = self._source.compression
+        return f"byte {self._offset}" + (f" (unpacked from {packed})" if packed else f" of {self._source.size_bytes}")
 
     def _lost(self) -> str:
         """What a truncated file has lost."""
         last_ns = self._last_ns
         return "it has no message" if last_ns is None else f"messages after {iso_utc(last_ns * 1e-9)} are lost"
-
-    def _note_orphans(self, kind: str) -> None:
-        """Note how many messages are skipped because their schema, channel or connection is damaged."""
-        if self._orphans:
-            self._note("bag-orphans", orphans=self._orphans, kind=kind)
 
 
 def ros2_type(name: str) -> str:
@@ -162,7 +200,7 @@ def inflate(data: bytes, method: str, size: int) -> tuple[bytes, str]:
     Raises:
         Damage: if the compression is unknown or the declared size is implausible.
     """
-    if size > LARGEST_BYTES:
+    if size > MAX_RECORD_BYTES:
         raise Damage(f"a chunk of {size} bytes is declared")
     if method in ("", "none"):
         return data[:size], "" if len(data) >= size else "it is cut"
@@ -182,7 +220,7 @@ def inflate(data: bytes, method: str, size: int) -> tuple[bytes, str]:
     return b"".join(out), fault
 
 
-def unpacked(data: bytes) -> bytes:
+def decompress_message(data: bytes) -> bytes:
     """A CDR message, decompressed if rosbag2 compressed it (mode "message").
 
     Raises:
@@ -192,7 +230,7 @@ def unpacked(data: bytes) -> bytes:
         return data
     decompressor = zstd.ZstdDecompressor()
     try:
-        out: bytes = decompressor.decompress(data, LARGEST_BYTES)
+        out: bytes = decompressor.decompress(data, MAX_RECORD_BYTES)
     except zstd.ZstdError as error:
         raise Damage(f"its zstd data are damaged ({error})") from None
     if not decompressor.eof:

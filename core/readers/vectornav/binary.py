@@ -9,18 +9,24 @@ from __future__ import annotations
 
 import struct
 from binascii import crc_hqx
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.messages import MessageCounts
+from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
+
 FloatArray = NDArray[np.float64]
 
 SYNC: Final = 0xFA
-LONGEST: Final = 2048
-"""Bytes of a message: all groups with all their fields are shorter."""
+MAX_MESSAGE_BYTES: Final = 2048
+"""All groups with all their fields are shorter."""
+GPS_TIMES_S: Final = (3.2e8, 4.0e9)
+"""GPS times before 1990 and after 2106 are of a device without a fix."""
+ROW_COLUMNS: Final = 10
+"""UTC, angular rate (rad/s), specific force (m/s²), yaw, pitch, roll (degrees)."""
 _GPS: Final = (8, 8, 2, 1, 1, 24, 24, 12, 12, 12, 4, 4, 2, 28)
 SIZES: Final = (
     (8, 8, 8, 12, 16, 12, 24, 12, 12, 24, 20, 28, 2, 4, 8),  # common
@@ -32,19 +38,18 @@ SIZES: Final = (
     _GPS,  # second receiver
 )
 """Bytes of each field of each group; fields of a varying length have none here and make a message unreadable."""
-TIME_GPS: Final = ((0, 1), (1, 1))
-GPS_TOW: Final = (1, 2)
-GPS_WEEK: Final = (1, 3)
-RATES: Final = (((2, 3), 0), ((0, 9), 12), ((2, 10), 0), ((0, 5), 0))
-FORCES: Final = (((2, 2), 0), ((0, 9), 0), ((2, 9), 0), ((0, 8), 0))
+_TIME_GPS: Final = (((0, 1), 0), ((1, 1), 0))
+_GPS_TOW: Final = (1, 2)
+_GPS_WEEK: Final = (1, 3)
+_RATES: Final = (((2, 3), 0), ((0, 9), 12), ((2, 10), 0), ((0, 5), 0))
+_FORCES: Final = (((2, 2), 0), ((0, 9), 0), ((2, 9), 0), ((0, 8), 0))
 """Angular rate and specific force: (group, field), and the offset in it. Those of the calibrated sensors come first;
 the others are less the biases that the device's own filter estimates, which jump."""
-ANGLES: Final = ((0, 3), (4, 1))
-"""Yaw, pitch, roll in degrees."""
+_YAW_PITCH_ROLL: Final = (((0, 3), 0), ((4, 1), 0))
 
 
 @dataclass(frozen=True)
-class Layout:
+class BinaryLayout:
     """The content of messages with one header.
 
     Attributes:
@@ -57,26 +62,17 @@ class Layout:
     size: int
     offset: dict[tuple[int, int], int]
 
-    def first(self, wanted: tuple[tuple[int, int], ...]) -> int | None:
+    def find(self, wanted: tuple[tuple[tuple[int, int], int], ...]) -> int | None:
         """Offset of the first of some fields that is there."""
-        return next((self.offset[one] for one in wanted if one in self.offset), None)
-
-    def measured(self, wanted: tuple[tuple[tuple[int, int], int], ...]) -> int | None:
-        """Offset of the first of some vectors that is there."""
         return next((self.offset[one] + inside for one, inside in wanted if one in self.offset), None)
 
     @property
     def is_inertial(self) -> bool:
         """Whether the messages hold angular rate and specific force."""
-        return self.measured(RATES) is not None and self.measured(FORCES) is not None
-
-    @property
-    def has_time(self) -> bool:
-        """Whether they hold GPS time."""
-        return self.first(TIME_GPS) is not None or (GPS_TOW in self.offset and GPS_WEEK in self.offset)
+        return self.find(_RATES) is not None and self.find(_FORCES) is not None
 
 
-def layout_at(data: bytes, at: int) -> Layout | None:
+def layout_at(data: bytes, at: int) -> BinaryLayout | None:
     """The layout of a message that begins at an offset; None where the bytes are no header."""
     groups = data[at + 1] if at + 1 < len(data) else 0
     chosen = [group for group in range(len(SIZES)) if groups >> group & 1]
@@ -91,37 +87,28 @@ def layout_at(data: bytes, at: int) -> Layout | None:
             if fields >> bit & 1:
                 offset[group, bit] = place
                 place += size
-    return Layout(data[at + 1 : end], place + 2, offset)
+    return BinaryLayout(data[at + 1 : end], place + 2, offset)
 
 
 @dataclass
-class Messages:
+class BinaryMessages:
     """Messages that were found, and what was not one.
 
     Attributes:
         layouts: by header.
         found: bytes of all messages of a header, one after another.
-        bad: beginnings of messages with a wrong checksum.
-        count: intact messages.
+        counts: their kind is the header.
     """
 
-    layouts: dict[bytes, Layout] = field(default_factory=dict)
+    layouts: dict[bytes, BinaryLayout] = field(default_factory=dict)
     found: dict[bytes, bytearray] = field(default_factory=dict)
-    bad: int = 0
-    count: int = 0
+    counts: MessageCounts[bytes] = field(default_factory=MessageCounts)
 
-    def add(self, pieces: Iterator[bytes]) -> None:
-        """Find the messages in pieces of a stream, whatever is between them."""
-        rest = b""
-        for piece in pieces:
-            rest = rest + piece
-            rest = rest[self._scan(rest, len(rest) - LONGEST) :]
-        self._scan(rest, len(rest))
-
-    def _scan(self, data: bytes, end: int) -> int:
-        """Messages that begin before an offset; where to go on."""
-        at = data.find(SYNC, 0, max(end, 0))
-        behind = max(end, 0)
+    def scan(self, data: bytes, base: int = 0, last: bool = True) -> int:  # noqa: ARG002
+        """Find the messages in a piece of a stream; see :func:`~furrowmap.core.readers.messages.scan_stream`."""
+        end = len(data) if last else max(len(data) - MAX_MESSAGE_BYTES, 0)
+        done = end
+        at = data.find(SYNC, 0, end)
         while at >= 0:
             layout = layout_at(data, at)
             size = 1
@@ -130,33 +117,35 @@ class Messages:
                     size = layout.size
                     self.layouts.setdefault(layout.header, layout)
                     self.found.setdefault(layout.header, bytearray()).extend(data[at : at + size])
-                    self.count += 1
+                    self.counts.kinds[layout.header] += 1
+                    done = max(done, at + size)
                 elif layout.header in self.layouts:
-                    self.bad += 1
-            behind = max(behind, at + size) if size > 1 else behind
-            at = data.find(SYNC, at + size, max(end, 0))
-        return min(behind, len(data))
+                    self.counts.bad += 1
+            at = data.find(SYNC, at + size, end)
+        return done
 
-    def column(self, header: bytes, offset: int, kind: str, count: int) -> FloatArray:
-        """(n, count) numbers at an offset of all messages of a header."""
-        size = self.layouts[header].size
-        rows = np.frombuffer(bytes(self.found[header]), np.uint8).reshape(-1, size)
-        width = np.dtype(kind).itemsize * count
-        return np.ascontiguousarray(rows[:, offset : offset + width]).view(kind).astype(np.float64)
-
-    def gps_s(self, header: bytes) -> FloatArray:
-        """(n,) GPS seconds since 1980-01-06; nan where the device does not know them."""
+    def rows(self, header: bytes) -> FloatArray:
+        """Rows (n, 10), see :data:`ROW_COLUMNS`, of the messages of a header; nan for what they do not have."""
         layout = self.layouts[header]
-        whole = layout.first(TIME_GPS)
-        if whole is not None:
-            since = 1e-9 * self.column(header, whole, "<u8", 1)[:, 0]
-        else:
-            week = self.column(header, layout.offset[GPS_WEEK], "<u2", 1)[:, 0]
-            since = 604_800.0 * week + 1e-9 * self.column(header, layout.offset[GPS_TOW], "<u8", 1)[:, 0]
-            since[week == 0] = 0.0
-        return np.where((since > EARLIEST_S) & (since < LATEST_S), since, np.nan)
+        messages = np.frombuffer(bytes(self.found[header]), np.uint8).reshape(-1, layout.size)
 
+        def column(offset: int, kind: str, count: int = 1) -> FloatArray:
+            width = np.dtype(kind).itemsize * count
+            return np.ascontiguousarray(messages[:, offset : offset + width]).view(kind).astype(np.float64)
 
-EARLIEST_S: Final = 3.2e8
-LATEST_S: Final = 4.0e9
-"""GPS times before 1990 and after 2106 are of a device without a fix."""
+        rows = np.full((len(messages), ROW_COLUMNS), np.nan)
+        gps_s = np.zeros(len(messages))
+        if (at := layout.find(_TIME_GPS)) is not None:
+            gps_s = 1e-9 * column(at, "<u8")[:, 0]
+        elif _GPS_TOW in layout.offset and _GPS_WEEK in layout.offset:
+            week = column(layout.offset[_GPS_WEEK], "<u2")[:, 0]
+            gps_s = np.where(week > 0, WEEK_S * week + 1e-9 * column(layout.offset[_GPS_TOW], "<u8")[:, 0], 0.0)
+        known = (gps_s > GPS_TIMES_S[0]) & (gps_s < GPS_TIMES_S[1])
+        rows[known, 0] = gps_to_utc_s(gps_s[known])
+        rate, force, angles = layout.find(_RATES), layout.find(_FORCES), layout.find(_YAW_PITCH_ROLL)
+        if rate is not None and force is not None:
+            rows[:, 1:4] = column(rate, "<f4", 3)
+            rows[:, 4:7] = column(force, "<f4", 3)
+        if angles is not None:
+            rows[:, 7:] = column(angles, "<f4", 3)
+        return rows

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, inertial_facts, inertial_track
+from furrowmap.core.readers.messages import MessageCounts, scan_stream
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
-from furrowmap.core.readers.vectornav import binary, sentences
+from furrowmap.core.readers.vectornav.binary import ROW_COLUMNS, SYNC, BinaryMessages
+from furrowmap.core.readers.vectornav.sentences import MEASURED, AsciiSentences
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import gps_to_utc_s
 from furrowmap.core.values.clock_readings import ClockReading
@@ -23,10 +25,6 @@ from furrowmap.core.values.pose_track import UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.scan import Clock
 
 FloatArray = NDArray[np.float64]
-
-PIECE_BYTES: Final = 1 << 22
-COLUMNS: Final = 10
-"""UTC, angular rate (rad/s), specific force (m/s²), yaw, pitch, roll (degrees)."""
 
 
 class _VectorNav(FileReader, ABC):
@@ -37,7 +35,7 @@ class _VectorNav(FileReader, ABC):
 
     @abstractmethod
     def _rows(self) -> FloatArray:
-        """Rows (n, 10) of all files, see :data:`COLUMNS`; nan for what a row does not have."""
+        """Rows (n, 10) of all files, see :data:`ROW_COLUMNS`; nan for what a row does not have."""
 
     def inertial(self) -> InertialTrack:
         """All measurements, in the axes of the sensor: forward, right, down."""
@@ -45,7 +43,9 @@ class _VectorNav(FileReader, ABC):
         measured = rows[np.isfinite(rows[:, 1:7]).all(axis=1)]
         timed = measured[np.isfinite(measured[:, 0])]
         if len(timed) < 2:
-            raise _nothing(name, len(measured))
+            if len(measured):
+                raise InputError("imu-no-times", name=name, measured=len(measured))
+            raise InputError("imu-no-measurements", name=name)
         if len(timed) < len(measured):
             self.notices.append(
                 Notice(
@@ -75,22 +75,14 @@ class _VectorNav(FileReader, ABC):
         notices = (*reader.notices, *imu_notices(track))
         return Inspection(self.paths[0], self.format, self.title, inertial_facts(track), (clock,), notices)
 
-    def _pieces(self, path: Path, *, lines: bool) -> Iterator[bytes]:
-        """The content in pieces, of whole lines if wanted."""
+    def _scan(self, path: Path, counts: MessageCounts[Any], scan: Callable[[bytes, int, bool], int]) -> None:
+        """Pass a file to `scan`, and report what is damaged."""
         with Source(path) as source:
-            rest = b""
-            while block := source.read(PIECE_BYTES):
-                rest += block
-                end = rest.rfind(b"\n") + 1 if lines and len(rest) < 2 * PIECE_BYTES else len(rest)
-                yield rest[:end]
-                rest = rest[end:]
-            yield rest
-            if source.fault:
-                self.notices.append(cut_notice(path, source.fault))
-
-    def _damaged(self, bad: int, intact: int) -> None:
-        if bad:
-            notice = Notice("sentences-damaged.damaged", paths=self.name, bad=bad, intact=intact)
+            scan_stream(source, counts, scan)
+        if source.fault:
+            self.notices.append(cut_notice(path, source.fault))
+        if counts.bad:
+            notice = Notice("sentences-damaged.damaged", paths=self.name, bad=counts.bad, intact=counts.intact)
             self.notices += [notice] if notice not in self.notices else []
 
 
@@ -103,51 +95,28 @@ class VectorNavBinary(_VectorNav):
     @classmethod
     def recognise(cls, head: Head) -> float:
         """Certain with intact messages that hold measurements."""
-        if bytes((binary.SYNC,)) not in head.data[:8192]:
+        if bytes((SYNC,)) not in head.data[:8192]:
             return 0.0
-        found = binary.Messages()
-        found.add(iter([head.data]))
-        if found.count < 2:
+        found = BinaryMessages()
+        found.scan(head.data)
+        if found.counts.intact < 2:
             return 0.0
         return 1.0 if any(layout.is_inertial for layout in found.layouts.values()) else 0.6
 
     def _rows(self) -> FloatArray:
-        parts = [np.empty((0, COLUMNS))]
+        parts = [np.empty((0, ROW_COLUMNS))]
         for path in self.paths:
-            found = binary.Messages()
-            found.add(self._pieces(path, lines=False))
-            self._damaged(found.bad, found.count)
-            parts += _of_one_output([_of_layout(found, header) for header in found.found])
+            found = BinaryMessages()
+            self._scan(path, found.counts, found.scan)
+            outputs = [found.rows(header) for header in found.found]
+            # Of several binary outputs, measurements and attitudes of the one with most of them each are used.
+            for columns in (slice(1, 7), slice(7, 10)):
+                count = [int(np.isfinite(rows[:, [0, columns.start]]).all(axis=1).sum()) for rows in outputs]
+                for k, rows in enumerate(outputs):
+                    if k != int(np.argmax(count)):
+                        rows[:, columns] = np.nan
+            parts += outputs
         return np.concatenate(parts)
-
-
-def _of_one_output(parts: list[FloatArray]) -> list[FloatArray]:
-    """The rows of several binary outputs of a sensor: measurements and attitudes of the one with most of them each."""
-    for columns in (slice(1, 7), slice(7, 10)):
-        count = [int(np.isfinite(rows[:, [0, columns.start]]).all(axis=1).sum()) for rows in parts]
-        for k, rows in enumerate(parts):
-            if k != int(np.argmax(count)):
-                rows[:, columns] = np.nan
-    return parts
-
-
-def _of_layout(found: binary.Messages, header: bytes) -> FloatArray:
-    """Rows (n, 10) of the messages of one header."""
-    layout = found.layouts[header]
-    rows = np.full((len(found.found[header]) // layout.size, COLUMNS), np.nan)
-    if layout.has_time:
-        gps_s = found.gps_s(header)
-        known = np.isfinite(gps_s)
-        rows[known, 0] = gps_to_utc_s(gps_s[known])
-    rate, force, angles = (
-        layout.measured(binary.RATES), layout.measured(binary.FORCES), layout.first(binary.ANGLES)
-    )  # fmt: skip
-    if rate is not None and force is not None:
-        rows[:, 1:4] = found.column(header, rate, "<f4", 3)
-        rows[:, 4:7] = found.column(header, force, "<f4", 3)
-    if angles is not None:
-        rows[:, 7:] = found.column(header, angles, "<f4", 3)
-    return rows
 
 
 class VectorNavAscii(_VectorNav):
@@ -165,18 +134,17 @@ class VectorNavAscii(_VectorNav):
         """Certain with intact sentences of measurements."""
         if b"$VN" not in head.data:
             return 0.0
-        found = sentences.Sentences()
-        found.add(iter([head.data]))
-        if not found.kinds:
+        found = AsciiSentences()
+        found.scan(head.data)
+        if not found.counts.kinds:
             return 0.0
-        return 1.0 if any(kind.encode() in sentences.MEASURED for kind in found.kinds) else 0.4
+        return 1.0 if any(kind.encode() in MEASURED for kind in found.counts.kinds) else 0.4
 
     def _rows(self) -> FloatArray:
-        parts = [np.empty((0, COLUMNS))]
+        parts = [np.empty((0, ROW_COLUMNS))]
         for path in self.paths:
-            found = sentences.Sentences()
-            found.add(self._pieces(path, lines=True))
-            self._damaged(found.bad, sum(found.kinds.values()))
+            found = AsciiSentences()
+            self._scan(path, found.counts, found.scan)
             table = found.table()
             parts.append(np.column_stack([_times_s(table), table[:, 3:]]))
         return np.concatenate(parts)
@@ -194,10 +162,3 @@ def _times_s(table: FloatArray) -> FloatArray:
     line = table[timed, 2]
     inside = (table[:, 2] >= line[0]) & (table[:, 2] <= line[-1])
     return np.where(inside, np.interp(table[:, 2], line, utc_s), np.nan)
-
-
-def _nothing(name: str, measured: int) -> InputError:
-    """The error of a log without measurements, or without their times."""
-    if measured:
-        return InputError("imu-no-times", name=name, measured=measured)
-    return InputError("imu-no-measurements", name=name)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import datetime as dt
 import re
 from binascii import crc_hqx
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import xor
@@ -18,57 +17,54 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.messages import MESSAGE_CHUNK_BYTES, MessageCounts
+from furrowmap.core.values.clock import WEEK_S
+
 FloatArray = NDArray[np.float64]
 
-SENTENCE: Final = re.compile(rb"([^$\r\n]{0,64})\$(VN[A-Z]{3}),([^*$\r\n]{1,400})\*([0-9A-Fa-fX]{2,4})")
+_SENTENCE: Final = re.compile(rb"([^$\r\n]{0,64})\$(VN[A-Z]{3}),([^*$\r\n]{1,400})\*([0-9A-Fa-fX]{2,4})")
 MEASURED: Final = {b"VNIMU": (6, 3, 11), b"VNYMR": (9, 6, 12), b"VNMAR": (6, 3, 9)}
 """First fields of angular rate and specific force, and the number of fields."""
-ANGLES: Final = {b"VNYMR": 0, b"VNYPR": 0}
 TIMED: Final = {b"VNINS": 15, b"VNGPS": 15}
 """Sentences whose first two fields are GPS seconds of the week and week, and the number of fields at least."""
-EARLIEST_S: Final = 6.0e8
-"""Seconds before a sentence that are smaller are no UTC."""
+STAMPS_S: Final = (6.0e8, 5.0e9)
+"""Numbers before a sentence that are smaller or larger are no seconds of UTC."""
 
 
 @dataclass
-class Sentences:
+class AsciiSentences:
     """Sentences of a log in their order.
 
     Attributes:
         rows: fields 0 to 2 time before the sentence (UTC, else nan), GPS time (else nan), number of the line; then
             angular rate and specific force (else nan), and yaw, pitch, roll (else nan).
-        kinds: intact sentences of each kind.
-        bad: sentences with a wrong checksum or fields that are no numbers.
+        counts: those with fields that are no numbers count as bad, too.
     """
 
     rows: list[tuple[float, ...]] = field(default_factory=list)
-    kinds: dict[str, int] = field(default_factory=dict)
-    bad: int = 0
+    counts: MessageCounts[str] = field(default_factory=MessageCounts)
 
-    def add(self, pieces: Iterator[bytes]) -> None:
-        """Find the sentences in pieces of whole lines."""
-        for piece in pieces:
-            for before, kind, body, checksum in SENTENCE.findall(piece):
-                values = _fields(kind, body, checksum)
-                if values is None:
-                    self.bad += 1
-                    continue
-                self.kinds[kind.decode()] = self.kinds.get(kind.decode(), 0) + 1
-                self._keep(before, kind, values)
-
-    def _keep(self, before: bytes, kind: bytes, values: list[float]) -> None:
-        nan = float("nan")
-        measured: tuple[float, ...] = (nan,) * 6
-        angles: tuple[float, ...] = (nan,) * 3
-        gps_s = nan
-        if kind in MEASURED and len(values) >= MEASURED[kind][2]:
-            rate, force, _ = MEASURED[kind]
-            measured = (*values[rate : rate + 3], *values[force : force + 3])
-        if kind in ANGLES and len(values) >= 3:
-            angles = (values[0], values[1], values[2])
-        if kind in TIMED and len(values) >= TIMED[kind] and values[1] > 0:
-            gps_s = 604_800.0 * values[1] + values[0]
-        self.rows.append((_stamp_s(before), gps_s, float(len(self.rows)), *measured, *angles))
+    def scan(self, data: bytes, base: int = 0, last: bool = True) -> int:  # noqa: ARG002
+        """Find the sentences in a piece of a stream; see :func:`~furrowmap.core.readers.messages.scan_stream`."""
+        end = len(data) if last or len(data) >= 2 * MESSAGE_CHUNK_BYTES else data.rfind(b"\n") + 1
+        for before, kind, body, checksum in _SENTENCE.findall(data[:end]):
+            values = _fields(kind, body, checksum)
+            if values is None:
+                self.counts.bad += 1
+                continue
+            self.counts.kinds[kind.decode()] += 1
+            measured: tuple[float, ...] = (np.nan,) * 6
+            angles: tuple[float, ...] = (np.nan,) * 3
+            gps_s = np.nan
+            if kind in MEASURED and len(values) >= MEASURED[kind][2]:
+                rate, force, _ = MEASURED[kind]
+                measured = (*values[rate : rate + 3], *values[force : force + 3])
+            if kind in (b"VNYMR", b"VNYPR") and len(values) >= 3:
+                angles = (values[0], values[1], values[2])
+            if kind in TIMED and len(values) >= TIMED[kind] and values[1] > 0:
+                gps_s = WEEK_S * values[1] + values[0]
+            self.rows.append((_stamp_s(before), gps_s, float(len(self.rows)), *measured, *angles))
+        return end
 
     def table(self) -> FloatArray:
         """(n, 12) the rows."""
@@ -101,6 +97,6 @@ def _stamp_s(before: bytes) -> float:
         except ValueError:
             return float("nan")
         return (stamp if stamp.tzinfo else stamp.replace(tzinfo=dt.UTC)).timestamp()
-    if number > 1e3 * EARLIEST_S:
+    if number > 1e3 * STAMPS_S[0]:
         number *= 1e-3
-    return number if EARLIEST_S < number < 5e9 else float("nan")
+    return number if STAMPS_S[0] < number < STAMPS_S[1] else float("nan")

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Final
+from typing import ClassVar, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.velodyne.clock import PositionPacket, settle
 from furrowmap.core.readers.velodyne.decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.models import BLOCK_MARK, model_named
-from furrowmap.core.readers.velodyne.traffic import Traffic, address_of, kinds_of, position_packets
+from furrowmap.core.readers.velodyne.traffic import SensorTraffic, address_of, kinds_of, position_packets
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.scan import Clock, Scan
@@ -26,7 +25,7 @@ GLANCE_S: Final = 0.12
 """Duration of the packets that are read where a glance is sufficient: a revolution, in two parts."""
 _SURVEY_PACKETS: Final = 4000
 """Number of data packets (3 to 5 s) that are surveyed before the first scan."""
-_STRAY: Final = 0.01
+_STRAY_SHARE: Final = 0.01
 _STRAY_PACKETS: Final = 10
 """A second sensor with a smaller share of the packets, or fewer packets than this, is ignored."""
 
@@ -51,8 +50,8 @@ class VelodynePcap(FileReader):
         self.share_read = 0.0
         if options.model:
             model_named(options.model)
-        self._survey = _Survey.of(self.paths)
-        self.clock: Clock = settle(*self._survey.clocks, options.near_s)[0].kind
+        self._sender, self._first_packets = _survey(self.paths)
+        self.clock: Clock = settle(*self._first_packets, options.near_s)[0].kind
         self.clocks: tuple[ClockReading, ...] = ()
 
     @classmethod
@@ -69,25 +68,25 @@ class VelodynePcap(FileReader):
 
     def scans(self) -> Iterator[Scan]:
         """The scans of all files, streamed; `notices` and `clocks` are complete at the end."""
-        return self._read(self.paths, Traffic())
+        return self._read(self.paths, SensorTraffic())
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report what it contains."""
-        traffic = Traffic()
+        traffic = SensorTraffic()
         for _ in self._read(self.paths[:1], traffic):
             pass
         return Inspection(
             self.paths[0],
             self.format,
             self.title,
-            traffic.facts(self._survey.sender),
+            traffic.facts(self._sender),
             self.clocks,
             tuple(self.notices),
         )
 
-    def _read(self, paths: Sequence[Path], traffic: Traffic) -> Iterator[Scan]:
+    def _read(self, paths: Sequence[Path], traffic: SensorTraffic) -> Iterator[Scan]:
         self.notices.clear()
-        clock, clock_notices = settle(*self._survey.clocks, self.options.near_s)
+        clock, clock_notices = settle(*self._first_packets, self.options.near_s)
         traffic.decoder = decoder = PacketDecoder(self.options.model, clock=clock, where=str(paths[0]))
         sizes = [path.stat().st_size for path in paths]
         for i, path in enumerate(paths):
@@ -95,7 +94,7 @@ class VelodynePcap(FileReader):
                 capture = Capture(source)
                 for datagrams in capture:
                     self.share_read = (sum(sizes[:i]) + sizes[i] * source.share_read) / sum(sizes)
-                    mine = traffic.sort(datagrams, self._survey.sender)
+                    mine = traffic.sort(datagrams, self._sender)
                     if self.options.glance_s is not None:
                         mine &= datagrams.time_s % self.options.glance_s < GLANCE_S
                     yield from decoder.push_at(datagrams.data, datagrams.offset[mine], datagrams.time_s[mine])
@@ -107,58 +106,44 @@ class VelodynePcap(FileReader):
         self.share_read = 1.0
 
 
-@dataclass
-class _Survey:
-    """The start of a recording.
+_FirstPackets: TypeAlias = tuple[NDArray[np.uint32], NDArray[np.float64], list[PositionPacket]]
 
-    Attributes:
-        sender: address and port of the sensor (see `Datagrams.sender`).
-        device_us: stamps of its first data packets.
-        host_s: the recorder's times of those.
-        positions: its position packets, up to the first with a lock, and at least as far as the data packets.
+
+def _survey(paths: Sequence[Path]) -> tuple[int, _FirstPackets]:
+    """The start of a recording: the sensor's sender, and its stamps, the recorder's times and position packets.
+
+    The sender is as in `Datagrams.sender`. The stamps and times are of the first data packets; the position packets
+    reach up to the first with a lock, and at least as far as the data packets.
     """
-
-    sender: int
-    device_us: NDArray[np.uint32]
-    host_s: NDArray[np.float64]
-    positions: list[PositionPacket]
-
-    @property
-    def clocks(self) -> tuple[NDArray[np.uint32], NDArray[np.float64], list[PositionPacket]]:
-        return self.device_us, self.host_s, self.positions
-
-    @classmethod
-    def of(cls, paths: Sequence[Path]) -> _Survey:
-        stamps: list[NDArray[np.uint32]] = []
-        senders: list[NDArray[np.uint64]] = []
-        times: list[NDArray[np.float64]] = []
-        positions: list[tuple[int, PositionPacket]] = []
-        packets = 0
-        skipped: Counter[str] = Counter()
-        for datagrams in _blocks(paths, skipped):
-            data, position = kinds_of(datagrams)
-            if packets < _SURVEY_PACKETS:
-                stamps.append(_stamps_us(datagrams, data))
-                senders.append(datagrams.sender[data])
-                times.append(datagrams.time_s[data])
-                packets += int(data.sum())
-            positions += position_packets(datagrams, position)
-            skipped["other UDP datagrams"] += int((~data & ~position).sum())
-            if packets >= _SURVEY_PACKETS and (
-                not positions or any(p.utc_s(p.host_s) is not None for _, p in positions[-100:])
-            ):
-                break
-        if not packets:
-            raise _no_packets(paths, skipped, len(positions))
-        all_senders = np.concatenate(senders)
-        sender = _only_sender(paths, all_senders)
-        mine = all_senders == np.uint64(sender)
-        return cls(
-            sender,
-            np.concatenate(stamps)[mine],
-            np.concatenate(times)[mine],
-            [p for from_, p in positions if from_ >> 16 == sender >> 16],
-        )
+    stamps: list[NDArray[np.uint32]] = []
+    senders: list[NDArray[np.uint64]] = []
+    times: list[NDArray[np.float64]] = []
+    positions: list[tuple[int, PositionPacket]] = []
+    packets = 0
+    skipped: Counter[str] = Counter()
+    for datagrams in _blocks(paths, skipped):
+        data, position = kinds_of(datagrams)
+        if packets < _SURVEY_PACKETS:
+            raw = datagrams.data[datagrams.offset[data][:, None] + np.arange(1200, 1204)]
+            stamps.append(raw.view("<u4")[:, 0])
+            senders.append(datagrams.sender[data])
+            times.append(datagrams.time_s[data])
+            packets += int(data.sum())
+        positions += position_packets(datagrams, position)
+        skipped["other UDP datagrams"] += int((~data & ~position).sum())
+        locked = any(p.utc_s(p.host_s) is not None for _, p in positions[-100:])
+        if packets >= _SURVEY_PACKETS and (locked or not positions):
+            break
+    if not packets:
+        frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common() if n)
+        if positions:
+            frames = f"{len(positions):,} position packets" + (f", {frames}" if frames else "")
+        raise InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")
+    all_senders = np.concatenate(senders)
+    sender = _only_sender(paths, all_senders)
+    mine = all_senders == np.uint64(sender)
+    from_sensor = [p for from_, p in positions if from_ >> 16 == sender >> 16]
+    return sender, (np.concatenate(stamps)[mine], np.concatenate(times)[mine], from_sensor)
 
 
 def _blocks(paths: Sequence[Path], skipped: Counter[str]) -> Iterator[Datagrams]:
@@ -169,17 +154,11 @@ def _blocks(paths: Sequence[Path], skipped: Counter[str]) -> Iterator[Datagrams]
             skipped.update(capture.skipped)
 
 
-def _stamps_us(datagrams: Datagrams, which: NDArray[np.bool_]) -> NDArray[np.uint32]:
-    raw = datagrams.data[datagrams.offset[which][:, None] + np.arange(1200, 1204)]
-    stamps: NDArray[np.uint32] = raw.view("<u4")[:, 0]
-    return stamps
-
-
 def _only_sender(paths: Sequence[Path], senders: NDArray[np.uint64]) -> int:
     """The sensor that sends the packets."""
     found, counts = np.unique(senders, return_counts=True)
     order = np.argsort(-counts)
-    least = max(_STRAY * counts[order[0]], _STRAY_PACKETS)
+    least = max(_STRAY_SHARE * counts[order[0]], _STRAY_PACKETS)
     several = [(int(found[i]), int(counts[i])) for i in order if i == order[0] or counts[i] >= least]
     if len(several) > 1:
         words = "; ".join(f"{address_of(sender)} ({n:,} packets)" for sender, n in several)
@@ -191,10 +170,3 @@ def _only_sender(paths: Sequence[Path], senders: NDArray[np.uint64]) -> int:
             value=str(address_of(several[0][0])).split(" ")[0],
         )
     return several[0][0]
-
-
-def _no_packets(paths: Sequence[Path], skipped: Counter[str], positions: int) -> InputError:
-    frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common() if n)
-    if positions:
-        frames = f"{positions:,} position packets" + (f", {frames}" if frames else "")
-    return InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")

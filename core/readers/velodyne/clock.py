@@ -11,6 +11,8 @@ import datetime as dt
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import reduce
+from operator import xor
 from typing import Final
 
 import numpy as np
@@ -45,7 +47,7 @@ _NEXT_S: Final = 0.25
 _FIRST_PLAUSIBLE_S: Final = 946_684_800.0
 """2000-01-01: a recorder with an earlier time has no clock."""
 
-_RMC = re.compile(
+_GPRMC = re.compile(
     rb"\$G[A-Z]RMC,(\d{2})(\d{2})(\d{2}(?:\.\d*)?),([AV]),"
     rb"(?:(\d{2})(\d{2}(?:\.\d*)?))?,([NS]?),(?:(\d{3})(\d{2}(?:\.\d*)?))?,([EW]?),"
     rb"[^,]*,[^,]*,(?:(\d{2})(\d{2})(\d{2}))?[^*$]*\*([0-9A-Fa-f]{2})"
@@ -81,8 +83,8 @@ class PositionPacket:
         pps = payload[STAMP_AT + 4]
         sentence_s = lat_deg = lon_deg = float("nan")
         valid = False
-        found = _RMC.search(payload, SENTENCE_AT)
-        if found and _checksum(payload[found.start() + 1 : found.end() - 3]) == int(found[14], 16):
+        found = _GPRMC.search(payload, SENTENCE_AT)
+        if found and reduce(xor, payload[found.start() + 1 : found.end() - 3]) == int(found[14], 16):
             sentence_s = int(found[1]) * 3600 + int(found[2]) * 60 + float(found[3])
             valid = found[4] == b"A" and sentence_s < DAY_S
             if found[11]:
@@ -194,7 +196,10 @@ def settle(
     tied = [utc_s - p.host_s for p in positions if (utc_s := p.utc_s(near)) is not None]
     if tied:
         ahead_s = float(np.median(tied))
-        return SensorClock(Clock.SENSOR_GPS, 0.0, ahead_s), _lock_notices(device_us, host_s, ahead_s)
+        first_s = float(host_s[0]) + ahead_s
+        follows = abs(float(nearest_in_cycle(device_us[0] * 1e-6, first_s, HOUR_S)) - first_s) <= _JUMP_S
+        notices = [] if follows else [Notice("clock-before-lock", ahead_s=ahead_s)]
+        return SensorClock(Clock.SENSOR_GPS, 0.0, ahead_s), notices
     if near_s is not None and float(np.median(host_s)) < _FIRST_PLAUSIBLE_S:
         utc_s = float(nearest_in_cycle(device_us[0] * 1e-6, near_s, HOUR_S))
         notice = Notice("clock-stated", host_s=iso_utc(float(host_s[0])), near_s=iso_utc(near_s))
@@ -204,24 +209,11 @@ def settle(
     home_s = float(np.median(apart_s))
     past_hour_s = home_s - HOUR_S * round(home_s / HOUR_S)
     if _SAME_S < abs(past_hour_s) < _DISCIPLINED_S:
-        return SensorClock(Clock.SENSOR, 0.0, -past_hour_s), [_sensor_notice(positions, past_hour_s)]
-    return SensorClock(Clock.RECORDER, home_s, 0.0), [_recorder_notice(positions, past_hour_s)]
-
-
-def _lock_notices(device_us: NDArray[np.uint32], host_s: FloatArray, ahead_s: float) -> list[Notice]:
-    first_s = float(host_s[0]) + ahead_s
-    if abs(float(nearest_in_cycle(device_us[0] * 1e-6, first_s, HOUR_S)) - first_s) <= _JUMP_S:
-        return []
-    return [Notice("clock-before-lock", ahead_s=ahead_s)]
-
-
-def _sensor_notice(positions: list[PositionPacket], past_hour_s: float) -> Notice:
-    return Notice("clock-sensor", positions=_no_receiver(positions), past_hour_s=past_hour_s)
-
-
-def _recorder_notice(positions: list[PositionPacket], past_hour_s: float) -> Notice:
+        notice = Notice("clock-sensor", positions=_no_receiver(positions), past_hour_s=past_hour_s)
+        return SensorClock(Clock.SENSOR, 0.0, -past_hour_s), [notice]
     key = "clock-recorder" if abs(past_hour_s) <= _SAME_S else "clock-recorder.apart"
-    return Notice(key, receiver=_no_receiver(positions), apart_s=abs(past_hour_s))
+    notice = Notice(key, receiver=_no_receiver(positions), apart_s=abs(past_hour_s))
+    return SensorClock(Clock.RECORDER, home_s, 0.0), [notice]
 
 
 def _no_receiver(positions: list[PositionPacket]) -> str:
@@ -238,10 +230,3 @@ def _no_receiver(positions: list[PositionPacket]) -> str:
 def pps_states(states: Iterable[int]) -> str:
     """Names of the states of the pulse per second that occur."""
     return ", ".join(PPS_STATES[pps] if pps < len(PPS_STATES) else f"state {pps}" for pps in sorted(set(states)))
-
-
-def _checksum(body: bytes) -> int:
-    total = 0
-    for byte in body:
-        total ^= byte
-    return total

@@ -126,39 +126,6 @@ class PacketCounts:
             model: the model that the packets were decoded as.
             stated: whether the session states it, rather than the packets.
         """
-        notices = [*self._model_notices(model, stated=stated), *self._mode_notices()]
-        if self.gaps:
-            notices.append(
-                Notice(
-                    "lost-packets",
-                    lost=self.lost,
-                    gaps=self.gaps,
-                    lost_s=self.lost_s,
-                    lost_share=100 * self.lost / (self.lost + self.packets),
-                )
-            )
-        if self.pauses:
-            notices.append(
-                Notice(
-                    "pauses",
-                    pauses=self.pauses,
-                    shortest_pause_s=_span(self.shortest_pause_s, self.longest_pause_s),
-                    paused_s=self.paused_s,
-                )
-            )
-        if self.repeated:
-            notices.append(Notice("repeated-packets", repeated=self.repeated))
-        if self.late:
-            notices.append(Notice("late-packets", late=self.late))
-        if self.bad_blocks:
-            notices.append(Notice("bad-blocks", bad_blocks=self.bad_blocks))
-        return notices
-
-    def _contradicts(self, model: Model) -> bool:
-        """Whether the packet rate differs from that of the model."""
-        return abs(self.usual_s - model.packet_s(self.mode)) > _RATE_TOLERANCE * model.packet_s(self.mode)
-
-    def _model_notices(self, model: Model, *, stated: bool) -> list[Notice]:
         notices = []
         others = {product: n for product, n in self.products.items() if product != model.product}
         if others:
@@ -182,23 +149,44 @@ class PacketCounts:
                     fits=" or ".join(fits) or "no known model",
                 )
             )
-        return notices
-
-    def _mode_notices(self) -> list[Notice]:
         if len(self.modes) > 1:
             words = ", ".join(
                 f"{RETURN_WORDS.get(mode, f'0x{mode:02x}')} in {n:,} packets" for mode, n in self.modes.most_common()
             )
-            return [Notice("return-mode-changed", words=words)]
-        if self.mode not in RETURN_WORDS:
-            return [Notice("return-mode-unknown", mode=self.mode)]
-        return []
+            notices.append(Notice("return-mode-changed", words=words))
+        elif self.mode not in RETURN_WORDS:
+            notices.append(Notice("return-mode-unknown", mode=self.mode))
+        if self.gaps:
+            notices.append(
+                Notice(
+                    "lost-packets",
+                    lost=self.lost,
+                    gaps=self.gaps,
+                    lost_s=self.lost_s,
+                    lost_share=100 * self.lost / (self.lost + self.packets),
+                )
+            )
+        if self.pauses:
+            ends = [f"{end_s:,.3f}" for end_s in (self.shortest_pause_s, self.longest_pause_s)]
+            notices.append(
+                Notice(
+                    "pauses",
+                    pauses=self.pauses,
+                    shortest_pause_s=" to ".join(dict.fromkeys(ends)),
+                    paused_s=self.paused_s,
+                )
+            )
+        if self.repeated:
+            notices.append(Notice("repeated-packets", repeated=self.repeated))
+        if self.late:
+            notices.append(Notice("late-packets", late=self.late))
+        if self.bad_blocks:
+            notices.append(Notice("bad-blocks", bad_blocks=self.bad_blocks))
+        return notices
 
-
-def _span(shortest_s: float, longest_s: float) -> str:
-    """A range of durations to the millisecond, or one value if both are equal."""
-    ends = dict.fromkeys(f"{end_s:,.3f}" for end_s in (shortest_s, longest_s))
-    return " to ".join(ends)
+    def _contradicts(self, model: Model) -> bool:
+        """Whether the packet rate differs from that of the model."""
+        return abs(self.usual_s - model.packet_s(self.mode)) > _RATE_TOLERANCE * model.packet_s(self.mode)
 
 
 def _counted(values: ByteArray) -> dict[int, int]:

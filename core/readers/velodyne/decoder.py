@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.velodyne.clock import SensorClock, settle
 from furrowmap.core.readers.velodyne.counts import PacketCounts
 from furrowmap.core.readers.velodyne.models import PACKET_BYTES, Model, model_named, model_of
-from furrowmap.core.readers.velodyne.returns import Carry, Tables, decode_returns
+from furrowmap.core.readers.velodyne.returns import BAD_BLOCKS, CARRIED, TURNED, TURNING, decode_returns
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, Scan
@@ -83,8 +83,7 @@ class PacketDecoder:
         self._early: list[tuple[ByteArray, FloatArray]] = []
         self._early_packets = 0
         self._notices: list[Notice] = []
-        self._tables: Tables | None = None
-        self._carry = Carry()
+        self._carried = np.zeros(CARRIED)
         self._open: list[Scan] = []
         self._open_by_wrap = False
         self._held: Scan | None = None
@@ -100,11 +99,6 @@ class PacketDecoder:
     def model(self) -> Model | None:
         """The model that packets are decoded as; None before the first packet."""
         return self._model
-
-    @property
-    def clock(self) -> SensorClock | None:
-        """What the stamps count from; None before it is known."""
-        return self._clock
 
     def push(self, payloads: ByteArray, host_s: FloatArray) -> list[Scan]:
         """Scans that these packets complete.
@@ -159,7 +153,11 @@ class PacketDecoder:
         tail = data[offset[:, None] + np.arange(1200, 1206)]
         device_us = tail[:, :4].copy().view("<u4")[:, 0]
         azimuth = data[offset + 2].astype(np.int64) | data[offset + 3].astype(np.int64) << 8
-        again = self._repeated(device_us, azimuth)
+        # Captures on several interfaces repeat packets.
+        stamps = device_us.astype(np.int64)
+        before = self._last_stamp
+        again = (np.diff(stamps, prepend=before[0]) | np.diff(azimuth, prepend=before[1])) == 0
+        self._last_stamp = int(stamps[-1]), int(azimuth[-1])
         if again.any():
             self.counts.repeated += int(again.sum())
             offset, host_s, device_us, tail = offset[~again], host_s[~again], device_us[~again], tail[~again]
@@ -168,26 +166,12 @@ class PacketDecoder:
         self.counts.note_factory_bytes(tail[:, 4], tail[:, 5])
         if self._model is None:
             self._model = model_of(int(np.bincount(tail[:, 5]).argmax()), self._where)
-        if self._tables is None:
-            self._tables = Tables.of(self._model)
         assert self._clock is not None
         t_s = self._clock.utc_s(device_us, host_s)
-        returns, cut_at, cut_by_wrap = decode_returns(data, offset, t_s, self._tables, self._carry)
-        self.counts.revolutions, self.counts.turning_s = self._carry.revolutions, self._carry.turning_s
-        self.counts.bad_blocks = self._carry.bad_blocks
+        returns, cut_at, cut_by_wrap = decode_returns(data, offset, t_s, self._model, self._carried)
+        self.counts.revolutions, self.counts.turning_s = self._carried[TURNED] / 36_000, self._carried[TURNING]
+        self.counts.bad_blocks = int(self._carried[BAD_BLOCKS])
         self.counts.note_times(t_s, host_s, self._model)
-        return self._cut(returns, cut_at, cut_by_wrap)
-
-    def _repeated(self, device_us: NDArray[np.uint32], azimuth: IntArray) -> NDArray[np.bool_]:
-        """Which packets repeat the one before, as in captures on several interfaces."""
-        stamps = device_us.astype(np.int64)
-        before = self._last_stamp
-        same: NDArray[np.bool_] = (np.diff(stamps, prepend=before[0]) | np.diff(azimuth, prepend=before[1])) == 0
-        self._last_stamp = int(stamps[-1]), int(azimuth[-1])
-        return same
-
-    def _cut(self, returns: Scan, cut_at: IntArray, cut_by_wrap: NDArray[np.bool_]) -> list[Scan]:
-        """Scans that end in this batch; the rest stays open."""
         scans = []
         start = 0
         for stop, by_wrap in zip(cut_at.tolist(), cut_by_wrap.tolist(), strict=True):

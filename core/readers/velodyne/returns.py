@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -16,58 +15,18 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 ByteArray = NDArray[np.uint8]
 
-_MAX_STEP: Final = 120
+MAX_AZIMUTH_STEP: Final = 120
 """Largest azimuth step from one block to the next (0.8 degrees at 1200 rpm)."""
 
 
-@dataclass(frozen=True)
-class Tables:
-    """A model as arrays for the kernel: firing time, direction and height of each laser, and its rank by elevation."""
-
-    cycle_s: float
-    resolution_m: float
-    lasers: FloatArray
-    order: ByteArray
-
-    @classmethod
-    def of(cls, model: Model) -> Tables:
-        """The model's tables."""
-        elevation = np.radians(model.elevation_deg)
-        azimuth = np.radians(model.azimuth_deg)
-        lasers = np.stack([model.laser_s, azimuth, np.cos(elevation), np.sin(elevation), model.height_m], axis=1)
-        order = np.empty(model.lasers, np.uint8)
-        order[np.argsort(model.elevation_deg, kind="stable")] = np.arange(model.lasers, dtype=np.uint8)
-        return cls(model.cycle_s, model.resolution_m, np.ascontiguousarray(lasers), order)
-
-
-_STARTED, _AZIMUTH, _TIME, _COLUMN, _TURNED, _TURNING, _BAD, _STATE = range(8)
-"""Indices into `Carry.state`; the last is its length."""
-
-
-class Carry:
-    """State from batch to batch: the last firing and its column, and sums over all packets."""
-
-    def __init__(self) -> None:
-        self.state = np.zeros(_STATE)
-
-    @property
-    def revolutions(self) -> float:
-        """Revolutions of azimuth within packets, summed."""
-        return float(self.state[_TURNED]) / 36_000
-
-    @property
-    def turning_s(self) -> float:
-        """Duration of those."""
-        return float(self.state[_TURNING])
-
-    @property
-    def bad_blocks(self) -> int:
-        """Blocks skipped because their mark is wrong."""
-        return int(self.state[_BAD])
+_STARTED, _AZIMUTH, _TIME, _COLUMN, TURNED, TURNING, BAD_BLOCKS, CARRIED = range(8)
+"""Indices into the state from batch to batch: the last firing and its column; hundredths of a degree turned within
+packets, the duration of that in seconds, and blocks skipped because their mark is wrong, summed over all packets. The
+last is its length."""
 
 
 def decode_returns(
-    data: ByteArray, offset: IntArray, t_s: FloatArray, tables: Tables, carry: Carry
+    data: ByteArray, offset: IntArray, t_s: FloatArray, model: Model, carried: FloatArray
 ) -> tuple[Scan, IntArray, NDArray[np.bool_]]:
     """The returns of data packets, and where one scan ends and the next begins.
 
@@ -75,8 +34,8 @@ def decode_returns(
         data: (k,) the bytes of the packets.
         offset: (m,) where in `data` each packet begins.
         t_s: (m,) UTC of the first firing of each packet.
-        tables: of the model.
-        carry: state after the batch before; updated.
+        model: of the sensor.
+        carried: (:data:`CARRIED`,) state after the batch before, at first zeros; updated.
 
     Returns:
         All returns as one scan; (c,) index of the first return of each next scan; (c,) whether azimuth passed 0 there,
@@ -95,7 +54,7 @@ def decode_returns(
     # A read-only array is another type to numba: the kernel would be compiled a second time.
     n, cuts = _decode(
         np.require(data, requirements=["C", "W"]), np.ascontiguousarray(offset), np.ascontiguousarray(t_s),
-        tables.cycle_s, tables.resolution_m, tables.lasers, tables.order, carry.state,
+        model.cycle_s, model.resolution_m, model.laser_table, model.laser_order, carried,
         t_out, xyz, intensity, laser, column, return_number, returns, cut_at, cut_by_wrap,
     )  # fmt: skip
     scan = Scan(0, t_out[:n], xyz[:n], intensity[:n], laser[:n], column[:n], return_number[:n], returns[:n])
@@ -135,13 +94,13 @@ def _decode(  # type: ignore[no-untyped-def]
         for b in range(1, blocks):
             block = (np.int64(data[base + b * size + 2]) | np.int64(data[base + b * size + 3]) << 8) % 36_000
             step = (block - before + 18_000) % 36_000 - 18_000
-            if abs(step) <= _MAX_STEP:
+            if abs(step) <= MAX_AZIMUTH_STEP:
                 turned += step
                 steps += 1
             before = block
         rate = max(0.0, turned / (steps * per_block * cycle_s)) if steps else 0.0
-        state[_TURNED] += turned
-        state[_TURNING] += steps * per_block * cycle_s
+        state[TURNED] += turned
+        state[TURNING] += steps * per_block * cycle_s
         hidden = steps == blocks - 2  # one leap, between the edges of the sector that the sensor reports
         hidden_s = 0.0
         for i in range(lasers_n):
@@ -153,11 +112,11 @@ def _decode(  # type: ignore[no-untyped-def]
         for b in range(blocks):
             at = base + b * size
             if data[at] != 0xFF or data[at + 1] != 0xEE:
-                state[_BAD] += 12 - (2 * b if dual else b)
+                state[BAD_BLOCKS] += 12 - (2 * b if dual else b)
                 break
             block = (np.int64(data[at + 2]) | np.int64(data[at + 3]) << 8) % 36_000
             leap = (block - before) % 36_000
-            if hidden and _MAX_STEP < leap < 36_000 - _MAX_STEP and rate > 0.0:
+            if hidden and MAX_AZIMUTH_STEP < leap < 36_000 - MAX_AZIMUTH_STEP and rate > 0.0:
                 hidden_s = (np.round(leap / (rate * cycle_s)) - per_block) * cycle_s
             before = block
             for f in range(per_block):

@@ -34,7 +34,7 @@ _HOUR_FROM: Final = {
 
 
 @dataclass
-class Traffic:
+class SensorTraffic:
     """Counts over the datagrams of a recording.
 
     Attributes:
@@ -62,22 +62,19 @@ class Traffic:
         data, position = kinds_of(datagrams)
         mine: NDArray[np.bool_] = data & (datagrams.sender == np.uint64(sender))
         for from_, packet in position_packets(datagrams, position):
-            if from_ >> 16 == sender >> 16:
-                self._note(packet)
-            else:
+            if from_ >> 16 != sender >> 16:
                 self.ignored["of another sensor"] += 1
+                continue
+            self.pps[packet.pps] += 1
+            if not packet.valid:
+                self.void += 1
+                continue
+            self.untied += packet.utc_s(packet.host_s) is None
+            self.first_fix = self.first_fix or packet
+            self.last_fix = packet
         self.ignored["of another sensor"] += int((data & ~mine).sum())
         self.ignored["other UDP datagrams"] += int((~data & ~position).sum())
         return mine
-
-    def _note(self, packet: PositionPacket) -> None:
-        self.pps[packet.pps] += 1
-        if not packet.valid:
-            self.void += 1
-            return
-        self.untied += packet.utc_s(packet.host_s) is None
-        self.first_fix = self.first_fix or packet
-        self.last_fix = packet
 
     @property
     def other_packets(self) -> dict[str, int]:

@@ -22,7 +22,7 @@ import pytest
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised, open_recording
 from furrowmap.core.readers.rosbag.files import BagFiles
-from furrowmap.core.readers.rosbag.storage import LARGEST_BYTES, Damage, inflate, unpacked
+from furrowmap.core.readers.rosbag.storage import MAX_RECORD_BYTES, Damage, decompress_message, inflate
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.scan import Clock
@@ -485,19 +485,19 @@ def test_inflate__stops_at_the_declared_size(method: str) -> None:
     assert inflate(packed + b"more" * 300_000, method, len(content)) == (content, "")
     assert inflate(packed, method, 1000) == (content[:1000], "")
     assert inflate(packed, method, len(content) + 5) == (content, "it has 200000 bytes instead of the declared 200005")
-    with pytest.raises(Damage, match=f"a chunk of {LARGEST_BYTES + 1} bytes is declared"):
-        inflate(packed, method, LARGEST_BYTES + 1)
+    with pytest.raises(Damage, match=f"a chunk of {MAX_RECORD_BYTES + 1} bytes is declared"):
+        inflate(packed, method, MAX_RECORD_BYTES + 1)
 
 
-def test_unpacked__a_message_in_zstd_is_whole_or_damaged() -> None:
+def test_decompress_message__a_message_in_zstd_is_whole_or_damaged() -> None:
     content = random.Random(1).randbytes(5000)
     packed = zstd.compress(content)
-    assert unpacked(packed) == content
-    assert unpacked(content) == content
+    assert decompress_message(packed) == content
+    assert decompress_message(content) == content
     with pytest.raises(Damage, match="truncated"):
-        unpacked(packed[:-9])
+        decompress_message(packed[:-9])
     with pytest.raises(Damage, match="its zstd data are damaged"):
-        unpacked(packed[:4] + b"\xff" * 20)
+        decompress_message(packed[:4] + b"\xff" * 20)
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,7 @@ from pyproj import Geod
 
 from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions, Recognised
-from furrowmap.core.readers.rtklib.pos import RtklibPos
-from furrowmap.core.readers.rtklib.rows import Header
+from furrowmap.core.readers.rtklib.pos import PosHeader, RtklibPos
 from furrowmap.core.readers.source import look
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -95,9 +94,9 @@ def test_header__words_are_kept_to_200_characters(tmp_path: Path) -> None:
     """A comment may be as long as a file."""
     words = "x" * 199 + "yz"
     head = f"% program   : {words}\n% pos mode  : {words}\n"
-    form = Header()
+    form = PosHeader()
     for line in head.splitlines():
-        form.take(line)
+        form.read_comment(line)
     assert form.program == form.mode == words[:200]
 
 

@@ -15,8 +15,7 @@ from pyproj import Transformer
 from furrowmap.core.readers.framing import find_frames
 from furrowmap.core.readers.messages import MessageCounts, read_messages
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.readers.sbf.log import LAYOUTS, SBF, SbfLog
-from furrowmap.core.readers.sbf.names import NAMES
+from furrowmap.core.readers.sbf.log import SBF, SBF_LAYOUTS, SBF_NAMES, SbfLog
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import GPS_EPOCH_S, WEEK_S
@@ -189,10 +188,10 @@ SIZES = {"PVTGeodetic": 88, "PVTCartesian": 88, "PosCovGeodetic": 48, "PosCovCar
 
 @given(content=st.binary(min_size=88, max_size=88))
 def test_fields__are_what_pysbf2_reads_of_any_block(content: bytes) -> None:
-    numbers = {name: number for number, name in NAMES.items()}
+    numbers = {name: number for number, name in SBF_NAMES.items()}
     for name, fields in FIELDS.items():
         raw = block(numbers[name], content[: SIZES[name]])
-        read = np.frombuffer(raw[: LAYOUTS[numbers[name]].itemsize], LAYOUTS[numbers[name]])[0]
+        read = np.frombuffer(raw[: SBF_LAYOUTS[numbers[name]].itemsize], SBF_LAYOUTS[numbers[name]])[0]
         oracle = pysbf2.SBFReader.parse(raw)
         assert oracle.identity == name
         for ours, (theirs, scale) in fields.items():
@@ -202,7 +201,7 @@ def test_fields__are_what_pysbf2_reads_of_any_block(content: bytes) -> None:
 
 
 def test_names__are_those_of_pysbf2() -> None:
-    assert {number: name for number, (name, *_) in pysbf2.SBF_MSGIDS.items()} == NAMES
+    assert {number: name for number, (name, *_) in pysbf2.SBF_MSGIDS.items()} == SBF_NAMES
 
 
 def test_times__are_within_a_week_that_is_stated(tmp_path: Path) -> None:

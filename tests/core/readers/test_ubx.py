@@ -18,8 +18,7 @@ from furrowmap.core.readers.nmea.log import NmeaLog
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.readers.rtklib.pos import RtklibPos
 from furrowmap.core.readers.source import Source
-from furrowmap.core.readers.ubx.log import LAYOUTS, PVT, UBX, UbxLog
-from furrowmap.core.readers.ubx.names import NAMES
+from furrowmap.core.readers.ubx.log import PVT, UBX, UBX_LAYOUTS, UBX_NAMES, UbxLog
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix, GnssTrack
 
@@ -302,14 +301,14 @@ SIZES = {"NAV-PVT": 92, "NAV-COV": 64, "NAV-DOP": 18, "NAV-STATUS": 16, "NAV-TIM
 
 @given(content=st.binary(min_size=92, max_size=92))
 def test_fields__are_what_pyubx2_reads_of_any_payload(content: bytes) -> None:
-    kinds = {name: kind for kind, name in NAMES.items()}
+    kinds = {name: kind for kind, name in UBX_NAMES.items()}
     for name, fields in FIELDS.items():
         payload = content[: SIZES[name]]
         if name == "RXM-RAWX":
             payload = payload[:11] + b"\0" + payload[12:]  # no measurements
         elif name == "NAV-RELPOSNED":
             payload = b"\1" + payload[1:]  # version 0 has another layout
-        read = np.frombuffer(payload[: LAYOUTS[kinds[name]].itemsize], LAYOUTS[kinds[name]])[0]
+        read = np.frombuffer(payload[: UBX_LAYOUTS[kinds[name]].itemsize], UBX_LAYOUTS[kinds[name]])[0]
         raw = frame(kinds[name], payload)
         oracle = pyubx2.UBXReader.parse(raw)
         assert oracle.identity == name
@@ -321,7 +320,7 @@ def test_fields__are_what_pyubx2_reads_of_any_payload(content: bytes) -> None:
 
 @given(content=st.binary(min_size=36, max_size=36))
 def test_precise_position__is_what_pyubx2_reads_of_any_payload(content: bytes) -> None:
-    hp = np.frombuffer(content, LAYOUTS[0x0114])[0]
+    hp = np.frombuffer(content, UBX_LAYOUTS[0x0114])[0]
     oracle = pyubx2.UBXReader.parse(frame(0x0114, content))
     assert hp["lon"] / 1e7 + hp["lon_hp"] / 1e9 == pytest.approx(oracle.lon, abs=1e-10)
     assert hp["lat"] / 1e7 + hp["lat_hp"] / 1e9 == pytest.approx(oracle.lat, abs=1e-10)
@@ -331,7 +330,7 @@ def test_precise_position__is_what_pyubx2_reads_of_any_payload(content: bytes) -
 
 def test_names__are_those_of_pyubx2() -> None:
     own = {key: name for key, name in pyubx2.UBX_MSGIDS.items() if len(key) == 2 and key[0] < 0x66}
-    assert {kind.to_bytes(2, "big"): name for kind, name in NAMES.items()} == own
+    assert {kind.to_bytes(2, "big"): name for kind, name in UBX_NAMES.items()} == own
 
 
 def pvt(tow_ms: int, **fields: int) -> bytes:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised
-from furrowmap.core.readers.vectornav import binary, sentences
+from furrowmap.core.readers.vectornav.binary import BinaryMessages
 from furrowmap.core.readers.vectornav.log import VectorNavAscii, VectorNavBinary
+from furrowmap.core.readers.vectornav.sentences import AsciiSentences
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.values.clock import gps_to_utc_s
@@ -27,24 +28,20 @@ def written(folder: Path, content: bytes) -> Path:
 
 
 def test_example_of_the_manual__is_its_yaw_pitch_roll() -> None:
-    found = binary.Messages()
-    found.add(iter([bytes.fromhex("fa010800 93502e42 833ef13f 48b504bb 9288")]))
+    found = BinaryMessages()
+    found.scan(bytes.fromhex("fa010800 93502e42 833ef13f 48b504bb 9288"))
     (header,) = found.found
-    assert found.column(header, found.layouts[header].offset[0, 3], "<f4", 3)[0] == pytest.approx(
-        [43.578686, 1.884720, -0.002025], abs=1e-5
-    )
+    assert found.rows(header)[0, 7:] == pytest.approx([43.578686, 1.884720, -0.002025], abs=1e-5)
 
 
 def test_sentences_of_real_sensors__are_intact() -> None:
-    found = sentences.Sentences()
-    found.add(
-        iter([
+    found = AsciiSentences()
+    found.scan(
             b"$VNIMU,-00.0350,+00.4222,-00.6643,-00.015,+00.019,+09.948,+00.002066,-00.008442,-00.044656,+20.7,+084.322*66\r\n"
             b"$VNINS,224159.474991,2048,8085,-149.042,+013.639,+010.915,+40.09623362,-088.20139124,+00204.179,"
             b"+000.023,+000.007,-000.248,20.5,02.5,0.20*6F\r\n"
-        ])
     )  # fmt: skip
-    assert found.bad == 0
+    assert found.counts.bad == 0
     measured, timed = found.table()
     assert measured[3:9].tolist() == [0.002066, -0.008442, -0.044656, -0.015, 0.019, 9.948]
     assert timed[1] == pytest.approx(2048 * 604_800 + 224_159.474991)
@@ -66,7 +63,7 @@ def test_binary__gives_what_was_written(tmp_path: Path) -> None:
 
 
 def test_binary__in_other_groups_and_long(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("furrowmap.core.readers.vectornav.log.PIECE_BYTES", 5000)
+    monkeypatch.setattr("furrowmap.core.readers.messages.MESSAGE_CHUNK_BYTES", 5000)
     path = written(tmp_path, b"".join(grouped(k) for k in range(900)))
     track = VectorNavBinary([path], ReadOptions()).inertial()
     assert track.t_s == pytest.approx(BEGIN_S + 0.01 * np.arange(900), abs=1e-6)
@@ -155,8 +152,8 @@ def test_device_without_a_fix__has_no_times_yet(tmp_path: Path) -> None:
     ],
 )
 def test_stamps__are_utc_in_seconds_milliseconds_or_iso_8601(before: str, stamp_s: float | None) -> None:
-    found = sentences.Sentences()
-    found.add(iter([before.encode() + vnimu(1)]))
+    found = AsciiSentences()
+    found.scan(before.encode() + vnimu(1))
     np.testing.assert_allclose(found.table()[0, 0], np.nan if stamp_s is None else stamp_s, rtol=0, atol=1e-6)
 
 
@@ -177,8 +174,8 @@ def test_sentences__have_their_fields_where_the_manual_says(
     body: str, rate: tuple[int, ...] | None, force: tuple[int, ...] | None, angles: tuple[int, ...] | None
 ) -> None:
     """VN-100 and VN-200 user manuals: VNMAR is magnetic, acceleration, rate; VNYMR has the angles before them."""
-    found = sentences.Sentences()
-    found.add(iter([sentence(body)]))
+    found = AsciiSentences()
+    found.scan(sentence(body))
     none = (np.nan,) * 3
     np.testing.assert_array_equal(found.table()[0, 3:], [*(rate or none), *(force or none), *(angles or none)])
 
@@ -186,9 +183,9 @@ def test_sentences__have_their_fields_where_the_manual_says(
 @pytest.mark.parametrize(("week", "fields", "is_timed"), [(2422, 15, True), (2422, 14, False), (0, 15, False)])
 @pytest.mark.parametrize("kind", ["VNINS", "VNGPS"])
 def test_sentences__have_a_time_once_the_week_is_known(kind: str, week: int, fields: int, is_timed: bool) -> None:
-    found = sentences.Sentences()
-    found.add(iter([sentence(",".join([kind, "1000.5", str(week), "80FE", *["1.0"] * (fields - 3)]))]))
-    assert found.bad == 0
+    found = AsciiSentences()
+    found.scan(sentence(",".join([kind, "1000.5", str(week), "80FE", *["1.0"] * (fields - 3)])))
+    assert found.counts.bad == 0
     np.testing.assert_array_equal(found.table()[0, 1], 2422 * 604_800 + 1000.5 if is_timed else np.nan)
 
 
@@ -197,6 +194,6 @@ def test_sentences__have_a_time_once_the_week_is_known(kind: str, week: int, fie
 )
 def test_checksums__of_8_or_16_bits_or_switched_off(checksum: str, is_intact: bool) -> None:
     body = "VNYPR,+006.271,+000.031,-002.000"
-    found = sentences.Sentences()
-    found.add(iter([f"${body}*{checksum.format(crc_hqx(body.encode(), 0))}\r\n".encode()]))
-    assert (found.bad, found.kinds) == ((0, {"VNYPR": 1}) if is_intact else (1, {}))
+    found = AsciiSentences()
+    found.scan(f"${body}*{checksum.format(crc_hqx(body.encode(), 0))}\r\n".encode())
+    assert (found.counts.bad, found.counts.kinds) == ((0, {"VNYPR": 1}) if is_intact else (1, {}))

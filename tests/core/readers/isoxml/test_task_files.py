@@ -82,7 +82,7 @@ def test_names__are_found_in_any_case_and_one_folder_down(tmp_path: Path) -> Non
     (inside / "taskdata.xml").write_text(EMPTY)
     assert is_task_data(tmp_path)
     assert read_content(open_task_files(tmp_path)).version == "4.3"
-    assert "TASKDATA.XML" in open_task_files(inside / "taskdata.xml").names()
+    assert open_task_files(inside / "taskdata.xml").read("TASKDATA.XML") == EMPTY.encode()
 
 
 def test_an_external_file_that_is_not_there__is_reported(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_log__gives_back_what_was_packed(packed: list[Record]) -> None:
     assert log.notices == ()
     assert log.clock_s.tolist() == [EPOCH_S + 86_400 * r.day + r.ms / 1000 for r in packed]
     somewhere = [r.position["A"] != 0 or r.position["B"] != 0 for r in packed]
-    assert log.placed.tolist() == somewhere
+    assert np.isfinite(log.lat_deg).tolist() == somewhere
     assert np.allclose(
         log.lat_deg[somewhere], [r.position["A"] / 1e7 for r in packed if r.position["A"] or r.position["B"]]
     )
@@ -106,7 +106,7 @@ def test_positions_that_are_none__are_no_positions() -> None:
     no_fix = Record(9000, 15_000, {"A": 500_000_000, "B": 1, "D": 0}).pack()
     log = read_time_log(header(CHANNELS), data + no_fix, "TLG00001")
     assert len(log) == 4
-    assert not log.placed.any()
+    assert not np.isfinite(log.lat_deg).any()
     assert log.status.tolist() == [-1, -1, -1, 0]
 
 
@@ -196,7 +196,7 @@ def test_positions__off_the_earth_are_damage_unless_they_stand_for_none(letter: 
     ):
         one = Record(1000, 15_000, {"A": 1, "B": 1, "D": 4} | {letter: sign * raw})
         found = read([one])
-        assert (len(found), found.placed.tolist()) == (int(is_record), [is_placed] * is_record)
+        assert (len(found), np.isfinite(found.lat_deg).tolist()) == (int(is_record), [is_placed] * is_record)
         assert bool(found.notices) is not is_record
 
 

@@ -118,7 +118,7 @@ def test_decoder__serves_threads_and_forks(tmp_path: Path) -> None:
 
 
 def test_decoder__that_does_not_answer_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("furrowmap.core.readers.las.decoder.LEAST_S", 0.3)
+    monkeypatch.setattr("furrowmap.core.readers.las.decoder.MIN_ORDER_S", 0.3)
     fifo = tmp_path / "points"
     os.mkfifo(fifo)
     with pytest.raises(Undecodable, match="needs more than 0 s"):
