@@ -22,7 +22,6 @@ EXTERNAL: Final = "XFC"
 BOUNDARY_POLYGON: Final = "1"
 EXTERIORS: Final = ("1", "")
 INTERIOR: Final = "2"
-MAX_DIGITS: Final = 20
 MAX_FIELD_DEG: Final = 1.0
 """No field is wider or higher, in degrees of latitude."""
 PARALLEL: Final = frozenset({"4", "5"})
@@ -36,13 +35,11 @@ class Partfield:
     Attributes:
         id: id in the file, such as "PFD-2".
         name: the farmer's name of the field.
-        stated_area_m2: area in the file; nan if it has none.
         boundary: in longitude and latitude, degrees; None if the file has none.
     """
 
     id: str
     name: str
-    stated_area_m2: float
     boundary: BaseGeometry | None
 
 
@@ -53,33 +50,12 @@ class DeviceElement:
     Attributes:
         id: id in the file, such as "DET-1".
         kind: 1 device, 2 function, 3 bin, 4 section, 5 unit, 6 connector, 7 navigation reference.
-        name: of the part.
         parent: id of the parent element; "" for the machine itself.
-        device: name of the machine.
     """
 
     id: str
     kind: str
-    name: str
     parent: str
-    device: str
-
-
-@dataclass(frozen=True)
-class TimeSpan:
-    """A `TIM`: a time span of work, and its totals.
-
-    Attributes:
-        begin: as written, with or without a time zone; "" if it is open.
-        end: likewise.
-        kind: 4 for effective work.
-        totals: raw value by (data dictionary identifier, element).
-    """
-
-    begin: str
-    end: str
-    kind: str
-    totals: dict[tuple[int, str], int]
 
 
 @dataclass(frozen=True)
@@ -90,14 +66,14 @@ class Task:
         id: id in the file, such as "TSK1".
         partfield: id of its field; "" if it has none.
         logs: names of its time logs without suffix, in the order of the file.
-        spans: its time spans, in the order of the file.
+        begins: of its time spans as written, with or without a time zone; "" for an open one.
     """
 
     id: str
     name: str
     partfield: str
     logs: tuple[str, ...]
-    spans: tuple[TimeSpan, ...]
+    begins: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -133,8 +109,19 @@ def read_content(files: TaskFiles) -> TaskData:
         raise InputError("task-data-missing", main=files.named(MAIN), tag=root.tag[:40])
     items = list(_items(files, root, notices))
     maker = root.get("TaskControllerManufacturer") or root.get("ManagementSoftwareManufacturer")
-    partfields = [_partfield(item, notices) for item in items if item.tag == "PFD"]
-    elements = [part for item in items if item.tag == "DVC" for part in _elements(item)]
+    partfields = []
+    for item in (item for item in items if item.tag == "PFD"):
+        name = item.get("C") or item.get("A")
+        polygons = [p for p in item.all("PLN") if p.get("A") == BOUNDARY_POLYGON]
+        boundary = shapely.union_all([_polygon(p, name, notices) for p in polygons])
+        partfields.append(Partfield(item.get("A"), name, None if boundary.is_empty else boundary))
+    elements = []
+    for device in (item for item in items if item.tag == "DVC"):
+        parts = list(device.all("DET"))
+        by_number = {part.get("B"): part.get("A") for part in parts}
+        for part in parts:
+            own, parent = part.get("A"), by_number.get(part.get("F"), "")
+            elements.append(DeviceElement(own, part.get("C"), parent if parent != own else ""))
     return TaskData(
         version=f"{root.get('VersionMajor')}.{root.get('VersionMinor')}",
         maker=maker,
@@ -146,7 +133,7 @@ def read_content(files: TaskFiles) -> TaskData:
                 name=item.get("B") or item.get("A"),
                 partfield=item.get("E"),
                 logs=tuple(log.get("A") for log in item.all("TLG")),
-                spans=tuple(_time_span(span) for span in item.all("TIM")),
+                begins=tuple(span.get("A") for span in item.all("TIM")),
             )
             for item in items
             if item.tag == "TSK"
@@ -183,15 +170,6 @@ def _by_id(found: list[_T], kind: str, notices: list[Notice]) -> dict[str, _T]:
     return by_id
 
 
-def _partfield(item: Element, notices: list[Notice]) -> Partfield:
-    name = item.get("C") or item.get("A")
-    polygons = [p for p in item.all("PLN") if p.get("A") == BOUNDARY_POLYGON]
-    boundary = shapely.union_all([_polygon(p, name, notices) for p in polygons])
-    area = _integer(item.get("D"))
-    area_m2 = float(area) if area else float("nan")
-    return Partfield(item.get("A"), name, area_m2, None if boundary.is_empty else boundary)
-
-
 def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
     """A polygon with its holes; invalid rings are dropped with a notice.
 
@@ -215,29 +193,3 @@ def _degrees(text: str) -> float:
         return float(text)
     except ValueError:
         return float("inf")
-
-
-def _elements(device: Element) -> Iterator[DeviceElement]:
-    parts = list(device.all("DET"))
-    by_number = {part.get("B"): part.get("A") for part in parts}
-    for part in parts:
-        parent = by_number.get(part.get("F"), "")
-        own = part.get("A")
-        yield DeviceElement(own, part.get("C"), part.get("D") or own, parent if parent != own else "", device.get("B"))
-
-
-def _time_span(item: Element) -> TimeSpan:
-    totals = {}
-    for value in item.all("DLV"):
-        ddi, number = _integer(value.get("A"), base=16), _integer(value.get("B"))
-        if ddi is not None and number is not None:
-            totals[ddi, value.get("C")] = number
-    return TimeSpan(item.get("A"), item.get("B"), item.get("D"), totals)
-
-
-def _integer(text: str, base: int = 10) -> int | None:
-    """The integer in a text; None if it is none, or has more digits than any in task data."""
-    try:
-        return int(text, base) if len(text) <= MAX_DIGITS else None
-    except ValueError:
-        return None

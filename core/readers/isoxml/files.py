@@ -127,7 +127,9 @@ def _open_archive(path: Path) -> TaskFiles:
     inside = _folder_of_main(path, [entry.filename for entry in entries])
     here = [entry for entry in entries if PurePosixPath(entry.filename).parent == inside]
     notices = (Notice("archive-foreign-bytes", path=path, ahead=ahead),) * (ahead > 0)
-    readers = {PurePosixPath(entry.filename).name.upper(): partial(_read_entry, path, entry) for entry in here}
+    readers: dict[str, Callable[[], bytes]] = {
+        PurePosixPath(entry.filename).name.upper(): partial(_read_entry, path, entry) for entry in here
+    }
     return TaskFiles(path, notices, readers)
 
 

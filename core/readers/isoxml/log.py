@@ -60,7 +60,8 @@ class TaskDataLog(FileReader):
         """
         parts = [task.states for task in self._tasks()]
         names = ("begin_s", "end_s", "state", "confidence", "begin_sigma_s", "end_sigma_s")
-        return ToolStates(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+        columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return ToolStates(**columns)
 
     def inspect(self) -> Inspection:
         """Read the whole first set and report what it contains.

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from furrowmap.core.readers.implausible_positions import drop_implausible_positi
 from furrowmap.core.readers.isoxml.content import Partfield, Task, TaskData, read_content
 from furrowmap.core.readers.isoxml.files import TaskFiles
 from furrowmap.core.readers.isoxml.time_log import TimeLog, read_time_log
-from furrowmap.core.readers.isoxml.work import LoggedWork, logged_work
+from furrowmap.core.readers.isoxml.work import logged_work
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.tool_states import ToolState, ToolStates
@@ -93,14 +93,16 @@ def _read_task(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
             continue
         notices += log.notices
         if len(log):
-            logs.append((log, logged_work(log, content.elements)))
+            logs.append(log)
         else:
             notices.append(Notice("time-log-empty", name=files.named(name)))
-    logs.sort(key=lambda one: one[0].clock_s[0])
-    local_s = _local_minus_utc_s(files.named(task.id), [log for log, _ in logs], task, notices)
-    notices += [notice for _, work in logs for notice in work.notices]
-    counted = [work.counted_m2 for _, work in logs if np.isfinite(work.counted_m2)]
-    track, state, width, states = _join_logs(files.named(task.id), logs, local_s, notices)
+    logs.sort(key=lambda log: log.clock_s[0])
+    local_s = _local_minus_utc_s(files.named(task.id), logs, task, notices)
+    work = [logged_work(log, content.elements, notices) for log in logs]
+    all_states = np.concatenate([np.zeros(0, np.int8), *(state for state, _, _ in work)])
+    all_widths = np.concatenate([np.zeros(0), *(width_m for _, width_m, _ in work)])
+    counted = [counted_m2 for _, _, counted_m2 in work if np.isfinite(counted_m2)]
+    track, state, width, states = _join_logs(files.named(task.id), logs, all_states, all_widths, local_s, notices)
     if not len(track):
         notices.append(Notice("no-positions.logged", id=files.named(task.id)))
     return LoggedTask(
@@ -119,45 +121,47 @@ def _read_task(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
 
 
 def _join_logs(
-    name: str, logs: Sequence[tuple[TimeLog, LoggedWork]], local_s: float, notices: list[Notice]
+    name: str,
+    logs: Sequence[TimeLog],
+    state: NDArray[np.int8],
+    width_m: FloatArray,
+    local_s: float,
+    notices: list[Notice],
 ) -> tuple[GnssTrack, NDArray[np.int8], FloatArray, ToolStates]:
     """Positions, state and width of all records with a position, and the states of all records.
 
     Of records with the same time the last one is used; those that are out of order are dropped with a notice.
     """
-    n = sum(len(log) for log, _ in logs)
 
-    def column(parts: Iterable[NDArray[Any]]) -> FloatArray:
-        """The records' values (n,) from those of each log."""
-        return np.concatenate([np.zeros(0), *parts])
+    def column(name: str) -> FloatArray:
+        return np.concatenate([np.zeros(0), *(getattr(log, name) for log in logs)])
 
-    clock_s = column(log.clock_s for log, _ in logs)
-    state = column(work.state for _, work in logs).astype(np.int8)
+    clock_s = column("clock_s")
     forward = np.flatnonzero(clock_s >= np.maximum.accumulate(clock_s))
-    if len(forward) < n:
-        notices.append(Notice("time-backwards", name=name, n=n - len(forward)))
+    if len(forward) < len(clock_s):
+        notices.append(Notice("time-backwards", name=name, n=len(clock_s) - len(forward)))
     last = forward[np.diff(clock_s[forward], append=np.inf) > 0]
     t_s = clock_s - (local_s if np.isfinite(local_s) else 0.0)
     states = _intervals(t_s[last], state[last])
-    lat = column(log.lat_deg for log, _ in logs)
+    lat = column("lat_deg")
     placed = last[np.isfinite(lat[last])]
     missing = len(last) - len(placed)
     if missing and len(placed):
         notices.append(Notice("positions-missing", name=name, missing=missing, last=len(last)))
-    status = column(log.status for log, _ in logs)[placed].astype(np.int64)
+    status = column("status")[placed].astype(np.int64)
     if len(placed) and (status < 0).any():
         notices.append(Notice("quality-unknown", name=name, status=int((status < 0).sum())))
     track = GnssTrack.build(
         t_s[placed],
         source=name,
-        lon_deg=column(log.lon_deg for log, _ in logs)[placed],
+        lon_deg=column("lon_deg")[placed],
         lat_deg=lat[placed],
-        height_m=column(log.up_m for log, _ in logs)[placed],
+        height_m=column("up_m")[placed],
         fix=np.array([NMEA2000_FIXES.get(code, Fix.SINGLE) for code in status.tolist()], np.int8),
-        satellites=column(log.satellites for log, _ in logs)[placed],
-        hdop=column(log.hdop for log, _ in logs)[placed],
+        satellites=column("satellites")[placed],
+        hdop=column("hdop")[placed],
     )
-    width = column(work.width_m for _, work in logs)[placed]
+    width = width_m[placed]
     try:
         track, here, dropped = drop_implausible_positions(track)
     except InputError as error:
@@ -221,9 +225,9 @@ def _zone_s(logs: Sequence[TimeLog], task: Task) -> float | None:
     a quarter of an hour.
     """
     zoned = []
-    for span in task.spans:
+    for begin in task.begins:
         with suppress(ValueError):
-            zoned.append(dt.datetime.fromisoformat(span.begin))
+            zoned.append(dt.datetime.fromisoformat(begin))
     zoned = [when for when in zoned if when.tzinfo is not None]
     for when in zoned:
         zone_s = (when.utcoffset() or dt.timedelta()).total_seconds()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -32,25 +31,10 @@ EFFECTIVE_TIME: Final = 119
 """s, as 120, the ineffective one."""
 
 
-@dataclass(frozen=True)
-class LoggedWork:
-    """The work in a time log, with a value for each of its n records.
-
-    Attributes:
-        state: (n,) int8, values of :class:`ToolState`.
-        width_m: (n,) working width; nan where it is not logged.
-        counted_m2: increase of the machine's area counter; nan if it has none.
-        notices: what is doubtful.
-    """
-
-    state: NDArray[np.int8]
-    width_m: FloatArray
-    counted_m2: float
-    notices: tuple[Notice, ...]
-
-
-def logged_work(log: TimeLog, elements: Mapping[str, DeviceElement]) -> LoggedWork:
-    """The work in a time log.
+def logged_work(
+    log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[Notice]
+) -> tuple[NDArray[np.int8], FloatArray, float]:
+    """The work in a time log of n records.
 
     The states of the smallest device elements are used, because a boom may be on while its sections are off. The
     machine works if any of them works.
@@ -58,8 +42,12 @@ def logged_work(log: TimeLog, elements: Mapping[str, DeviceElement]) -> LoggedWo
     Args:
         log: the time log.
         elements: device elements by id; a log may refer to others.
+        notices: extended with what is doubtful.
+
+    Returns:
+        (n,) values of :class:`ToolState`; (n,) working width, nan where it is not logged; increase of the machine's
+        area counter, nan if it has none.
     """
-    notices: list[Notice] = []
     states = _states(log, elements, notices)
     state = np.full(len(log), ToolState.UNKNOWN, np.int8)
     if states:
@@ -74,7 +62,7 @@ def logged_work(log: TimeLog, elements: Mapping[str, DeviceElement]) -> LoggedWo
         if np.isfinite(values).any()
     }
     topmost = [gain for element, gain in gains.items() if not set(ancestors(element, elements)) & gains.keys()]
-    return LoggedWork(state, width, float(max(topmost, default=np.nan)), tuple(notices))
+    return state, width, float(max(topmost, default=np.nan))
 
 
 def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[Notice]) -> dict[str, NDArray[np.int8]]:

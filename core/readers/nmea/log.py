@@ -274,7 +274,7 @@ def _columns(positions: Sentences, t_s: FloatArray, log: Sentences) -> dict[str,
     """The columns (n,) of the positions, with those of RMC, GST, VTG and HDT at the same times."""
     gga = {column: positions.column(Kind.GGA, column) for column in FIELDS[Kind.GGA]}
     quality, satellites = gga["quality"], gga["satellites"]
-    columns = {
+    columns: dict[str, NDArray[Any]] = {
         "lon_deg": gga["lon_deg"],
         "lat_deg": gga["lat_deg"],
         "height_m": gga["altitude_m"] + gga["separation_m"],

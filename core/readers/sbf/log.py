@@ -43,7 +43,6 @@ SBF_LAYOUTS: Final = {
 }  # fmt: skip
 """Fields that are read of each block, all of them in every revision (SBF reference guide, offsets from ``$``)."""
 _NO_WEEK: Final = 0xFFFF
-_NO_TOW: Final = 0xFFFFFFFF
 _DO_NOT_USE: Final = -2e10
 """The "Do-Not-Use" value of floating-point fields."""
 SBF_FIXES: Final = {1: Fix.SINGLE, 2: Fix.DGPS, 3: Fix.MANUAL, 4: Fix.FIXED, 5: Fix.FLOAT, 6: Fix.DGPS, 7: Fix.FIXED,
