@@ -270,7 +270,7 @@ def test_sentences__agree_with_pynmeagps(name: str, shared_data: Path) -> None:
         theirs = [m for _, m in quiet if m is not None and m.msgID in Kind.__members__ and m.talker != "P"]
     for kind in Kind:
         expected = np.array([oracle(m) for m in theirs if m.msgID == kind.name], float)
-        rows = ours.of(kind).values
+        rows = ours.of_kind(kind).values
         assert len(rows) == len(expected)
         if len(rows):
             np.testing.assert_allclose(rows[:, : expected.shape[1]], expected, rtol=0, atol=2e-8, err_msg=kind.name)
