@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.exif import MAX_PIXELS
 from furrowmap.core.readers.raw_pixels import layout_fault
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
