@@ -129,17 +129,17 @@ class BinaryMessages:
         layout = self.layouts[header]
         messages = np.frombuffer(bytes(self.found[header]), np.uint8).reshape(-1, layout.size)
 
-        def column(offset: int, kind: str, count: int = 1) -> FloatArray:
+        def column(offset: int, kind: str, count: int) -> FloatArray:
             width = np.dtype(kind).itemsize * count
             return np.ascontiguousarray(messages[:, offset : offset + width]).view(kind).astype(np.float64)
 
         rows = np.full((len(messages), ROW_COLUMNS), np.nan)
         gps_s = np.zeros(len(messages))
         if (at := layout.find(_TIME_GPS)) is not None:
-            gps_s = 1e-9 * column(at, "<u8")[:, 0]
+            gps_s = 1e-9 * column(at, "<u8", 1)[:, 0]
         elif _GPS_TOW in layout.offset and _GPS_WEEK in layout.offset:
-            week = column(layout.offset[_GPS_WEEK], "<u2")[:, 0]
-            gps_s = np.where(week > 0, WEEK_S * week + 1e-9 * column(layout.offset[_GPS_TOW], "<u8")[:, 0], 0.0)
+            week = column(layout.offset[_GPS_WEEK], "<u2", 1)[:, 0]
+            gps_s = np.where(week > 0, WEEK_S * week + 1e-9 * column(layout.offset[_GPS_TOW], "<u8", 1)[:, 0], 0.0)
         known = (gps_s > GPS_TIMES_S[0]) & (gps_s < GPS_TIMES_S[1])
         rows[known, 0] = gps_to_utc_s(gps_s[known])
         rate, force, angles = layout.find(_RATES), layout.find(_FORCES), layout.find(_YAW_PITCH_ROLL)
