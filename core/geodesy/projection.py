@@ -23,7 +23,7 @@ from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDA
 
 FloatArray = NDArray[np.float64]
 
-SCALE_OFF = 1e-3
+MAX_SCALE_ERROR = 1e-3
 """Largest scale error of a map: a metre in a kilometre, two and a half times that of UTM."""
 AREA_MARGIN_DEG = 0.5
 """Margin around the area of use of a CRS, so that fields at a zone border stay in one zone."""
@@ -92,8 +92,27 @@ class MapFrame:
         Raises:
             RefusedError: if the site lies outside the area of use of the CRS, or its scale error there is too large.
         """
-        self._refuse_outside(lon_deg, lat_deg)
-        self._refuse_stretched(lon_deg, lat_deg)
+        if len(lon_deg):
+            lon, lat = middle_deg(lon_deg, lat_deg)
+            area = (self.named or self.crs).area_of_use
+            if area is not None:
+                east = (lon - area.west) % 360.0
+                width = (area.east - area.west) % 360.0 or 360.0
+                inside = east <= width + AREA_MARGIN_DEG or east >= 360.0 - AREA_MARGIN_DEG
+                if not (inside and area.south - AREA_MARGIN_DEG <= lat <= area.north + AREA_MARGIN_DEG):
+                    raise RefusedError(
+                        "crs-outside-area",
+                        lat=lat,
+                        lon=lon,
+                        name=self.name,
+                        south=area.south,
+                        north=area.north,
+                        west=area.west,
+                        east=area.east,
+                    )
+            scale = self.scale(lon, lat)
+            if abs(scale - 1.0) > MAX_SCALE_ERROR:
+                raise RefusedError("crs-scale", name=self.name, scale=scale)
         e, n = self._transformer.transform(lon_deg, lat_deg)
         return np.asarray(e, np.float64), np.asarray(n, np.float64)
 
@@ -107,26 +126,6 @@ class MapFrame:
         factors: Any = Proj(self.crs).get_factors(lon_deg, lat_deg)
         return np.asarray(factors.meridian_convergence, np.float64)
 
-    def _refuse_outside(self, lon_deg: FloatArray, lat_deg: FloatArray) -> None:
-        area = (self.named or self.crs).area_of_use
-        if area is None or not len(lon_deg):
-            return
-        lon, lat = middle_deg(lon_deg, lat_deg)
-        east = (lon - area.west) % 360.0
-        width = (area.east - area.west) % 360.0 or 360.0
-        inside_lon = east <= width + AREA_MARGIN_DEG or east >= 360.0 - AREA_MARGIN_DEG
-        if not (inside_lon and area.south - AREA_MARGIN_DEG <= lat <= area.north + AREA_MARGIN_DEG):
-            raise RefusedError(
-                "crs-outside-area",
-                lat=lat,
-                lon=lon,
-                name=self.name,
-                south=area.south,
-                north=area.north,
-                west=area.west,
-                east=area.east,
-            )
-
     def scale(self, lon_deg: float, lat_deg: float) -> float:
         """Scale at a site: map distance over ellipsoidal distance, mean of meridian and parallel."""
         return scale_of(self.crs, lon_deg, lat_deg)
@@ -135,13 +134,6 @@ class MapFrame:
         """Map distance over distance on the ground at an ellipsoidal height."""
         radius = radius_m(lat_deg)
         return self.scale(lon_deg, lat_deg) * radius / (radius + height_m)
-
-    def _refuse_stretched(self, lon_deg: FloatArray, lat_deg: FloatArray) -> None:
-        if not len(lon_deg):
-            return
-        scale = self.scale(*middle_deg(lon_deg, lat_deg))
-        if abs(scale - 1.0) > SCALE_OFF:
-            raise RefusedError("crs-scale", name=self.name, scale=scale)
 
 
 def scale_of(crs: CRS, lon_deg: float, lat_deg: float) -> float:
@@ -178,23 +170,6 @@ def map_frame(crs: Crs, parameters_file: Path | None = None, geoid_grid: Path | 
             or a file is missing or of another kind.
         RefusedError: if there is no exact transformation.
     """
-    flat, vertical = _projected(crs)
-    unused = vertical if crs.heights == ELLIPSOIDAL else None
-    parameters = _parameters(crs, flat, parameters_file)
-    stated = stated_frame(crs.coordinates)
-    if stated is None and crs.coordinates not in (AS_RECORDED, CURRENT_EPOCH):
-        raise InputError(
-            "crs-coordinates", coordinates=crs.coordinates, as_recorded=AS_RECORDED, current_epoch=CURRENT_EPOCH
-        )
-    base = (stated.frame if stated is not None else flat.geodetic_crs) or flat
-    heights = height_system(crs.heights, base, geoid_grid)
-    if stated is not None:
-        return MapFrame(stated.map_crs(flat), None, stated, heights, flat, unused)
-    return MapFrame(flat, parameters, None, heights, None, unused)
-
-
-def _projected(crs: Crs) -> tuple[CRS, CRS | None]:
-    """The horizontal CRS of the map, and the vertical part of a compound one."""
     try:
         whole = CRS.from_user_input(crs.map)
     except CRSError as error:
@@ -205,19 +180,24 @@ def _projected(crs: Crs) -> tuple[CRS, CRS | None]:
         raise InputError(
             "crs-not-projected.projected", map=crs.map, whole=whole.name, units=" and ".join(sorted(units))
         )
-    return flat, vertical[0] if vertical else None
-
-
-def _parameters(crs: Crs, flat: CRS, file: Path | None) -> ParameterFile | None:
-    """The parameters from the current epoch to that of the map; None where coordinates are used as recorded."""
-    if crs.coordinates != CURRENT_EPOCH:
-        return None
-    base = flat.geodetic_crs
-    if base is None or not base.name.startswith(("JGD2011", "JGD2024")):
-        raise RefusedError("epoch-map", map=crs.map, flat=flat.name)
-    if file is None:
-        raise RefusedError("parameters-missing", current_epoch=CURRENT_EPOCH)
-    found = read_parameters(file)
-    if found.format not in BETWEEN_EPOCHS:
-        raise InputError("parameters-kind", found=found.name, format=found.format)
-    return found
+    unused = vertical[0] if vertical and crs.heights == ELLIPSOIDAL else None
+    parameters = None
+    if crs.coordinates == CURRENT_EPOCH:
+        base = flat.geodetic_crs
+        if base is None or not base.name.startswith(("JGD2011", "JGD2024")):
+            raise RefusedError("epoch-map", map=crs.map, flat=flat.name)
+        if parameters_file is None:
+            raise RefusedError("parameters-missing", current_epoch=CURRENT_EPOCH)
+        parameters = read_parameters(parameters_file)
+        if parameters.format not in BETWEEN_EPOCHS:
+            raise InputError("parameters-kind", found=parameters.name, format=parameters.format)
+    stated = stated_frame(crs.coordinates)
+    if stated is None and crs.coordinates not in (AS_RECORDED, CURRENT_EPOCH):
+        raise InputError(
+            "crs-coordinates", coordinates=crs.coordinates, as_recorded=AS_RECORDED, current_epoch=CURRENT_EPOCH
+        )
+    base = (stated.frame if stated is not None else flat.geodetic_crs) or flat
+    heights = height_system(crs.heights, base, geoid_grid)
+    if stated is not None:
+        return MapFrame(stated.map_crs(flat), None, stated, heights, flat, unused)
+    return MapFrame(flat, parameters, None, heights, None, unused)

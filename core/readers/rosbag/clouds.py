@@ -109,12 +109,14 @@ class CloudScans:
         else:
             order = np.lexsort((layout[returned], t_s))
             column = layout[returned][order]
+        values = points["intensity"][order] if "intensity" in names else np.zeros(len(order))
+        counts = np.rint(np.clip(np.nan_to_num(values.astype(np.float64)), 0, 65535)).astype(np.uint16)
         self._scans += 1
         scan = Scan(
             number=self._scans - 1,
             t_s=t_s[order],
             xyz_m=xyz[order],
-            intensity=_intensity(points["intensity"][order] if "intensity" in names else np.zeros(len(order))),
+            intensity=counts.astype(np.uint8) if int(counts.max()) <= 255 else counts,
             laser=laser[order],
             column=np.minimum(column - column.min(), 65535).astype(np.uint16),
             return_number=np.ones(len(order), np.uint8),
@@ -251,9 +253,3 @@ def _columns_of_times(t_s: FloatArray, laser: NDArray[np.uint8]) -> NDArray[np.i
     widest = int(np.argmax(pause))
     firing: NDArray[np.int64] = np.floor(turns - within[widest] - 0.5 * pause[widest]).astype(np.int64)
     return firing
-
-
-def _intensity(values: NDArray[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:
-    """Intensities in the sensor's counts, as uint8 if they fit, else as uint16."""
-    whole = np.rint(np.clip(np.nan_to_num(values.astype(np.float64)), 0, 65535)).astype(np.uint16)
-    return whole.astype(np.uint8) if int(whole.max()) <= 255 else whole
