@@ -17,7 +17,7 @@ from furrowmap.core.readers.isoxml.files import MAIN, TaskFiles
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.runtime.errors import InputError, Notice
 
-ROOT: Final = "ISO11783_TaskData"
+TASK_DATA_ROOT: Final = "ISO11783_TaskData"
 EXTERNAL: Final = "XFC"
 BOUNDARY_POLYGON: Final = "1"
 EXTERIORS: Final = ("1", "")
@@ -105,7 +105,7 @@ def read_content(files: TaskFiles) -> TaskData:
     """
     notices = list(files.notices)
     root = parse_xml(files.read(MAIN), files.named(MAIN))
-    if root.tag != ROOT:
+    if root.tag != TASK_DATA_ROOT:
         raise InputError("task-data-missing", main=files.named(MAIN), tag=root.tag[:40])
     items = list(_items(files, root, notices))
     maker = root.get("TaskControllerManufacturer") or root.get("ManagementSoftwareManufacturer")

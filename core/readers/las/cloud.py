@@ -31,7 +31,7 @@ from furrowmap.core.runtime.errors import InputError, Notice
 BATCH_POINTS: Final = 1_000_000
 BATCH_BYTES: Final = 1 << 26
 """Bytes of records at a time: a record may have up to 65,535 bytes."""
-MAX_HEADER_BYTES: Final = 375
+LAS_HEAD_BYTES: Final = 375
 
 Box = tuple[float, float, float, float]
 
@@ -123,7 +123,7 @@ def open_cloud(path: Path) -> CloudFile:
         raise InputError("no-such-file.open-cloud", path=path, is_path=bool(path.is_dir()))
     with path.open("rb") as file:
         size_bytes = path.stat().st_size
-        header = read_header(path, file.read(MAX_HEADER_BYTES), size_bytes)
+        header = read_header(path, file.read(LAS_HEAD_BYTES), size_bytes)
         records, notices = read_records(path, file, header)
         notices = (*header.notices, *notices)
         said_compressed = any((record.user, record.number) == (LAZ_USER_ID, LAZ_RECORD_ID) for record in records)

@@ -28,7 +28,7 @@ else:
 MAX_RECORD_BYTES = 1 << 29
 """Largest plausible record or chunk: a rosbag chunk has 768 KiB or a single message, one of an MCAP file a few MiB."""
 
-_BLOCK_BYTES = 1 << 20
+_READ_BYTES = 1 << 20
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
 
@@ -146,7 +146,7 @@ class RecordStorage(BagStorage):
             raise Damage(f"a record of {size} bytes is declared at byte {self._offset}")
         blocks = []
         wanted = size
-        while wanted > 0 and (block := self._source.read(min(wanted, _BLOCK_BYTES))):
+        while wanted > 0 and (block := self._source.read(min(wanted, _READ_BYTES))):
             blocks.append(block)
             wanted -= len(block)
         self._offset += size - wanted
@@ -208,10 +208,10 @@ def inflate(data: bytes, method: str, size: int) -> tuple[bytes, str]:
     out: list[bytes] = []
     wanted, fault = size, ""
     try:
-        for start in range(0, len(data), _BLOCK_BYTES):
+        for start in range(0, len(data), _READ_BYTES):
             if decompressor.eof or wanted <= 0:
                 break
-            out.append(decompressor.decompress(data[start : start + _BLOCK_BYTES], wanted))
+            out.append(decompressor.decompress(data[start : start + _READ_BYTES], wanted))
             wanted -= len(out[-1])
     except faults as error:
         fault = f"its {method} data are damaged ({error})"

@@ -32,7 +32,7 @@ POS_FIXES: Final = {1: Fix.FIXED, 2: Fix.FLOAT, 3: Fix.DGPS, 4: Fix.DGPS, 5: Fix
 """Quality of a position by its flag Q (fix, float, SBAS, DGPS, single, PPP, dead reckoning)."""
 REVERSED_SHARE: Final = 0.5
 """Share of steps back in time above which a solution was written from end to start."""
-MAX_LINE_BYTES: Final = 2048
+MAX_ROW_BYTES: Final = 2048
 MAX_VALUES: Final = 24
 """Number of values after the time that are read; five are required: three of position, quality, satellites."""
 _CUT_MARK: Final = b" (cut)"
@@ -140,11 +140,11 @@ class PosRows:
                 if not text:
                     continue
                 if text.startswith(b"%"):
-                    self.header.read_comment(text[:MAX_LINE_BYTES].decode("latin-1"))
+                    self.header.read_comment(text[:MAX_ROW_BYTES].decode("latin-1"))
                     continue
-                if len(text) <= MAX_LINE_BYTES and not self.style:
+                if len(text) <= MAX_ROW_BYTES and not self.style:
                     self.style = next((style for style, row in _ROW_PATTERNS.items() if row.fullmatch(text)), 0)
-                if len(text) <= MAX_LINE_BYTES and self.style and _ROW_PATTERNS[self.style].fullmatch(text):
+                if len(text) <= MAX_ROW_BYTES and self.style and _ROW_PATTERNS[self.style].fullmatch(text):
                     rows.append(text.translate(_SEPARATORS))
                     numbers.append(number)
                 else:
@@ -165,7 +165,7 @@ def _split_lines(source: Source) -> Iterator[list[bytes]]:
                 yield [rest if is_whole(rest, before) and not source.fault else rest + _CUT_MARK]
             return
         *whole, rest = (rest + block).split(b"\n")
-        rest = rest[: MAX_LINE_BYTES + 1]  # a longer line is not a row and need not be kept
+        rest = rest[: MAX_ROW_BYTES + 1]  # a longer line is not a row and need not be kept
         before = (before + [line for line in whole[-COMPARED_LINES:] if not line.startswith(b"%")])[-COMPARED_LINES:]
         yield whole
 
@@ -206,11 +206,11 @@ class RtklibPos(PositionLog):
         header = PosHeader()
         for line in lines:
             if line.startswith(b"%"):
-                header.read_comment(line[:MAX_LINE_BYTES].decode("latin-1"))
+                header.read_comment(line[:MAX_ROW_BYTES].decode("latin-1"))
         if header.time:
             return 0.95
         rows = [line for line in lines[:50] if line and not line.startswith(b"%")][:-1]
-        good = sum(any(row.fullmatch(line[:MAX_LINE_BYTES]) for row in _ROW_PATTERNS.values()) for line in rows)
+        good = sum(any(row.fullmatch(line[:MAX_ROW_BYTES]) for row in _ROW_PATTERNS.values()) for line in rows)
         return 0.7 if good >= 2 and good >= 0.8 * len(rows) else 0.0
 
     def _read(self, paths: list[Path]) -> LoggedPositions:

@@ -16,7 +16,7 @@ from furrowmap.core.readers.messages import MessageCounts, scan_stream
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.vectornav.binary import ROW_COLUMNS, SYNC, BinaryMessages
-from furrowmap.core.readers.vectornav.sentences import MEASURED, AsciiSentences
+from furrowmap.core.readers.vectornav.sentences import MEASURED_FIELDS, AsciiSentences
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import gps_to_utc_s
 from furrowmap.core.values.clock_readings import ClockReading
@@ -138,7 +138,7 @@ class VectorNavAscii(_VectorNav):
         found.scan(head.data)
         if not found.counts.kinds:
             return 0.0
-        return 1.0 if any(kind.encode() in MEASURED for kind in found.counts.kinds) else 0.4
+        return 1.0 if any(kind.encode() in MEASURED_FIELDS for kind in found.counts.kinds) else 0.4
 
     def _rows(self) -> FloatArray:
         parts = [np.empty((0, ROW_COLUMNS))]

@@ -23,9 +23,9 @@ from furrowmap.core.values.clock import WEEK_S
 FloatArray = NDArray[np.float64]
 
 _SENTENCE: Final = re.compile(rb"([^$\r\n]{0,64})\$(VN[A-Z]{3}),([^*$\r\n]{1,400})\*([0-9A-Fa-fX]{2,4})")
-MEASURED: Final = {b"VNIMU": (6, 3, 11), b"VNYMR": (9, 6, 12), b"VNMAR": (6, 3, 9)}
+MEASURED_FIELDS: Final = {b"VNIMU": (6, 3, 11), b"VNYMR": (9, 6, 12), b"VNMAR": (6, 3, 9)}
 """First fields of angular rate and specific force, and the number of fields."""
-TIMED: Final = {b"VNINS": 15, b"VNGPS": 15}
+TIMED_FIELDS: Final = {b"VNINS": 15, b"VNGPS": 15}
 """Sentences whose first two fields are GPS seconds of the week and week, and the number of fields at least."""
 STAMPS_S: Final = (6.0e8, 5.0e9)
 """Numbers before a sentence that are smaller or larger are no seconds of UTC."""
@@ -56,12 +56,12 @@ class AsciiSentences:
             measured: tuple[float, ...] = (np.nan,) * 6
             angles: tuple[float, ...] = (np.nan,) * 3
             gps_s = np.nan
-            if kind in MEASURED and len(values) >= MEASURED[kind][2]:
-                rate, force, _ = MEASURED[kind]
+            if kind in MEASURED_FIELDS and len(values) >= MEASURED_FIELDS[kind][2]:
+                rate, force, _ = MEASURED_FIELDS[kind]
                 measured = (*values[rate : rate + 3], *values[force : force + 3])
             if kind in (b"VNYMR", b"VNYPR") and len(values) >= 3:
                 angles = (values[0], values[1], values[2])
-            if kind in TIMED and len(values) >= TIMED[kind] and values[1] > 0:
+            if kind in TIMED_FIELDS and len(values) >= TIMED_FIELDS[kind] and values[1] > 0:
                 gps_s = WEEK_S * values[1] + values[0]
             self.rows.append((_stamp_s(before), gps_s, float(len(self.rows)), *measured, *angles))
         return end
@@ -80,7 +80,7 @@ def _fields(kind: bytes, body: bytes, checksum: bytes) -> list[float] | None:
             return None
     try:
         # The status of VNINS is hexadecimal.
-        values = [float(part) if k != 2 or kind not in TIMED else 0.0 for k, part in enumerate(body.split(b","))]
+        values = [float(part) if k != 2 or kind not in TIMED_FIELDS else 0.0 for k, part in enumerate(body.split(b","))]
     except ValueError:
         return None
     return values if all(np.isfinite(values)) else None
