@@ -169,7 +169,8 @@ class PacketDecoder:
         assert self._clock is not None
         t_s = self._clock.utc_s(device_us, host_s)
         returns, cut_at, cut_by_wrap = decode_returns(data, offset, t_s, self._model, self._carried)
-        self.counts.revolutions, self.counts.turning_s = self._carried[TURNED] / 36_000, self._carried[TURNING]
+        self.counts.revolutions = float(self._carried[TURNED]) / 36_000
+        self.counts.turning_s = float(self._carried[TURNING])
         self.counts.bad_blocks = int(self._carried[BAD_BLOCKS])
         self.counts.note_times(t_s, host_s, self._model)
         scans = []
