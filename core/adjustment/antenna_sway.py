@@ -19,8 +19,7 @@ from scipy.ndimage import uniform_filter1d
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import Knots, State
 from furrowmap.core.estimation.positions import AntennaPositions
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 SWAY_S: Final = 1.1
 """What is slower than this, as drift and the way itself, is removed."""

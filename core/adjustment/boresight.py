@@ -17,11 +17,10 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.adjustment.cell_adjustment import GroupHeights, adjusted
 from furrowmap.core.adjustment.cell_heights import PARAMETERS, cell_heights, derivatives, smooth_groups
 from furrowmap.core.adjustment.strips import LASERS, StripReturns, at_shifted_times
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 WINDOW_S: Final = 1.0
 MOST_WINDOWS: Final = 400

@@ -22,10 +22,10 @@ from furrowmap.core.adjustment.steps import session_step
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots, State
 from furrowmap.core.estimation.vehicle import with_positions
 from furrowmap.core.matching.portions import Gap, in_gaps
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import Fix, Positions
 from furrowmap.core.values.time_span import Span
 
-FloatArray = NDArray[np.float64]
 Kind = TypeVar("Kind", bound=np.generic)
 
 APART_M: Final = 0.3

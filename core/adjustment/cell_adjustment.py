@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import huber_weight
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 ROBUST_ROUNDS: Final = 3
 

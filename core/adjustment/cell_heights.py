@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.strips import CELL_M, LASERS, StripReturns
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 LEAST_IN_PLANE: Final = 30
 LEAST_IN_GROUP: Final = 3

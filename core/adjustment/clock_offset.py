@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
 from furrowmap.core.estimation.positions import AntennaPositions
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 FLOOR_S: Final = 0.003
 FLOOR_M: Final = 0.01

@@ -20,10 +20,9 @@ from furrowmap.core.adjustment.yaw_ambiguity import CELL_M, NEAR_M, STANDING_CEL
 from furrowmap.core.matching.placing import Sensor
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.clock import HOUR_S
 from furrowmap.core.values.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 WINDOWS: Final = 64
 WINDOW_S: Final = 1.0

@@ -7,7 +7,6 @@ from enum import StrEnum
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.antenna_sway import CERTAIN, AntennaSway
 from furrowmap.core.adjustment.clock_offset import LEAST_GAIN, AntennaConstants
@@ -15,12 +14,11 @@ from furrowmap.core.adjustment.ground_plane import GroundTilt
 from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S, Knots, State
 from furrowmap.core.estimation.vehicle import SLIP_EVERY_S, AxleSteps
 from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 SLIP_OVER_S: Final = 0.5
 SLIP_FLOOR_M: Final = 0.003

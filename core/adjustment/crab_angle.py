@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import Solution
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right
 from furrowmap.core.estimation.knots import POSE, Knots, State
 from furrowmap.core.estimation.vehicle import AxleSteps
 from furrowmap.core.runtime import arrays
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
-
-FloatArray = NDArray[np.float64]
 
 BETWEEN_M: Final = (2.0, 15.0)
 """Distances from the scanner of the returns that are looked at: beyond the vehicle, before the field's end."""

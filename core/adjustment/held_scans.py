@@ -11,17 +11,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from furrowmap.core.adjustment.bridging import ALIKE_S
 from furrowmap.core.adjustment.outages import WORST_DEG, heading_sigma_deg, outages
 from furrowmap.core.estimation.knots import Chain, knots_over
 from furrowmap.core.matching.returns import GroundReturns
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 PAUSE_S: Final = 2.0
 """A longer pause of the scanner does not let poses be carried on in such a gap."""

@@ -21,9 +21,8 @@ from furrowmap.core.matching.ground_registration import session_surface
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads
 from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, HeightGrid
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.scan import MAX_LASERS, LaserRanges
-
-FloatArray = NDArray[np.float64]
 
 CELL_M: Final = 0.15
 THIN: Final = 3

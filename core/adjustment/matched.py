@@ -28,6 +28,7 @@ from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.from_gnss import with_vague_headings
 from furrowmap.core.trajectory.motion import HYSTERESIS, STANDING_MPS
@@ -37,8 +38,6 @@ from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import LaserRanges
 from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
-
-FloatArray = NDArray[np.float64]
 
 LEAST_RETURNS: Final = 20_000
 """With fewer returns of the ground in the whole recording there is nothing to match."""

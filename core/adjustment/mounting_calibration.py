@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from scipy.special import ndtr, stdtrit
 
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
 from furrowmap.core.matching.surface import HeightGrid, TilePassage, heights, layers
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 HALF_TRACKS_M: Final = np.arange(0.3, 1.15, 0.05)
 """Half of the distance between the rear wheels, which are beside the vehicle frame's origin."""

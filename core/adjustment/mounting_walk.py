@@ -12,14 +12,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.knots import POSE, ROTATION
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.motion import longest_gap_s
 from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 LEAST_S: Final = 3.0
 """Positions over a shorter time hardly show a heading, less so in a turn."""

@@ -16,8 +16,7 @@ from furrowmap.core.estimation.knots import KNOT_STEP_S, State
 from furrowmap.core.estimation.vehicle import LEVEL_SIGMA
 from furrowmap.core.matching.ground import CORRELATED
 from furrowmap.core.runtime import arrays
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 AROUND_S: Final = 0.5
 """Time to either side over which the returns' information is summed."""

@@ -22,12 +22,11 @@ from furrowmap.core.matching.portions import Gap
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.wall_registration import WallRegistration
 from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.covariance import Considered
 from furrowmap.core.matching.returns import GroundReturns
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 ELEVATION_SIGMA: Final = np.radians(0.1)
 """Of the elevation at which a laser sees the ground, independent of the others': half of its beam, 0.18° wide."""

@@ -31,8 +31,7 @@ from furrowmap.core.matching.ground_registration import (
 from furrowmap.core.matching.portions import MATCH_WINDOW_S, in_gaps
 from furrowmap.core.matching.wall_registration import WallRegistration, register_wall_session, register_wall_windows
 from furrowmap.core.matching.walls import Scatter
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 COARSE_EVERY: Final = 40
 """Knots from one coarse knot to the next: a second."""

@@ -26,6 +26,7 @@ from furrowmap.core.adjustment.strips import CELL_M, LASERS, StripReturns, at_sh
 from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.estimation.correlated_prior import root_of, solved
 from furrowmap.core.estimation.knots import POSE
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import beside
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.trajectory.from_inertial import ANY_TIME
@@ -33,8 +34,6 @@ from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 FIXED: Final = PARAMETERS + LASERS
 """Unknowns beside those of the poses."""

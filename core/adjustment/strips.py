@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory
 
-FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
 CELL_M: Final = 0.25

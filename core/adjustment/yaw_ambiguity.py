@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from furrowmap.core.estimation.knots import Knots, State
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
+from furrowmap.core.runtime.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Measure = Callable[[FloatArray], FloatArray]
 """What repeats in windows (n,) under each of several turns (k,) in radians, as (n, k)."""
 

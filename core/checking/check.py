@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 import pyproj
-from numpy.typing import NDArray
 
 from furrowmap.core.checking.cloud_at_points import Targets, cloud_at_points
 from furrowmap.core.checking.internal_precision import InternalPrecision
@@ -21,7 +20,6 @@ from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent
 
-FloatArray = NDArray[np.float64]
 MAX_MEAN_HEIGHT_M: Final = 2.0
 """A larger mean error in height comes from a geoid or a wrong point."""
 PRECISION_LABELS: Final = {

@@ -18,10 +18,10 @@ from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Cl
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 
-FloatArray = NDArray[np.float64]
 Targets = Literal["none", "intensity", "colour"]
 
 PLANE_RADIUS_M: Final = 0.25

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from furrowmap.core.checking.continuity import Continuity
 from furrowmap.core.checking.matching import MatchedEpochs, match
 from furrowmap.core.checking.statistics import ErrorTable, outliers, table, time_ahead_s, within_sigmas
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.rotation import compass_direction
@@ -166,9 +167,6 @@ def _notices(test: GnssTrack, reference: GnssTrack, found: MatchedEpochs, certai
             Notice("half-compared", covered=covered, source=test.source, outside=found.outside, in_gaps=found.in_gaps)
         )
     return notices
-
-
-FloatArray = NDArray[np.float64]
 
 
 def offset_notices(error_m: FloatArray, test: str, reference: str) -> list[Notice]:

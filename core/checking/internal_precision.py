@@ -12,7 +12,8 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
+
 SwathKey = Literal["times", "sources", "nothing"]
 
 MIN_VISIT_GAP_S: Final = 20.0

@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from furrowmap.core.readers.facts import GAP_INTERVALS
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.earth import earth_centred_m, east_north_up
 from furrowmap.core.values.gnss import Fix, GnssTrack
-
-FloatArray = NDArray[np.float64]
 
 EQUAL_S: Final = 1e-6
 """Times closer than this are equal."""

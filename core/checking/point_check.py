@@ -7,13 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 import pyproj
-from numpy.typing import NDArray
 
 from furrowmap.core.checking.internal_precision import NO_SWATHS, SwathHeights, SwathKey, rounded
 from furrowmap.core.readers.surveyed_points import SurveyedPoints
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 
-FloatArray = NDArray[np.float64]
 Box = tuple[float, float, float, float]
 """West, south, east, north."""
 CHECK_COLUMNS: Final = (

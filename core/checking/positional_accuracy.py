@@ -10,11 +10,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.checking.internal_precision import InternalPrecision, rounded
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 MIN_CHECK_POINTS: Final = 30
 """Edition 2's minimum of check points for a statement of accuracy."""

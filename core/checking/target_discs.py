@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 STEP_SHARE: Final = 0.15
 """Spacing of the search grid, in disc diameters."""

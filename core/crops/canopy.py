@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from furrowmap.core.crops.penetration import Penetration, estimate_penetration, l_moments_of
 from furrowmap.core.crops.pixels import MAX_RANK, PixelReturns, pixel_halves
 from furrowmap.core.crops.published import fill_pixels
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid
 
-FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 CROP_PIXEL_M: Final = 0.04

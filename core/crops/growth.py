@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 from scipy.stats import chi2
 
@@ -29,11 +28,10 @@ from furrowmap.core.crops.soil import (
     patch_nodes,
     plane_design,
 )
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.values.parcel import Parcel
-
-FloatArray = NDArray[np.float64]
 
 MIN_COMMON_CELLS: Final = 12
 """Cells that two flights have in common, for an offset between them."""

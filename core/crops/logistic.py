@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
+
 IntArray = NDArray[np.intp]
 
 NODES: Final = 90

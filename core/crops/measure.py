@@ -9,7 +9,6 @@ from itertools import chain
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 from scipy.special import ndtri
 
@@ -19,11 +18,10 @@ from furrowmap.core.crops.penetration import MODEL_SHARE
 from furrowmap.core.crops.published import christiansen2017
 from furrowmap.core.crops.soil import SoilPatch
 from furrowmap.core.readers.areas.rings import pixels_in
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import in_threads
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.parcel import Parcel
-
-FloatArray = NDArray[np.float64]
 
 Method = Literal["canopy-top", "christiansen2017"]
 METHODS: Final[tuple[Method, ...]] = ("canopy-top", "christiansen2017")

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 from furrowmap.core.crops.soil import SoilCells, noise_in_pixels, soil_cells
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import in_threads
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys
 from furrowmap.core.values.parcel import Parcel
 
 Float32Array = NDArray[np.float32]
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 CROP_MARGIN_M: Final = 0.12

@@ -10,17 +10,15 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.readers.areas.corner_table import IDS
 from furrowmap.core.readers.areas.polygon_file import polygons_on_map
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Attribute, Parcel
-
-FloatArray = NDArray[np.float64]
 
 BLOCK_COLUMNS: Final = ("block", "replicate", "replication", "rep", "blk")
 """Accepted names of the column of blocks, in any case."""

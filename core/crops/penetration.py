@@ -19,11 +19,10 @@ from typing import Final
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from furrowmap.core.crops.pixels import MAX_RANK
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 SHAPES: Final = (0.8, 4.0)
 """Range of the shape: from leaves denser at the tips than below to nearly a closed surface."""

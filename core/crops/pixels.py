@@ -9,9 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid
-
-FloatArray = NDArray[np.float64]
 
 MAX_RANK: Final = 8
 """Of more returns in a pixel, the mean highest of any eight of them is used."""

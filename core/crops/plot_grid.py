@@ -6,13 +6,11 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.core.values.plot_grid import PlotGrid
-
-FloatArray = NDArray[np.float64]
 
 MAX_PLOTS: Final = 100_000
 MAX_MISFIT_M: Final = 0.10

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid
 
-FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 PCL_NEIGHBOURS: Final = 50

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from scipy import special
 
 from furrowmap.core.crops.logistic import PLATEAU, Logistic, fit_logistic, p_of_no_response
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel
-
-FloatArray = NDArray[np.float64]
 
 MAX_P: Final = 0.05
 """Significance level of a curve."""

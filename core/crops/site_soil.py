@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import CRS
 from scipy.ndimage import map_coordinates, uniform_filter
 
@@ -31,11 +30,10 @@ from furrowmap.core.crops.soil import (
 )
 from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
 from furrowmap.core.readers.geotiff import expect_heights, open_geotiff
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.values.parcel import Parcel, SoilMethod
-
-FloatArray = NDArray[np.float64]
 
 SAMPLED_PARCELS: Final = 12
 """Parcels around which the covariance of the soil is estimated."""

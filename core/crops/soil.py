@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from furrowmap.core.crops.pixels import pixel_returns
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.parcel import Parcel
 
-FloatArray = NDArray[np.float64]
 Trend = Literal["plane", "constant"]
 
 SOIL_CELL_M: Final = 0.25

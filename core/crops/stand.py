@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 PERCENTILES: Final = (5, 10, 25, 50, 75, 90, 95, 99)
 MAX_LAYERS: Final = 10_000

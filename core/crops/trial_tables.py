@@ -11,15 +11,13 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from furrowmap.core.crops.parcels import BLOCK_COLUMNS, list_names
 from furrowmap.core.readers.areas.corner_table import IDS
 from furrowmap.core.readers.text_table import read_sheet
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.values.parcel import Attribute, Parcel
-
-FloatArray = NDArray[np.float64]
 
 TREATMENT: Final = "treatment"
 DATE: Final = "date"

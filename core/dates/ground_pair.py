@@ -11,7 +11,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
+
 Float32Array = NDArray[np.float32]
 
 TIE_PATCH_M: Final = 1.0

@@ -8,9 +8,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid
 
-FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
 

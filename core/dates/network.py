@@ -16,8 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from furrowmap.core.crops.soil import SoilCells, least_squares, plane_design
 from furrowmap.core.dates.pair_tie import LEVEL_TERMS, MOVE_NAMES, PairTie
 from furrowmap.core.estimation.banded import huber_weight
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 MOVE_SIZE: Final = len(MOVE_NAMES)
 MAX_PLACES: Final = 300

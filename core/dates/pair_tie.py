@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.crops.soil import OUTLIER_SIGMAS, HeightCovariance, SoilCells, estimate_covariance, plane_design
 from furrowmap.core.dates.ground_pair import DifferencePatches, GroundPair, smooth_pair, sum_differences
 from furrowmap.core.dates.upright import UprightTie
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 MOVE_NAMES: Final = ("east_m", "north_m", "height_m", "tilt_east", "tilt_north", "turn_rad")
 """What moves a surface: east, north and up; its rise per metre east and north; counter-clockwise turn."""

@@ -19,8 +19,8 @@ from scipy.ndimage import binary_dilation, distance_transform_edt, find_objects,
 from scipy.spatial import cKDTree
 
 from furrowmap.core.crops.soil import OUTLIER_SIGMAS
+from furrowmap.core.runtime.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 STANDING_M: Final = (0.3, 2.5)

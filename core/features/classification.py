@@ -18,9 +18,9 @@ from furrowmap.core.features.lines import MIN_LINEARITY, DetectedLine, find_line
 from furrowmap.core.features.planes import HORIZONTAL_NORMAL, MIN_PLANE_PURITY, Plane, find_planes
 from furrowmap.core.features.segment_votes import VOTED, colour_segments, vote_classes
 from furrowmap.core.features.voxels import Voxels, voxels
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.extents import bounds
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.features.neighbours import first_above, sort_into_columns
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 COLUMNS_A_RADIUS: Final = 3.0
 """Columns of a third of the radius leave out most of what is outside of the sphere."""

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.ground import from_nearest
 from furrowmap.core.values.extents import bounds
-
-FloatArray = NDArray[np.float64]
 
 MEDIAN_CELL_M: Final = 0.5
 GROUND_LIMITS_M: Final = (0.05, 0.15)

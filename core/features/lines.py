@@ -14,8 +14,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from furrowmap.core.features.neighbours import PointColumns, first_above, sort_into_columns
+from furrowmap.core.runtime.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MIN_LINEARITY: Final = 0.75

@@ -17,8 +17,8 @@ from shapely import STRtree
 from furrowmap.core.features.breaklines import Breakline
 from furrowmap.core.features.lines import DetectedLine, course
 from furrowmap.core.features.planes import HORIZONTAL_NORMAL, Plane, axes_of
+from furrowmap.core.runtime.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 LineKind = Literal["pole", "wire", "fence", "wall", "ditch", "ridge", "edge"]
 
 MIN_PIECE_COSINE: Final = math.cos(math.radians(6.0))

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from furrowmap.core.features.eigenfeatures import Eigenfeatures, eigen
 from furrowmap.core.features.neighbours import PointColumns, first_above, sort_into_columns
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.extents import bounds
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MAX_NORMAL_DEG: Final = 25.0

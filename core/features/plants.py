@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 CROWN_CELL_M: Final = 0.25
 MIN_PLANT_HEIGHT_M: Final = 0.3

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.features.classes import Feature
 from furrowmap.core.features.neighbours import first_above, sort_into_columns
+from furrowmap.core.runtime.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 VOTED: Final = (Feature.HORIZONTAL_PLANE, Feature.VERTICAL_PLANE, Feature.LINE, Feature.SCATTER)

@@ -9,9 +9,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.extents import bounds
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 

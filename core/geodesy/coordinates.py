@@ -6,18 +6,16 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.geodesy.height_system import GEOIDS_OF_JAPAN, height_system
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m, name_of
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.pose_track import PoseTrack
-
-FloatArray = NDArray[np.float64]
 
 JGD2000_UNTIL_S: Final = 1_319_122_800.0
 """21 October 2011 in Japan: since then survey results and network corrections are in JGD2011."""

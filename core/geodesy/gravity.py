@@ -5,11 +5,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.earth import SEMI_MAJOR_M
-
-FloatArray = NDArray[np.float64]
 
 EARTH_RATE_RADPS: Final = 7.292115e-5
 _GRS80_ECCENTRICITY_2: Final = 0.00669438002290

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 from pyproj.crs import CompoundCRS
 from pyproj.database import query_crs_info
@@ -17,10 +16,9 @@ from pyproj.enums import PJType
 from pyproj.exceptions import CRSError, ProjError
 from pyproj.transformer import TransformerGroup
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.values.session import ELLIPSOIDAL
-
-FloatArray = NDArray[np.float64]
 
 GEOIDS_OF_JAPAN: Final = {"GSIGEO2011": "JGD2011", "JPGEO2024": "JGD2024"}
 """Geoid models of Japan, and the realisation whose ellipsoidal heights each applies to."""

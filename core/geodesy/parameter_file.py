@@ -22,10 +22,9 @@ import jgdtrans
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.foreign_content import binary_kind
-
-FloatArray = NDArray[np.float64]
 
 YEAR: Final = "SemiDynaEXE"
 QUARTER: Final = "POS2JGD"

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import CRS, Proj, Transformer
 from pyproj.exceptions import CRSError
 
@@ -17,11 +16,10 @@ from furrowmap.core.geodesy.gravity import radius_m
 from furrowmap.core.geodesy.height_system import ABOVE_ELLIPSOID, HeightSystem, height_system
 from furrowmap.core.geodesy.parameter_file import BETWEEN_EPOCHS, ParameterFile, read_parameters
 from furrowmap.core.geodesy.stated_frame import StatedFrame, stated_frame
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs
-
-FloatArray = NDArray[np.float64]
 
 MAX_SCALE_ERROR = 1e-3
 """Largest scale error of a map: a metre in a kilometre, two and a half times that of UTM."""

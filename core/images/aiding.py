@@ -25,6 +25,7 @@ from furrowmap.core.images.features import consecutive, feature_store, without
 from furrowmap.core.images.frames import frame_poses
 from furrowmap.core.images.ties import Ties, overlapping, thinned, tracks
 from furrowmap.core.readers.exif import image_size
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.trajectory.located import Located
@@ -32,8 +33,6 @@ from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import CONTRADICTING, Images
 from furrowmap.core.values.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 MIN_IMAGES: Final = 3
 MIN_CONTROL_POINTS: Final = 3

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, diags, hstack, identity
 from scipy.sparse.linalg import spsolve
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 DARKEST, BRIGHTEST = 6.0, 248.0
 """Levels beyond are cut off, or mostly noise."""

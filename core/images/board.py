@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.images.projection import project
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.camera import Camera
 
@@ -101,8 +102,6 @@ def _linear(
     shared = np.concatenate([slopes, -np.einsum("nmij,njk->nmik", slopes, rotation)], axis=-1)
     return corners - pixels, own, shared
 
-
-FloatArray = NDArray[np.float64]
 
 ON_BODY, ON_MOUNT = "body", "mount"
 """Where the board is; the camera is on the other."""

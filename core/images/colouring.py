@@ -16,6 +16,7 @@ from furrowmap.core.images.projection import pixel_of
 from furrowmap.core.images.visibility import MIN_DISTANCE_M, SLACK_M, Visibility, VisibilityMaker
 from furrowmap.core.readers.exif import read_pixels
 from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
@@ -151,8 +152,6 @@ def reduction_for(count: int, camera: Camera) -> int:
         reduction *= 2
     return reduction
 
-
-FloatArray = NDArray[np.float64]
 
 TIME_S: Final = 30.0
 """A frame so much farther in time counts as twice as far in space."""

@@ -13,6 +13,7 @@ from furrowmap.core.images.block_adjustment import AdjustedBlock, ImageBlock, Kn
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.readers.exif import read_pixels
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.images import ImageFile
 
@@ -84,8 +85,6 @@ def _score(grey: NDArray[np.float32], first: NDArray[np.int_], last: NDArray[np.
         out[(phases[0] * other.conj()).real < 0.5 * np.abs(phases[0] * other)] = 0.0
     return out
 
-
-FloatArray = NDArray[np.float64]
 
 SIGMA_M: Final = 0.005
 """Standard deviation of a surveyed point whose table states none."""

@@ -8,9 +8,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.camera import Camera
-
-FloatArray = NDArray[np.float64]
 
 UNDISTORT_ITERATIONS: Final = 20
 CONVERGED: Final = 1e-12

@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from furrowmap.core.images.frames import FramePoses
 from furrowmap.core.images.projection import inside, project, unproject
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.camera import Camera
 
 OVERLAP_GRID: Final = (9, 7)
@@ -60,7 +61,6 @@ def _most_shared(pairs: NDArray[np.intp], shares: FloatArray, count: int) -> lis
     return sorted(out)
 
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 TIE_GRID: Final = (12, 9)

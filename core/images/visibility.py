@@ -18,8 +18,7 @@ from scipy.ndimage import minimum_filter
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.images.projection import pixel_of
 from furrowmap.core.runtime import arrays
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 CELL_PX: Final = 4
 MAX_DEPTH_CELLS: Final = 256

@@ -31,8 +31,7 @@ from furrowmap.core.estimation.registration import (
     plane_row,
 )
 from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, HeightGrid
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 NOISE_M: Final = 0.012
 """Standard deviation of a return's height against a surface: range noise, and relief finer than the cells."""

@@ -17,9 +17,8 @@ from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.surface import TilePassage, layers, passage_of
 from furrowmap.core.matching.walls import PlacedUpright, UprightReturns
 from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.scan import LaserRanges, shortened
-
-FloatArray = NDArray[np.float64]
 
 GUARD_S: Final = 0.3
 TOOL_MARGIN_M: Final = 0.15

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.knots import Chain, Knots
+from furrowmap.core.runtime.arrays import FloatArray
 
-FloatArray = NDArray[np.float64]
 Found = TypeVar("Found")
 Portion = tuple[int, slice]
 """Number of a chain, and which of the returns."""

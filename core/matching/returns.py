@@ -13,13 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.matching.walls import UPRIGHT_RATE_HZ, UprightReturns, no_upright, select_upright
-from furrowmap.core.runtime.arrays import scratch_file, zeros
+from furrowmap.core.runtime.arrays import FloatArray, scratch_file, zeros
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Motion, Trajectory
-
-FloatArray = NDArray[np.float64]
 
 MAX_GROUND_RANGE_M: Final = 12.0
 """Further away the rings lie metres apart and graze the ground."""

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime import arrays
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 TILE_BITS: Final = 5
 TILE_NODES: Final = 1 << TILE_BITS

@@ -32,8 +32,7 @@ from furrowmap.core.estimation.registration import (
 )
 from furrowmap.core.matching.ground import ChainPoses
 from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, Tiles, tiles_over
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 MIN_WALL_RANGE_M: Final = 1.5
 MAX_WALL_RANGE_M: Final = 40.0

@@ -19,6 +19,7 @@ from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Cl
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray, RecordSpool, Square, square_keys, square_of
@@ -35,8 +36,6 @@ from furrowmap.core.surfaces.outliers import (
 )
 from furrowmap.core.values.extents import bounds
 from furrowmap.core.values.scan import PointClass
-
-FloatArray = NDArray[np.float64]
 
 SMRF: Final = Smrf()
 BLOCK_M: Final = 128.0

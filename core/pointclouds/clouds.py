@@ -20,11 +20,10 @@ from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.values.crs import full_name_of
 from furrowmap.core.values.scan import PointClass
-
-FloatArray = NDArray[np.float64]
 
 SAME_PLACE_M: Final = 1e-4
 NOISE_CLASSES: Final = (7, 18)

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.areas.area import Area
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.rotation import Mounting, quaternion_to_matrix
 from furrowmap.core.values.scan import PointClass, Scan
 from furrowmap.core.values.trajectory import Motion, ScanPoses, Trajectory
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,19 +6,17 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_file import TIME_COLUMN, TIMES, Column, CsvFile, head_columns, names_a_position
 from furrowmap.core.readers.epochs import utc_of
 from furrowmap.core.readers.inertial_rows import attitude_facts, attitude_track
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.pose_track import GRID_NORTH, MAGNETIC_NORTH, TRUE_NORTH, UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.scan import Clock
-
-FloatArray = NDArray[np.float64]
 
 LEVEL_COLUMNS: Final = ("roll_deg", "pitch_deg")
 NORTHS: Final = {

@@ -11,13 +11,11 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.foreign_content import binary_kind
-
-FloatArray = NDArray[np.float64]
 
 TIMES: Final = {"time_unix_s": "unix", "time_gps_s": "gps"}
 """Columns of time, the preferred one first, and their time scales."""

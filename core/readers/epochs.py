@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import (
     DAY_S,
@@ -26,8 +27,6 @@ from furrowmap.core.values.clock import (
     unroll,
     utc_to_gps_s,
 )
-
-FloatArray = NDArray[np.float64]
 
 MAX_BACKWARD_SHARE: Final = 0.05
 """Largest share of epochs out of order in the log of one receiver."""

@@ -8,12 +8,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.earth import earth_centred_m
 from furrowmap.core.values.gnss import GnssTrack
-
-FloatArray = NDArray[np.float64]
 
 MAX_FROM_MIDDLE_M: Final = 100_000.0
 """Positions further than this from the median of all are kept only if steps of :data:`MAX_STEP_M` lead to them."""

@@ -10,12 +10,10 @@ from itertools import permutations, product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
-
-FloatArray = NDArray[np.float64]
 
 MAX_GRAVITY_DEVIATION: Final = 0.05
 """Share by which the mean specific force may differ from gravity: biases are below 30 mg, slow motion adds little."""

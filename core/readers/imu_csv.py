@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.readers.attitude_csv import LEVEL_COLUMNS, NORTHS, AttitudeCsv
 from furrowmap.core.readers.csv_file import TIME_COLUMN, TIMES, Column, CsvFile, head_columns
@@ -17,13 +16,12 @@ from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.inertial_rows import MAX_FORCE_MPS2, MAX_RATE_RADPS, inertial_facts, inertial_track
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, look
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.inertial import STANDARD_GRAVITY_MPS2, InertialTrack
 from furrowmap.core.values.pose_track import AttitudeTrack
 from furrowmap.core.values.scan import Clock
-
-FloatArray = NDArray[np.float64]
 
 _LIMITS: Final = {"gyro": MAX_RATE_RADPS, "force": MAX_FORCE_MPS2}
 _RATES: Final = {"dps": np.pi / 180.0, "deg_s": np.pi / 180.0, "radps": 1.0, "rad_s": 1.0}

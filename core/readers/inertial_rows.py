@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.facts import timing_facts, utc_facts
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import runs_forward
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import AttitudeTrack
-
-FloatArray = NDArray[np.float64]
 
 MAX_LATE_SHARE: Final = 0.01
 MAX_RATE_RADPS: Final = 100.0

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_file import TIME_COLUMN, TIMES, Column, CsvFile, head_columns
 from furrowmap.core.readers.epochs import utc_of
@@ -17,11 +16,10 @@ from furrowmap.core.readers.facts import utc_facts
 from furrowmap.core.readers.line_points import MAX_RANGE_M, mostly_invalid, sweep
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.scan import Clock, Scan
-
-FloatArray = NDArray[np.float64]
 
 ANGLE: Final = Column({"angle_deg": np.pi / 180.0, "angle_rad": 1.0})
 RANGE: Final = Column({"range_m": 1.0, "range_mm": 1e-3}, sparse=True)

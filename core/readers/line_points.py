@@ -7,10 +7,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.scan import Scan
-
-FloatArray = NDArray[np.float64]
 
 MAX_RANGE_M: Final = 2000.0
 """No scanner on a machine sees as far; farther ranges are damaged or not metres."""

@@ -9,16 +9,14 @@ from typing import Any, Final
 
 import numpy as np
 import pyproj
-from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.areas.area import nothing_within, read_area
 from furrowmap.core.readers.areas.polygon_file import horizontal_part
 from furrowmap.core.readers.text_table import TextTable, read_table
 from furrowmap.core.readers.vector_file import named_by_content
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
-
-FloatArray = NDArray[np.float64]
 
 MAX_SURVEY_BYTES: Final = 50_000_000
 _SURVEY_COLUMNS: Final = {

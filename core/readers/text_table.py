@@ -13,14 +13,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.readers.zipped_layer import ZIP
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.foreign_content import binary_kind
 from furrowmap.core.runtime.limits import expect_growth, expect_memory
-
-FloatArray = NDArray[np.float64]
 
 MAX_SHEET_BYTES: Final = 20_000_000
 _OLE: Final = b"\xd0\xcf\x11\xe0"

@@ -7,10 +7,9 @@ from typing import Final
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 _SWEEPS: Final = 12
 

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import distance_transform_edt, grey_opening, map_coordinates
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.tiles import tiles
 
-FloatArray = NDArray[np.float64]
 GroundMethod = Literal["smrf", "csf"]
 
 FILTER_TILE_M: Final = 128.0

@@ -15,11 +15,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.ground import Smrf, ground_cells
 from furrowmap.core.values.scan import PointClass
-
-FloatArray = NDArray[np.float64]
 
 _GROUND, _NOISE = np.uint8(PointClass.GROUND), np.uint8(PointClass.NOISE)
 _VEHICLE, _IMPLEMENT = np.uint8(PointClass.VEHICLE), np.uint8(PointClass.IMPLEMENT)

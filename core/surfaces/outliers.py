@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.record_spool import Square
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool, TilePoints
 from furrowmap.core.surfaces.tiles import tiles
 
-FloatArray = NDArray[np.float64]
 Outliers = Literal["none", "radius", "statistical"]
 
 OUTLIER_REACH_M: Final = 5.0

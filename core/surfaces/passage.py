@@ -10,9 +10,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid
-
-FloatArray = NDArray[np.float64]
 
 STEPS_A_CHUNK: Final = 32
 """Steps per block of the spatial index: some metres of path."""

@@ -13,11 +13,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.record_spool import RecordSpool, Square, square_keys, square_of
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.statistic import Statistic, cell_surface
-
-FloatArray = NDArray[np.float64]
 
 SPOOL_TILE: Final = 256
 """Cells a side, so that a cell index has 16 bits."""

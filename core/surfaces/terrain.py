@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid, Surface
 
-FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
 PLOT_M: Final = 1.0

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.work.sweep import PassTimes
-
-FloatArray = NDArray[np.float64]
 
 SETTLING_S: Final = 1.0
 """Time at both ends of a pass in which the tool still moves."""

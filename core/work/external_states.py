@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import GivesStates, ReadOptions, open_recording
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import ClockReading, likely_offset
@@ -18,8 +19,6 @@ from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Trajectory
-
-FloatArray = NDArray[np.float64]
 
 NEAR_S: Final = 0.5
 """Shorter differences come from different thresholds of a transition."""

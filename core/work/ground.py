@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from pyproj import Proj
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
@@ -90,9 +90,6 @@ def hours(trajectory: Trajectory, states: ToolStates, begin_s: float, end_s: flo
         ~placed,
     ]
     return Hours(float(end_s - begin_s), *(float(length[part].sum()) for part in spent))
-
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

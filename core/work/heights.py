@@ -10,13 +10,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.work.model import CELL_X_M, CELL_Z_M, SeenImplement, fit_height
 from furrowmap.core.work.near_scans import column_of
 from furrowmap.core.work.views import AGREE_M, CUT_M, CUT_PER_M, FEWEST_POINTS, FEWEST_SHARE, MIN_PROFILE_GAIN, TOP_M
-
-FloatArray = NDArray[np.float64]
 
 _BEYOND_M: Final = 0.2
 """Search range below the working and above the lifted position."""

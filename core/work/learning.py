@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.work.levels import MIN_LEVEL_SCANS, MOVED_M, find_positions
@@ -140,8 +141,6 @@ def _showing(found: Found, state: ToolState) -> list[int]:
     off = np.where(heights.sure, np.abs(heights.height_m - level), np.inf)
     return [int(k) for k in np.argsort(off, kind="stable")[:_IMAGES]]
 
-
-FloatArray = NDArray[np.float64]
 
 _SEARCH_REGION_M: Final[Box] = (-9.0, 4.0, -4.5, 4.5)
 _CALM_M: Final = 0.03

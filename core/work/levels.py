@@ -7,11 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.work.model import Levels
 from furrowmap.core.work.views import Heights, Views
-
-FloatArray = NDArray[np.float64]
 
 MOVED_M: Final = 0.10
 """Least travel of a tool; less is a swinging frame."""

@@ -10,10 +10,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.tool_states import ToolState
-
-FloatArray = NDArray[np.float64]
 
 CELL_X_M: Final = 0.10
 CELL_Z_M: Final = 0.02

@@ -11,9 +11,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.work.sweep import Sweep
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 TOLERANCE_M: Final = 0.005

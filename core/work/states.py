@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit, ndtr
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.heights import ToolHeights
 from furrowmap.core.work.levels import SHORTEST_S
 from furrowmap.core.work.model import SeenImplement
-
-FloatArray = NDArray[np.float64]
 
 # Longest time out of sight without an unknown state, longest motion out of view, least absence that is not occlusion.
 _GAP_S: Final = 1.5

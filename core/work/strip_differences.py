@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.cell_heights import LEAST_IN_GROUP, CellHeights, cell_heights, smooth_groups
 from furrowmap.core.adjustment.strips import CELL_M, StripReturns
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.visits import SwathDifferences, SwathSums
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.time_span import Interval, interval_numbers
 
-FloatArray = NDArray[np.float64]
 Numbers = NDArray[np.int64]
 
 MOST_ROWS: Final = 20_000

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.smoothing import smooth_path
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
-
-FloatArray = NDArray[np.float64]
 
 LINE_EVERY_M: Final = 0.1
 MIN_SWEEP_STEP_M: Final = 0.02

@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.motion import length_m
 from furrowmap.core.values.rotation import quaternion_to_matrix
 from furrowmap.core.values.session import Implement
@@ -17,8 +17,6 @@ from furrowmap.core.values.time_span import interval_numbers
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
 from furrowmap.core.work.sweep import pass_times
-
-FloatArray = NDArray[np.float64]
 
 LINE_TOLERANCE_M: Final = 0.02
 """A line that shows where the tool was has as few vertices as leave it this near to its way."""

@@ -18,12 +18,12 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 from furrowmap.core.values.trajectory import SIGMA_NAMES, Trajectory
 from furrowmap.core.work.ribbon import Ribbon
 from furrowmap.core.work.sweep import Sweep
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
 
 HEADING_CORRELATION_S: Final = 3.0

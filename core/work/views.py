@@ -10,10 +10,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.work.model import CELL_X_M, CELL_Z_M, Box, Plane, SideTemplate, SideViewGrid, fit_height
 from furrowmap.core.work.near_scans import NearScan
-
-FloatArray = NDArray[np.float64]
 
 CUT_M: Final = 0.15
 CUT_PER_M: Final = 0.03

@@ -9,9 +9,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid
-
-FloatArray = NDArray[np.float64]
 
 AGAIN_M: Final = 2.0
 """A wheel that comes back to a spot within so much driving, as where it stands or turns about, passes it once."""

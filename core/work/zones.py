@@ -12,13 +12,12 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.ribbon import Ribbon
 from furrowmap.core.work.shapes import areal, closed, parts
 from furrowmap.core.work.sweep import Sweep, tool_line
-
-FloatArray = NDArray[np.float64]
 
 TURN_RAD: Final = np.radians(60.0)
 """Between two passes whose headings differ by less the tool was lifted, but the machine did not turn."""

@@ -20,11 +20,11 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from pyproj import CRS
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 
-FloatArray = NDArray[np.float64]
 RowColumns = Mapping[str, Any]
 
 ROW_GROUP: Final = 65_536

@@ -22,6 +22,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.readers.isoxml.files import MAIN
 from furrowmap.core.readers.isoxml.time_log import EPOCH_S
 from furrowmap.core.readers.isoxml.work import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA, WORK_STATE
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.rotation import attitude_to_quaternion, quaternion_to_matrix
@@ -33,8 +34,6 @@ from furrowmap.exporters.files.staging import staged_folder
 
 if TYPE_CHECKING:
     import geopandas as gpd
-
-FloatArray = NDArray[np.float64]
 
 WGS84: Final = Geod(ellps="WGS84")
 

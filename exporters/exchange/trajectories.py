@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import CRS, Geod, Proj, Transformer
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.values.clock import WEEK_S, utc_to_gps_s
 from furrowmap.core.values.rotation import attitude_to_quaternion
@@ -16,8 +16,6 @@ from furrowmap.core.values.session import ELLIPSOIDAL
 from furrowmap.core.values.trajectory import SIGMA_NAMES
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import TRAJECTORY, ResultFolder
-
-FloatArray = NDArray[np.float64]
 
 SBET: Final = "sbet"
 TRAJECTORIES: Final = {SBET: ".sbet", "tum": ".tum", "poses": ".csv"}

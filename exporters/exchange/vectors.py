@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Final
 from zoneinfo import ZoneInfo
 
 import numpy as np
-from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.runtime.file_names import inside
 from furrowmap.exporters.exchange.kml import write_kml
@@ -42,7 +42,6 @@ DIGITS_DEG: Final = 9
 _SHAPEFILE_NAME_BYTES: Final = 10
 """Maximum length of a field's name in a Shapefile."""
 
-FloatArray = NDArray[np.float64]
 Layers = Mapping[str, "gpd.GeoDataFrame"]
 
 

@@ -21,6 +21,7 @@ from rasterio.vrt import WarpedVRT
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.work.field_surfaces import BESIDE_M
@@ -28,7 +29,6 @@ from furrowmap.exporters.farm.surface_file import SurfaceFile, horizontal, surfa
 from furrowmap.exporters.files.result_folder import DSM, DSM_BEFORE, ResultFolder
 from furrowmap.exporters.rasters.windows import shared_cells, window
 
-FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
 MIN_MOVE_SIGMA: Final = np.array([0.01, 0.01, 0.02, 1e-3, 1e-3, 2e-3])

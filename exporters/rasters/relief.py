@@ -12,7 +12,8 @@ from laspy.copc import Bounds
 from numpy.typing import NDArray
 from scipy import ndimage
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
+
 Box = tuple[float, float, float, float]
 """West, south, east, north."""
 

@@ -15,13 +15,13 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.dates.ground_pair import GroundPair
 from furrowmap.core.dates.moved_surface import move_surface, reach_cells
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import CHANGE_BANDS, HEIGHT_BAND, STANDARD_ERROR_BAND, cog_output
 from furrowmap.exporters.rasters.dated_surface import ERROR_INDEX, SPREAD_INDEX, OpenSurface, cells_inside
 from furrowmap.exporters.rasters.windows import shared_cells, windows
 
-FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
 
 PIECE_CELLS: Final = 500

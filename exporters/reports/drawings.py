@@ -11,6 +11,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.visits import BIN_M, BINS, SwathDifferences
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState
@@ -30,8 +31,6 @@ from furrowmap.exporters.reports.svg import (
     rectangle,
     segment,
 )
-
-FloatArray = NDArray[np.float64]
 
 MAP_MARGIN_M: Final = 2.0
 MAX_NUMBERED_PASSES: Final = 60

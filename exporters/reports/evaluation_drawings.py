@@ -9,15 +9,13 @@ from typing import Final
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from furrowmap.core.checking.evaluation import Evaluation
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.earth import SEMI_MAJOR_M
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.reports.drawings import fix_colour
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Sheet, TimeAxis, curve, drawing, rectangle
-
-FloatArray = NDArray[np.float64]
 
 MAX_TRACK_POINTS: Final = 4000
 """Most points of a track on the map of several services."""

@@ -6,12 +6,10 @@ from html import escape
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.session.frames import BASE, FrameTree
 from furrowmap.exporters.reports.svg import element, segment
-
-FloatArray = NDArray[np.float64]
 
 SHEET_WIDTH: Final = 760.0
 VIEW_HEIGHT: Final = 340.0

@@ -13,10 +13,10 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.exporters.rasters.images import data_uri
 from furrowmap.exporters.rasters.relief import Box, ShadedRelief
 
-FloatArray = NDArray[np.float64]
 Number = float | FloatArray
 """A coordinate; an array has a single value."""
 

@@ -11,12 +11,10 @@ from typing import Final
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from furrowmap.core.crops.response import Response
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Number, corners, drawing, element, rectangle, segment
-
-FloatArray = NDArray[np.float64]
 
 CHART_HEIGHT: Final = 380.0
 GROUP_COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#444444")

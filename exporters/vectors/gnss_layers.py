@@ -7,14 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from furrowmap.core.checking.evaluation import Evaluation
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.earth import earth_centred_m, east_north_up, geodetic
 from furrowmap.core.values.gnss import Fix
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts, times
-
-FloatArray = NDArray[np.float64]
 
 
 def gnss_layers(evaluations: Mapping[str, Evaluation]) -> list[Layer]:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.images.board import (
     ON_BODY,
@@ -21,6 +20,7 @@ from furrowmap.core.images.board import (
 )
 from furrowmap.core.readers.exif import exif_images, expect_pillow, read_pixels
 from furrowmap.core.readers.image_table import is_image_table, read_image_table
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
@@ -31,8 +31,6 @@ from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import Images
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.exporters.files.atomic import atomic_output
-
-FloatArray = NDArray[np.float64]
 
 IMAGE_SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
 MOUNT_HEADER: Final = "time_unix_s,roll_deg,pitch_deg,yaw_deg,sigma_deg,rms_px"

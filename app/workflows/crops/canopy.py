@@ -21,6 +21,7 @@ from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, s
 from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
 from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
@@ -48,8 +49,6 @@ from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, wr
 from furrowmap.settings import CanopySettings
 from furrowmap.workflows.clouds.inputs import input_records, input_rows
 from furrowmap.workflows.clouds.surface import ground_method, no_warning
-
-FloatArray = NDArray[np.float64]
 
 MAX_PIXEL_M: Final = 1.0
 GROUND_REACH_M: Final = 20.0

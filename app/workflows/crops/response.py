@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.crops.growth import Growth, growth_of
 from furrowmap.core.crops.logistic import Logistic
@@ -34,6 +33,7 @@ from furrowmap.core.crops.trial_tables import (
     read_treatments,
     with_treatments,
 )
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.values.parcel import Parcel
@@ -43,8 +43,6 @@ from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.files.workbook import write_workbook
 from furrowmap.exporters.reports.trial_charts import ParcelValues, category_chart, response_chart, standalone
 from furrowmap.settings import ResponseSettings
-
-FloatArray = NDArray[np.float64]
 
 RESPONSE_REPORT: Final = "response.json"
 

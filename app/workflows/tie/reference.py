@@ -10,20 +10,18 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.dates.pair_tie import PLACE_TERMS, PairTie, tie_pair, tie_points
 from furrowmap.core.readers.surveyed_points import SurveyOptions
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.farm.surface_file import heights_of, same_map, surface_file
 from furrowmap.exporters.rasters.dated_surface import DatedSurface, OpenSurface, resample_surface
 from furrowmap.exporters.rasters.tied_surfaces import ground_pairs
 from furrowmap.workflows.clouds.check import TABLES
-
-FloatArray = NDArray[np.float64]
 
 CELL_SIGMA_M: Final = 0.01
 """Of a surface at a point: the roughness of the ground below the surveyor's rod."""

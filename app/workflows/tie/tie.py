@@ -13,7 +13,6 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
@@ -22,6 +21,7 @@ from furrowmap.core.dates.network import MOVE_SIZE, Network, adjust_network, int
 from furrowmap.core.dates.pair_tie import PLACE_TERMS, PairTie, tie_pair
 from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
@@ -52,8 +52,6 @@ from furrowmap.exporters.vectors.tie_layers import tie_layers
 from furrowmap.settings import TieSettings
 from furrowmap.workflows.clouds.surface import no_warning
 from furrowmap.workflows.tie.reference import Reference, open_reference, reference_tie
-
-FloatArray = NDArray[np.float64]
 
 MAX_DATES_APART: Final = 4
 """Dates between which ties are looked for: each with so many of those after it."""

@@ -15,9 +15,9 @@ from pyproj import CRS
 from furrowmap.core.readers.areas.polygon_file import polygons_on_map
 from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 
-FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 MANY_POLYGONS: Final = 50

@@ -11,7 +11,8 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
+
 IntArray = NDArray[np.int64]
 
 _RING_CELL_M: Final = 0.5

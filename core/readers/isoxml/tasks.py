@@ -16,11 +16,10 @@ from furrowmap.core.readers.isoxml.content import Partfield, Task, TaskData, rea
 from furrowmap.core.readers.isoxml.files import TaskFiles
 from furrowmap.core.readers.isoxml.time_log import TimeLog, read_time_log
 from furrowmap.core.readers.isoxml.work import logged_work
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.tool_states import ToolState, ToolStates
-
-FloatArray = NDArray[np.float64]
 
 MAX_HOLD_S: Final = 15.0
 """Longest time that a state is assumed to last without another record."""

@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.isoxml.xml import parse_xml
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S
-
-FloatArray = NDArray[np.float64]
 
 EPOCH_S: Final = 315_532_800
 """1980-01-01, day 0, in POSIX seconds."""

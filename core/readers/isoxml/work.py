@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.isoxml.content import PARALLEL, DeviceElement
 from furrowmap.core.readers.isoxml.time_log import TimeLog
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.session import MAX_IMPLEMENT_WIDTH_M
 from furrowmap.core.values.tool_states import ToolState
-
-FloatArray = NDArray[np.float64]
 
 ACTUAL_WIDTH: Final = 67
 """Actual working width, mm; the numbers are those of ISO 11783-11's data dictionary."""

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.header import LasHeader
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import DAY_S, GPS_EPOCH_S, LAS_STANDARD_OFFSET_S, WEEK_S, las_time_to_utc
-
-FloatArray = NDArray[np.float64]
 
 TIME_SAMPLE: Final = 1024
 """Number of points at the start of a file from which the meaning of its times is derived."""

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.gps_time import LasClock
 from furrowmap.core.readers.las.header import LasHeader
-
-FloatArray = NDArray[np.float64]
+from furrowmap.core.runtime.arrays import FloatArray
 
 _WITHHELD: Final = (0x80, 0x04)
 """Bit of withheld points: in the classification of formats 0 to 5, in the flags of later ones."""

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.points import CloudBatch
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.extents import bounds
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass

@@ -24,11 +24,10 @@ from furrowmap.core.readers.nmea.sentences import FIELDS, Kind, SentenceCounts, 
 from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, byte_place
 from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, unroll
 from furrowmap.core.values.gnss import Fix, GnssTrack
-
-FloatArray = NDArray[np.float64]
 
 MAX_OTHER_SHARE: Final = 0.5
 """Largest share of other bytes in a file that is recognised by its sentences alone."""

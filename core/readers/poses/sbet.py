@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.poses.file import PoseFile, RawPoses
 from furrowmap.core.readers.source import Head, Source, cut_notice
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 SBET_FIELDS: Final = 17
 RECORD_BYTES: Final = 8 * SBET_FIELDS

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.line_points import MAX_RANGE_M
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S
 from furrowmap.core.values.scan import Clock, Scan
-
-FloatArray = NDArray[np.float64]
 
 _DATATYPES: Final = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 FIELD_NAMES: Final = {

@@ -21,12 +21,11 @@ from furrowmap.core.readers.messages import MESSAGE_CHUNK_BYTES
 from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, file_at
 from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import geodetic, variances_enu
 from furrowmap.core.values.gnss import Fix
-
-FloatArray = NDArray[np.float64]
 
 POS_FIXES: Final = {1: Fix.FIXED, 2: Fix.FLOAT, 3: Fix.DGPS, 4: Fix.DGPS, 5: Fix.SINGLE, 6: Fix.PPP, 7: Fix.ESTIMATED}
 """Quality of a position by its flag Q (fix, float, SBAS, DGPS, single, PPP, dead reckoning)."""

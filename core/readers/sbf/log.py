@@ -13,12 +13,11 @@ from furrowmap.core.readers.framing import CRC, Framing
 from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, layout
 from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.earth import east_north_up, geodetic, variances_enu
 from furrowmap.core.values.gnss import Fix
-
-FloatArray = NDArray[np.float64]
 
 GEODETIC, CARTESIAN, COV_GEODETIC, COV_CARTESIAN, ATTITUDE, DOP = 4007, 4006, 5906, 5905, 5938, 4001
 """Numbers of the blocks that are read."""

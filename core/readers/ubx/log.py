@@ -14,11 +14,10 @@ from furrowmap.core.readers.framing import FLETCHER, Framing
 from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, layout, paired
 from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s, nearest_in_cycle, utc_to_gps_s
 from furrowmap.core.values.gnss import Fix
-
-FloatArray = NDArray[np.float64]
 
 PVT, HPPOSLLH, COV, DOP, STATUS, TIMEGPS, TIMEUTC, RAWX, RELPOSNED = (
     0x0107, 0x0114, 0x0136, 0x0104, 0x0103, 0x0120, 0x0121, 0x0215, 0x013C,

@@ -13,12 +13,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.readers.messages import MessageCounts
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
-
-FloatArray = NDArray[np.float64]
 
 SYNC: Final = 0xFA
 MAX_MESSAGE_BYTES: Final = 2048

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, inertial_facts, inertial_track
@@ -17,14 +16,13 @@ from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
 from furrowmap.core.readers.vectornav.binary import ROW_COLUMNS, SYNC, BinaryMessages
 from furrowmap.core.readers.vectornav.sentences import MEASURED_FIELDS, AsciiSentences
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import gps_to_utc_s
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.scan import Clock
-
-FloatArray = NDArray[np.float64]
 
 
 class _VectorNav(FileReader, ABC):

@@ -15,12 +15,10 @@ from operator import xor
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.readers.messages import MESSAGE_CHUNK_BYTES, MessageCounts
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.clock import WEEK_S
-
-FloatArray = NDArray[np.float64]
 
 _SENTENCE: Final = re.compile(rb"([^$\r\n]{0,64})\$(VN[A-Z]{3}),([^*$\r\n]{1,400})\*([0-9A-Fa-fX]{2,4})")
 MEASURED_FIELDS: Final = {b"VNIMU": (6, 3, 11), b"VNYMR": (9, 6, 12), b"VNMAR": (6, 3, 9)}

@@ -18,11 +18,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc, nearest_in_cycle
 from furrowmap.core.values.scan import Clock
-
-FloatArray = NDArray[np.float64]
 
 POSITION_BYTES: Final = 512
 """Length of a position packet's payload."""

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.velodyne.models import DUAL, MODELS, OTHER_PRODUCTS, RETURN_WORDS, STRONGEST, Model
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 
-FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
 _RATE_TOLERANCE: Final = 0.02

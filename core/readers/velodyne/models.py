@@ -15,9 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
-
-FloatArray = NDArray[np.float64]
 
 PACKET_BYTES: Final = 1206
 """Length of a data packet's payload: 12 blocks of 100 bytes, the stamp, and two factory bytes."""
