@@ -199,11 +199,7 @@ class ParcelSettings:
 
 
 def soil_file(source: str | Path) -> Path | None:
-    """The file with the soil of another survey; None where it is that around the parcels.
-
-    Raises:
-        InputError: if there is no such file, or a folder has none.
-    """
+    """The file with the soil of another survey; None where it is that around the parcels."""
     from furrowmap.core.values.parcel import SOIL_METHODS
     from furrowmap.exporters.files.result_folder import CLOUD, DSM, DTM
 

@@ -39,10 +39,7 @@ _DEFAULT_COLOURS: Final = ("ff404040", "40ffffff")
 
 @dataclass(frozen=True)
 class _KmlStyles:
-    """Styles of a layer: the field that decides (None if all features look alike), and the colours by its text.
-
-    The colours of all other values are those of the text "".
-    """
+    """The field that decides on the style (None: all look alike), and colours by its text; "" for all other values."""
 
     attribute: str | None
     by_value: Mapping[str, tuple[str, str]]
@@ -56,10 +53,7 @@ class _KmlStyles:
 def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin, zone: ZoneInfo) -> list[Notice]:
     """Write one KML file with a folder a layer; the trajectory becomes a line for each quality of its positions.
 
-    Args:
-        layers: in WGS 84; heights are left out, as viewers relate them to their own terrain model.
-        origin: provenance, with the title of the document.
-        zone: time zone of the times in fields.
+    Layers are in WGS 84; heights are left out, as viewers relate them to their own terrain model.
     """
     root = ET.Element("kml", xmlns=_NAMESPACE)
     document = ET.SubElement(root, "Document")

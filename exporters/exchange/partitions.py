@@ -72,13 +72,7 @@ POSE_SCHEMA: Final = pa.schema(
 
 @dataclass
 class Partition:
-    """The files of one session in one folder; a new one begins when one is full.
-
-    Args:
-        folder: of the date, made if it does not exist.
-        name: of the files before their number.
-        crs: of the coordinates, without heights.
-    """
+    """The files of one session in the folder of a date; a new one begins when one is full."""
 
     folder: Path
     name: str
@@ -102,11 +96,7 @@ class Partition:
         self._stack.__exit__(*error)
 
     def write(self, xyz_m: FloatArray, columns: RowColumns) -> None:
-        """Write rows, those near each other together.
-
-        Args:
-            columns: (n,) arrays by name, or None; those without one here are empty.
-        """
+        """Write rows, those near each other together; columns (n,) that are missing are empty."""
         order = np.argsort(_morton(xyz_m), kind="stable")
         done = 0
         while done < len(order):

@@ -78,11 +78,7 @@ _IDENTIFIER_BYTES: Final = 200
 
 
 def run_item(report: dict[str, Any]) -> StacItem:
-    """The item of one run, with assets relative to it.
-
-    Args:
-        report: content of `report.json`; products without a media type here are left out.
-    """
+    """The item of one run from its `report.json`, with assets relative to it, of products with a media type."""
     figures, session, origin = report["figures"], report["session"], result_origin(report)
     (west, south, low), (east, north, high) = figures["bounds_m"]
     crs, frame = CRS.from_user_input(session["crs"]["map"]).to_2d(), stated_frame(session["crs"]["coordinates"])
@@ -128,11 +124,7 @@ def write_item(path: Path, report: dict[str, Any]) -> None:
 def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path) -> None:
     """Write a collection over many runs: `collection.json`, and an item each that points to the products.
 
-    Args:
-        target: final folder of the collection, to which the assets are relative.
-
-    Raises:
-        InputError: if two results are of the same session.
+    Assets are relative to `target`, the final folder of the collection.
     """
     items = [_linked_item(result.folder, result.report, target) for result in results]
     names = [item["id"] for item in items]
@@ -149,12 +141,7 @@ def write_collection(folder: Path, results: Sequence[ResultFolder], target: Path
 def write_season_catalogue(
     folder: Path, target: Path, collections: Mapping[str, tuple[str, Sequence[StacItem], Mapping[str, Any]]]
 ) -> None:
-    """Write `catalog.json`, and below `stac/` collections with their items.
-
-    Args:
-        target: final folder of the season.
-        collections: title, items and further fields of each, by its name.
-    """
+    """Write `catalog.json`, and below `stac/` collections with their items: title, items and further fields by name."""
     name = target.resolve().name or "season"
     for key, (title, items, more) in collections.items():
         place = folder / STAC_FOLDER / key
@@ -175,12 +162,7 @@ def season_session_item(folder: Path, report: dict[str, Any], date: dt.date, sea
 def tile_item(
     name: str, date: dt.date, span: DateSpan, crs: CRS, grid: Grid, rasters: Mapping[str, tuple[str, str, list[Any]]]
 ) -> StacItem:
-    """A tile of the mosaics of a date.
-
-    Args:
-        span: of its sessions.
-        rasters: path in the season's folder, title and bands (as STAC has them) of each product.
-    """
+    """A tile of the mosaics of a date; `rasters` has path, title and bands (as STAC has them) of each product."""
     shape = {"proj:shape": list(grid.shape), "proj:transform": [*grid.transform, 0.0, 0.0, 1.0]}
     item = _item(name, crs, grid.bounds_m, span, _season_properties(date) | shape, [_RASTER])
     for product, (path, title, bands) in rasters.items():
@@ -192,14 +174,7 @@ def tile_item(
 def table_item(
     name: str, date: dt.date, span: DateSpan, crs: CRS, bounds_m: Bounds, columns: object, files: Mapping[str, int]
 ) -> StacItem:
-    """The files of a table of a date.
-
-    Args:
-        span: of its sessions.
-        bounds_m: of all its rows.
-        columns: name and type of each.
-        files: number of rows of each, by its path in the season's folder.
-    """
+    """The files of a table of a date, by their path in the season's folder with their number of rows."""
     properties = _season_properties(date) | table_properties(columns) | {"table:row_count": sum(files.values())}
     item = _item(name, crs, bounds_m, span, properties, [_TABLE])
     for path, rows in files.items():

@@ -62,17 +62,9 @@ _STATE, _WIDTH = 0, 1
 
 
 def write_task_data(result: ResultFolder, target: Path) -> list[Notice]:
-    """Write the result of a run as task data.
+    """Write the result of a run as task data; the source of the boundary, and notices on the change of CRS.
 
-    Args:
-        target: the folder for TASKDATA.XML and the time log, or a `.zip` that holds them in a folder TASKDATA.
-
-    Returns:
-        The source of the boundary, and notices on the change of CRS.
-
-    Raises:
-        InputError: if the run has no worked ground, or a layer cannot be read.
-        RefusedError: if PROJ has no reliable transformation to WGS 84.
+    `target` is the folder for TASKDATA.XML and the time log, or a `.zip` that holds them in a folder TASKDATA.
     """
     implement = result.report["session"].get("implement")
     if implement is None or "passes" not in result.layer_names:

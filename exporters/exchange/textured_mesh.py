@@ -39,18 +39,9 @@ _QUALITY: Final = "88"
 
 
 def write_textured_mesh(target: Path, result: ResultFolder) -> list[Notice]:
-    """Write the surface model of a result with its orthophoto as a mesh.
+    """Write the surface model of a result with its orthophoto as a mesh; a notice where cells or pixels are coarsened.
 
     Cells become vertices, at most MAX_MESH_VERTICES: beyond, heights are means over larger cells. Holes stay holes.
-
-    Args:
-        result: with `dsm.tif` and `orthophoto.tif`.
-
-    Returns:
-        That the cells or pixels are larger than those of the result, where they are.
-
-    Raises:
-        InputError: if one of the two is missing or cannot be read.
     """
     for name in (DSM, ORTHOPHOTO):
         if not (result.folder / name).is_file():
@@ -168,11 +159,7 @@ def _write_glb(
 
 
 def triangles(number: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Triangles (m, 3) between the vertices of a grid, counter-clockwise from above.
-
-    Args:
-        number: (rows, columns) of the vertices, rows from north to south; −1 where there is none.
-    """
+    """Triangles (m, 3) of the vertices of a grid, counter-clockwise from above; −1 is no vertex."""
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
     has = [corner >= 0 for corner in (a, b, c, d)]
     found = []

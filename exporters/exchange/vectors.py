@@ -65,17 +65,7 @@ class VectorFormat:
 def write_vectors(
     chosen: VectorFormat, target: Path, layers: Layers, origin: Origin, zone: ZoneInfo = UTC
 ) -> tuple[list[Path], list[Notice]]:
-    """Write layers into one file, or into a folder with a file a layer and their provenance.
-
-    Args:
-        zone: time zone of the times that people read: in map tips, and in a KML's fields.
-
-    Returns:
-        The files, and what the format could not keep.
-
-    Raises:
-        FurrowmapError: if the format needs a package that is not installed.
-    """
+    """Write layers into one file, or a folder with a file a layer and provenance; the files, and what is lost."""
     if chosen.write_all is not None:
         with atomic_output(target) as unfinished:
             return [target], chosen.write_all(unfinished, layers, origin, zone)
@@ -102,14 +92,7 @@ def _layer_files(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
 
 
 def changed_crs(layers: Layers, target: CRS | None) -> tuple[dict[str, gpd.GeoDataFrame], list[Notice]]:
-    """The layers in another CRS; heights and area fields are unchanged.
-
-    Args:
-        target: None to keep their CRS.
-
-    Raises:
-        RefusedError: if PROJ has no reliable transformation.
-    """
+    """The layers in another CRS (None keeps theirs); heights and area fields are unchanged."""
     import shapely
 
     filled = [layer for layer in layers.values() if len(layer)]

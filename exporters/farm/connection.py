@@ -17,11 +17,7 @@ _PUBLIC: Final = ("service", "host", "hostaddr", "port", "dbname", "user", "sslm
 
 
 def public_parameters(target: str) -> dict[str, str]:
-    """The parameters of a connection that are not secret.
-
-    Raises:
-        UsageError: if `target` is not a PostgreSQL connection string.
-    """
+    """The parameters of a connection string that are not secret."""
     try:
         parameters = conninfo_to_dict(target)
     except psycopg.Error:  # whose text may repeat the password

@@ -22,12 +22,7 @@ _SQLITE_MAGIC: Final = b"SQLite format 3\0"
 
 
 def check_farm_map(path: Path) -> None:
-    """Check that the file at `path` is a farm map.
-
-    Raises:
-        InputError: if it is not.
-        RefusedError: if its tables are of another version, or another program has locked it.
-    """
+    """Check that the file at `path` is a farm map of this version, and not locked by another program."""
     if path.is_dir():
         raise _not_a_farm_map(path, "is a folder")
     with path.open("rb") as file:
@@ -57,9 +52,7 @@ def _open_elsewhere(path: Path, error: Exception) -> RefusedError:
 def locked(path: Path) -> sqlite3.Connection:
     """A connection that keeps other programs from writing until it is closed.
 
-    Raises:
-        RefusedError: if another program is writing, or has the file open in WAL mode: its log must not be found beside
-            another file.
+    Refused where a program has the file open in WAL mode: its log must not be found beside another file.
     """
     database = sqlite3.connect(path, timeout=BUSY_S, isolation_level=None)
     try:
@@ -108,17 +101,9 @@ _STEP_S: Final = 0.05
 
 @contextmanager
 def exclusive(path: Path, progress: Progress, patience_s: float = _PATIENCE_S) -> Iterator[None]:
-    """Keep other processes of furrowmap from changing the file at `path`.
+    """Keep other processes of furrowmap from changing the file at `path`, which need not exist.
 
     The lock is a system lock on a hidden file beside it, so it ends with the process, however that ends.
-
-    Args:
-        path: of the file, which need not exist.
-        progress: receives the stage "waiting for another process".
-
-    Raises:
-        RefusedError: if another process holds the lock for longer.
-        OSError: if the folder cannot be written to.
     """
     lock = path.with_name(f".{path.name}.lock")
     deadline = time.monotonic() + patience_s

@@ -62,13 +62,6 @@ def geopackage_edit(path: Path, *, create: bool = False, progress: Progress = si
     The first change copies the file; the changed copy replaces it at the end. A program that opens the file meanwhile,
     or after the process was killed, finds the earlier state. Other processes of furrowmap wait; other programs cannot
     save to the file until the end.
-
-    Args:
-        progress: receives the stage "waiting for another process".
-
-    Raises:
-        InputError: if the file is missing, or is not a farm map.
-        RefusedError: if another process changes it, or a program has it open for editing.
     """
     path = path.resolve()
     if not path.parent.is_dir():
@@ -236,11 +229,7 @@ class GeopackageEdit:
                 store_hash(database, "project", content)
 
     def finish(self) -> None:
-        """Check the changed file before it replaces the earlier one.
-
-        Raises:
-            OSError: if the disk holds something else than what was written.
-        """
+        """Check the changed file before it replaces the earlier one; OSError if the disk holds something else."""
         if self._changing is None:
             return
         with self._open() as database:
@@ -288,10 +277,7 @@ class GeopackageEdit:
         return self._changing
 
     def _fit_columns(self, layer: Layer) -> Layer:
-        """The layer with all columns of its table in their order, as GDAL appends them by their place.
-
-        Those that the table does not have are added to it.
-        """
+        """The layer with all columns of its table in their order, as GDAL needs; new ones are added there."""
         with self._open() as database:
             rows = database.execute(f'PRAGMA table_info("{layer.name}")').fetchall()
             own = {name.lower(): name for name in layer.columns}

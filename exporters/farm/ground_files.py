@@ -34,11 +34,7 @@ def write_ground_files(
     """Write a virtual raster of the sessions' `dsm.tif`, the latest on top, and a virtual point cloud of their clouds.
 
     Both lie beside the farm map and copy no cell and no point; None where no session has such a product.
-
     A surface is in it if it is in the CRS of the farm map and has the cells of the latest one.
-
-    Args:
-        results: folder and report of each session, in order of time.
     """
     surface, clouds = (farm_map.with_name(f"{farm_map.stem}_{name}") for name in ("surface.vrt", "clouds.vpc"))
     return _surface(surface, [folder for folder, _ in results], crs), _clouds(clouds, results, crs)

@@ -74,14 +74,7 @@ class _Field:
 
 @dataclass(frozen=True)
 class Sessions:
-    """Layers of a farm map that its tables are computed from; each has a column `session`.
-
-    Attributes:
-        sessions: with :data:`SESSION_COLUMNS`, in order of time.
-        boundary: of the field, of sessions that know it.
-        misses: ground between passes that was left out.
-        passes: with depths.
-    """
+    """Layers that the tables of a farm map are computed from, with a column `session`; `sessions` in order of time."""
 
     sessions: Layer
     coverage: Layer
@@ -97,14 +90,11 @@ def season_of(date: dt.date, start: tuple[int, int]) -> int:
 
 
 def memory_layers(known: Sessions, season_start: tuple[int, int]) -> list[Layer]:
-    """The tables of fields, visits, seasons and machines.
+    """The tables of fields, visits, seasons (from a month and day on) and machines.
 
     A field is the boundary that a session states, or the ground that sessions worked and that overlaps by half of it or
     more. A session that worked in several fields is divided: ground, overlap and missed ground by where they lie; time,
     distance and soil by the worked ground. A session without worked ground counts for its machine only.
-
-    Args:
-        season_start: month and day on which a season begins.
     """
     fields = _find_fields(known)
     visits = list(_divide_sessions(known, fields, season_start))

@@ -126,16 +126,8 @@ def write_mosaic_part(
 ) -> NDArray[np.float64] | None:
     """Write a part of a mosaic as a cloud-optimised GeoTIFF, as :func:`write_mosaic` would fill its cells.
 
-    Args:
-        surfaces: in the order of their sessions; the last one is on top.
-        crs: of the mosaic: what :func:`common_crs` gives.
-        bands: descriptions of the bands to write, which all surfaces have; their places in the files may differ.
-
-    Returns:
-        (bands, 3) least value, greatest value and number of known cells; None if no cell is known, and no file written.
-
-    Raises:
-        InputError: if a surface is damaged.
+    Returns (bands, 3) least value, greatest value and number of known cells; None if no cell is known, and no file
+    written. All surfaces have the bands, whose places in the files may differ; the last surface is on top.
     """
     names = [[band.description for band in surface.bands] for surface in surfaces]
     indexes = [[own.index(name) + 1 for name in bands] for own in names]
@@ -158,11 +150,7 @@ def write_mosaic_part(
 
 
 def common_crs(surfaces: Sequence[SurfaceFile], wanted: CRS | None) -> CRS:
-    """The CRS of a mosaic, with the heights of the surfaces.
-
-    Raises:
-        RefusedError: if the surfaces have several height systems, or several CRSs where none is `wanted`.
-    """
+    """The CRS of a mosaic, with the heights of the surfaces, which must be of one system."""
     kinds = {heights_of(surface.crs) for surface in surfaces}
     if len(kinds) > 1:
         raise RefusedError("mosaic-heights", kinds=", ".join(sorted(kind or "unknown" for kind in kinds)))

@@ -45,12 +45,7 @@ _SQL_TYPES: Final = {
 
 @contextmanager
 def postgis_edit(target: str, *, create: bool = False, schema: str = "furrowmap") -> Iterator[PostgisEdit]:
-    """Change the farm map in a database within one transaction; other processes of furrowmap wait.
-
-    Raises:
-        InputError: if the database cannot be reached, has no PostGIS, or has no farm map.
-        RefusedError: if the user lacks a right, or another process holds the lock for too long.
-    """
+    """Change the farm map in a database within one transaction; other processes of furrowmap wait."""
     with connected(target) as connection, connection.transaction():
         connection.execute(SQL("SET LOCAL lock_timeout = {}").format(_PATIENCE))
         connection.execute("SELECT pg_advisory_xact_lock(hashtext('furrowmap'), hashtext(%s))", (schema,))
@@ -70,12 +65,7 @@ class PostgisEdit:
         self._extension = ""  # its schema
 
     def begin(self, *, create: bool) -> None:
-        """Check that the database has PostGIS and a farm map, or create that.
-
-        Raises:
-            InputError: if one of them is missing.
-            RefusedError: if the tables are of another version.
-        """
+        """Check that the database has PostGIS and a farm map of this version, or create that."""
         extension = self._one(
             "SELECT nspname FROM pg_extension JOIN pg_namespace n ON n.oid = extnamespace WHERE extname = 'postgis'"
         )

@@ -96,13 +96,7 @@ def project_archive(
     bounds: tuple[float, float, float, float],
     span: tuple[dt.datetime, dt.datetime],
 ) -> bytes:
-    """The project as a `.qgz`; QGIS completes its XML with defaults.
-
-    Args:
-        layers: the topmost of the map first.
-        bounds: west, south, east and north of the first view.
-        span: of the temporal controller, in steps of a day.
-    """
+    """The project as a `.qgz`, topmost layer first; the temporal controller has steps of a day."""
     root = project_root(translated(_TITLE, language_of_user()), crs)
     _put_tree(root, layers)
     _put_relations(root, layers)

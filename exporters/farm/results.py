@@ -82,11 +82,7 @@ class SessionResult:
     layers: tuple[Layer, ...]
 
     def in_crs(self, target: CRS) -> tuple[SessionResult, tuple[Notice, ...]]:
-        """The session with its horizontal coordinates in another CRS; heights and figures are unchanged.
-
-        Raises:
-            RefusedError: if PROJ has no reliable transformation.
-        """
+        """The session with its horizontal coordinates in another CRS; heights and figures are unchanged."""
         if self.crs.equals(target, ignore_axis_order=True):
             return self, ()
         (footprint,) = self.layers[0].shapes
@@ -103,15 +99,7 @@ class SessionResult:
 
 
 def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
-    """Read the result of a run, without its cloud.
-
-    Args:
-        zone: time zone of the session's date and times; None for that of the run, else of the place.
-
-    Raises:
-        InputError: if there is no result, or it cannot be read.
-        RefusedError: if a run is writing to the folder.
-    """
+    """Read the result of a run, without its cloud; `zone` None for that of the run, else of the place."""
     result = open_result(folder)
     with reading_result(folder / FIELD):
         return _session_result(result, zone)
@@ -158,11 +146,8 @@ def session_result(
 ) -> SessionResult:
     """A session with the layers of a run, and those that only a farm map has.
 
-    Args:
-        layers: by name, in the CRS.
-        identity: session, recordings and digest of :class:`SessionResult`.
-        facts: further columns of `sessions`.
-        provenance: `furrowmap`, `report` and `session_toml` of the table of that name.
+    `identity`: session, recordings and digest; `facts`: further columns of `sessions`; `provenance`: `furrowmap`,
+    `report` and `session_toml` of the table of that name.
     """
     driven = layers[TRAJECTORY]
     start, end = driven.columns["time"][[0, -1]]
@@ -282,15 +267,9 @@ TASK_HEIGHTS = "not measured"
 
 
 def read_tasks(path: Path, zone: ZoneInfo | None = None) -> list[SessionResult]:
-    """Read the GeoPackage that `furrowmap fields` wrote: a result for each task.
+    """Read the GeoPackage that `furrowmap fields` wrote: a result for each task; `zone` None for that of the place.
 
     A task is identified by its id, its name and the time at which it began.
-
-    Args:
-        zone: time zone of the dates; None for that of the place.
-
-    Raises:
-        InputError: if it is no such file, or is damaged.
     """
     if not path.is_file():
         raise _no_tasks(path, "does not exist")

@@ -73,13 +73,9 @@ _HUES: Final = (0.14, 0.62)
 
 
 def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSession]) -> dict[str, str]:
-    """The styles (QML) of layers; of those without one of their own, the names of their fields.
+    """The styles (QML) of layers, given with the names of their fields, in the language of the user.
 
-    Map tips show the local time of each session, and name its zone; words are in the language of the user.
-
-    Args:
-        layers: names of their fields, by name.
-        sessions: each of their days has a colour of its own in the layer of worked ground.
+    Map tips show the local time of each session, and name its zone. Worked ground has a colour for each day.
     """
     found = {name: text for name in layers if (text := _packaged(name)) is not None}
     if _BY_DATE in found:

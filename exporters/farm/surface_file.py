@@ -43,11 +43,7 @@ class SurfaceFile:
 
 
 def surface_file(path: Path) -> SurfaceFile:
-    """Read the metadata of a surface.
-
-    Raises:
-        InputError: if it is no GeoTIFF, has no CRS, or its cells are not square and north-up.
-    """
+    """Read the metadata of a GeoTIFF with a CRS and square, north-up cells."""
     with open_geotiff(path, unusable) as raster:
         if raster.crs is None:
             raise unusable(path, "has no CRS")

@@ -75,10 +75,6 @@ def write_traffic(
 
     Bands: times worked, last day worked (days since 1970-01-01, 0 for never), and passages of wheels where `wheels` are
     known. A cell counts where its centre was worked or driven on.
-
-    Args:
-        wheels: of the vehicles; None leaves their band out.
-        progress: receives the stage "counting traffic".
     """
     west, south, east, north = traffic.bounds_m
     margin = 0.5 * (wheels.track_width_m + wheels.tyre_width_m) if wheels is not None else 0.0
@@ -105,14 +101,7 @@ def write_traffic(
 
 
 def write_worked(path: Path, passes: ShapeArray, grid: Grid, crs: CRS, origin: Origin) -> int:
-    """Write how often each cell was worked, as the first band of :func:`write_traffic`.
-
-    Args:
-        passes: (n,) polygons; each counts its ground as worked once.
-
-    Returns:
-        The greatest number.
-    """
+    """Write how often each cell was worked, as the first band of :func:`write_traffic`; the greatest number."""
     most, tree, days = 0, shapely.STRtree(passes), np.zeros(len(passes), np.int64)
     with cog_output(path, grid, crs, (WORKED,), origin, counts=True) as put:
         for tile, _ in windows(grid, 0):

@@ -20,13 +20,7 @@ Source = tuple[Path, Grid, float | None]
 def virtual_raster(
     folder: Path, grid: Grid, crs: CRS, bands: Sequence[Band], sources: Sequence[Source], origin: Origin
 ) -> str:
-    """The text of a virtual raster.
-
-    Args:
-        folder: where it will lie; the paths of sources on the same drive are relative to it.
-        bands: description and unit; each source has them.
-        sources: with cells of the grid; later ones cover earlier ones.
-    """
+    """The text of a virtual raster in `folder`; later sources cover earlier ones, paths on its drive are relative."""
     crs = reported_crs(crs)
     root = ET.Element("VRTDataset", {"rasterXSize": str(grid.columns), "rasterYSize": str(grid.rows)})
     ET.SubElement(root, "SRS", {"dataAxisToSRSAxisMapping": _axes(crs)}).text = crs.to_wkt()

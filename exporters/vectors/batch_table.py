@@ -38,11 +38,7 @@ _DEGREE_DIGITS: Final = 7
 
 @dataclass(frozen=True)
 class Row:
-    """A session in the table.
-
-    Attributes:
-        field: the field that this run is of; empty for all of the recording.
-    """
+    """A session in the table; `field` is empty for all of the recording."""
 
     name: str
     file: str
@@ -56,10 +52,7 @@ class Row:
 
 
 def outlines(layers: Mapping[str, Any], frame: MapFrame) -> tuple[str, str]:
-    """Footprint and track of a result, given by its GeoDataFrames, in longitude and latitude as hexadecimal WKB.
-
-    The footprint is the hull of the trajectory and of the worked ground.
-    """
+    """Footprint (hull of trajectory and worked ground) and track of a result, in lon and lat as hexadecimal WKB."""
     driven = layers["trajectory"]
     xy_m = shapely.get_coordinates(driven.geometry.to_numpy())
     cuts = np.flatnonzero(np.diff(driven["t_s"].to_numpy()) > _MAX_GAP_S) + 1

@@ -69,11 +69,7 @@ def _growth_columns(found: Sequence[Growth | None]) -> Columns:
 
 
 def canopy_layer(stands: Sequence[Stand], shapes: Sequence[shapely.Geometry], areas: Sequence[Parcel]) -> Layer:
-    """A feature per area.
-
-    Args:
-        areas: n areas of the user's file, for what else is known of them; none for cells.
-    """
+    """A feature per area; those of the user's file (none for cells) give what else is known of them."""
     columns: Columns = {"id": texts([stand.id for stand in stands])}
     for name in _names(Stand):
         if name not in ("id", "percentiles_m", "profile"):
@@ -99,10 +95,7 @@ def _layer_of_parcels(name: str, text: str, parcels: Sequence[Parcel], columns: 
 
 
 def _attribute_columns(parcels: Sequence[Parcel], columns: Columns) -> Columns:
-    """What else is known of parcels; not what has the name of one of the columns.
-
-    Numbers where all values are, with nan where there is none; else texts.
-    """
+    """Attributes of parcels as columns of other names: numbers (nan for none) where all values are, else texts."""
     taken = {known.casefold() for known in (*columns, "fid", "geom")}
     own: Columns = {}
     for name in dict.fromkeys(name for parcel in parcels for name in parcel.attributes):
@@ -171,11 +164,7 @@ def expect_suffix(path: Path) -> None:
 
 
 def write_parcels(path: Path, parcels: Sequence[Parcel], crs: CRS) -> None:
-    """Write the gross parcels with id, block and attributes; GeoJSON in longitude and latitude of the CRS's own datum.
-
-    Raises:
-        UsageError: if the file's name states another format.
-    """
+    """Write the gross parcels with id, block and attributes; GeoJSON in degrees of the CRS's own datum."""
     import geopandas as gpd
 
     expect_suffix(path)

@@ -90,13 +90,7 @@ def write_layer(
     append: bool = False,
     origin: Origin | None = None,
 ) -> None:
-    """Write a layer to a GeoPackage, or append its features to an existing layer.
-
-    Args:
-        path: of the GeoPackage; created where missing.
-        indexed: whether a new layer gets a spatial index.
-        append: to the layer of that name, which has these columns.
-    """
+    """Write a layer to a GeoPackage, created where missing, or append its features to the layer of that name."""
     columns = layer.columns
     times = [name for name, values in columns.items() if values.dtype == "datetime64[ms]"]
     with_height = layer.kind.startswith("2.5D")
@@ -118,12 +112,7 @@ def write_layer(
 
 
 def read_layer(path: Path, name: str) -> Layer:
-    """A layer of a GeoPackage as :func:`write_layer` takes it.
-
-    Raises:
-        RuntimeError: (pyogrio's own errors) if it cannot be read.
-        ValueError: if coordinates are not finite, or the columns are damaged.
-    """
+    """A layer of a GeoPackage as :func:`write_layer` takes it; ValueError if it is damaged."""
     meta, _, wkb, data = pyogrio.raw.read(path, layer=name)
     rows = len(data[0]) if len(data) else 0
     shapes = geometry_array(shapely.from_wkb(wkb) if wkb is not None else [None] * rows)
@@ -160,13 +149,9 @@ def write_styles(
     fields: Mapping[str, Sequence[str]] | None = None,
     language: str = ENGLISH,
 ) -> None:
-    """Store the packaged style of each layer as its default style in QGIS.
+    """Store the packaged style of each layer as its default style in QGIS, with map tips by a clock (None: UTC).
 
-    Args:
-        layers: names of its layers; those without a packaged style get none.
-        clock: of the times in map tips; None for UTC.
-        fields: names of the fields of each layer of a run, for the words and actions of its table; None for neither.
-        language: of these words, of map tips and of classes.
+    `fields` names the fields of each layer of a run, for the words and actions of its table; None for neither.
     """
     packaged = packaged_styles()
     styles = {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged}
@@ -179,12 +164,7 @@ def write_styles(
 
 
 def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False) -> None:
-    """Store styles as the default styles of their layers in QGIS.
-
-    Args:
-        styles: QML by the name of the layer.
-        append: to existing styles.
-    """
+    """Store styles (QML by the name of the layer) as the default styles of their layers in QGIS."""
     n = len(styles)
     empty = np.full(n, "", dtype=object)
     names = np.array(list(styles), dtype=object)

@@ -16,11 +16,7 @@ from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_ar
 
 
 def gnss_layers(evaluations: Mapping[str, Evaluation]) -> list[Layer]:
-    """The layers `gnss_errors` (a point for each compared epoch) and `gnss_tracks`, in geographic coordinates.
-
-    Args:
-        evaluations: by the name of the service or receiver, all against the same reference.
-    """
+    """The layers `gnss_errors` (a point for each compared epoch) and `gnss_tracks`, in geographic coordinates."""
     found = list(evaluations.values())
     error = np.concatenate([one.matched.error_m for one in found])
     labels = {int(fix): fix.label for fix in Fix}

@@ -111,11 +111,7 @@ def with_words(
     aliases: Mapping[str, str] = COLUMN_LABELS,
     values: Mapping[str, Mapping[str, str]] = VALUES,
 ) -> str:
-    """A style of QGIS with aliases, widgets and actions for the fields of a layer.
-
-    Args:
-        report: whether `report.html` lies beside the file.
-    """
+    """A style of QGIS with aliases, widgets and actions for the fields of a layer; `report`: `report.html` is there."""
     known = [(number, name) for number, name in enumerate(fields) if name in aliases]
     widgets = "".join(_widget(name, language, values.get(name)) for _, name in known)
     named = "".join(
@@ -173,13 +169,9 @@ def _actions(language: str) -> str:
 
 
 def in_language(style: str, language: str) -> str:
-    """A style of the product in another language; what the catalogue does not know stays English.
+    """A packaged style (QML) in another language; what the catalogue does not know stays English.
 
     Each line of a map tip is a text of the catalogue, with {1}, {2}, … for its expressions.
-
-    Args:
-        style: QML as packaged, in English.
-        language: one of :data:`~furrowmap.core.runtime.languages.catalogue.LANGUAGES`.
     """
     if language == ENGLISH:
         return style
@@ -224,13 +216,7 @@ def _known(text: str, language: str) -> str:
 
 @dataclass(frozen=True)
 class StyleClock:
-    """The clocks of a place over some time.
-
-    Attributes:
-        first_s: UTC of the first of the times.
-        last_s: UTC of the last.
-        sessions: identities of those that have these times, in the field `session` of their features.
-    """
+    """The clocks of a place from one UTC to another, of these sessions (field `session` of their features)."""
 
     zone: ZoneInfo
     first_s: float
@@ -241,11 +227,8 @@ class StyleClock:
 def in_local_times(style: str, clocks: Sequence[StyleClock]) -> str:
     """A style whose map tips show the local time of a zone, which they name, instead of UTC.
 
-    Where sessions have clocks of different zones, each feature shows and names that of its session.
-
-    Args:
-        style: QML, in whose map tips `format_date` formats the fields `start`, `end` and `time`.
-        clocks: a zone each. Features of sessions that none of the others names have the first one.
+    `format_date` in its map tips formats the fields `start`, `end` and `time`. Where sessions have clocks of different
+    zones, each feature shows that of its session, and of the first one if none names it.
     """
     usual, *others = clocks
 

@@ -19,12 +19,7 @@ def tie_layers(
     ties: Mapping[tuple[int, int], PairTie],
     rows: Sequence[Mapping[str, Any]],
 ) -> list[Layer]:
-    """The layers of `tie.gpkg`, the topmost first.
-
-    Args:
-        outlines: of the surface of each date.
-        ties: by pair.
-    """
+    """The layers of `tie.gpkg`, the topmost first."""
     number = np.concatenate([np.full(len(tie.departures), k) for k, tie in enumerate(ties.values())] or [np.zeros(0)])
     places = np.concatenate([np.zeros((0, 2)), *[tie.departures.xy_m for tie in ties.values()]])
     off = np.concatenate([np.zeros(0), *[tie.departures.height_m for tie in ties.values()]])

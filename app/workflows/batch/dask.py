@@ -152,11 +152,7 @@ def _worker_processes(workers: int) -> LocalCluster:
 
 @contextmanager
 def cluster_of_scheduler(address: str, say: Callable[[str], None]) -> Iterator[DaskWorkers]:
-    """The workers of a running scheduler.
-
-    Raises:
-        FurrowmapError: if it cannot be reached.
-    """
+    """The workers of a running scheduler; FurrowmapError if it cannot be reached."""
     try:
         engine = DaskWorkers(lambda: Client(address, timeout=_CONNECT_TIMEOUT_S))
     except (OSError, TimeoutError, ValueError) as error:

@@ -32,14 +32,9 @@ class Engine(Protocol):
     def each(
         self, work: Callable[[Item], Found], items: Sequence[tuple[str, Item]], tick: Callable[[], None]
     ) -> Iterator[tuple[str, Found | WorkerDied]]:
-        """`work` on each item, in any order.
+        """The name of each item, and the result of `work` on it, in any order.
 
-        Args:
-            work: a function of a module; it raises nothing.
-            tick: is called often; it may raise an error to stop the work.
-
-        Yields:
-            The name of an item, and its result.
+        `work` is a function of a module that raises nothing; `tick` is called often, and may raise an error to stop.
         """
         ...
 

@@ -50,11 +50,9 @@ MAX_POSITION_GAP_S: Final = 10.0
 
 @dataclass(frozen=True)
 class FieldVisit:
-    """A part of a recording in one field.
+    """A part of a recording in one field, whose name has a number from the second visit on.
 
-    Attributes:
-        name: of the field, with a number from its second visit on.
-        outline: its polygons in longitude and latitude, as GeoJSON.
+    `outline`: the field's polygons in longitude and latitude, as GeoJSON.
     """
 
     name: str
@@ -119,10 +117,6 @@ def prepare(source: BatchSource, machine: str, boundaries: str) -> PreparedSourc
     """Propose a session for the recordings of a source, and find the fields that they enter.
 
     Errors are returned, because one source must not stop the others.
-
-    Args:
-        machine: profile for a session that is made; empty for none.
-        boundaries: file with fields; empty for none.
     """
     try:
         with ExitStack() as stack:
@@ -143,12 +137,7 @@ def prepare(source: BatchSource, machine: str, boundaries: str) -> PreparedSourc
 
 
 def open_job(job: Job) -> OpenSession:
-    """The session of a job; the outline of its field is written into the folder of the results.
-
-    Raises:
-        InputError: as :func:`~furrowmap.core.session.opened.open_session`.
-        RefusedError: if the map frame is ambiguous.
-    """
+    """The session of a job; the outline of its field is written into the folder of the results."""
     file = Path(job.file)
     session = _parsed(job.text, job.file)
     inputs = Inputs.find(file, session)
@@ -161,11 +150,7 @@ def open_job(job: Job) -> OpenSession:
 
 
 def key_of(job: Job) -> str:
-    """A hash of what decides on the products besides the content of the inputs: settings and version.
-
-    Raises:
-        InputError: if the session is not valid.
-    """
+    """A hash of what decides on the products besides the content of the inputs: settings and version."""
     session = msgspec.to_builtins(_parsed(job.text, job.file))
     visit = msgspec.to_builtins(job.visit)
     decisive = [own_version(), session, visit, job.process.language, sorted(job.process.allowed)]
@@ -175,17 +160,10 @@ def key_of(job: Job) -> str:
 def visits_of(
     t_s: NDArray[np.float64], xy_m: NDArray[np.float64], shapes: Sequence[BaseGeometry]
 ) -> list[tuple[int, float, float]]:
-    """The visits of fields in the order of time.
+    """Index of the field, first and last time of each visit, in the order of time.
 
-    A field that is entered again after another one has two visits. Where fields overlap, the first counts.
-
-    Args:
-        t_s: (n,) times of the places, increasing.
-        xy_m: (n, 2) places of the vehicle.
-        shapes: of the fields, in the same coordinates.
-
-    Returns:
-        Index of the field, first and last time in it.
+    A field that is entered again after another one has two visits. Where fields overlap, the first counts. The times
+    (n,) of the places (n, 2) increase.
     """
     field = np.full(len(t_s), -1)
     for k, shape in enumerate(shapes):

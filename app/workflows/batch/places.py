@@ -28,11 +28,7 @@ def is_url(place: str | Path) -> bool:
 
 @dataclass(frozen=True)
 class Store:
-    """A folder in a store.
-
-    Attributes:
-        url: of the folder, without a slash at its end.
-    """
+    """A folder in a store; `url` has no slash at its end."""
 
     url: str
 
@@ -66,11 +62,7 @@ class Store:
         system.pipe_file(f"{root}/{name}", content)
 
     def fetch(self, names: Sequence[str], folder: Path) -> None:
-        """Copy files into a folder.
-
-        Raises:
-            InputError: if the store names a file that would lie outside of the folder.
-        """
+        """Copy files into a folder; InputError if the store names a file that would lie outside of it."""
         system, root = self._opened()
         for name in names:
             if not all(is_file_name(part) for part in name.split("/")):
@@ -112,11 +104,7 @@ class Store:
 
 
 def find_remote(url: str) -> Iterator[BatchSource]:
-    """The sources below a URL, as :func:`~.batch_sources.find_sources` finds them on the disk.
-
-    Raises:
-        InputError: if there is nothing.
-    """
+    """The sources below a URL, as :func:`~.batch_sources.find_sources` finds them on the disk."""
     store = Store(url.rstrip("/"))
     files = store.files()
     if not files:

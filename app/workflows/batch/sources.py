@@ -47,9 +47,6 @@ def find_sources(folders: Sequence[Path], results: Path) -> list[BatchSource]:
     """The sources in folders and the folders below, in the order of their paths.
 
     Results of runs, hidden folders and the folder of the batch's own results are left out.
-
-    Raises:
-        InputError: if there is no such folder or file.
     """
     found: dict[Path, BatchSource] = {}
     for folder in folders:
@@ -65,23 +62,16 @@ def find_sources(folders: Sequence[Path], results: Path) -> list[BatchSource]:
 
 
 def stamp(path: Path) -> Stamp:
-    """A file as it is now; its content is not read.
-
-    Raises:
-        OSError: if it is not there.
-    """
+    """A file as it is now; its content is not read."""
     status = path.stat()
     return Stamp(str(path), status.st_size, str(status.st_mtime_ns))
 
 
 def assign_names(sources: Iterable[tuple[str, Sequence[str]]], known: Mapping[str, str]) -> dict[str, str]:
-    """A name for each source, which is that of its result folder.
+    """A name for each source, given by its identity and its folders; it is that of its result folder.
 
     A source keeps the name that it has. Others are named after their folders, with a few digits of a hash where that
     name is taken.
-
-    Args:
-        sources: an identity and the names of the folders of each.
     """
     wanted = dict(sources)
     names = {identity: known[identity] for identity in wanted if identity in known}

@@ -30,9 +30,6 @@ class Workforce:
 
     Without a scheduler, workers are processes of this machine: as many as are asked for, else one for each core as far
     as the memory suffices. Several need Dask; a single one does not.
-
-    Raises:
-        RefusedError: if Dask is needed and not installed.
     """
 
     def __init__(self, workers: int | None, scheduler: str | None, say: Callable[[str], None]) -> None:

@@ -100,11 +100,7 @@ def calibrate(
 
 
 def write_calibration(session_file: Path, calibration: Calibration) -> None:
-    """Write what differs from a session into its file; its other lines and comments stay.
-
-    Raises:
-        RefusedError: if the file's tables are written in a way that cannot be edited.
-    """
+    """Write what differs from a session into its file; its other lines and comments stay."""
     text = calibrated_text(session_file.read_bytes().decode("utf-8"), calibration)
     with atomic_output(session_file) as unfinished:
         unfinished.write_bytes(text.encode("utf-8"))
@@ -175,11 +171,7 @@ def _not_shown(session_file: Path, why: str) -> RefusedError:
 
 
 def calibrated_text(text: str, calibration: Calibration) -> str:
-    """A session file's text with what was found in its place; everything else, comments too, stays as it is.
-
-    Raises:
-        RefusedError: if the file writes its tables in a way that is not understood.
-    """
+    """A session file's text with what was found in its place; everything else, comments too, stays as it is."""
     if calibration.mounting_differs:
         rpy = ", ".join(f"{angle:.3f}" for angle in calibration.found.rpy_deg)
         sigma = ", ".join(f"{value:.2f}" if math.isfinite(value) else "not shown" for value in calibration.sigma_deg)

@@ -119,18 +119,9 @@ def write_records(
     origin: tuple[str, Sequence[FileRecord], Mapping[str, Any]],
     progress: Progress,
 ) -> tuple[CopcSummary, list[Notice]]:
-    """Write points of clouds, in batches, into a COPC file.
+    """Write points of clouds, in batches, into a COPC file; a summary, and warnings about attributes it does not keep.
 
-    Args:
-        points: records of :data:`~furrowmap.core.pointclouds.cleaning.POINT`.
-        origin: what they are, the files they are from, and the parameters, for the file's description.
-
-    Returns:
-        A summary of the file, and warnings about attributes that it does not keep.
-
-    Raises:
-        InputError: if there is no point.
-        OSError: if the file cannot be written.
+    `origin`: what the points are, the files they are from, and the parameters, for the file's description.
     """
     lost = _LostAttributes()
     first = next((records for records in points if len(records)), None)
@@ -226,13 +217,7 @@ def _parameters(cleaning: Cleaning, clouds: Clouds) -> dict[str, Any]:
 
 
 def refuse_target(target: Path, paths: Sequence[Path], *, overwrite: bool) -> None:
-    """Refuse a target that cannot or must not be written.
-
-    Raises:
-        UsageError: if its name does not end in .laz.
-        RefusedError: if it may not be replaced.
-        InputError: if it is a folder.
-    """
+    """Refuse a target that is no .laz file, is a folder or one of the clouds, or may not be replaced."""
     if not target.name.lower().endswith(".laz"):
         raise UsageError("usage", target=target, value=target.name.split(".")[0] or "cloud")
     if target.is_dir():

@@ -51,12 +51,7 @@ CELLS_A_PLOT: Final = 5
 
 @dataclass(frozen=True)
 class CloudRasters:
-    """Computes and writes the rasters of clouds.
-
-    Attributes:
-        box: of the points, in the CRS of the surfaces; None for all.
-        span_s: earliest and latest UTC of the points; None where unknown.
-    """
+    """Computes and writes the rasters of clouds; `box` is in their CRS, `span_s` the earliest and latest UTC."""
 
     folder: Path
     clouds: Clouds
@@ -245,10 +240,7 @@ class CloudRasters:
     def _windows(
         self, name: str, margin: int, progress: Progress, stage: str
     ) -> Iterator[tuple[Grid, Grid, NDArray[np.float32]]]:
-        """Windows of a finished surface: own cells, cells with a margin, and their heights.
-
-        Windows without a height are skipped.
-        """
+        """Windows of a finished surface that have a height: own cells, cells with a margin, and their heights."""
         with rasterio.open(self.folder / name) as raster:
             for inner, outer in windows(self.grid, margin):
                 height = raster.read(1, window=window(outer, self.grid))

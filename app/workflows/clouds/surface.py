@@ -124,11 +124,7 @@ def _write_surfaces(
 
 
 def ground_method(stated: GroundMethod | Literal["auto"], spooled: SpooledClouds) -> GroundMethod:
-    """The ground filter to use.
-
-    Raises:
-        InputError: if by the files' classes, and they have none.
-    """
+    """The ground filter to use; InputError if by the files' classes, and they have none."""
     if stated == "class" and not spooled.ground_count:
         raise InputError("no-ground-class.ground-method")
     if stated == "auto":

@@ -128,11 +128,7 @@ def _records(clouds: Clouds, others: Sequence[Path | None], progress: Progress) 
 
 
 def parcel_settings(opened: OpenSession) -> ParcelSettings:
-    """The settings in `[parcels]` of a session.
-
-    Raises:
-        UsageError: if it names no method.
-    """
+    """The settings in `[parcels]` of a session."""
     stated = opened.session.parcels
     if stated is None:
         return ParcelSettings()
@@ -144,12 +140,7 @@ def parcel_settings(opened: OpenSession) -> ParcelSettings:
 
 @contextmanager
 def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints | None]:
-    """What collects the points of a session's parcels; None where it has none, or no scanner.
-
-    Raises:
-        InputError: if the parcels, their treatments or their soil cannot be read, or do not fit each other.
-        UsageError: as :func:`parcel_settings`.
-    """
+    """What collects the points of a session's parcels; None where it has none, or no scanner."""
     path, settings = opened.inputs.parcels, parcel_settings(opened)
     if path is None or not opened.session.recording.lidar:
         yield None
@@ -164,11 +155,7 @@ def session_parcels(opened: OpenSession, folder: Path) -> Iterator[ParcelPoints 
 def collect_points(
     clouds: Clouds, parcels: Path, points: ParcelPoints, classes: frozenset[int] | None, progress: Progress
 ) -> tuple[list[Notice], tuple[float, float] | None]:
-    """Collect the points of the parcels; notices about the clouds, and the first and last UTC.
-
-    Raises:
-        InputError: if there are none.
-    """
+    """Collect the points of the parcels; notices about the clouds, and the first and last UTC."""
     notices: list[Notice] = []
     first_s, last_s = math.inf, -math.inf
     total = max(clouds.points, 1)
@@ -251,11 +238,7 @@ def _unmeasured_notice(names: Sequence[str], total: int) -> Notice:
 
 
 def expect_soil(path: Path | None, target: CRS, box_m: Box) -> None:
-    """Open a soil survey before long work, and close it.
-
-    Raises:
-        InputError, RefusedError: as :func:`soil_source`.
-    """
+    """Open a soil survey before long work, and close it; the errors are those of :func:`soil_source`."""
     if path is None:
         return
     if _is_cloud(path):
@@ -271,15 +254,8 @@ def soil_source(
 ) -> Iterator[SoilMethod | SoilRaster]:
     """The soil under parcels, as :func:`~furrowmap.core.crops.site_soil.site_soil` takes it.
 
-    The points of a cloud are gridded: those of its ground class if it has one, else all, by their median.
-
-    Args:
-        source: "surface", "plane", or a GeoTIFF, a cloud or a result folder of another survey.
-        box_m: west, south, east, north of the parcels and what surrounds them.
-
-    Raises:
-        InputError: if the survey cannot be read, or has nothing in the box.
-        RefusedError: if PROJ has no exact transformation between it and the map.
+    The source is "surface", "plane", or a GeoTIFF, a cloud or a result folder of another survey. The points of a cloud
+    are gridded: those of its ground class if it has one, else all, by their median.
     """
     path = soil_file(source)
     if path is None:

@@ -49,11 +49,7 @@ RESPONSE_REPORT: Final = "response.json"
 
 @dataclass(frozen=True)
 class _Flight:
-    """A trial on a day.
-
-    Attributes:
-        dose: (n,) of each parcel, nan where unknown; None without doses.
-    """
+    """A trial on a day; the dose (n,) of a parcel is nan where unknown."""
 
     day: dt.date | None
     parcels: tuple[Parcel, ...]

@@ -80,14 +80,7 @@ class FarmMapChange:
 def open_edit(
     farm_map: str | Path, *, create: bool = False, schema: str = DB_SCHEMA, progress: Progress = silent
 ) -> AbstractContextManager[FarmEdit]:
-    """Open a farm map for a change that takes place as a whole or not at all.
-
-    Args:
-        farm_map: path of a GeoPackage, or a PostgreSQL connection string (`postgresql://…`).
-
-    Raises:
-        FurrowmapError: if it cannot be opened.
-    """
+    """Open a farm map (a GeoPackage, or a PostgreSQL connection string) for a change as a whole or not at all."""
     if str(farm_map).startswith(DATABASES):
         try:
             from furrowmap.exporters.farm.postgis import postgis_edit
@@ -216,12 +209,7 @@ def _read_results(folders: Sequence[Path], zone: ZoneInfo | None, progress: Prog
 
 
 def update_memory(edit: FarmEdit, season_start: str | None = None) -> None:
-    """Compute the tables of fields, visits, seasons and machines again from the sessions.
-
-    Args:
-        edit: of the farm map.
-        season_start: month and day on which seasons begin from now on; None for what the farm map has.
-    """
+    """Compute the tables of fields, visits, seasons and machines again; seasons begin as before without a start."""
     if season_start is not None:
         edit.store_setting(SEASON_START, season_start)
     crs = edit.crs()
@@ -290,10 +278,7 @@ def _plausibility_notices(known: Sequence[KnownSession], fresh: Sequence[Session
 
 
 def _append(edit: FarmEdit, results: Sequence[SessionResult], crs: CRS) -> None:
-    """Append all results, those of a table together as far as their columns are the same.
-
-    In the order of the first result's layers, which is the farm map's own: sessions first.
-    """
+    """Append all results in the farm map's order of layers, those with the same columns together."""
     layers = [layer for result in results for layer in result.layers]
     names = list(dict.fromkeys(layer.name for layer in layers))
     layers.sort(key=lambda layer: names.index(layer.name))

@@ -59,12 +59,7 @@ def mosaic(
 def find_surfaces(
     sources: Sequence[str | Path], product: str, *, schema: str = DB_SCHEMA, progress: Progress = silent
 ) -> tuple[list[Path], tuple[Notice, ...]]:
-    """The files of a product in order of their sessions' times, and a notice on missing ones.
-
-    Raises:
-        UsageError: if `product` is not a file name.
-        InputError: if a farm map or folder cannot be read, or none has the product.
-    """
+    """The files of a product in order of their sessions' times, and a notice on missing ones."""
     if not _PRODUCT.fullmatch(product):
         raise UsageError("usage.find-surfaces", product=product)
     folders: dict[Path, dt.datetime] = {}

@@ -96,22 +96,13 @@ class RunColours:
         self._add(xyz_m[~np.isin(classification, NOT_COLOURED)])
 
     def finish(self, progress: Progress) -> None:
-        """Read the images, now that all points are known.
-
-        Raises:
-            OSError: if the disk has no room for them.
-        """
+        """Read the images, now that all points are known."""
         assert self._maker is not None
         self._working.close()
         self._colours, self._maker = self._maker.finish(self._notices, progress), None
 
     def paint(self, points: ChunkColumns, scale_m: float) -> None:
-        """Colour points of the cloud in place; called from several threads.
-
-        Args:
-            points: with coordinates against the local origin.
-            scale_m: of their coordinates.
-        """
+        """Colour points against the local origin, in place; called from several threads."""
         assert self._colours is not None
         assert points.rgb is not None
         wanted = np.flatnonzero(~np.isin(points.classification, NOT_COLOURED))
@@ -123,11 +114,7 @@ class RunColours:
             self._counts += [len(wanted) - unseen, unseen, len(points) - len(wanted)]
 
     def write_orthophoto(self, folder: Path, origin: Origin, progress: Progress) -> None:
-        """Write the orthophoto of the surface in a folder, and its style.
-
-        Raises:
-            OSError: if they cannot be written.
-        """
+        """Write the orthophoto of the surface in a folder, and its style."""
         assert self._colours is not None
         if not (folder / DSM).exists():
             return

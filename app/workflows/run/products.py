@@ -182,12 +182,7 @@ class RunProducts:
 def write_products(
     made: Made, opened: OpenSession, folder: Path, staging: Path, start: float, progress: Progress
 ) -> None:
-    """Write layers, page, session and report.
-
-    Args:
-        folder: of the products in the end.
-        start: when the run began, by `perf_counter`.
-    """
+    """Write layers, page, session and report of a run for `folder`; it began at `start`, by `perf_counter`."""
     try:
         origin = Path(os.path.relpath(opened.file.resolve(), folder.resolve())).as_posix()
     except ValueError:  # on another drive of Windows
@@ -234,11 +229,7 @@ def write_products(
 
 
 def run_features(cloud: Path, stated: FeatureSearch, progress: Progress) -> RunFeatures:
-    """Find the features of a run's finished cloud, with its ground and, from images, its colours.
-
-    Args:
-        cloud: of the run; its points keep their classes.
-    """
+    """Find the features of a run's finished cloud, with its ground and, from images, its colours."""
     clouds = open_clouds([cloud], None, None)
     box, far = box_in(clouds, None, None), tuple[Notice, ...]()
     if box is None:
@@ -257,11 +248,7 @@ def run_features(cloud: Path, stated: FeatureSearch, progress: Progress) -> RunF
 
 
 def session_text(session: Session, session_file: str) -> str:
-    """A session as a file: every key that has a value, the defaults too.
-
-    Args:
-        session_file: path of the file it was read from, for a comment.
-    """
+    """A session as a file: every key that has a value, the defaults too."""
     values = together(msgspec.to_builtins(session))
     tables = {key: _without_none(value) for key, value in values.items() if value is not None}
     head = (

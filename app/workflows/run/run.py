@@ -164,21 +164,14 @@ class KeptMatching:
             return None
 
     def save(self, found: MatchedSession) -> None:
-        """Keep what matching found.
-
-        Raises:
-            OSError: if the disk is full.
-        """
+        """Keep what matching found."""
         with atomic_output(self._path) as unfinished, unfinished.open("wb") as file:
             file.write(self._key)
             file.writelines(packed(found))
 
 
 def _refuse_foreign(folder: Path, opened: OpenSession, progress: Progress) -> list[FileRecord] | None:
-    """Refuse a folder that holds the products of other recordings.
-
-    Recordings often have the same names, so their content is compared.
-    """
+    """Refuse a folder that holds the products of other recordings, by content as they often have the same names."""
     if not folder.is_dir():
         return None
     recover(folder)

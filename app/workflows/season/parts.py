@@ -40,13 +40,7 @@ _Extent = tuple[int, int, int, int]
 
 @dataclass(frozen=True)
 class SeasonPlan:
-    """What all parts share.
-
-    Attributes:
-        sessions: in the order of their times.
-        crs: of the season, without heights.
-        bands: of each mosaic, known when its tiles are planned.
-    """
+    """What all parts of a season share; the bands of each mosaic are known when its tiles are planned."""
 
     staging: Path
     sessions: Sequence[SeasonSession]
@@ -96,13 +90,7 @@ def unchanged_parts(folder: Path, parts: Mapping[str, Planned]) -> dict[str, Any
 def plan_tiles(plan: SeasonPlan, cell_m: float | None) -> dict[str, Planned]:
     """The tiles of all mosaics, by name; tiles of one place have one grid on all dates.
 
-    Args:
-        plan: of the season; the bands of its mosaics are added.
-        cell_m: length of the cells' sides; None for the latest surface's.
-
-    Raises:
-        InputError: if a surface cannot be read.
-        RefusedError: if surfaces cannot be merged.
+    The bands of the mosaics are added to the plan. Cells have the size of the latest surface's if none is given.
     """
     opened = [{key: surface_file(path) for key, path in session.surfaces.items()} for session in plan.sessions]
     surfaces = [surface for found in opened for surface in found.values()]
@@ -134,12 +122,7 @@ def plan_tiles(plan: SeasonPlan, cell_m: float | None) -> dict[str, Planned]:
 
 
 def plan_tables(plan: SeasonPlan, kind: str, most_rows: int, spacing_m: float = 0.0) -> dict[str, Planned]:
-    """The points or the trajectory of each session, by name.
-
-    Args:
-        kind: "points" or "trajectories".
-        spacing_m: of the points that suffices; 0 for all.
-    """
+    """The points or the trajectory (`kind`) of each session, by name; a spacing of 0 keeps all points."""
     found = {}
     for session in plan.sessions:
         source, file = (session.cloud, session.cloud) if kind == "points" else (session.folder, session.folder / FIELD)

@@ -67,16 +67,9 @@ class SeasonSession:
 
 
 def find_sessions(sources: Sequence[Path], out: Path) -> tuple[list[SeasonSession], list[Notice]]:
-    """The results of runs in folders and below them, in the order of their times.
+    """The results of runs in folders and below them, except in `out`, in the order of their times.
 
-    Args:
-        sources: results, or folders with results in them; surfaces that a `furrowmap tie` in them has moved replace
-            those of their results.
-        out: of the season; nothing in it is a result.
-
-    Raises:
-        InputError: if a source does not exist or has no results, one cannot be read, or two are of one session.
-        RefusedError: if a run is writing to one, or their height systems differ.
+    Surfaces that a `furrowmap tie` in them has moved replace those of their results.
     """
     folders: dict[Path, None] = {}
     ties: dict[Path, None] = {}
@@ -108,11 +101,7 @@ def find_sessions(sources: Sequence[Path], out: Path) -> tuple[list[SeasonSessio
 
 
 def season_crs(sessions: Sequence[SeasonSession], wanted: CRS | None) -> tuple[CRS, list[Notice]]:
-    """The CRS of a season, without heights, and notices on the changes to it.
-
-    Raises:
-        RefusedError: if the sessions have several and none is wanted, or PROJ has no reliable change of one.
-    """
+    """The CRS of a season, without heights, and notices on the changes to it."""
     crs = horizontal(wanted) if wanted is not None else sessions[-1].crs
     notices: dict[Notice, None] = {}
     for session in sessions:

@@ -78,11 +78,7 @@ def propose_session(
 def proposed(
     paths: Sequence[Path], folder: Path, machine: str | Path | None, progress: Progress = silent
 ) -> tuple[Proposal, list[Notice]]:
-    """The proposal of a session file in `folder`, which is not written, and what is not used in it.
-
-    Raises:
-        InputError: as :func:`propose_session`.
-    """
+    """The proposal of a session file in `folder`, which is not written, and what is not used in it."""
     profile = load_machine(machine_file(machine)) if machine is not None else None
     examined, skipped = [], list[Notice]()
     for path in paths:

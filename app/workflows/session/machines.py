@@ -53,11 +53,7 @@ def known_machines() -> list[KnownMachine]:
 
 
 def machine_file(machine: str | Path) -> Path:
-    """The profile of a machine, given by its name or as a file.
-
-    Raises:
-        InputError: if there is none.
-    """
+    """The profile of a machine, given by its name or as a file."""
     file = Path(machine)
     if file.is_file():
         return file

@@ -120,10 +120,6 @@ def _refuse_existing(target: Path, *, overwrite: bool) -> None:
 
 
 def refuse_result(target: Path) -> None:
-    """Check that a folder to write to is not the result of a run.
-
-    Raises:
-        RefusedError: if it is.
-    """
+    """Refuse to write to a folder that is the result of a run."""
     if (target / REPORT).exists():
         raise RefusedError("output-is-result", target=target)

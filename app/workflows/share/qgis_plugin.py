@@ -25,11 +25,7 @@ _SWITCH: Final = ("PythonPlugins", PLUGIN, "true")
 
 @dataclass(frozen=True)
 class Profile:
-    """A QGIS user profile.
-
-    Attributes:
-        settings: its settings file, which may not exist yet.
-    """
+    """A QGIS user profile; its settings file may not exist yet."""
 
     folder: Path
     settings: Path
@@ -41,15 +37,7 @@ class Profile:
 
 
 def find_profiles(name: str | None, data: Path | None = None) -> list[Profile]:
-    """The profiles of this name, or the default ones, of QGIS 3 and QGIS 4.
-
-    Args:
-        name: None for the default profile.
-        data: the data folder of the user; by default that of the system.
-
-    Raises:
-        InputError: if there is no such profile.
-    """
+    """The profiles of this name, or the default ones, of QGIS 3 and QGIS 4; `data` is the data folder of the user."""
     found, others = [], []
     for release in _RELEASES:
         root = (data or user_data()) / "QGIS" / release / "profiles"
@@ -65,15 +53,7 @@ def find_profiles(name: str | None, data: Path | None = None) -> list[Profile]:
 
 
 def install_plugin(plugins: Path) -> Path:
-    """Install the bundled plugin in a plugins folder, replacing an earlier version.
-
-    Returns:
-        The folder of the plugin.
-
-    Raises:
-        RefusedError: if the folder of that name is not the plugin.
-        OSError: if the folder cannot be written to.
-    """
+    """Install the bundled plugin in a plugins folder, replacing an earlier version; the folder of the plugin."""
     target = plugins / PLUGIN
     if target.is_symlink() or (target.exists() and not _is_plugin(target)):
         raise RefusedError("exists.install-plugin", target=target)

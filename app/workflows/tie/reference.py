@@ -30,12 +30,9 @@ _SURE: Final = 1e-4
 
 @dataclass(frozen=True)
 class Reference:
-    """What dates are moved onto.
+    """What dates are moved onto: a surface on their cells, or points.
 
-    Attributes:
-        surface: on the cells of the dates; None for points.
-        sigma: (6,) standard deviations of its own place, height, tilts and turn.
-        sigma_m: of a point that states none; None for none.
+    `sigma`: (6,) standard deviations of its own place, height, tilts and turn; `sigma_m`: of a point that states none.
     """
 
     path: Path
@@ -51,16 +48,7 @@ def open_reference(
     sigma_m: float,
     stack: ExitStack,
 ) -> Reference:
-    """Open a reference.
-
-    Args:
-        path: a table of points (.csv, .txt, .tsv, .gpkg) or a GeoTIFF of heights.
-        sigma_m: standard deviation of its heights.
-
-    Raises:
-        InputError: if it cannot be read.
-        RefusedError: if it has another CRS or other heights.
-    """
+    """Open a table of points (.csv, .txt, .tsv, .gpkg) or a GeoTIFF; its heights have the standard deviation."""
     if path.suffix.lower() in TABLES:
         # the points themselves carry the survey's errors
         return Reference(path, None, np.full(6, _SURE), sigma_m or None)
@@ -78,11 +66,7 @@ def open_reference(
 def reference_tie(
     reference: Reference, before: OpenSurface, date: DatedSurface, touched: BaseGeometry, middle_m: FloatArray
 ) -> PairTie | None:
-    """Tie a date to the reference by ground that no tool touched on any date.
-
-    Raises:
-        InputError: if the points cannot be read.
-    """
+    """Tie a date to the reference by ground that no tool touched on any date."""
     if reference.surface is not None:
         pieces = list(ground_pairs(reference.surface, before, touched))
         return tie_pair(pieces, middle_m, date.sigma[PLACE_TERMS])

@@ -400,14 +400,7 @@ def _values(move: FloatArray, sigma: FloatArray, *, known: bool) -> dict[str, fl
 
 
 def find_standing(cloud: Path, bounds_m: tuple[float, float, float, float]) -> Upright:
-    """Walls and posts of a result, tile by tile, of some tiles where there are many; none without a cloud.
-
-    Args:
-        bounds_m: west, south, east, north of its surface.
-
-    Raises:
-        InputError: if the cloud is damaged.
-    """
+    """Walls and posts of a result, tile by tile, of some tiles where there are many; none without a cloud."""
     if not cloud.is_file():
         return join_uprights([])
     file = open_cloud(cloud)
