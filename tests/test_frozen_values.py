@@ -12,7 +12,7 @@ from typing import Final
 CHECKOUT: Final = Path(__file__).resolve().parents[1]
 COLLECTING: Final = {
     "core/estimation/relaxation.py Relaxation",
-    "core/features/cloud_features.py Found",
+    "core/features/cloud_features.py FoundFeatures",
     "core/pointclouds/surfaces.py _Lows",
     "core/readers/isoxml/xml.py Element",
     "core/readers/las/survey.py Survey",

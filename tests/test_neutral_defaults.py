@@ -42,7 +42,7 @@ FACTORS: Final = {
     "exporters/share/symbols.py Ramp.colour(opacity)": 1.0,
     "core/values/session.py ImuColumn.scale": 1.0,
     "core/matching/ground.py Relief.noise": 1.0,
-    "core/simulator/motion.py Motion.scale": 1.0,
+    "core/simulator/motion.py SimulatedMotion.scale": 1.0,
     "core/pointclouds/placed.py Placer.scale": 1.0,
     "core/pipeline/pipeline.py placer_of(scale)": 1.0,
     "core/crops/measure.py measure_parcels(scale)": 1.0,

@@ -292,7 +292,7 @@ def _figures(adjusted: InertialAdjustment, imu: MountedImu) -> InertialFigures:
     residual = adjusted.observed.residuals_m(adjusted.problem.knots, state)
     white = Whiteness.of_residuals(residual, adjusted.problem.positions.white_m)
 
-    def rounded(values: FloatArray, digits: int = 5) -> tuple[float, ...]:
+    def rounded(values: FloatArray, digits: int) -> tuple[float, ...]:
         return tuple(np.round(values, digits).tolist())
 
     def sigma(block: StateBlock) -> FloatArray:
@@ -302,11 +302,11 @@ def _figures(adjusted: InertialAdjustment, imu: MountedImu) -> InertialFigures:
     return InertialFigures(
         knots=len(adjusted.problem.knots),
         rounds=adjusted.rounds,
-        rate_bias_dps=rounded(np.degrees(state[RATE_BIAS].mean(axis=0) @ turn)),
-        rate_bias_sigma_dps=rounded(np.degrees(sigma(RATE_BIAS))),
-        force_bias_mps2=rounded(state[FORCE_BIAS].mean(axis=0) @ turn),
-        force_bias_sigma_mps2=rounded(sigma(FORCE_BIAS)),
-        position_rms_m=rounded(np.sqrt(np.nanmean(residual**2, axis=0)), digits=4),
+        rate_bias_dps=rounded(np.degrees(state[RATE_BIAS].mean(axis=0) @ turn), 5),
+        rate_bias_sigma_dps=rounded(np.degrees(sigma(RATE_BIAS)), 5),
+        force_bias_mps2=rounded(state[FORCE_BIAS].mean(axis=0) @ turn, 5),
+        force_bias_sigma_mps2=rounded(sigma(FORCE_BIAS), 5),
+        position_rms_m=rounded(np.sqrt(np.nanmean(residual**2, axis=0)), 4),
         doubted=int((adjusted.observed.weight < 1.0).sum()),
         residuals=white.words,
         residual_correlation=white.correlation,
