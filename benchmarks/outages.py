@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from sessions import simulated
 from trajectory_error import Poses, load_simulation
 
-from furrowmap.core.adjustment.session_match import matched_to_ground
+from furrowmap.core.adjustment.session_match import match_to_ground
 from furrowmap.core.runtime.errors import FurrowmapError
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.trajectory.located import locate
@@ -112,7 +112,7 @@ def case(recording: Path, outages: Sequence[Span], pauses: Sequence[Span]) -> tu
         opened = open_session(copy / "session.toml")
         located = locate(opened.positions(), opened.session, opened.frame)
         lidar = opened.lidar(float(np.mean(located.trajectory.span_s)))
-        found = matched_to_ground(located, lidar, opened.session)[0]
+        found = match_to_ground(located, lidar, opened.session)[0]
     trajectory, simulation = found.trajectory, load_simulation(recording)
     ours = Poses(trajectory.t_s, trajectory.xyz_m, np.column_stack(trajectory.attitude_deg()))
     true = simulation.truth.at(ours.t_s)

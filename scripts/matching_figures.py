@@ -18,7 +18,7 @@ from scipy.ndimage import uniform_filter
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.session_match import matched_to_ground
+from furrowmap.core.adjustment.session_match import match_to_ground
 from furrowmap.core.matching.returns import ground_returns
 from furrowmap.core.matching.surface import TILE_NODES, add_returns, empty_surface, tiles_over
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
@@ -62,7 +62,7 @@ def sample(name: str) -> Sample:
     session, frame = opened.session, opened.frame
     located = locate(opened.positions(), session, frame)
     near_s = float(np.mean(located.trajectory.span_s))
-    matched, _ = matched_to_ground(located, opened.lidar(near_s), session)
+    matched, _ = match_to_ground(located, opened.lidar(near_s), session)
     poses = open_recording([DATA / name / "truth" / "trajectory.csv"], ReadOptions())
     assert isinstance(poses, GivesPoses)
     return Sample(session, opened, located.trajectory, matched.trajectory, trajectory_from_poses(poses.poses(), frame))

@@ -18,7 +18,7 @@ EVERY_ONE: Final = {
     "core/pointclouds/cleaning_steps.py Cleaning.every": 1,
     "core/pointclouds/spooled_clouds.py spool_clouds(every)": 1,
     "app/settings.py _every(default)": 1,
-    "core/adjustment/clock_search.py _Trial.agreement(every)": 1,
+    "core/adjustment/clock_offset.py _Trial.agreement(every)": 1,
     "core/values/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
     "core/values/plot_grid.py PlotGrid.block_size": 1,
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream

@@ -23,34 +23,34 @@ from furrowmap.core.runtime.arrays import FloatArray
 
 SWAY_S: Final = 1.1
 """What is slower than this, as drift and the way itself, is removed."""
-SLOWEST_STEP_S: Final = 0.21
+MAX_SWAY_STEP_S: Final = 0.21
 """Positions that come less often do not show a sway of 1 to 3 Hz."""
-LEAST: Final = 40
+MIN_SWAY_POSITIONS: Final = 40
 """Positions that suffice."""
-STRAY: Final = 6.0
+MAX_SWAY_DEVIATIONS: Final = 6.0
 """Residuals of so many median deviations are no sway."""
-BATCH_S: Final = 1.0
+SWAY_BATCH_S: Final = 1.0
 """Errors of the sway are independent from one such time to the next."""
-SMOOTHED: Final = 0.1
-FOLLOWED: Final = 0.05
+LEVEL_LEVER_SHARE: Final = 0.1
+UP_LEVER_SHARE: Final = 0.05
 """Share of a lever arm, forward and to the left, and up, that is uncertain: the motion prior smooths the sway, and the
 poses follow the positions."""
-FLOOR_M: Final = (0.06, 0.06, 0.03)
+SWAY_FLOOR_M: Final = (0.06, 0.06, 0.03)
 """No lever arm is known better."""
-CERTAIN: Final = 4.0
+LEVER_CERTAIN_SIGMAS: Final = 4.0
 """Standard deviations from which on the lever arm is off."""
-KNOWN_M: Final = 0.5
+MAX_KNOWN_LEVER_SIGMA_M: Final = 0.5
 """Largest standard deviation, forward and to the left, with which the sway shows the lever arm."""
-CLOCK_MOST_S: Final = 30.0
-CLOCK_STEP_S: Final = 0.05
+MAX_SWAY_CLOCK_S: Final = 30.0
+SWAY_CLOCK_STEP_S: Final = 0.05
 """Offsets of the clocks that are tried, and their steps."""
-CLOCK_SIGMA_S: Final = 0.01
+SWAY_CLOCK_SIGMA_S: Final = 0.01
 """Standard deviation of an offset by the sway."""
-CLEAR: Final = 1.5
+SWAY_CLEAR_RATIO: Final = 1.5
 """The clocks are the cause if they leave so many times less of the heights' squares than a lever arm does."""
-UNRELATED: Final = 2.0
+UNRELATED_SIGMAS: Final = 2.0
 """An antenna that sways as if it stood this near to the origin, in standard deviations, does not sway along."""
-COMMON: Final = 0.3
+MIN_COMMON_SHARE: Final = 0.3
 """Share of the positions that both clocks must have in common."""
 
 
@@ -80,7 +80,7 @@ class AntennaSway:
     @property
     def off(self) -> bool:
         """Whether the lever arm, or the clocks, are off."""
-        return self.certainty > CERTAIN
+        return self.certainty > LEVER_CERTAIN_SIGMAS
 
     def plain(self) -> dict[str, list[float]] | None:
         """For `report.json`; None where the sway shows nothing."""
@@ -92,12 +92,12 @@ class AntennaSway:
     def refutes(self, lever_m: tuple[float, float], sigma_m: tuple[float, float]) -> bool:
         """Whether what is to be added to the lever arm, forward and to the left, is none by the sway."""
         rows = zip(lever_m, self.lever_m[:2], sigma_m, self.sigma_m[:2], strict=True)
-        return any(abs(one - other) > CERTAIN * np.hypot(a, b) for one, other, a, b in rows)
+        return any(abs(one - other) > LEVER_CERTAIN_SIGMAS * np.hypot(a, b) for one, other, a, b in rows)
 
     @property
     def known(self) -> bool:
         """Whether the sway shows where the antenna stands, forward and to the left."""
-        return max(self.sigma_m[:2]) < KNOWN_M
+        return max(self.sigma_m[:2]) < MAX_KNOWN_LEVER_SIGMA_M
 
 
 def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: NormalEquations) -> AntennaSway:
@@ -114,23 +114,23 @@ def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: No
     """
     inside = knots.at(antenna.positions.t_s)[2]
     t_s, run = antenna.positions.t_s[inside], antenna.positions.run[inside]
-    if len(t_s) < LEAST or float(np.median(np.diff(t_s))) > SLOWEST_STEP_S:
+    if len(t_s) < MIN_SWAY_POSITIONS or float(np.median(np.diff(t_s))) > MAX_SWAY_STEP_S:
         return AntennaSway()
     k, design, residual, sigma = antenna.linearised(knots, state)
     segments = _segments(t_s, run)
     left = _left_by_height(k, design, sigma, state, held)
     residual, left = _swaying(residual, segments), _swaying(left, segments)
     axes = _swaying(state.rotation[k, 2, :2], segments)
-    batch = np.floor((t_s - t_s[0]) / BATCH_S).astype(np.int64)
+    batch = np.floor((t_s - t_s[0]) / SWAY_BATCH_S).astype(np.int64)
     level, level_sigma, used = _fitted(axes, residual[:, 2], batch)
     up, up_sigma, _ = _fitted(left.reshape(-1, 1), residual[:, :2].ravel(), np.repeat(batch, 2))
-    shares = np.array([SMOOTHED, SMOOTHED, FOLLOWED])
-    sigmas = np.sqrt(np.append(level_sigma, up_sigma) ** 2 + (shares * antenna.lever_m) ** 2 + np.square(FLOOR_M))
+    shares = np.array([LEVEL_LEVER_SHARE, LEVEL_LEVER_SHARE, UP_LEVER_SHARE])
+    sigmas = np.sqrt(np.append(level_sigma, up_sigma) ** 2 + (shares * antenna.lever_m) ** 2 + np.square(SWAY_FLOOR_M))
     found = AntennaSway(_three(np.append(level, up)), _three(sigmas))
     if not found.off:
         return found
     rest = (residual[:, 2] - axes @ level)[used]
-    away = np.hypot(*(antenna.lever_m[:2] + level)) < UNRELATED * np.hypot(*sigmas[:2])
+    away = np.hypot(*(antenna.lever_m[:2] + level)) < UNRELATED_SIGMAS * np.hypot(*sigmas[:2])
     found = replace(found, unrelated=bool(away))
     return replace(found, clock_s=_clock_s(knots, state, antenna, used, float(rest.var())))
 
@@ -184,10 +184,12 @@ def _fitted(
     design: FloatArray, residual: FloatArray, batch: NDArray[np.int64]
 ) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
     """Least squares, standard deviations by the scatter of batches (sandwich; White 1980), and rows that took part."""
-    used = np.flatnonzero(np.abs(residual) < STRAY * 1.4826 * max(float(np.median(np.abs(residual))), 1e-6))
+    used = np.flatnonzero(
+        np.abs(residual) < MAX_SWAY_DEVIATIONS * 1.4826 * max(float(np.median(np.abs(residual))), 1e-6)
+    )
     design, residual, batch = design[used], residual[used], batch[used]
     normal = design.T @ design
-    if len(used) < LEAST or np.linalg.eigvalsh(normal)[0] < 1e-9:
+    if len(used) < MIN_SWAY_POSITIONS or np.linalg.eigvalsh(normal)[0] < 1e-9:
         return np.zeros(design.shape[1]), np.full(design.shape[1], np.inf), used
     found = np.asarray(np.linalg.solve(normal, design.T @ residual), np.float64)
     left = residual - design @ found
@@ -211,18 +213,18 @@ def _clock_s(
     segments = _segments(t_s, antenna.positions.run[inside])
     seen = _swaying(antenna.positions.xyz_m[inside, 2], segments)[used]
     height = state.xyz_m[:, 2] + state.rotation[:, 2] @ antenna.lever_m
-    steps = round(CLOCK_MOST_S / CLOCK_STEP_S)
-    lags = CLOCK_STEP_S * np.arange(-steps, steps + 1)
+    steps = round(MAX_SWAY_CLOCK_S / SWAY_CLOCK_STEP_S)
+    lags = SWAY_CLOCK_STEP_S * np.arange(-steps, steps + 1)
     squares = np.full(len(lags), np.inf)
     for number, lag in enumerate(lags):
         common = ((t_s + lag > knots.t_s[0]) & (t_s + lag < knots.t_s[-1]))[used]
-        if common.sum() > max(LEAST, COMMON * len(used)):
+        if common.sum() > max(MIN_SWAY_POSITIONS, MIN_COMMON_SHARE * len(used)):
             apart = seen - _swaying(np.interp(t_s + lag, knots.t_s, height), segments)[used]
             squares[number] = float((apart[common] ** 2).mean())
     best = int(np.argmin(squares))
-    if squares[best] * CLEAR > left_m2:
+    if squares[best] * SWAY_CLEAR_RATIO > left_m2:
         return 0.0
     left, middle, right = squares[np.clip(best, 1, len(lags) - 2) + np.array([-1, 0, 1])]
     curve = left - 2.0 * middle + right if np.isfinite(left + right) else 0.0
     # What the vehicle does at a scanner's time t + lag is what the positions show at t.
-    return float(lags[best] + (0.5 * CLOCK_STEP_S * (left - right) / curve if curve > 0.0 else 0.0))
+    return float(lags[best] + (0.5 * SWAY_CLOCK_STEP_S * (left - right) / curve if curve > 0.0 else 0.0))

@@ -14,38 +14,44 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.cell_adjustment import GroupHeights, adjusted
-from furrowmap.core.adjustment.cell_heights import PARAMETERS, cell_heights, derivatives, smooth_groups
-from furrowmap.core.adjustment.strips import LASERS, StripReturns, at_shifted_times
+from furrowmap.core.adjustment.cell_heights import (
+    PARAMETERS,
+    GroupHeights,
+    adjust_cells,
+    cell_heights,
+    derivatives,
+    smooth_groups,
+)
+from furrowmap.core.adjustment.strips import LASER_GROUPS, StripReturns, at_shifted_times
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
 
-WINDOW_S: Final = 1.0
-MOST_WINDOWS: Final = 400
-HEIGHT_M: Final = 0.005
+BORESIGHT_WINDOW_S: Final = 1.0
+MAX_BORESIGHT_WINDOWS: Final = 400
+CELL_HEIGHT_SIGMA_M: Final = 0.005
 """Standard deviation of what a window's heights are off, of a laser's range constant, and of a cell's mean."""
-NAMES: Final = ("roll_deg", "pitch_deg", "yaw_deg", "time_s", "x_m", "y_m", "z_m")
+BORESIGHT_NAMES: Final = ("roll_deg", "pitch_deg", "yaw_deg", "time_s", "x_m", "y_m", "z_m")
 """The parameters, about and along the vehicle's axes."""
-TIME: Final = 3
-PLACE: Final = slice(4, 7)
+CLOCK_COLUMN: Final = 3
+PLACE_COLUMNS: Final = slice(4, 7)
 """Where time offset and place are among them."""
-AS_STATED: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.001, 1e-5, 1e-5, 1e-5])
+STATED_PRIOR: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.001, 1e-5, 1e-5, 1e-5])
 """Standard deviations of the parameters before they are estimated: clock and place as stated."""
-FREE: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.02, 0.3, 0.3, 0.3])
+FREE_PRIOR: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.02, 0.3, 0.3, 0.3])
 """All free."""
-USEFUL: Final = np.array([0.2, 0.2, 0.2, 0.002, 0.05, 0.05, 0.05])
+MAX_OBSERVED_SIGMA: Final = np.array([0.2, 0.2, 0.2, 0.002, 0.05, 0.05, 0.05])
 """Largest standard deviations with which a parameter counts as observed."""
-CERTAINLY: Final = 5.0
+CERTAINLY_OFF_SIGMAS: Final = 5.0
 """Standard deviations by which clock or place must be off to be corrected."""
-NOTICEABLE: Final = np.array([0.0, 0.0, 0.0, 0.0005, 0.02, 0.02, 0.02])
+MIN_OFF: Final = np.array([0.0, 0.0, 0.0, 0.0005, 0.02, 0.02, 0.02])
 """Less of an offset of clock and place is not worth a correction."""
-ROUNDS: Final = 6
-SETTLED: Final = np.array([*np.radians([0.001, 0.001, 0.001]), 1e-5, 5e-4, 5e-4, 5e-4])
+MAX_BORESIGHT_ROUNDS: Final = 6
+SETTLED_CORRECTIONS: Final = np.array([*np.radians([0.001, 0.001, 0.001]), 1e-5, 5e-4, 5e-4, 5e-4])
 """Smaller corrections end the rounds."""
-LEAST_GROUPS: Final = 500
-CERTAIN_DEG: Final = 0.2
+MIN_GROUPS: Final = 500
+MAX_BORESIGHT_SIGMA_DEG: Final = 0.2
 """Largest standard deviation of an angle with which the boresight is used."""
 
 
@@ -54,8 +60,8 @@ class FreeFit:
     """All parameters estimated together, with wide limits: what the flight itself shows of each.
 
     Attributes:
-        value: (7,) corrections in the order of :data:`NAMES`: of the angles from the mounting found, of the others from
-            what the session states.
+        value: (7,) corrections in the order of :data:`BORESIGHT_NAMES`: of the angles from the mounting found, of the
+            others from what the session states.
         sigma: (7,) their standard deviations; as wide as before the flight where this shows nothing.
         correlation: (7, 7) of their errors.
     """
@@ -67,7 +73,7 @@ class FreeFit:
     @property
     def observed(self) -> NDArray[np.bool_]:
         """(7,) which parameters the flight shows well enough to be used."""
-        observed: NDArray[np.bool_] = self.sigma < USEFUL
+        observed: NDArray[np.bool_] = self.sigma < MAX_OBSERVED_SIGMA
         return observed
 
 
@@ -117,19 +123,19 @@ def boresight(
         stated: the mounting as the session states it.
         carrier: trajectory of the frame that carries the scanner, whose poses the returns have; None for the vehicle's.
     """
-    if len(returns) < LEAST_GROUPS:
+    if len(returns) < MIN_GROUPS:
         return None
     carrier = trajectory if carrier is None else carrier
     begin = _State(stated.rotation, np.asarray(stated.xyz_m, np.float64), 0.0)
-    settled = _settled(returns, carrier, begin, np.arange(PARAMETERS) < TIME)
+    settled = _settled(returns, carrier, begin, np.arange(PARAMETERS) < CLOCK_COLUMN)
     if settled is None:
         return None
-    first_m, free = settled.first_m, _fitted(settled.observed, FREE)
+    first_m, free = settled.first_m, _fitted(settled.observed, FREE_PRIOR)
     freed = _certainly_off(free)
-    if freed[TIME:].any():
+    if freed[CLOCK_COLUMN:].any():
         again = _settled(returns, carrier, settled.state, freed)
         if again is not None:
-            settled, free = again, _fitted(again.observed, FREE)
+            settled, free = again, _fitted(again.observed, FREE_PRIOR)
     state, fitted = settled.state, settled.fitted
     own = np.degrees(np.sqrt(np.diag(fitted.covariance)[:3]))
     inside = (trajectory.t_s >= returns.t_s[0]) & (trajectory.t_s <= returns.t_s[-1])
@@ -139,10 +145,13 @@ def boresight(
         Mounting.from_rotation((x, y, z), state.rotation),
         _three(np.degrees(Rotation.from_matrix(state.rotation @ stated.rotation.T).as_rotvec())),
         _three(sigma),
-        (state.clock_s + float(fitted.values[TIME]), float(np.sqrt(fitted.covariance[TIME, TIME]))),
+        (
+            state.clock_s + float(fitted.values[CLOCK_COLUMN]),
+            float(np.sqrt(fitted.covariance[CLOCK_COLUMN, CLOCK_COLUMN])),
+        ),
         (first_m, fitted.apart_m),
         fitted.cells,
-        bool((sigma < CERTAIN_DEG).all()),
+        bool((sigma < MAX_BORESIGHT_SIGMA_DEG).all()),
         _free_fit(free, state, begin),
         state.clock_s,
     )
@@ -158,7 +167,7 @@ class _State:
 
     def corrected(self, values: FloatArray) -> _State:
         rotation = Rotation.from_rotvec(values[:3]).as_matrix() @ self.rotation
-        return _State(rotation, self.place_m + values[PLACE], self.clock_s + float(values[TIME]))
+        return _State(rotation, self.place_m + values[PLACE_COLUMNS], self.clock_s + float(values[CLOCK_COLUMN]))
 
 
 @dataclass(frozen=True)
@@ -175,16 +184,16 @@ def _observed(returns: StripReturns, carrier: Trajectory, state: _State) -> _Obs
     """Heights of cells with the scanner in a state; None where too little ground is seen at several times."""
     if state.clock_s:
         returns = at_shifted_times(returns, carrier, state.clock_s)
-    length_s = max(WINDOW_S, float(np.ptp(returns.t_s)) / MOST_WINDOWS)
+    length_s = max(BORESIGHT_WINDOW_S, float(np.ptp(returns.t_s)) / MAX_BORESIGHT_WINDOWS)
     window = ((returns.t_s - returns.t_s[0]) / length_s).astype(np.int64)
     heights = cell_heights(returns, window, state.rotation, state.place_m)
     variance, chosen = smooth_groups(heights)
     seen, cell = np.unique(heights.cell[chosen], return_inverse=True)
-    if len(chosen) < LEAST_GROUPS or len(chosen) < 1.5 * len(seen):
+    if len(chosen) < MIN_GROUPS or len(chosen) < 1.5 * len(seen):
         return None
     count = heights.count[chosen]
     design = derivatives(returns, heights, chosen, state.rotation, state.place_m)
-    weight = 1.0 / (variance / count + HEIGHT_M**2)
+    weight = 1.0 / (variance / count + CELL_HEIGHT_SIGMA_M**2)
     groups = GroupHeights(cell, heights.window[chosen], heights.height_m[chosen], weight, design)
     return _Observed(groups, count, len(seen), int(heights.window.max()) + 1)
 
@@ -210,15 +219,15 @@ def _settled(
         begin: the state to begin with.
         corrected: (PARAMETERS,) which parameters are corrected; the others stay nearly as they are.
     """
-    prior = np.where(corrected, FREE, AS_STATED)
+    prior = np.where(corrected, FREE_PRIOR, STATED_PRIOR)
     state, observed = begin, _observed(returns, carrier, begin)
     if observed is None:
         return None
     fitted = _fitted(observed, prior)
     first_m = fitted.apart_m
-    for _ in range(ROUNDS):
+    for _ in range(MAX_BORESIGHT_ROUNDS):
         values = np.where(corrected, fitted.values, 0.0)
-        if bool((np.abs(values) < SETTLED).all()):
+        if bool((np.abs(values) < SETTLED_CORRECTIONS).all()):
             break
         state = state.corrected(values)
         observed = _observed(returns, carrier, state)
@@ -231,19 +240,19 @@ def _settled(
 def _certainly_off(free: _Fitted) -> NDArray[np.bool_]:
     """(PARAMETERS,) what is to be corrected: the angles, and what else is certainly another than stated."""
     off, sigma = np.abs(free.values), np.sqrt(np.diag(free.covariance))
-    found: NDArray[np.bool_] = (off > CERTAINLY * sigma) & (off > NOTICEABLE)
-    found[:TIME] = True
+    found: NDArray[np.bool_] = (off > CERTAINLY_OFF_SIGMAS * sigma) & (off > MIN_OFF)
+    found[:CLOCK_COLUMN] = True
     return found
 
 
 def _free_fit(free: _Fitted, state: _State, begin: _State) -> FreeFit:
     value = free.values.copy()
-    value[:TIME] = np.degrees(value[:TIME])
-    value[TIME] += state.clock_s - begin.clock_s
-    value[PLACE] += state.place_m - begin.place_m
+    value[:CLOCK_COLUMN] = np.degrees(value[:CLOCK_COLUMN])
+    value[CLOCK_COLUMN] += state.clock_s - begin.clock_s
+    value[PLACE_COLUMNS] += state.place_m - begin.place_m
     sigma = np.sqrt(np.diag(free.covariance))
     correlation = free.covariance / np.outer(sigma, sigma)
-    return FreeFit(value, np.where(np.arange(PARAMETERS) < TIME, np.degrees(sigma), sigma), correlation)
+    return FreeFit(value, np.where(np.arange(PARAMETERS) < CLOCK_COLUMN, np.degrees(sigma), sigma), correlation)
 
 
 def boresight_notices(found: Boresight | None, stated: Mounting) -> list[Notice]:
@@ -275,7 +284,7 @@ def _other_notices(found: Boresight, stated: Mounting) -> list[Notice]:
     notices = []
     if found.mounting.xyz_m != stated.xyz_m:
         place, sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
-            found.mounting.xyz_m, found.free.sigma[PLACE].tolist()
+            found.mounting.xyz_m, found.free.sigma[PLACE_COLUMNS].tolist()
         ))  # fmt: skip
         notices.append(Notice("lever-arm-off", place=place, sigmas=sigmas))
     if found.clock_used_s:
@@ -308,8 +317,8 @@ class _Fitted:
 def _fitted(observed: _Observed, prior: FloatArray) -> _Fitted:
     """Least squares of all parameters, the heights of the cells eliminated."""
     groups = observed.groups
-    spread = np.concatenate([prior, np.full(LASERS + observed.windows, HEIGHT_M)])
-    off, covariance, middle = adjusted(groups, spread)
+    spread = np.concatenate([prior, np.full(LASER_GROUPS + observed.windows, CELL_HEIGHT_SIGMA_M)])
+    off, covariance, middle = adjust_cells(groups, spread)
     apart = groups.height_m - middle[groups.cell]
     rms = float(np.sqrt(np.average(apart**2, weights=observed.count)))
     return _Fitted(-off[:PARAMETERS], covariance[:PARAMETERS, :PARAMETERS], rms, observed.cells)

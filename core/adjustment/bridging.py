@@ -5,6 +5,11 @@ tens of degrees off, beyond the reach of relief, and the poses would converge to
 each other but not with those before and after. So a gap is entered step by step from either end, each step so short
 that wheels and motion prior predict it within the relief's reach. The misclosure where the two meet is spread evenly
 over the gap; the adjustment then starts near the truth.
+
+Scans that no positions hold take no part: they would be matched to the wrong ground, with small standard deviations.
+Where the scanner pauses, starts or stops in a gap, a first guess is metres off, beyond the reach of relief, and no
+misclosure shows it. The same is true of scans between two pauses while positions do not show the heading, as before the
+first metres of a drive.
 """
 
 from __future__ import annotations
@@ -17,21 +22,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.problem import Iterate, Problem
+from furrowmap.core.adjustment.problem import MAX_HEADING_SIGMA_DEG, Iterate, Problem, heading_sigma_deg, outages
 from furrowmap.core.adjustment.steps import session_step
-from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots, State
+from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots, State, knots_over
 from furrowmap.core.estimation.vehicle import with_positions
 from furrowmap.core.matching.portions import Gap, in_gaps
+from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import Fix, Positions
 from furrowmap.core.values.time_span import Span
+from furrowmap.core.values.trajectory import Trajectory
 
 Kind = TypeVar("Kind", bound=np.generic)
-
-APART_M: Final = 0.3
-APART_RAD: Final = np.radians(5.0)
+MAX_MISCLOSURE_M: Final = 0.3
+MAX_MISCLOSURE_RAD: Final = np.radians(5.0)
 """Largest misclosure in the middle; beyond it each side goes on to the other end, because one of them is wrong."""
-LOST: Final = 3.0
+MAX_BRIDGED_MISCLOSURE: Final = 3.0
 """A gap whose sides are nowhere nearer to each other than this many times APART stays unbridged."""
 LEAD_S: Final = 8.0
 """Time before each step whose returns take part in it: the ground to which the step is matched."""
@@ -40,7 +46,7 @@ AHEAD_S: Final = 0.5
 """Time beyond a step's scans whose poses are estimated as well, so that it ends on a motion, not on a single pose."""
 HOLD_S: Final = 4.0
 """Poses in the gap that are older than this are final: they constrain the later ones as positions do."""
-ALIKE_S: Final = 1.0
+GAP_MARGIN_S: Final = 1.0
 """Time before a gap, and after it, over which carried poses are moved to those known there."""
 CARRIED_M: Final = 0.004
 """Standard deviation of a carried pose as a position; one in CARRIED_EVERY counts."""
@@ -49,29 +55,35 @@ CARRY_CELL_M: Final = 0.2
 CARRY_THIN: Final = 2
 CARRY_STEPS: Final = 2
 """Cells, how many returns to one, and how many steps, with which poses are carried into a gap."""
+MAX_PAUSE_S: Final = 2.0
+"""A longer pause of the scanner does not let poses be carried on in such a gap."""
+HELD_REACH_S: Final = 0.5
+"""Scans up to this long after a position, or before one, are held by it."""
+MAX_SHORT_GAP_S: Final = 3.0
+"""Shorter gaps wheels, inertia and the speeds at their ends bridge alone, where headings are known there."""
 
 
-def bridged(problem: Problem, it: Iterate) -> Iterate:
+def bridge_gaps(problem: Problem, it: Iterate) -> Iterate:
     """Take the poses in unused gaps from both of their ends; gaps in which that fails stay unused."""
     unbridged = []
     for gap in it.unused:
         inside = np.flatnonzero(in_gaps(problem.knots.t_s, [gap]))
         meet = int(inside[len(inside) // 2])
-        before, after = (carried(problem, it, gap, gap.middle_s, forward=forward) for forward in (True, False))
+        before, after = (carry_poses(problem, it, gap, gap.middle_s, forward=forward) for forward in (True, False))
         if apart(before, after)[meet] > 1.0:
             before, after = (
-                carried(problem, it, gap, end_s, forward=forward)
+                carry_poses(problem, it, gap, end_s, forward=forward)
                 for end_s, forward in ((gap.end_s, True), (gap.begin_s, False))
             )
             meet = int(inside[np.argmin(apart(before, after)[inside])])
-        if apart(before, after)[meet] > LOST:
+        if apart(before, after)[meet] > MAX_BRIDGED_MISCLOSURE:
             unbridged.append(gap)
         else:
-            it = replace(it, state=joined_in_gap(problem.knots, it.state, gap, before, after, meet))
+            it = replace(it, state=join_in_gap(problem.knots, it.state, gap, before, after, meet))
     return replace(it, unused=tuple(unbridged))
 
 
-def carried(problem: Problem, it: Iterate, gap: Gap, to_s: float, *, forward: bool) -> State:
+def carry_poses(problem: Problem, it: Iterate, gap: Gap, to_s: float, *, forward: bool) -> State:
     """The state with poses carried into a gap from its begin, or from its end, to a time in it and somewhat beyond."""
     p, state = problem, it.state
     length_s = to_s - gap.begin_s if forward else gap.end_s - to_s
@@ -95,12 +107,12 @@ def carried(problem: Problem, it: Iterate, gap: Gap, to_s: float, *, forward: bo
         for _ in range(CARRY_STEPS):
             there, _ = session_step(small, there, CARRY_CELL_M, CARRY_THIN, free=False)
         state = state.put(part, there.state)
-    border = (gap.begin_s - ALIKE_S, gap.begin_s) if forward else (gap.end_s, gap.end_s + ALIKE_S)
+    border = (gap.begin_s - GAP_MARGIN_S, gap.begin_s) if forward else (gap.end_s, gap.end_s + GAP_MARGIN_S)
     return continued(p.knots, it.state, state, *border)
 
 
 def gaps_between(spans_s: Sequence[Span], knots: Knots) -> tuple[Gap, ...]:
-    """The outages of positions, see :func:`~furrowmap.core.adjustment.outages.outages`, through which scans go on.
+    """The outages of positions, see :func:`~furrowmap.core.adjustment.problem.outages`, through which scans go on.
 
     They do so before and after them as well.
     """
@@ -108,7 +120,7 @@ def gaps_between(spans_s: Sequence[Span], knots: Knots) -> tuple[Gap, ...]:
         Gap(begin_s, end_s, c)
         for begin_s, end_s in spans_s
         for c, chain in enumerate(knots.chains)
-        if chain.begin_s + ALIKE_S <= begin_s and end_s + ALIKE_S <= chain.end_s
+        if chain.begin_s + GAP_MARGIN_S <= begin_s and end_s + GAP_MARGIN_S <= chain.end_s
     )
 
 
@@ -180,14 +192,14 @@ def continued(knots: Knots, state: State, carried: State, begin_s: float, end_s:
 
 
 def apart(before: State, after: State) -> FloatArray:
-    """(n,) how far apart two states are, in APART_M and APART_RAD."""
-    way = np.linalg.norm(after.xyz_m - before.xyz_m, axis=1) / APART_M
-    turn = Rotation.from_matrix(after.rotation @ before.rotation.transpose(0, 2, 1)).magnitude() / APART_RAD
+    """(n,) how far apart two states are, in MAX_MISCLOSURE_M and MAX_MISCLOSURE_RAD."""
+    way = np.linalg.norm(after.xyz_m - before.xyz_m, axis=1) / MAX_MISCLOSURE_M
+    turn = Rotation.from_matrix(after.rotation @ before.rotation.transpose(0, 2, 1)).magnitude() / MAX_MISCLOSURE_RAD
     out: FloatArray = np.maximum(way, turn)
     return out
 
 
-def joined_in_gap(knots: Knots, state: State, gap: Gap, before: State, after: State, meet: int) -> State:
+def join_in_gap(knots: Knots, state: State, gap: Gap, before: State, after: State, meet: int) -> State:
     """The state with a gap's poses from both of its ends.
 
     Args:
@@ -209,3 +221,61 @@ def joined_in_gap(knots: Knots, state: State, gap: Gap, before: State, after: St
     rotation = np.where(early[:, None, None], before.rotation[inside], after.rotation[inside])
     turned = (Rotation.from_rotvec(weight * turn) * Rotation.from_matrix(rotation)).as_matrix()
     return state.put(inside, replace(state.part(inside), xyz_m=xyz + weight * shift, rotation=turned))
+
+
+def held_by_positions(
+    returns: GroundReturns, position_s: FloatArray, start: Trajectory
+) -> tuple[GroundReturns, tuple[Span, ...]]:
+    """The returns that positions hold, and the times whose scans they do not hold.
+
+    Args:
+        returns: of the ground, in the order of time.
+        position_s: (m,) times of the positions, which increase.
+        start: first guess of the trajectory.
+    """
+    if not len(returns) or len(position_s) < 2:
+        return returns, ()
+    gaps = outages(position_s, start)
+    lost = [span for chain in knots_over(returns.t_s, MAX_PAUSE_S).chains for span in _unheld(chain, gaps, start)]
+    return (returns.without(lost), tuple(lost)) if lost else (returns, ())
+
+
+def _unheld(chain: Chain, gaps: Sequence[Span], start: Trajectory) -> list[Span]:
+    """The times of a chain of scans that positions do not hold: parts of it, or gaps beside them."""
+    gaps = [gap for gap in gaps if gap[0] < chain.end_s and gap[1] > chain.begin_s and not _is_short(gap, start)]
+    borders = [chain.begin_s, *(t for gap in gaps for t in gap), chain.end_s]
+    parts = list(zip(borders[::2], borders[1::2], strict=True))
+    long = [not gaps or end_s - begin_s >= GAP_MARGIN_S for begin_s, end_s in parts]
+    held = [
+        is_long and heading_sigma_deg(start, part) <= MAX_HEADING_SIGMA_DEG
+        for is_long, part in zip(long, parts, strict=True)
+    ]
+    # Poses are carried to what lies between two gaps from both sides.
+    held[1:-1] = long[1:-1]
+    lost = [part for part, is_held in zip(parts, held, strict=True) if not is_held]
+    lost += [
+        (begin_s + HELD_REACH_S * before, end_s - HELD_REACH_S * after)
+        for (begin_s, end_s), before, after in zip(gaps, held[:-1], held[1:], strict=True)
+        if not (before and after)
+    ]
+    inside = [(max(begin_s, chain.begin_s), min(end_s, chain.end_s)) for begin_s, end_s in lost]
+    return _joined(sorted(span for span in inside if span[0] < span[1]))
+
+
+def _is_short(gap: Span, start: Trajectory) -> bool:
+    """Whether a first guess across a gap is near the truth."""
+    return (
+        gap[1] - gap[0] < MAX_SHORT_GAP_S
+        and max(heading_sigma_deg(start, (t_s, t_s)) for t_s in gap) <= MAX_HEADING_SIGMA_DEG
+    )
+
+
+def _joined(spans: list[Span]) -> list[Span]:
+    """Spans, in order, of which those that touch are one."""
+    out: list[Span] = []
+    for begin_s, end_s in spans:
+        if out and begin_s <= out[-1][1]:
+            out[-1] = out[-1][0], max(end_s, out[-1][1])
+        else:
+            out.append((begin_s, end_s))
+    return out

@@ -1,4 +1,7 @@
-"""Heights of small cells at many times by the returns of a moving scanner, and how they change with the mounting."""
+"""Heights of small cells at many times by the returns of a moving scanner, and how they change with the mounting.
+
+Their least squares, in which the height of each cell itself is eliminated, are in :func:`adjust_cells`.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +12,17 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.strips import CELL_M, LASERS, StripReturns
+from furrowmap.core.adjustment.strips import LASER_GROUPS, STRIP_CELL_M, StripReturns
+from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.runtime.arrays import FloatArray
 
-LEAST_IN_PLANE: Final = 30
-LEAST_IN_GROUP: Final = 3
-SMOOTH: Final = 1.4
+MIN_CELL_PLANE_RETURNS: Final = 30
+MIN_GROUP_RETURNS: Final = 3
+MAX_ROUGHNESS_RATIO: Final = 1.4
 """Only cells count whose heights scatter at most this many times as much as those of the smoothest tenth."""
 PARAMETERS: Final = 7
 """Three angles about the vehicle's axes, the time offset, and the scanner's place in the vehicle frame."""
+ROBUST_ROUNDS: Final = 3
 
 
 @dataclass(frozen=True)
@@ -59,8 +64,8 @@ def cell_heights(
     """
     r = returns
     xyz, low, high = _placed(r.sensor_m, r.origin_m, r.rotation, window, np.ascontiguousarray(mounting), lever_m)
-    first = np.floor(low / CELL_M)
-    shape = (np.floor(high / CELL_M) - first).astype(np.int64) + 1
+    first = np.floor(low / STRIP_CELL_M)
+    shape = (np.floor(high / STRIP_CELL_M) - first).astype(np.int64) + 1
     cell, sums = _plane_sums(xyz, window, first, int(shape[0]), int(shape[1]))
     planes = _planes(sums, int(shape[0]), int(shape[1]))
     groups, heights, member = _sums(xyz, cell, window, planes)
@@ -73,7 +78,7 @@ def cell_heights(
 
 def smooth_groups(heights: CellHeights) -> tuple[FloatArray, NDArray[np.intp]]:
     """Variance of single heights, and the groups of cells that are smooth: plants move and let beams through."""
-    known = heights.count >= LEAST_IN_GROUP
+    known = heights.count >= MIN_GROUP_RETURNS
     cells = int(heights.cell.max(initial=0)) + 1
     squares = np.bincount(heights.cell[known], (heights.scatter_m2 * heights.count)[known], cells)
     freedom = np.bincount(heights.cell[known], (heights.count - 1)[known], cells)
@@ -81,7 +86,7 @@ def smooth_groups(heights: CellHeights) -> tuple[FloatArray, NDArray[np.intp]]:
     seen = np.isfinite(variance)
     if not seen.any():
         return np.zeros(0), np.zeros(0, np.intp)
-    limit = SMOOTH**2 * float(np.quantile(variance[seen], 0.1))
+    limit = MAX_ROUGHNESS_RATIO**2 * float(np.quantile(variance[seen], 0.1))
     chosen = np.flatnonzero(known & (variance[heights.cell] <= limit))
     return variance[heights.cell[chosen]], chosen
 
@@ -155,7 +160,7 @@ def _plane_sums(xyz, window, first, columns, rows):  # type: ignore[no-untyped-d
         if window[i] < 0:
             continue
         x, y, z = float(xyz[i, 0]), float(xyz[i, 1]), float(xyz[i, 2])
-        c = int(np.floor(x / CELL_M) - first[0]) * rows + int(np.floor(y / CELL_M) - first[1])
+        c = int(np.floor(x / STRIP_CELL_M) - first[0]) * rows + int(np.floor(y / STRIP_CELL_M) - first[1])
         cell[i] = c
         out[c, 0] += 1.0
         out[c, 1] += x
@@ -185,13 +190,13 @@ def _planes(sums, columns, rows):  # type: ignore[no-untyped-def]
                     for j in range(9):
                         s[j] += sums[p * rows + q, j]
             n = s[0]
-            if n <= LEAST_IN_PLANE:
+            if n <= MIN_CELL_PLANE_RETURNS:
                 continue
             x, y, z = s[1] / n, s[2] / n, s[3] / n
             cxx, cyy, cxy = s[4] / n - x * x, s[5] / n - y * y, s[6] / n - x * y
             czx, czy = s[7] / n - z * x, s[8] / n - z * y
             determinant = cxx * cyy - cxy**2
-            if determinant > (0.4 * CELL_M) ** 4:
+            if determinant > (0.4 * STRIP_CELL_M) ** 4:
                 out[c, 0], out[c, 1] = x, y
                 out[c, 2], out[c, 3] = (czx * cyy - czy * cxy) / determinant, (czy * cxx - czx * cxy) / determinant
                 out[c, 4] = 1.0
@@ -233,7 +238,7 @@ def _derivative_sums(  # type: ignore[no-untyped-def]
     member, row, slope, sensor, laser, rotation, velocity, rate, mounting, lever, rows
 ):
     """Sums (rows, PARAMETERS + LASERS) of the derivatives of the returns' heights by the parameters."""
-    out = np.zeros((rows, PARAMETERS + LASERS))
+    out = np.zeros((rows, PARAMETERS + LASER_GROUPS))
     for i in range(len(member)):
         g = member[i]
         if g < 0 or row[g] < 0:
@@ -256,3 +261,89 @@ def _derivative_sums(  # type: ignore[no-untyped-def]
         out[r, 6] += nz
         out[r, 7 + laser[i]] += (ux * nx + uy * ny + uz * nz) / np.sqrt(ux * ux + uy * uy + uz * uz)
     return out
+
+
+@dataclass(frozen=True)
+class GroupHeights:
+    """Heights of g groups: the returns of one cell in one window of time.
+
+    Attributes:
+        cell: (g,) number of the cell, 0 to c − 1, each with a group.
+        window: (g,) number of the window; no two groups of a cell share one.
+        height_m: (g,) mean height.
+        weight: (g,) its inverse variance.
+        design: (g, p) derivatives by the parameters.
+    """
+
+    cell: NDArray[np.int64]
+    window: NDArray[np.int64]
+    height_m: FloatArray
+    weight: FloatArray
+    design: FloatArray
+
+
+def adjust_cells(groups: GroupHeights, spread: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Parameters and heights of windows that bring the groups of each cell to one height.
+
+    Args:
+        groups: the heights.
+        spread: (p + w,) standard deviations of the p parameters and of the w windows' heights before.
+
+    Returns:
+        What parameters and windows put into the heights (p + w,), its covariance, and the mean heights of the cells
+        as measured (c,).
+    """
+    g = groups
+    parameters = g.design.shape[1]
+    order = np.argsort(g.cell, kind="stable")
+    begin = np.concatenate([[0], np.cumsum(np.bincount(g.cell))])
+    cell, window, height, independent = g.cell[order], g.window[order], g.height_m[order], g.weight[order]
+    design = np.ascontiguousarray(g.design[order])
+    robust = np.ones(len(order))
+    for _ in range(ROBUST_ROUNDS):
+        weight = independent * robust
+        normal, right, middle, means = _normal_equations(begin, window, height, design, weight, len(spread))
+        normal[parameters:, :parameters] = normal[:parameters, parameters:].T
+        normal[np.diag_indices_from(normal)] += 1.0 / spread**2
+        off = np.linalg.solve(normal, right)
+        shift = off[parameters:][window]
+        windows = np.bincount(cell, weight * shift) / np.bincount(cell, weight)
+        residual = height - design @ off[:parameters] - shift - (middle - means @ off[:parameters] - windows)[cell]
+        robust = huber_weight(np.abs(residual) * np.sqrt(independent))
+    return off, np.asarray(np.linalg.inv(normal), np.float64), middle
+
+
+@numba.njit(cache=True, nogil=True)
+def _normal_equations(begin, window, height, design, weight, unknowns):  # type: ignore[no-untyped-def]
+    """Normal matrix without its lower left, right side, mean heights of the cells, mean derivatives (c, p)."""
+    p, cells = design.shape[1], len(begin) - 1
+    normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
+    middle, means = np.zeros(cells), np.zeros((cells, p))
+    for c in range(cells):
+        total = 0.0
+        mean = means[c]
+        for g in range(begin[c], begin[c + 1]):
+            total += weight[g]
+            middle[c] += weight[g] * height[g]
+            for j in range(p):
+                mean[j] += weight[g] * design[g, j]
+        middle[c] /= total
+        for j in range(p):
+            mean[j] /= total
+        for g in range(begin[c], begin[c + 1]):
+            w, u = weight[g], p + window[g]
+            off = w * (height[g] - middle[c])
+            right[u] += off
+            normal[u, u] += w
+            for h in range(begin[c], begin[c + 1]):
+                normal[u, p + window[h]] -= w * weight[h] / total
+            for j in range(p):
+                apart = design[g, j] - mean[j]
+                right[j] += off * design[g, j]
+                normal[j, u] += w * apart
+                for k in range(j + 1):
+                    normal[j, k] += w * apart * (design[g, k] - mean[k])
+    for j in range(p):
+        for k in range(j):
+            normal[k, j] = normal[j, k]
+    return normal, right, middle, means

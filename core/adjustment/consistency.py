@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.adjustment.antenna_sway import CERTAIN, AntennaSway
-from furrowmap.core.adjustment.clock_offset import LEAST_GAIN, AntennaConstants
-from furrowmap.core.adjustment.ground_plane import GroundTilt
+from furrowmap.core.adjustment.antenna_sway import LEVER_CERTAIN_SIGMAS, AntennaSway
+from furrowmap.core.adjustment.clock_offset import MIN_OFFSET_GAIN, AntennaConstants
 from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S, Knots, State
 from furrowmap.core.estimation.vehicle import SLIP_EVERY_S, AxleSteps
 from furrowmap.core.runtime import arrays
@@ -18,15 +18,89 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.gnss import Positions
+from furrowmap.core.values.rotation import Mounting
+from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory
 
 SLIP_OVER_S: Final = 0.5
 SLIP_FLOOR_M: Final = 0.003
 """Poses half a second apart are not known better."""
-SLIP_MOST: Final = 1.4
-DRIFT_MOST: Final = 3.0
+MAX_SLIP: Final = 1.4
+MAX_DRIFT: Final = 3.0
 """Ratios of what is seen to what is stated from which results contradict each other."""
-TILT_DEG: Final = 20.0
+TILT_RANGES_M: Final = (2.0, 15.0)
+"""Distances from the scanner of the returns that are looked at: beyond the vehicle, before the field's end."""
+MAX_TILT_RETURNS: Final = 4_000
+MIN_TILT_RETURNS: Final = 200
+TRIED_PLANES: Final = 400
+ON_PLANE_M: Final = 0.12
+MAX_LEVEL_DEG: Final = 20.0
+"""A field and the vehicle on it are never steeper together."""
+WALL_TILTS_DEG: Final = (65.0, 115.0)
+"""A plane of such a tilt may be a wall."""
+TILT_CLEAR_RATIO: Final = 2.0
+"""Returns on another plane must be so many times those on a level one below the scanner."""
+
+
+@dataclass(frozen=True)
+class GroundTilt:
+    """How the ground lies in the vehicle frame.
+
+    Attributes:
+        tilt_deg: angle between the vehicle's z axis and the upward normal of the ground; 0 where it is as it should be.
+        upside_down: whether it would be as it should be with the scanner turned over.
+    """
+
+    tilt_deg: float = 0.0
+    upside_down: bool = False
+
+
+LEVEL_GROUND: Final = GroundTilt()
+"""As it should be."""
+
+
+def ground_tilt(scans: Sequence[Scan], mounting: Mounting) -> GroundTilt:
+    """How the ground lies in the vehicle frame.
+
+    The ground is the plane with most returns (RANSAC; Fischler and Bolles 1981). It is as it should be if a plane below
+    the scanner, level to MAX_LEVEL_DEG, has nearly as many. With an upright plane it may be a wall, unless turning the
+    scanner over, or its pitch, makes it level.
+
+    Args:
+        scans: some at the begin of the recording.
+        mounting: of the scanner, as stated.
+    """
+    places = np.concatenate([np.zeros((0, 3)), *(np.asarray(scan.xyz_m, np.float64) for scan in scans)])
+    distance = np.linalg.norm(places, axis=1)
+    places = places[(distance > TILT_RANGES_M[0]) & (distance < TILT_RANGES_M[1])]
+    places = places[:: max(1, len(places) // MAX_TILT_RETURNS)]
+    if len(places) < MIN_TILT_RETURNS:
+        return LEVEL_GROUND
+    corners = places[np.random.default_rng(0).integers(0, len(places), (TRIED_PLANES, 3))]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-9)[:, None]
+    away = np.einsum("ij,ij->i", normal, corners[:, 0])
+    # The scanner, at the origin, is above the ground: the normal points to it.
+    normal, away = normal * -np.sign(away)[:, None], -np.abs(away)
+    on_plane = (np.abs(places @ normal.T - away) < ON_PLANE_M).sum(axis=0)
+
+    def tilts(roll_deg: float, pitch_sign: float) -> FloatArray:
+        roll, pitch, yaw = mounting.rpy_deg
+        up = Mounting(mounting.xyz_m, (roll + roll_deg, pitch_sign * pitch, yaw)).rotation[2]
+        return np.asarray(np.degrees(np.arccos(np.clip(normal @ up, -1.0, 1.0))), np.float64)
+
+    tilt = tilts(0.0, 1.0)
+    least = TILT_CLEAR_RATIO * np.where(tilt < MAX_LEVEL_DEG, on_plane, 0).max()
+    turned = {
+        (roll_deg, sign): np.where((tilts(roll_deg, sign) < MAX_LEVEL_DEG) & (tilt > MAX_LEVEL_DEG), on_plane, 0)
+        for roll_deg, sign in ((180.0, 1.0), (180.0, -1.0), (0.0, -1.0))
+    }
+    (roll_deg, _), most = max(turned.items(), key=lambda item: int(item[1].max()))
+    if most.max() > least:
+        return GroundTilt(float(tilt[np.argmax(most)]), upside_down=roll_deg > 0.0)
+    wall = (tilt > WALL_TILTS_DEG[0]) & (tilt < WALL_TILTS_DEG[1])
+    other = np.where(wall | (tilt < MAX_LEVEL_DEG), 0, on_plane)
+    return GroundTilt(float(tilt[np.argmax(other)])) if other.max() > least else LEVEL_GROUND
 
 
 class Cause(StrEnum):
@@ -65,9 +139,9 @@ class Seen:
         """The largest ratio of what is seen to what is stated."""
         c = self.constants
         gain = max(c.clock_gain, c.lever_gain)
-        by_constants = np.sqrt(gain / LEAST_GAIN) if c.off else 0.0
-        ratios = self.slip / SLIP_MOST, self.drift / DRIFT_MOST, self.ground.tilt_deg / TILT_DEG
-        return float(max(*ratios, by_constants, self.sway.certainty / CERTAIN))
+        by_constants = np.sqrt(gain / MIN_OFFSET_GAIN) if c.off else 0.0
+        ratios = self.slip / MAX_SLIP, self.drift / MAX_DRIFT, self.ground.tilt_deg / MAX_LEVEL_DEG
+        return float(max(*ratios, by_constants, self.sway.certainty / LEVER_CERTAIN_SIGMAS))
 
     def plain(self) -> dict[str, Any]:
         """For `report.json`."""
@@ -121,9 +195,9 @@ def contradiction_notice(seen: Seen) -> Notice | None:
     shown = []
     if seen.ground.tilt_deg:
         shown.append(f"the ground is tilted by {seen.ground.tilt_deg:.0f}° in the vehicle frame")
-    if seen.slip > SLIP_MOST:
+    if seen.slip > MAX_SLIP:
         shown.append(f"the rear axle slips sideways {seen.slip:.1f} times as much as wheels do")
-    if seen.drift > DRIFT_MOST:
+    if seen.drift > MAX_DRIFT:
         shown.append(f"positions drift {seen.drift:.1f} times as much as the receiver states")
     if c.off:
         x, y = c.lever_m
@@ -145,7 +219,7 @@ def _sway_in_words(sway: AntennaSway) -> str:
     off = ", ".join(
         f"{value:+.2f} ± {sigma:.2f} m further {where}"
         for value, sigma, where in zip(sway.lever_m, sway.sigma_m, ("forward", "left", "up"), strict=True)
-        if abs(value) > CERTAIN * sigma
+        if abs(value) > LEVER_CERTAIN_SIGMAS * sigma
     )
     return f"the antenna sways with the vehicle's roll and pitch as one that is {off}"
 
@@ -169,7 +243,7 @@ def clock_notice(stated_s: float, used_s: float, sigma_s: float) -> Notice:
     )
 
 
-def enlarged(
+def enlarge_sigmas(
     trajectory: Trajectory, seen: Seen, lever_m: FloatArray, sensor_m: FloatArray, turned_deg: float = 0.0
 ) -> Trajectory:
     """The trajectory with standard deviations enlarged to what is seen, where results contradict each other.
@@ -199,7 +273,7 @@ def enlarged(
     return replace(trajectory, sigma=sigma)
 
 
-def seen_in(
+def check_consistency(
     knots: Knots,
     state: State,
     positions: Positions,

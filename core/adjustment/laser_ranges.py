@@ -1,9 +1,15 @@
-"""Range constants of the lasers, from their residuals on the common ground.
+"""Ranges of the lasers: a constant of each, from its residuals on the common ground, and the uncertainty of their bow.
 
 Every laser of a spinning scanner has a range constant of its own, a few millimetres within the maker's tolerance. All
 of them see the same ground, each from somewhere else in turn, so that the residuals of each show its own constant. A
 constant common to all is the vehicle's height; one that grows evenly with elevation looks like its pitch, and like the
 tops of clods that hide what is behind them. Neither can be separated from these, so both are left out.
+
+The range bow (doming) is an uncertainty. A laser's elevation is off by a little, and a beam that grazes the ground
+returns from more than its middle. So flat ground comes out as a shallow bowl or hill: its heights are off by k r² at
+the distance r. Scans alone cannot show that: ground and poses bent into a paraboloid of that shape (poses lifted by
+k s² over the path length s, and tilted by its slope) fit them as well. Only GNSS heights over a long path oppose it.
+The bow is therefore not estimated but considered (:class:`~furrowmap.core.estimation.covariance.Considered`).
 """
 
 from __future__ import annotations
@@ -16,23 +22,37 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.matching.ground import CORRELATED, GROUND_GATE, LEAST_WEIGHT, MATCHING_HUBER, NOISE_M, PlacedReturns
-from furrowmap.core.matching.ground_registration import session_surface
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.covariance import Considered
+from furrowmap.core.matching.ground import (
+    CORRELATED,
+    GROUND_GATE,
+    MATCHING_HUBER,
+    MIN_NODE_RETURNS,
+    NOISE_M,
+    PlacedReturns,
+)
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads
+from furrowmap.core.matching.registration import session_surface
+from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, HeightGrid
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.scan import MAX_LASERS, LaserRanges
 
-CELL_M: Final = 0.15
-THIN: Final = 3
+LASER_CELL_M: Final = 0.15
+LASER_THIN: Final = 3
 """Cells, and how many returns to one, from which the constants are estimated."""
-USUAL_M: Final = 0.003
+LASER_PRIOR_M: Final = 0.003
 """Standard deviation of the constants before anything was seen; the maker allows 3 cm."""
-LEAST_RETURNS: Final = 1000
+MIN_LASER_RETURNS: Final = 1000
 """A laser with fewer returns of the ground keeps the ranges it has."""
-LEAST_LASERS: Final = 4
+MIN_LASERS: Final = 4
 """Of fewer nothing is left when height and pitch are taken out."""
+ELEVATION_SIGMA: Final = np.radians(0.1)
+"""Of the elevation at which a laser sees the ground, independent of the others': half of its beam, 0.18° wide."""
+MAX_BOW_RETURNS: Final = 20_000
+"""So many returns show how the lasers lie on the ground."""
 
 
 @dataclass(frozen=True)
@@ -67,15 +87,15 @@ class LaserSums:
 
     def ranges(self) -> LaserRanges | None:
         """The constants that follow, shrunk by what is usual; None where too few lasers see the ground."""
-        seen = self.count >= LEAST_RETURNS
-        if seen.sum() < LEAST_LASERS:
+        seen = self.count >= MIN_LASER_RETURNS
+        if seen.sum() < MIN_LASERS:
             return None
         weight = self.normal[seen] / CORRELATED
         found = self.right[seen] / self.normal[seen]
         line = np.column_stack([np.ones(len(found)), self.elevation[seen] / self.count[seen]])
         root = np.sqrt(weight)
         slow = np.linalg.lstsq(line * root[:, None], found * root, rcond=None)[0]
-        information = weight + 1.0 / USUAL_M**2
+        information = weight + 1.0 / LASER_PRIOR_M**2
         offset, sigma = np.zeros(MAX_LASERS), np.full(MAX_LASERS, np.nan)
         offset[seen] = (found - line @ slow) * weight / information
         sigma[seen] = 1.0 / np.sqrt(information)
@@ -92,8 +112,8 @@ def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
     returns, knots, state, sensor = placing.returns, placing.knots, placing.state, placing.sensor
     if len(returns.laser) != len(returns):
         return None
-    portions = blocks(returns.t_s, knots, THIN, placing.unused)
-    surface = session_surface(placing, portions, CELL_M)
+    portions = blocks(returns.t_s, knots, LASER_THIN, placing.unused)
+    surface = session_surface(placing, portions, LASER_CELL_M)
     sensor_m, axes = state.xyz_m + state.rotation @ sensor.xyz_m, state.rotation @ (sensor.turn @ axis)
 
     def work(share: Sequence[Portion]) -> LaserSums:
@@ -154,7 +174,7 @@ def _sum(  # type: ignore[no-untyped-def]
             tile, p, q = number[row, column], p & TILE_NODES - 1, q & TILE_NODES - 1
             least = min(least, weight[tile, other, p, q])
             ground += (s if c // 2 else 1.0 - s) * (u if c % 2 else 1.0 - u) * height[tile, other, p, q]
-        if least < LEAST_WEIGHT:
+        if least < MIN_NODE_RETURNS:
             continue
         residual = xyz_m[i, 2] - ground
         variance = NOISE_M * NOISE_M * (1.0 + 1.0 / least)
@@ -170,3 +190,48 @@ def _sum(  # type: ignore[no-untyped-def]
         right[k] += w * a * residual
         elevation[k] += (dx * axis[i, 0] + dy * axis[i, 1] + dz * axis[i, 2]) / distance
         count[k] += 1.0
+
+
+def range_bow_sigma(returns: GroundReturns, sensor_m: FloatArray, axis: FloatArray) -> float:
+    """Standard deviation of k in 1/m, by where the lasers see the ground; 0 where it is not known which laser saw what.
+
+    The errors of the lasers' elevations are fitted by what a vehicle's height and tilt do, and by k r².
+
+    Args:
+        returns: of the ground.
+        sensor_m: (3,) the sensor in the vehicle frame.
+        axis: (3,) unit vector along its axis, upwards.
+    """
+    if not len(returns.laser):
+        return 0.0
+    every = slice(None, None, -(-len(returns) // MAX_BOW_RETURNS))
+    arm = np.asarray(returns.xyz_m[every], np.float64) - sensor_m
+    distance = np.linalg.norm(arm, axis=1)
+    along = arm @ axis / distance
+    # A turn of the ray about the sensor, upwards by its elevation: by how much that lifts the return.
+    lift = (axis[2] * distance - along * arm[:, 2]) / np.sqrt(np.maximum(1.0 - along**2, 1e-6))
+    x, y, _ = arm.T
+    design = np.column_stack([np.ones(len(arm)), x, y, x * x + y * y])
+    fit = np.linalg.lstsq(design.T @ design, design.T, rcond=None)[0][3]
+    by_laser = np.bincount(np.asarray(returns.laser[every]), fit * lift)
+    return float(ELEVATION_SIGMA * np.linalg.norm(by_laser))
+
+
+def range_bow(sigma_per_m: float, prior: NormalEquations, centre_m: FloatArray) -> Considered:
+    """The bow as a considered parameter of the coarse knots.
+
+    Args:
+        sigma_per_m: see :func:`range_bow_sigma`.
+        prior: equations of the coarse knots without LiDAR.
+        centre_m: (count, 3) see :meth:`~furrowmap.core.estimation.coarse.CoarseKnots.centres`.
+    """
+    plan = centre_m[:, :2] - centre_m[:, :2].mean(axis=0)
+    mode = np.zeros((len(centre_m), len(prior.right) // len(centre_m)))
+    mode[:, 2] = sigma_per_m * (plan**2).sum(axis=1)
+    mode[:, 3], mode[:, 4] = 2.0 * sigma_per_m * plan[:, 1], -2.0 * sigma_per_m * plan[:, 0]
+    band, flat = prior.band, mode.ravel()
+    right = band[0] * flat
+    for k in range(1, len(band)):
+        right[k:] += band[k, :-k] * flat[:-k]
+        right[:-k] += band[k, :-k] * flat[k:]
+    return Considered(flat, right)

@@ -12,16 +12,19 @@ from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.antenna_sway import AntennaSway, antenna_sway
-from furrowmap.core.adjustment.clock_offset import AntennaConstants, antenna_constants
-from furrowmap.core.adjustment.clock_search import Candidate, searched_clock_offset
-from furrowmap.core.adjustment.consistency import Seen, seen_in
-from furrowmap.core.adjustment.ground_plane import LEVEL, GroundTilt
-from furrowmap.core.adjustment.held_scans import held_by_positions
+from furrowmap.core.adjustment.bridging import held_by_positions
+from furrowmap.core.adjustment.clock_offset import (
+    AntennaConstants,
+    ClockCandidate,
+    antenna_constants,
+    search_clock_offset,
+)
+from furrowmap.core.adjustment.consistency import LEVEL_GROUND, GroundTilt, Seen, check_consistency
+from furrowmap.core.adjustment.laser_ranges import range_bow, range_bow_sigma
 from furrowmap.core.adjustment.match_report import match_figures, match_notices
 from furrowmap.core.adjustment.mounting_calibration import STATED_SIGMA_DEG, MountingCalibration
 from furrowmap.core.adjustment.precision import sigmas, sources_of
 from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
-from furrowmap.core.adjustment.range_bow import range_bow, range_bow_sigma
 from furrowmap.core.adjustment.solve import resolve_yaw_ambiguity, solve
 from furrowmap.core.estimation.aiding import Aid
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
@@ -39,11 +42,11 @@ from furrowmap.core.values.scan import LaserRanges
 from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
 
-LEAST_RETURNS: Final = 20_000
+MIN_MATCH_RETURNS: Final = 20_000
 """With fewer returns of the ground in the whole recording there is nothing to match."""
-LEAST_IN_SCAN: Final = 300.0
+MIN_MATCH_SCAN_RETURNS: Final = 300.0
 """The same on the mean of the scans: what little a standing crop lets through is not only ground."""
-HEIGHT_STAYS: Final = 0.7
+CONSTANT_HEIGHT_SHARE: Final = 0.7
 """Share of the drift of GNSS heights that is constant for a whole session (troposphere, the antenna's own offset)."""
 FIX_REACH_S: Final = 0.5
 SPEED_OVER_S: Final = 0.4
@@ -92,7 +95,7 @@ class Prepared:
     problem: Problem
     first: Iterate
     start: Trajectory
-    clock: Candidate | None
+    clock: ClockCandidate | None
     ground: GroundTilt
     unheld: tuple[Span, ...] = ()
 
@@ -104,7 +107,7 @@ def prepare(
     lever_m: tuple[float, float, float],
     mounting: Mounting,
     tool: Tool | None,
-    ground: GroundTilt = LEVEL,
+    ground: GroundTilt = LEVEL_GROUND,
     aid: Aid | None = None,
 ) -> Prepared | None:
     """The input of the adjustment; None where there is too little ground in the scans, or no position in their time.
@@ -122,13 +125,13 @@ def prepare(
     unheld: tuple[Span, ...] = ()
     if aid is None:
         returns, unheld = held_by_positions(returns, positions.t_s, start)
-    if len(returns) < max(LEAST_RETURNS, LEAST_IN_SCAN * _scans(returns)):
+    if len(returns) < max(MIN_MATCH_RETURNS, MIN_MATCH_SCAN_RETURNS * _scans(returns)):
         return None
     problem = Problem.of(returns, start, positions, lever_m, mounting, tool, aid)
     if not problem.knots.at(positions.t_s)[2].any():
         return None
     first = resolve_yaw_ambiguity(problem, Iterate.of(problem))
-    return Prepared(problem, first, start, searched_clock_offset(returns, first.sensor, start), ground, unheld)
+    return Prepared(problem, first, start, search_clock_offset(returns, first.sensor, start), ground, unheld)
 
 
 def _scans(returns: GroundReturns) -> int:
@@ -161,7 +164,7 @@ def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
         sway = antenna_sway(problem.knots, adjusted.state, adjusted.antenna, last.held)
         if not sway.off and sway.refutes(constants.lever_m, constants.lever_sigma_m):
             constants = AntennaConstants(constants.clock_s, constants.clock_sigma_s, constants.clock_gain)
-    seen = seen_in(problem.knots, adjusted.state, problem.positions, constants, prepared.ground, sway)
+    seen = check_consistency(problem.knots, adjusted.state, problem.positions, constants, prepared.ground, sway)
     return Matched(
         _trajectory(adjusted, prepared.start),
         used,
@@ -181,7 +184,7 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     bow_sigma = range_bow_sigma(problem.returns, problem.sensor_m, problem.sensor_axis)
     sigma = sigmas(state, last, range_bow(bow_sigma, last.prior, last.centre_m), ground, walls)
     sigma[:, :2] = np.hypot(sigma[:, :2], _sway_taken_for_noise_m(problem.positions))
-    sigma[:, 2] = np.hypot(sigma[:, 2], HEIGHT_STAYS * np.median(problem.positions.drift_m[:, 2]))
+    sigma[:, 2] = np.hypot(sigma[:, 2], CONSTANT_HEIGHT_SHARE * np.median(problem.positions.drift_m[:, 2]))
     sigma[:, 3:] = np.hypot(sigma[:, 3:], _mounting_sigma_deg(adjusted))
     if not adjusted.facing.shown:
         sigma = as_by_positions(sigma, knots.t_s, start, problem.lever_m)

@@ -24,18 +24,18 @@ HALF_TRACKS_M: Final = np.arange(0.3, 1.15, 0.05)
 WHEELBASES_M: Final = np.arange(1.2, 3.3, 0.1)
 TYRE_M: Final = (-0.09, 0.0, 0.09)
 """The ground under a tyre is averaged over these places, forward and aside."""
-EVERY_S: Final = 0.1
-MOST_TIMES: Final = 10_000
-BATCH_S: Final = 1.0
+STANCE_EVERY_S: Final = 0.1
+MAX_STANCE_TIMES: Final = 10_000
+STANCE_BATCH_S: Final = 1.0
 """The sway, of 1 to 3 Hz, averages out over such a time."""
-LEAST_TIMES: Final = 4
+MIN_BATCH_TIMES: Final = 4
 """In a batch."""
-LEAST_BATCHES: Final = 3
-MOVING_MPS: Final = 0.2
-CERTAIN: Final = 2.5
-REPORTED_DEG: Final = 0.2
-"""A mounting is off where that is significant by CERTAIN standard deviations, and more than REPORTED_DEG."""
-HEIGHT_KNOWN_M: Final = 0.15
+MIN_BATCHES: Final = 3
+MIN_STANCE_MPS: Final = 0.2
+MOUNTING_CERTAIN_SIGMAS: Final = 2.5
+MIN_MOUNTING_DEG: Final = 0.2
+"""A mounting is off by more than MOUNTING_CERTAIN_SIGMAS standard deviations and by more than MIN_MOUNTING_DEG."""
+MAX_STANCE_HEIGHT_M: Final = 0.15
 """A vehicle that seems to float or sink by more has its origin elsewhere: what lies under it is then not what carries
 it."""
 STATED_SIGMA_DEG: Final = 0.3
@@ -68,8 +68,8 @@ class MountingCalibration:
     def turn(self) -> FloatArray | None:
         """(3, 3) rotation that the mounting's takes on its left to be right; None where it is not certainly off."""
         angles, sigma = np.array([self.roll_deg, self.pitch_deg, self.yaw_deg]), np.array(self.sigma_deg)
-        certain = np.abs(angles) > np.maximum(CERTAIN * sigma, REPORTED_DEG)
-        if not certain.any() or abs(self.height_m) > HEIGHT_KNOWN_M:
+        certain = np.abs(angles) > np.maximum(MOUNTING_CERTAIN_SIGMAS * sigma, MIN_MOUNTING_DEG)
+        if not certain.any() or abs(self.height_m) > MAX_STANCE_HEIGHT_M:
             return None
         roll, pitch, yaw = angles / (1.0 + (sigma / STATED_SIGMA_DEG) ** 2)
         matrix: FloatArray = Rotation.from_euler("ZYX", [yaw, -pitch, roll], degrees=True).as_matrix()
@@ -99,9 +99,9 @@ def mounting_calibration(
         part = slice(chain.first, chain.first + chain.count)
         velocity[part] = np.gradient(state.xyz_m[part], KNOT_STEP_S, axis=0)
     along = np.einsum("ij,ij->i", velocity, state.rotation[:, :, 0])
-    step = max(1, round(EVERY_S / KNOT_STEP_S), len(knots) // MOST_TIMES)
+    step = max(1, round(STANCE_EVERY_S / KNOT_STEP_S), len(knots) // MAX_STANCE_TIMES)
     chosen = np.arange(0, len(knots), step)
-    chosen = chosen[np.abs(along[chosen]) > MOVING_MPS]
+    chosen = chosen[np.abs(along[chosen]) > MIN_STANCE_MPS]
     t_s = knots.t_s[chosen]
 
     def under(places_m: FloatArray) -> FloatArray:
@@ -133,7 +133,7 @@ def mounting_calibration(
 def _steadiest(slopes: FloatArray) -> int:
     """Which of several slopes (n, m) changes least, where all are known; the middle one where too few are."""
     known = slopes[np.isfinite(slopes).all(axis=1)]
-    if len(known) < LEAST_TIMES * LEAST_BATCHES:
+    if len(known) < MIN_BATCH_TIMES * MIN_BATCHES:
         return int(slopes.shape[1] // 2)
     return int(np.argmin(np.median(np.abs(known - np.median(known, axis=0)), axis=0)))
 
@@ -141,13 +141,13 @@ def _steadiest(slopes: FloatArray) -> int:
 def _mean_of_batches(t_s: FloatArray, values: FloatArray) -> tuple[float, float]:
     """Median over batches of time of the values' means, where they are known, and its standard deviation."""
     known = np.isfinite(values)
-    _, batch = np.unique(np.floor(t_s[known] / BATCH_S), return_inverse=True)
+    _, batch = np.unique(np.floor(t_s[known] / STANCE_BATCH_S), return_inverse=True)
     count = np.bincount(batch)
-    each = (np.bincount(batch, values[known]) / np.maximum(count, 1))[count >= LEAST_TIMES]
-    if len(each) < LEAST_BATCHES:
+    each = (np.bincount(batch, values[known]) / np.maximum(count, 1))[count >= MIN_BATCH_TIMES]
+    if len(each) < MIN_BATCHES:
         return 0.0, np.inf
-    # Of few batches the scatter itself is uncertain: CERTAIN standard deviations are more by Student's distribution.
-    few = stdtrit(len(each) - 1, ndtr(CERTAIN)) / CERTAIN
+    # The scatter of few batches is uncertain itself: Student's distribution widens MOUNTING_CERTAIN_SIGMAS.
+    few = stdtrit(len(each) - 1, ndtr(MOUNTING_CERTAIN_SIGMAS)) / MOUNTING_CERTAIN_SIGMAS
     return float(np.median(each)), float(few * np.std(each, ddof=1) / np.sqrt(len(each)))
 
 

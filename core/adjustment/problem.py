@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
-from furrowmap.core.adjustment.outages import outages
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.aiding import AIDED, Aid
 from furrowmap.core.estimation.banded import NormalEquations
@@ -19,14 +19,20 @@ from furrowmap.core.estimation.vehicle import wheeled_vehicle
 from furrowmap.core.matching.ground import GroundSums, Relief
 from furrowmap.core.matching.placing import Placing, Sensor, Tool, placing_of
 from furrowmap.core.matching.portions import Gap
+from furrowmap.core.matching.registration import WallRegistration
 from furrowmap.core.matching.returns import GroundReturns
-from furrowmap.core.matching.wall_registration import WallRegistration
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.trajectory.motion import longest_gap_s
 from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.time_span import Span
 from furrowmap.core.values.trajectory import Trajectory
+
+MIN_HEADING_SPAN_S: Final = 3.0
+"""Positions over a shorter time hardly show a heading, less so in a turn."""
+MAX_HEADING_SIGMA_DEG: Final = 8.0
+"""With a larger standard deviation a first guess of the heading may be beyond the reach of relief."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +49,7 @@ class Problem:
         origin_m: (3,) local origin.
         start: first guess of the states.
         observations: all but the returns.
-        outages_s: times without positions, see :func:`~furrowmap.core.adjustment.outages.outages`.
+        outages_s: times without positions, see :func:`outages`.
     """
 
     returns: GroundReturns
@@ -215,3 +221,36 @@ class Adjusted:
             problem, it.state, it.sensor, it.unused, it.facing, it.calibration, it.relief, it.ground, it.walls,
             it.last, antenna,
         )  # fmt: skip
+
+
+def outages(t_s: FloatArray, start: Trajectory) -> tuple[Span, ...]:
+    """Gaps between positions: from the last one before each to the first one after it.
+
+    What is no longer than :func:`~furrowmap.core.trajectory.motion.longest_gap_s` is none. Positions between two gaps
+    that hardly show a heading do not part them.
+
+    Args:
+        t_s: (m,) times of the positions, which increase.
+        start: first guess of the trajectory.
+    """
+    longest_s = longest_gap_s(t_s) if len(t_s) > 1 else np.inf
+    out: list[Span] = []
+    first = 0
+    for last in np.flatnonzero(np.diff(t_s) > longest_s).tolist():
+        between = float(t_s[first]), float(t_s[last])
+        vague = (
+            between[1] - between[0] < MIN_HEADING_SPAN_S or heading_sigma_deg(start, between) > MAX_HEADING_SIGMA_DEG
+        )
+        begin_s = out.pop()[0] if out and vague else between[1]
+        out.append((begin_s, float(t_s[last + 1])))
+        first = last + 1
+    return tuple(out)
+
+
+def heading_sigma_deg(start: Trajectory, span_s: Span) -> float:
+    """The least standard deviation of a heading in a span of time; 0 where they are not known."""
+    sigma = start.sigma[:, 5]
+    if not np.isfinite(sigma).all():
+        return 0.0
+    inside = sigma[(start.t_s >= span_s[0]) & (start.t_s <= span_s[1])]
+    return float(min(np.interp(span_s, start.t_s, sigma).min(), inside.min(initial=np.inf)))

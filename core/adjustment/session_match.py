@@ -9,10 +9,17 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.adjustment.antenna_sway import CLOCK_SIGMA_S
-from furrowmap.core.adjustment.clock_search import CERTAIN, motion_certainty
-from furrowmap.core.adjustment.consistency import Cause, Seen, clock_notice, contradiction_notice, enlarged
-from furrowmap.core.adjustment.ground_plane import GroundTilt, ground_tilt
+from furrowmap.core.adjustment.antenna_sway import SWAY_CLOCK_SIGMA_S
+from furrowmap.core.adjustment.clock_offset import CLOCK_CERTAIN_SIGMAS, motion_certainty
+from furrowmap.core.adjustment.consistency import (
+    Cause,
+    GroundTilt,
+    Seen,
+    clock_notice,
+    contradiction_notice,
+    enlarge_sigmas,
+    ground_tilt,
+)
 from furrowmap.core.adjustment.match_report import FACING_ASSUMED, LEVER_ASSUMED, height_is_off
 from furrowmap.core.adjustment.matched import Matched, Prepared, match, prepare
 from furrowmap.core.matching.placing import Tool
@@ -48,7 +55,7 @@ class MatchedSession:
     matched: Matched | None
 
 
-def matched_to_ground(
+def match_to_ground(
     located: Located,
     lidar: LidarRecording,
     session: Session,
@@ -69,7 +76,7 @@ def matched_to_ground(
         if (notice := contradiction_notice(seen)) is None:
             return located, None
         lever_m, sensor_m = np.asarray(lever_arm_m(session)), np.asarray(session.lidar.mounting.xyz_m)
-        trajectory = enlarged(located.trajectory, seen, lever_m, sensor_m)
+        trajectory = enlarge_sigmas(located.trajectory, seen, lever_m, sensor_m)
         return replace(located, trajectory=trajectory, notices=(*located.notices, notice)), None
     return replace(located, trajectory=matched.trajectory, notices=(*located.notices, *matched.notices)), matched
 
@@ -133,11 +140,11 @@ def _judged(matched: Matched, prepared: Prepared, located: Located, session: Ses
         others = [(-x, y, z), (x, -y, z), (-x, -y, z), (y, x, z), (y, -x, z), (-y, x, z)]
         returns, start = prepared.problem.returns, prepared.start
         better = [motion_certainty(returns, sensor, start, located.with_lever(lever)) for lever in others]
-        if max(better) > CERTAIN:
+        if max(better) > CLOCK_CERTAIN_SIGMAS:
             seen = replace(seen, lever_m=others[int(np.argmax(better))])
     if matched.clock_used_s:
         stated_s, used_s = session.recording.lidar_minus_gnss_s, matched.clock_used_s
-        notice = clock_notice(stated_s, used_s, min(seen.constants.clock_sigma_s, CLOCK_SIGMA_S))
+        notice = clock_notice(stated_s, used_s, min(seen.constants.clock_sigma_s, SWAY_CLOCK_SIGMA_S))
         matched = replace(matched, notices=(notice, *matched.notices))
     if height_is_off(matched.calibration):
         sigma = matched.trajectory.sigma.copy()
@@ -147,7 +154,7 @@ def _judged(matched: Matched, prepared: Prepared, located: Located, session: Ses
     if contradiction is None:
         return matched
     turned_deg = _turned_deg(seen, prepared, located)
-    trajectory = enlarged(matched.trajectory, seen, prepared.problem.lever_m, sensor.xyz_m, turned_deg)
+    trajectory = enlarge_sigmas(matched.trajectory, seen, prepared.problem.lever_m, sensor.xyz_m, turned_deg)
     return replace(matched, trajectory=trajectory, seen=seen, notices=(contradiction, *matched.notices))
 
 

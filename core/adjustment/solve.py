@@ -14,28 +14,28 @@ from typing import Final
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.bridging import bridged, gaps_between
+from furrowmap.core.adjustment.bridging import bridge_gaps, gaps_between
 from furrowmap.core.adjustment.laser_ranges import laser_ranges
 from furrowmap.core.adjustment.mounting_calibration import mounting_calibration
 from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
 from furrowmap.core.adjustment.steps import session_step, window_step
 from furrowmap.core.adjustment.yaw_ambiguity import facing
 from furrowmap.core.estimation.relaxation import Relaxation
-from furrowmap.core.matching.ground_registration import session_surface
 from furrowmap.core.matching.placing import GUARD_S
 from furrowmap.core.matching.portions import blocks
+from furrowmap.core.matching.registration import session_surface
 from furrowmap.core.runtime import arrays
 
 WINDOW_ROUNDS: Final = (2, 14)
-"""Fewest and most rounds of windows; they end when no heading turns by more than TURNED."""
-TURNED: Final = np.radians(0.4)
+"""Fewest and most rounds of windows; they end when no heading turns by more than SETTLED_TURN_RAD."""
+SETTLED_TURN_RAD: Final = np.radians(0.4)
 SESSION_ROUNDS: Final = ((0.15, 3), (0.1, 2), (0.1, 1))
 """Cells in metres, and how many returns to one that is matched."""
-SETTLED: Final = np.radians(0.15)
-SETTLING: Final = 5
-"""A round in which tilts still move by more than SETTLED (RMS) is repeated, at most SETTLING times: a long chain of
-poses, each of which sees little more than its neighbours' ground, converges slowly."""
-REMOUNTS: Final = 2
+SETTLED_TILT_RAD: Final = np.radians(0.15)
+MAX_REPEATS: Final = 5
+"""A round in which tilts still move by more than SETTLED_TILT_RAD (RMS) is repeated, at most MAX_REPEATS times: a long
+chain of poses, each of which sees little more than its neighbours' ground, converges slowly."""
+MAX_REMOUNTS: Final = 2
 """A mounting that is off is corrected at most this many times, each followed by REMOUNT_ROUNDS as SESSION_ROUNDS."""
 REMOUNT_ROUNDS: Final = ((0.1, 2), (0.1, 1))
 STANCE_CELL_M: Final = 0.1
@@ -60,11 +60,11 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
     if gaps:
         steps.expect(1 + 2 * WINDOW_ROUNDS[0])
         it = match_windows(problem, replace(it, unused=gaps), steps)
-        it = bridged(problem, it)
+        it = bridge_gaps(problem, it)
     it = match_windows(problem, it, steps)
     it = match_session(problem, it, SESSION_ROUNDS, steps)
     it = calibrate_mounting(problem, it)
-    for _ in range(REMOUNTS):
+    for _ in range(MAX_REMOUNTS):
         turn = it.calibration.turn if it.calibration is not None else None
         if turn is None:
             break
@@ -94,7 +94,7 @@ def match_windows(problem: Problem, it: Iterate, steps: _Steps) -> Iterate:
         it, _ = window_step(problem, it, None)
         steps.done()
         if number >= least:
-            if turned < TURNED:
+            if turned < SETTLED_TURN_RAD:
                 break
             steps.expect(2)
     return it
@@ -105,12 +105,12 @@ def match_session(problem: Problem, it: Iterate, rounds: Rounds, steps: _Steps) 
     for cell_m, thin in rounds:
         if thin == 1 and it.sensor.ranges is None:
             it = estimate_laser_ranges(problem, it)
-        for repeat in range(SETTLING + 1):
+        for repeat in range(MAX_REPEATS + 1):
             it, tilted = session_step(problem, it, cell_m, thin, free=True)
             steps.done()
             it, _ = session_step(problem, it, cell_m, thin, free=False)
             steps.done()
-            if tilted < SETTLED or repeat == SETTLING:
+            if tilted < SETTLED_TILT_RAD or repeat == MAX_REPEATS:
                 break
             steps.expect(2)
     return it

@@ -8,34 +8,37 @@ with them, which settles what is slow.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from furrowmap.core.adjustment.crab_angle import crab_angle_rad
 from furrowmap.core.adjustment.problem import Iterate, Linearised, Problem
 from furrowmap.core.estimation.banded import NormalEquations, Solution
-from furrowmap.core.estimation.coarse import CoarseKnots, coarse_equations, fine_step
-from furrowmap.core.estimation.knots import KNOT_STEP_S, ROTATION, State, normal_equations
+from furrowmap.core.estimation.coarse import CoarseKnots, coarse_equations, coarse_right, fine_step
+from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, ROTATION, Knots, State, normal_equations
 from furrowmap.core.estimation.relaxation import Relaxation
-from furrowmap.core.matching.ground_registration import (
+from furrowmap.core.estimation.vehicle import AxleSteps
+from furrowmap.core.matching.portions import MATCH_WINDOW_S, in_gaps
+from furrowmap.core.matching.registration import (
     SESSION_PATCH_M,
     WINDOW_PATCH_M,
     GroundRegistration,
+    WallRegistration,
     register_session,
+    register_wall_session,
+    register_wall_windows,
     register_windows,
 )
-from furrowmap.core.matching.portions import MATCH_WINDOW_S, in_gaps
-from furrowmap.core.matching.wall_registration import WallRegistration, register_wall_session, register_wall_windows
 from furrowmap.core.matching.walls import Scatter
+from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 
 COARSE_EVERY: Final = 40
 """Knots from one coarse knot to the next: a second."""
-COARSE_MOST: Final = 300
+MAX_COARSE: Final = 300
 """Coarse knots of a whole session; in a longer one they lie further apart."""
 
 
@@ -77,7 +80,7 @@ def session_step(problem: Problem, it: Iterate, cell_m: float, thin: int, *, fre
         free: whether references move with the poses.
     """
     knots, state = problem.knots, it.state
-    every = max(COARSE_EVERY, -(-len(knots) // COARSE_MOST))
+    every = max(COARSE_EVERY, -(-len(knots) // MAX_COARSE))
     coarse = CoarseKnots.over(knots, every, SESSION_PATCH_M) if free else None
     placing, correlated = it.placing(problem), _correlated(it)
     with ThreadPoolExecutor(1) as pool:
@@ -158,3 +161,48 @@ def _largest_turn(problem: Problem, it: Iterate, step: FloatArray) -> float:
 def _tilt(step: FloatArray) -> float:
     """The RMS of the tilts of a step (n, size)."""
     return float(np.sqrt(np.mean((step[:, ROTATION : ROTATION + 2] ** 2).sum(axis=1))))
+
+
+@dataclass(frozen=True)
+class CrabAngle:
+    """One unknown beside those of the knots: the angle by which the vehicle travels to the left of its x axis.
+
+    Its equations are those of the wheels, whose movement to the left is then this share of the movement forward.
+
+    Attributes:
+        link: (knots, size) the normal matrix between it and the knots' unknowns.
+        own: the normal matrix of its own.
+        right: its right-hand side.
+    """
+
+    link: FloatArray
+    own: float
+    right: float
+
+    @classmethod
+    def of(cls, knots: Knots, state: State) -> CrabAngle:
+        """At a state in which it is zero."""
+        every, size, own, right = knots.linked, state.layout.size, 0.0, 0.0
+        link = arrays.zeros((len(knots), size))
+        for part in arrays.parts(len(every)):
+            linked, steps = every[part], AxleSteps.from_knots(every[part], state)
+            weighted = steps.along_m / steps.sigma_m**2
+            np.add.at(link, linked, -weighted[:, None] * steps.design[:, :size])
+            np.add.at(link[:, :POSE], linked + 1, -weighted[:, None] * steps.design[:, size:])
+            own, right = own + float(weighted @ steps.along_m), right + float(weighted @ steps.sideways_m)
+        return cls(link, own, right)
+
+
+def crab_angle_rad(
+    knots: Knots, state: State, coarse: CoarseKnots, centre_m: FloatArray, solution: Solution
+) -> tuple[float, float]:
+    """The crab angle and its standard deviation, by the solution of the coarse knots' equations.
+
+    All other unknowns are eliminated (Schur complement): without that the wheels turn the poses part of the way.
+    """
+    crab = CrabAngle.of(knots, state)
+    link = coarse_right(coarse, centre_m, state, crab.link)
+    information = float(crab.own - link @ solution.by(link))
+    if information <= 0.0:
+        return 0.0, np.inf
+    return float((crab.right - link @ solution.values) / information), float(1.0 / np.sqrt(information))

@@ -5,6 +5,11 @@ and of the scanner's mounting and its lasers' ranges. What GNSS and IMU say of t
 of their errors at nodes in time, with their correlation over the whole flight, so that the result is that of one
 adjustment of everything, linearised at the poses before. A height shows the pose's height; on a slope, and where
 the beams are oblique, also its place and attitude.
+
+A mounting's angles may change slowly during the flight. Scans show the pose of the frame that carries the scanner:
+errors of the vehicle's pose and turns of the mounting about the scanner's origin together. GNSS and IMU say how errors
+of the vehicle's poses are correlated, and a random walk how the mounting's angles are; by both, what the scans show is
+divided. The walk is against its mean, which is the mounting.
 """
 
 from __future__ import annotations
@@ -12,6 +17,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Final
 
 import numba
@@ -19,13 +25,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.boresight import AS_STATED, CERTAIN_DEG, HEIGHT_M, PLACE, TIME, Boresight, boresight
+from furrowmap.core.adjustment.boresight import (
+    CELL_HEIGHT_SIGMA_M,
+    CLOCK_COLUMN,
+    MAX_BORESIGHT_SIGMA_DEG,
+    PLACE_COLUMNS,
+    STATED_PRIOR,
+    Boresight,
+    boresight,
+)
 from furrowmap.core.adjustment.cell_heights import PARAMETERS, CellHeights, cell_heights, derivatives, smooth_groups
-from furrowmap.core.adjustment.mounting_walk import MountingWalk, attitudes_at, mounting_walk, with_walk
-from furrowmap.core.adjustment.strips import CELL_M, LASERS, StripReturns, at_shifted_times
+from furrowmap.core.adjustment.strips import LASER_GROUPS, STRIP_CELL_M, StripReturns, at_shifted_times
 from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.estimation.correlated_prior import root_of, solved
-from furrowmap.core.estimation.knots import POSE
+from furrowmap.core.estimation.knots import POSE, ROTATION
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import beside
 from furrowmap.core.runtime.progress import silent
@@ -35,13 +48,106 @@ from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
 
-FIXED: Final = PARAMETERS + LASERS
+FIXED: Final = PARAMETERS + LASER_GROUPS
 """Unknowns beside those of the poses."""
 GROUP_M: Final = 0.01
 """Standard deviation of a cell's mean in a window of time beside the noise of its returns.
 
 Residuals show 4 mm. Errors of neighbouring cells go together (slopes, soil that is rough), so that they count less."""
 ROBUST_ROUNDS: Final = 3
+
+
+@dataclass(frozen=True)
+class MountingWalk:
+    """How the angles of a mounting change.
+
+    Attributes:
+        carrier: trajectory of the frame that carries the scanner: the vehicle's, turned with the mounting.
+        t_s: (m,) times of the nodes.
+        angle_deg: (m, 3) rotation vector about the vehicle's axes, against the mean mounting.
+        sigma_deg: (m, 3) its standard deviations.
+    """
+
+    carrier: Trajectory
+    t_s: FloatArray
+    angle_deg: FloatArray
+    sigma_deg: FloatArray
+
+    def plain(self) -> dict[str, Any]:
+        """For `report.json`."""
+        return {
+            "t_s": np.round(self.t_s, 3).tolist(),
+            "angle_deg": np.round(self.angle_deg, 5).tolist(),
+            "sigma_deg": np.round(self.sigma_deg, 5).tolist(),
+        }
+
+
+def attitudes_at(trajectory: Trajectory, t_s: FloatArray) -> FloatArray:
+    """(m, 3, 3) vehicle to map at the knots beside some times (m,)."""
+    nearest = np.minimum(np.searchsorted(trajectory.t_s, np.clip(t_s, *trajectory.span_s)), len(trajectory) - 1)
+    out: FloatArray = Rotation.from_quat(trajectory.quaternion[nearest], scalar_first=True).as_matrix()
+    return out
+
+
+def with_walk(
+    root: FloatArray, fixed: int, t_s: FloatArray, attitude: FloatArray, lever_m: FloatArray, walk_deg_rts: float
+) -> FloatArray:
+    """(fixed + 12 m, fixed + 9 m) root of the joint covariance of fixed unknowns, carrier's and vehicle's errors.
+
+    Args:
+        root: (fixed + 6 m, fixed + 6 m) of fixed unknowns and of the errors of the vehicle's poses.
+        fixed: number of the former.
+        t_s: (m,) times of the nodes.
+        attitude: (m, 3, 3) vehicle to map at these.
+        lever_m: (3,) scanner in the vehicle frame, about which the mounting turns.
+        walk_deg_rts: random walk of each angle.
+    """
+    m = len(t_s)
+    steps = np.radians(walk_deg_rts) * np.sqrt(np.diff(t_s, prepend=t_s[0]))
+    walk = np.tril(np.broadcast_to(steps, (m, m)))
+    walk = walk - walk.mean(axis=0)
+    # A turn about the scanner's origin moves that of the vehicle frame.
+    moved = np.cross((attitude @ lever_m)[:, :, None], attitude, axis=1)
+    by_angle = np.concatenate([moved, attitude], axis=1)
+    own = root[fixed:, fixed:]
+    turns = np.einsum("iab,ij->iajb", by_angle, walk).reshape(len(own), 3 * m)
+    out = np.zeros((fixed + 2 * len(own), fixed + len(own) + 3 * m))
+    out[:fixed, :fixed] = root[:fixed, :fixed]
+    columns = slice(fixed, fixed + len(own))
+    out[columns, columns], out[columns, fixed + len(own) :] = own, turns
+    out[fixed + len(own) :, columns] = own
+    return out
+
+
+def mounting_walk(
+    trajectory: Trajectory, errors: PoseErrors, off: FloatArray, covariance: FloatArray, fixed: int
+) -> MountingWalk:
+    """What is found of the mounting's changes.
+
+    Args:
+        trajectory: of the vehicle, before the errors were found.
+        errors: of its poses before.
+        off: (fixed + 12 m,) the unknowns in the order of :func:`with_walk`.
+        fixed: number of fixed unknowns.
+    """
+    m = len(errors.t_s)
+    ends = (fixed, fixed + POSE * m, fixed + 2 * POSE * m)
+    carrier, vehicle = (slice(a, b) for a, b in pairwise(ends))
+    of_carrier = PoseErrors(errors.t_s, off[carrier].reshape(m, POSE), covariance[carrier, carrier])
+    across = covariance[carrier, vehicle]
+    spread = (of_carrier.covariance + covariance[vehicle, vehicle] - across - across.T).reshape(m, POSE, m, POSE)
+    own = spread[np.arange(m), ROTATION:, np.arange(m), ROTATION:]
+    attitude = attitudes_at(trajectory, errors.t_s)
+    turned = (off[carrier] - off[vehicle]).reshape(m, POSE)[:, ROTATION:]
+    # Errors are found minus true: the mounting has turned by their negative.
+    angle = -np.einsum("iba,ib->ia", attitude, turned)
+    variance = np.einsum("iba,ibc,ica->ia", attitude, own, attitude)
+    return MountingWalk(
+        without_errors(trajectory, errors, of_carrier),
+        errors.t_s,
+        np.degrees(angle),
+        np.degrees(np.sqrt(np.maximum(variance, 0.0))),
+    )
 
 
 @dataclass(frozen=True)
@@ -80,7 +186,7 @@ class StripAdjustment:
         }
 
 
-def calibrated_flight(
+def calibrate_flight(
     returns: StripReturns, located: Located, stated: Mounting, carrier: Trajectory | None, walk_deg_rts: float = 0.0
 ) -> tuple[Boresight | None, StripReturns, StripAdjustment | None]:
     """The boresight of a flight's scanner, and the poses adjusted with it where an IMU tells how their errors go.
@@ -104,7 +210,7 @@ def calibrated_flight(
         returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, found.clock_used_s)
     if errors is None:
         return found, returns, None
-    adjusted = adjusted_by_strips(returns, located.trajectory, errors.result(), found, stated, walk_deg_rts)
+    adjusted = adjust_strips(returns, located.trajectory, errors.result(), found, stated, walk_deg_rts)
     return adjusted.boresight, returns, adjusted
 
 
@@ -114,7 +220,7 @@ def _pose_errors_beside(located: Located) -> AbstractContextManager[Future[PoseE
     return nullcontext() if work is None else beside(lambda _: work(ANY_TIME), silent)
 
 
-def adjusted_by_strips(
+def adjust_strips(
     returns: StripReturns,
     trajectory: Trajectory,
     errors: PoseErrors,
@@ -140,7 +246,9 @@ def adjusted_by_strips(
     design = np.hstack([fixed, _pose_design(returns, heights, chosen, errors)])
     first = FIXED + POSE * heights.window[chosen]
     weight = 1.0 / (variance / heights.count[chosen] + GROUP_M**2)
-    root = root_of(np.concatenate([_spread(found, stated), np.full(LASERS, HEIGHT_M)]), errors.covariance)
+    root = root_of(
+        np.concatenate([_spread(found, stated), np.full(LASER_GROUPS, CELL_HEIGHT_SIGMA_M)]), errors.covariance
+    )
     if walk_deg_rts > 0.0:
         root = with_walk(root, FIXED, errors.t_s, attitudes_at(trajectory, errors.t_s), lever_m, walk_deg_rts)
     off, covariance = _solved(heights.cell[chosen], heights.height_m[chosen], weight, design, first, root)
@@ -154,22 +262,22 @@ def adjusted_by_strips(
 def _spread(found: Boresight, stated: Mounting) -> FloatArray:
     """(PARAMETERS,) standard deviations of mounting and clock before: what was corrected has that of its estimate."""
     corrected = np.zeros(PARAMETERS, np.bool_)
-    corrected[TIME] = found.clock_used_s != 0.0
-    corrected[PLACE] = np.asarray(found.mounting.xyz_m) != np.asarray(stated.xyz_m)
-    return np.where(corrected, found.free.sigma, AS_STATED)
+    corrected[CLOCK_COLUMN] = found.clock_used_s != 0.0
+    corrected[PLACE_COLUMNS] = np.asarray(found.mounting.xyz_m) != np.asarray(stated.xyz_m)
+    return np.where(corrected, found.free.sigma, STATED_PRIOR)
 
 
 def _corrected(found: Boresight, stated: Mounting, off: FloatArray, covariance: FloatArray) -> Boresight:
     """The boresight without what its angles put into the heights."""
-    rotation = Rotation.from_rotvec(-off[:TIME]).as_matrix() @ found.mounting.rotation
+    rotation = Rotation.from_rotvec(-off[:CLOCK_COLUMN]).as_matrix() @ found.mounting.rotation
     correction = np.degrees(Rotation.from_matrix(rotation @ stated.rotation.T).as_rotvec())
-    sigma = np.degrees(np.sqrt(np.diag(covariance)[:TIME]))
+    sigma = np.degrees(np.sqrt(np.diag(covariance)[:CLOCK_COLUMN]))
     return replace(
         found,
         mounting=Mounting.from_rotation(found.mounting.xyz_m, rotation),
         correction_deg=(float(correction[0]), float(correction[1]), float(correction[2])),
         sigma_deg=(float(sigma[0]), float(sigma[1]), float(sigma[2])),
-        certain=bool((sigma < CERTAIN_DEG).all()),
+        certain=bool((sigma < MAX_BORESIGHT_SIGMA_DEG).all()),
     )
 
 
@@ -259,7 +367,7 @@ def _pose_design(
     sums = _sums(heights.member, row, node, returns.t_s, returns.origin_m, errors.t_s)
     sums /= heights.count[chosen][:, None, None]
     normal = np.column_stack([-slope, np.ones(len(chosen))])
-    middle = np.column_stack([(heights.place[chosen] + 0.5) * CELL_M, heights.height_m[chosen]])
+    middle = np.column_stack([(heights.place[chosen] + 0.5) * STRIP_CELL_M, heights.height_m[chosen]])
     share, origin = sums[:, :, :1], sums[:, :, 1:]
     by_turn = np.cross(share * middle[:, None] - origin, normal[:, None])
     out: FloatArray = np.concatenate([share * normal[:, None], by_turn], axis=2).reshape(len(chosen), 2 * POSE)

@@ -17,11 +17,11 @@ from furrowmap.core.values.trajectory import Trajectory
 
 Float32Array = NDArray[np.float32]
 
-CELL_M: Final = 0.25
-NEAREST_M: Final = 1.0
+STRIP_CELL_M: Final = 0.25
+MIN_STRIP_RANGE_M: Final = 1.0
 """Nearer returns are of the vehicle itself."""
-MOST_RETURNS: Final = 1_600_000
-LASERS: Final = 16
+MAX_STRIP_RETURNS: Final = 1_600_000
+LASER_GROUPS: Final = 16
 """Groups of lasers with a range constant each."""
 
 
@@ -77,8 +77,8 @@ class ThinnedReturns:
 
 
 def thinned_returns(scans: Iterable[Scan], span_s: tuple[float, float]) -> ThinnedReturns:
-    """Returns of all scans, evenly thinned to MOST_RETURNS within a span of time, those of the vehicle left out."""
-    per_second = MOST_RETURNS / max(span_s[1] - span_s[0], 1.0)
+    """Returns of all scans, without those of the vehicle, thinned evenly to MAX_STRIP_RETURNS in a span of time."""
+    per_second = MAX_STRIP_RETURNS / max(span_s[1] - span_s[0], 1.0)
     times, places, lasers = [np.zeros(0)], [np.zeros((0, 3), np.float32)], [np.zeros(0, np.uint8)]
     for scan in scans:
         if len(scan) < 2:
@@ -90,15 +90,15 @@ def thinned_returns(scans: Iterable[Scan], span_s: tuple[float, float]) -> Thinn
         places.append(scan.xyz_m[chosen].copy())
         lasers.append(scan.laser[chosen].copy())
     t_s, sensor, laser = np.concatenate(times), np.concatenate(places), np.concatenate(lasers)
-    group = laser.astype(np.int64) * LASERS // (int(laser.max(initial=0)) + 1)
-    order = np.flatnonzero(np.einsum("ij,ij->i", sensor, sensor) > NEAREST_M**2)
+    group = laser.astype(np.int64) * LASER_GROUPS // (int(laser.max(initial=0)) + 1)
+    order = np.flatnonzero(np.einsum("ij,ij->i", sensor, sensor) > MIN_STRIP_RANGE_M**2)
     if (np.diff(t_s[order]) < 0.0).any():
         order = order[np.argsort(t_s[order], kind="stable")]
     return ThinnedReturns(t_s[order], sensor[order], group[order])
 
 
 def strip_returns(scans: Iterable[Scan], trajectory: Trajectory) -> StripReturns:
-    """Returns of all scans, evenly thinned to MOST_RETURNS, with their poses."""
+    """Returns of all scans, evenly thinned to MAX_STRIP_RETURNS, with their poses."""
     return thinned_returns(scans, trajectory.span_s).posed(trajectory)
 
 
@@ -125,7 +125,7 @@ def _with_poses(
     attitude = Rotation.from_quat(trajectory.quaternion[:-1], scalar_first=True) if len(steps_s) else None
     rate = attitude.apply(trajectory.turn_rad / steps_s) if attitude is not None else np.zeros((0, 3))
     middle = np.median(trajectory.xyz_m[knot[0] : knot[-1] + 1], axis=0) if len(t_s) else np.zeros(3)
-    local = np.round(middle / CELL_M) * CELL_M
+    local = np.round(middle / STRIP_CELL_M) * STRIP_CELL_M
     origin, rotation, velocity, turning = _poses(
         knot,
         share,

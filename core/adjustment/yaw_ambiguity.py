@@ -28,44 +28,44 @@ from furrowmap.core.runtime.arrays import FloatArray
 Measure = Callable[[FloatArray], FloatArray]
 """What repeats in windows (n,) under each of several turns (k,) in radians, as (n, k)."""
 
-ANGLES: Final = 24
+TRIED_YAWS: Final = 24
 """Angles that are tried, evenly round."""
-FINE_DEG: Final = 10.0
-FINE: Final = 11
+YAW_FINE_REACH_DEG: Final = 10.0
+FINE_YAWS: Final = 11
 """So many angles are tried within this distance of the best one."""
-WAY_M: Final = 1.0
-"""A window is as long as the vehicle takes for this way: an angle off by half a step of ANGLES blurs it by 13 cm, one
+YAW_WINDOW_WAY_M: Final = 1.0
+"""A window lasts while the vehicle drives this far: an angle off by half a step of TRIED_YAWS blurs it by 13 cm, one
 off by half a turn by two metres."""
-LONGEST_S: Final = 12.0
-WINDOWS: Final = 24
-LEAST_WINDOWS: Final = 8
+MAX_YAW_WINDOW_S: Final = 12.0
+MAX_YAW_WINDOWS: Final = 24
+MIN_YAW_WINDOWS: Final = 8
 """Most windows that are used, spread over the recording, and fewest that suffice."""
-NEAR_M: Final = 6.0
-LEAST_RETURNS: Final = 500
-MOST_RETURNS: Final = 10_000
+MAX_HALVES_RANGE_M: Final = 6.0
+MIN_YAW_RETURNS: Final = 500
+MAX_YAW_RETURNS: Final = 10_000
 """So many returns of a window show as much as all of them."""
-LEAST_IN_SCAN: Final = 50
-CELL_M: Final = 0.15
-STANDING_CELL_M: Final = 0.25
-LEAST_STANDING: Final = 300
+MIN_YAW_SCAN_RETURNS: Final = 50
+HALVES_CELL_M: Final = 0.15
+UPRIGHT_CELL_M: Final = 0.25
+MIN_YAW_UPRIGHT: Final = 300
 ROUGH_M: Final = 0.03
 """Heights beyond count less when a scan's slope is found, and twice that is the most relief that counts at all."""
-CERTAIN: Final = 4.5
+YAW_CERTAIN_SIGMAS: Final = 4.5
 """Standard deviations of the windows' mean by which the best angle must be better than the stated one."""
-SHOWN: Final = 3.0
+YAW_SHOWN_SIGMAS: Final = 3.0
 """Standard deviations by which it must be better than the second best one."""
-UNIQUE: Final = 1.5
+YAW_UNIQUE_RATIO: Final = 1.5
 """The best angle rises above the worst one by so many times as much as any second peak above the dip beside it."""
-LEAST_CONFIRMING: Final = 3
+MIN_CONFIRMING_WINDOWS: Final = 3
 """Windows that suffice to confirm the stated angle."""
-LEAST_RELIEF_M: Final = 0.0022
-LEAST_SHARE: Final = 0.03
+MIN_RELIEF_M: Final = 0.0022
+MIN_UPRIGHT_SHARE: Final = 0.03
 """The best angle shows at least this much relief, or share of upright returns, more than the middle one."""
 STATIC_CELL_M: Final = 0.15
 """Cells of the vehicle frame whose mean height is removed."""
-TURNED_DEG: Final = 2.0
+MIN_YAW_OFFSET_DEG: Final = 2.0
 """Smaller angles converge by themselves; :mod:`furrowmap.core.adjustment.mounting_calibration` finds them."""
-QUARTER_DEG: Final = 5.0
+QUARTER_TURN_REACH_DEG: Final = 5.0
 """An angle so near to a quarter or half turn is one: scanners are mounted so."""
 
 
@@ -102,7 +102,7 @@ def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatAr
         rows = (_standing(upright, part, knots, state, sensor_m, turns) for part in parts)
         return np.array([row for row in rows if row is not None]).reshape(-1, len(turns))
 
-    for measure, least in ((ground, LEAST_RELIEF_M**2), (standing, LEAST_SHARE)):
+    for measure, least in ((ground, MIN_RELIEF_M**2), (standing, MIN_UPRIGHT_SHARE)):
         found = _answer(measure, least)
         if found is not None:
             return found
@@ -111,21 +111,23 @@ def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatAr
 
 def _answer(measure: Measure, least: float) -> Facing | None:
     """The one angle that the windows show; None where none stands out, or it is not certain enough."""
-    measured = measure(np.linspace(0.0, 2.0 * np.pi, ANGLES, endpoint=False))
-    if len(measured) < LEAST_CONFIRMING:
+    measured = measure(np.linspace(0.0, 2.0 * np.pi, TRIED_YAWS, endpoint=False))
+    if len(measured) < MIN_CONFIRMING_WINDOWS:
         return None
     mean = measured.mean(axis=0)
     best = int(np.argmax(mean))
     if mean[best] - np.median(mean) < least:
         return None
     second, rise = _second_peak(mean, best)
-    if mean[best] - mean.min() < UNIQUE * rise or (rise > 0.0 and not _better(measured, best, second, SHOWN)):
+    if mean[best] - mean.min() < YAW_UNIQUE_RATIO * rise or (
+        rise > 0.0 and not _better(measured, best, second, YAW_SHOWN_SIGMAS)
+    ):
         return None
-    angle, sigma = _refined(measure, 360.0 / ANGLES * best)
-    near, enough = best in (0, 1, ANGLES - 1), len(measured) >= LEAST_WINDOWS
-    if abs(angle) <= max(TURNED_DEG, SHOWN * sigma) or (near and not enough):
+    angle, sigma = _refined(measure, 360.0 / TRIED_YAWS * best)
+    near, enough = best in (0, 1, TRIED_YAWS - 1), len(measured) >= MIN_YAW_WINDOWS
+    if abs(angle) <= max(MIN_YAW_OFFSET_DEG, YAW_SHOWN_SIGMAS * sigma) or (near and not enough):
         return Facing(0.0, shown=True)
-    return Facing(angle, shown=True) if enough and (near or _better(measured, best, 0, CERTAIN)) else None
+    return Facing(angle, shown=True) if enough and (near or _better(measured, best, 0, YAW_CERTAIN_SIGMAS)) else None
 
 
 def _second_peak(mean: FloatArray, best: int) -> tuple[int, float]:
@@ -133,7 +135,7 @@ def _second_peak(mean: FloatArray, best: int) -> tuple[int, float]:
     there = np.roll(mean, -best)
     rise = there - np.maximum(np.minimum.accumulate(there), np.minimum.accumulate(there[::-1])[::-1])
     second = int(np.argmax(rise))
-    return (best + second) % ANGLES, float(rise[second])
+    return (best + second) % TRIED_YAWS, float(rise[second])
 
 
 def _better(measured: FloatArray, best: int, other: int, sigmas: float) -> bool:
@@ -147,7 +149,7 @@ def _refined(measure: Measure, angle_deg: float) -> tuple[float, float]:
 
     A parabola through angles round it is fitted twice; the sigma is the jackknife's over windows (Efron 1982).
     """
-    off = np.linspace(-FINE_DEG, FINE_DEG, FINE)
+    off = np.linspace(-YAW_FINE_REACH_DEG, YAW_FINE_REACH_DEG, FINE_YAWS)
     for _ in range(2):
         fitted = np.polyfit(off, measure(np.radians(angle_deg + off)).T, 2)
         curved, sloped = np.column_stack([whole := fitted.sum(axis=1), whole[:, None] - fitted])[:2]
@@ -155,7 +157,7 @@ def _refined(measure: Measure, angle_deg: float) -> tuple[float, float]:
         angle_deg += float(vertex[0])
     sigma = float(np.sqrt((len(vertex) - 2) * vertex[1:].var()))
     quarter = 90.0 * round(angle_deg / 90.0)
-    angle_deg = quarter if quarter % 360.0 and abs(angle_deg - quarter) < QUARTER_DEG else angle_deg
+    angle_deg = quarter if quarter % 360.0 and abs(angle_deg - quarter) < QUARTER_TURN_REACH_DEG else angle_deg
     return 180.0 - (180.0 - angle_deg) % 360.0, sigma
 
 
@@ -165,9 +167,9 @@ def _windows(knots: Knots, state: State) -> FloatArray:
     for chain in knots.chains:
         part = slice(chain.first, chain.first + chain.count)
         way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(state.xyz_m[part, :2], axis=0).T))])
-        cuts = knots.t_s[part][np.searchsorted(way, np.arange(0.0, way[-1], WAY_M))]
-        found += [(a, b) for a, b in pairwise(cuts.tolist()) if b - a < LONGEST_S]
-    chosen = np.unique(np.linspace(0, len(found) - 1, WINDOWS).astype(int)) if found else ()
+        cuts = knots.t_s[part][np.searchsorted(way, np.arange(0.0, way[-1], YAW_WINDOW_WAY_M))]
+        found += [(a, b) for a, b in pairwise(cuts.tolist()) if b - a < MAX_YAW_WINDOW_S]
+    chosen = np.unique(np.linspace(0, len(found) - 1, MAX_YAW_WINDOWS).astype(int)) if found else ()
     return np.array([found[k] for k in chosen]).reshape(-1, 2)
 
 
@@ -180,25 +182,25 @@ def _ground(
     returns: GroundReturns, parts: list[slice], knots: Knots, state: State, sensor_m: FloatArray, turns: FloatArray
 ) -> FloatArray:
     """(n, turns) relief (m²) that both halves of the scans show in each window that has enough returns."""
-    side = round(2.0 * NEAR_M / STATIC_CELL_M)
+    side = round(2.0 * MAX_HALVES_RANGE_M / STATIC_CELL_M)
     windows, static = [], np.zeros((side * side, 2))
     for part in parts:
-        part = slice(part.start, part.stop, max(1, (part.stop - part.start) // MOST_RETURNS))
+        part = slice(part.start, part.stop, max(1, (part.stop - part.start) // MAX_YAW_RETURNS))
         vehicle = np.asarray(returns.xyz_m[part], np.float64)
-        near = np.hypot(vehicle[:, 0], vehicle[:, 1]) < NEAR_M
-        if near.sum() < LEAST_RETURNS:
+        near = np.hypot(vehicle[:, 0], vehicle[:, 1]) < MAX_HALVES_RANGE_M
+        if near.sum() < MIN_YAW_RETURNS:
             continue
         vehicle, t_s = vehicle[near], np.array(returns.t_s[part])[near]
         half = np.array(returns.half[part], np.int64)[near]
         relief = relief_of_scans(vehicle, half)
-        column, row = ((vehicle[:, :2].T + NEAR_M) / STATIC_CELL_M).astype(np.int64)
+        column, row = ((vehicle[:, :2].T + MAX_HALVES_RANGE_M) / STATIC_CELL_M).astype(np.int64)
         cell = column + side * row
         static += np.column_stack([np.bincount(cell, values, len(static)) for values in (relief, None)])
         windows.append((t_s, vehicle, half, relief, cell))
     mean = static[:, 0] / np.maximum(static[:, 1], 1.0)
     out = np.empty((len(windows), len(turns)))
     for k, (t_s, vehicle, half, relief, cell) in enumerate(windows):
-        for number, place in enumerate(_cells(t_s, vehicle, knots, state, sensor_m, turns, CELL_M)):
+        for number, place in enumerate(_cells(t_s, vehicle, knots, state, sensor_m, turns, HALVES_CELL_M)):
             count, height = _by_half(place, half), _by_half(place, half, relief - mean[cell])
             both = np.flatnonzero(count.all(axis=1))
             weight = count[both].min(axis=1)
@@ -211,9 +213,9 @@ def _standing(
 ) -> FloatArray | None:
     """(turns,) share of upright returns that both halves of the scans have in one place; None for too few returns."""
     vehicle, half = np.asarray(returns.xyz_m[part], np.float64), np.array(returns.half[part], np.int64)
-    if len(half) < LEAST_STANDING:
+    if len(half) < MIN_YAW_UPRIGHT:
         return None
-    cells = _cells(np.array(returns.t_s[part]), vehicle, knots, state, sensor_m, turns, STANDING_CELL_M)
+    cells = _cells(np.array(returns.t_s[part]), vehicle, knots, state, sensor_m, turns, UPRIGHT_CELL_M)
     return np.array([2.0 * _by_half(cell, half).min(axis=1).sum() / len(half) for cell in cells])
 
 
@@ -255,7 +257,7 @@ def relief_of_scans(vehicle_m: FloatArray, half: NDArray[np.int64]) -> FloatArra
     out = np.zeros(len(half))
     # Halves alternate from scan to scan.
     for part in np.split(np.arange(len(half)), np.flatnonzero(np.diff(half)) + 1):
-        if len(part) < LEAST_IN_SCAN:
+        if len(part) < MIN_YAW_SCAN_RETURNS:
             continue
         x, y, z = vehicle_m[part].T
         design = np.column_stack([np.ones(len(part)), x, y, x * x, y * y, x * y])

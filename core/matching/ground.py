@@ -43,7 +43,7 @@ GROUND_GATE: Final = 8.0
 SLOPE_TRIM: Final = 6.0
 """Slopes of more standard deviations, at the feet of walls and posts, do not count as relief: they are few, but would
 make relief of the noise of smooth soil. The weight of a slope falls smoothly from half of this limit on."""
-LEAST_WEIGHT: Final = 1.5
+MIN_NODE_RETURNS: Final = 1.5
 """Returns that each of the four nodes must hold for a return to be registered."""
 
 
@@ -201,7 +201,7 @@ def _register(  # type: ignore[no-untyped-def]
             node[0, c], node[1, c] = height[tile, other, p, q], height[tile, own, p, q]
             least = min(least, full[0, c])
             least_own = min(least_own, full[1, c])
-        if least < LEAST_WEIGHT:
+        if least < MIN_NODE_RETURNS:
             continue
         a0, a1, b0, b1 = 1.0 - u, u, 1.0 - s, s
         ground = b0 * (a0 * node[0, 0] + a1 * node[0, 1]) + b1 * (a0 * node[0, 2] + a1 * node[0, 3])
@@ -218,7 +218,7 @@ def _register(  # type: ignore[no-untyped-def]
         noise_y = scale * (a0 * a0 * (1 / full[0, 0] + 1 / full[0, 2]) + a1 * a1 * (1 / full[0, 1] + 1 / full[0, 3]))
         tally[4] += 1
         tally[5] += min(normalised, MATCHING_HUBER) ** 2 * spread
-        if normalised < 3.0 and least_own >= LEAST_WEIGHT:
+        if normalised < 3.0 and least_own >= MIN_NODE_RETURNS:
             again_x = (b0 * (node[1, 1] - node[1, 0]) + b1 * (node[1, 3] - node[1, 2])) / cell_m
             again_y = (a0 * (node[1, 2] - node[1, 0]) + a1 * (node[1, 3] - node[1, 1])) / cell_m
             steep_x = max(slope_x * slope_x, again_x * again_x) / (relief + noise * noise_x)

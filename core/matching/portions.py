@@ -52,7 +52,7 @@ def in_gaps(t_s: FloatArray, gaps: Sequence[Gap]) -> NDArray[np.bool_]:
 
 
 def windows(t_s: FloatArray, knots: Knots, thin: int, gaps: Sequence[Gap]) -> list[Portion]:
-    """Every `thin`-th return in windows of WINDOW_S that overlap by half."""
+    """Every `thin`-th return in windows of MATCH_WINDOW_S that overlap by half."""
     return _portions(t_s, knots, MATCH_WINDOW_S, 0.5 * MATCH_WINDOW_S, thin, gaps)
 
 

@@ -21,10 +21,10 @@ from furrowmap.core.values.trajectory import Motion, Trajectory
 
 MAX_GROUND_RANGE_M: Final = 12.0
 """Further away the rings lie metres apart and graze the ground."""
-GATE_M: Final = 0.30
-GATE_SLOPE: Final = 0.05
-"""Ground is what lies within GATE_M plus this share of the distance of the plane under the vehicle."""
-RATE_HZ: Final = 22_000.0
+GROUND_GATE_M: Final = 0.30
+GROUND_GATE_SLOPE: Final = 0.05
+"""Ground is what lies within GROUND_GATE_M plus this share of the distance of the plane under the vehicle."""
+GROUND_RATE_HZ: Final = 22_000.0
 """Returns a second that are kept: beyond, neighbours on the soil repeat each other."""
 PIXEL_M: Final = 0.2
 PIXELS: Final = 80
@@ -143,7 +143,7 @@ def ground_returns(
             number += 1
             duration_s = max(float(t_s[-1] - max(t_s[0], last_s)), 1e-3)
             last_s = float(t_s[-1])
-            stride = max(1, round(candidates / (RATE_HZ * duration_s)))
+            stride = max(1, round(candidates / (GROUND_RATE_HZ * duration_s)))
             upright_stride = max(1, round(standing_in_all / (UPRIGHT_RATE_HZ * duration_s)))
             for scratch, (index, xyz_m) in ((ground, lying), (upright, standing)):
                 scratch.add(t_s[index], xyz_m, np.full(len(index), number % 2, np.uint8), scan.laser[index])
@@ -277,7 +277,7 @@ def select(xyz_m, column, rotation, lever_m, ground_m, stride, seen):  # type: i
         square = x * x + y * y
         if not square < MAX_GROUND_RANGE_M * MAX_GROUND_RANGE_M:
             continue
-        if abs(z - ground_m) > GATE_M + GATE_SLOPE * np.sqrt(square):
+        if abs(z - ground_m) > GROUND_GATE_M + GROUND_GATE_SLOPE * np.sqrt(square):
             if z > ground_m:
                 a = int(np.floor(y / PIXEL_M)) + PIXELS // 2
                 b = int(np.floor(x / PIXEL_M)) + PIXELS // 2

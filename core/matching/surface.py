@@ -21,7 +21,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 TILE_BITS: Final = 5
 TILE_NODES: Final = 1 << TILE_BITS
 """Nodes along a side of a tile."""
-LEAST_KNOWN: Final = 0.5
+MIN_KNOWN_RETURNS: Final = 0.5
 """Returns about a place from which its height is known."""
 SHEETS: Final = 4
 """Surfaces in a tile: 2 · layer + half; layer 0 is soil before the implement's first pass, 1 after its last."""
@@ -339,6 +339,6 @@ def _heights(en_m, layer, cell_m, west, south, number, height, weight):  # type:
                     sheet = 2 * layer[i] + half
                     whole += share * weight[tile, sheet, p, q]
                     total += share * weight[tile, sheet, p, q] * height[tile, sheet, p, q]
-        if whole >= LEAST_KNOWN:
+        if whole >= MIN_KNOWN_RETURNS:
             out[i] = total / whole
     return out

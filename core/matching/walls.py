@@ -49,10 +49,10 @@ MIN_COLUMN_RETURNS: Final = 16
 MIN_COLUMN_HEIGHT_M: Final = 0.4
 MIN_LINE_SIGMA_M: Final = 0.06
 """Standard deviation along the line; half a metre of wall has 0.14 m."""
-THICKEST_M: Final = 0.06
-SLIMMEST: Final = 0.35
-"""A line is no thicker (standard deviation) than THICKEST_M and this share of its length."""
-WHOLE: Final = 3.0
+MAX_LINE_SIGMA_M: Final = 0.06
+MAX_LINE_THICKNESS: Final = 0.35
+"""A line is no thicker (standard deviation) than MAX_LINE_SIGMA_M and this share of its length."""
+LINE_REACH_SIGMAS: Final = 3.0
 """Standard deviations to either side of a line that must lie in its column."""
 MIN_WALL_SIGMA_M: Final = 0.008
 """No wall is known better."""
@@ -61,7 +61,7 @@ WALL_GATE: Final = 6.0
 GROUP_S: Final = 1.0
 """Returns of one half in one column and such a time share their errors."""
 CORRELATED_START: Final = 20.0
-CORRELATED_LEAST: Final = 4.0
+MIN_CORRELATED: Final = 4.0
 MIN_WALL_GROUPS: Final = 50
 WALL_PATCH_M: Final = 8.0
 WALL_LAYER: Final = 2
@@ -167,7 +167,7 @@ class Scatter:
         """Returns that share an error."""
         if self.groups < MIN_WALL_GROUPS or self.apart <= 0.0:
             return CORRELATED_START
-        return max(self.together / self.apart, CORRELATED_LEAST)
+        return max(self.together / self.apart, MIN_CORRELATED)
 
 
 @dataclass(frozen=True)
@@ -325,13 +325,13 @@ def _fit(sums):  # type: ignore[no-untyped-def]
             ee, en, nn = s[3] / s[0] - e * e, s[4] / s[0] - e * n, s[5] / s[0] - n * n
             middle, half_way = 0.5 * (ee + nn), np.hypot(0.5 * (ee - nn), en)
             across, along = max(middle - half_way, 0.0), middle + half_way
-            if along < MIN_LINE_SIGMA_M**2 or across > THICKEST_M**2 or across > SLIMMEST**2 * along:
+            if along < MIN_LINE_SIGMA_M**2 or across > MAX_LINE_SIGMA_M**2 or across > MAX_LINE_THICKNESS**2 * along:
                 continue
             direction = 0.5 * np.arctan2(2.0 * en, ee - nn)
             ne, nn = -np.sin(direction), np.cos(direction)
             variance = across * (1.0 + 2.0 / s[0]) + MIN_WALL_SIGMA_M**2
             # A wall along the border of two columns would be cut in half lengthwise.
-            reach = WHOLE * np.sqrt(variance)
+            reach = LINE_REACH_SIGMAS * np.sqrt(variance)
             if abs(e) + reach * abs(ne) > 0.5 * COLUMN_CELL_M or abs(n) + reach * abs(nn) > 0.5 * COLUMN_CELL_M:
                 continue
             out[c, h, 0], out[c, h, 1], out[c, h, 2], out[c, h, 3] = e, n, ne, nn

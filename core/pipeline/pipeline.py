@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.adjustment.boresight import Boresight, boresight_notices
-from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, calibrated_flight
+from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, calibrate_flight
 from furrowmap.core.adjustment.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.notices import (
@@ -316,7 +316,7 @@ def _match(
 
     What an earlier run kept of the matching is used instead.
     """
-    from furrowmap.core.adjustment.session_match import MatchedSession, matched_to_ground
+    from furrowmap.core.adjustment.session_match import MatchedSession, match_to_ground
 
     session = opened.session
     learned = (tool.learned for tool in opened.inputs.tools)
@@ -327,7 +327,7 @@ def _match(
     if kept is not None:
         located, matched = replace(guess, trajectory=kept.trajectory, notices=kept.notices), kept.matched
     elif guess.antenna is not None:
-        located, matched = matched_to_ground(guess, lidar, session, implement.add_scan, progress)
+        located, matched = match_to_ground(guess, lidar, session, implement.add_scan, progress)
         if checkpoint is not None:
             checkpoint.save(MatchedSession(located.trajectory, located.notices, matched))
     turned = matched is not None and _yaw_differs(matched.mounting, session.lidar.mounting)
@@ -374,7 +374,7 @@ def _calibrate_flight(
     """Boresight, strips and their differences; the trajectory adjusted by the strips."""
     stated, located = opened.session.lidar.mounting, guess
     walk = opened.session.lidar.rpy_walk_deg_rts
-    found, returns, adjusted = calibrated_flight(returns, guess, stated, carrier, walk)
+    found, returns, adjusted = calibrate_flight(returns, guess, stated, carrier, walk)
     if adjusted is not None:
         located = replace(guess, trajectory=adjusted.trajectory)
         carrier = _carrier_trajectory(opened, located, adjusted)[0]

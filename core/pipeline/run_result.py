@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 from zoneinfo import ZoneInfo
 
 import numpy as np
 
 from furrowmap.core.adjustment.boresight import Boresight
-from furrowmap.core.adjustment.confirmation import unconfirmed
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import MapFrame
@@ -21,12 +20,16 @@ from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.straight_passes import Strip
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.session import Session
+from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.strip_differences import StripDifferences
 
 if TYPE_CHECKING:
     from furrowmap.core.adjustment.matched import Matched
     from furrowmap.core.images.aiding import ImageAid
+
+MIN_LEVER_TURN_DEG: Final = 45.0
+"""A vehicle that turns by less takes a wrong lever arm with it: all it does is to shift the map."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +72,8 @@ class RunResult:
 
     @cached_property
     def unconfirmed(self) -> tuple[str, ...]:
-        """Keys of stated places that the recording does not show: standard deviations hold if these are right."""
-        return unconfirmed(self.session, self.located, self.matched, self.boresight)
+        """See :func:`unconfirmed_places`."""
+        return unconfirmed_places(self.session, self.located, self.matched, self.boresight)
 
     @cached_property
     def zone(self) -> ZoneInfo:
@@ -80,3 +83,31 @@ class RunResult:
         east, north = np.median(self.placement.poses.xyz_m[:, :2], axis=0)
         lon_deg, lat_deg = self.frame.to_lon_lat(np.array([east]), np.array([north]))
         return zone_at(float(lon_deg[0]), float(lat_deg[0]))
+
+
+def unconfirmed_places(
+    session: Session, located: Located, matched: Matched | None, boresight: Boresight | None
+) -> tuple[str, ...]:
+    """Keys of stated places that the recording does not show: standard deviations hold if these are right.
+
+    Args:
+        located: the trajectory, with its notices.
+        matched: the result of scan matching; None without.
+        boresight: of a scanner on a vehicle with an IMU; None where the scans do not show it.
+    """
+    if not session.recording.lidar:
+        return ()
+    angles, height, lever = boresight is not None and boresight.certain, False, located.source == "file"
+    if matched is not None:
+        angles = matched.facing_shown
+        height = bool(np.isfinite(matched.calibration.sigma_height_m))
+        lever = all(notice.code != "lever-assumed" for notice in located.notices) and _turns(located.trajectory)
+    shown = {"antenna.xyz_m": lever, "lidar.xyz_m": height, "lidar.rpy_deg": angles}
+    return tuple(key for key, known in shown.items() if not known and key not in session.unstated)
+
+
+def _turns(trajectory: Trajectory) -> bool:
+    """Whether headings differ from their mean by MIN_LEVER_TURN_DEG."""
+    heading = np.radians(trajectory.attitude_deg()[2])
+    mean = np.angle(np.mean(np.exp(1j * heading)))
+    return bool(np.degrees(np.abs(np.angle(np.exp(1j * (heading - mean))))).max(initial=0.0) > MIN_LEVER_TURN_DEG)

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.cell_heights import LEAST_IN_GROUP, CellHeights, cell_heights, smooth_groups
-from furrowmap.core.adjustment.strips import CELL_M, StripReturns
+from furrowmap.core.adjustment.cell_heights import MIN_GROUP_RETURNS, CellHeights, cell_heights, smooth_groups
+from furrowmap.core.adjustment.strips import STRIP_CELL_M, StripReturns
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.visits import SwathDifferences, SwathSums
 from furrowmap.core.values.rotation import Mounting
@@ -115,8 +115,8 @@ def strip_differences(
     sigma = np.sqrt(variance[first] / after.count[a] + variance[second] / after.count[b])
     earlier = _looked_up(before, after, a), _looked_up(before, after, b)
     found = StripDifferences(
-        CELL_M,
-        (after.place[a] + 0.5) * CELL_M + returns.local_m[:2],
+        STRIP_CELL_M,
+        (after.place[a] + 0.5) * STRIP_CELL_M + returns.local_m[:2],
         after.window[a],
         after.window[b],
         earlier[1] - earlier[0],
@@ -145,7 +145,7 @@ def _looked_up(before: CellHeights, after: CellHeights, groups: NDArray[np.intp]
     keys = [_keys(heights.place, heights.window) for heights in (before, after)]
     order = np.argsort(keys[0])
     at = order[np.minimum(np.searchsorted(keys[0], keys[1][groups], sorter=order), len(order) - 1)]
-    known = (keys[0][at] == keys[1][groups]) & (before.count[at] >= LEAST_IN_GROUP)
+    known = (keys[0][at] == keys[1][groups]) & (before.count[at] >= MIN_GROUP_RETURNS)
     return np.where(known, before.height_m[at], np.nan)
 
 

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.boresight import NAMES, Boresight
+from furrowmap.core.adjustment.boresight import BORESIGHT_NAMES, Boresight
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
 from furrowmap.core.pipeline.notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
@@ -94,11 +94,11 @@ def _scanner_mounting(found: Boresight) -> dict[str, Any]:
         "cells": found.cells,
         "used": found.certain,
         "together": {
-            "parameters": NAMES,
+            "parameters": BORESIGHT_NAMES,
             "value": [round(value, 6) for value in found.free.value.tolist()],
             "sigma": [round(value, 6) for value in found.free.sigma.tolist()],
             "correlation": found.free.correlation.round(3).tolist(),
-            "not_observed": [name for name, seen in zip(NAMES, found.free.observed, strict=True) if not seen],
+            "not_observed": [name for name, seen in zip(BORESIGHT_NAMES, found.free.observed, strict=True) if not seen],
         },
     }
 

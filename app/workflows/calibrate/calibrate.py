@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from furrowmap.core.adjustment.session_match import match_session
-from furrowmap.core.adjustment.strip_adjustment import calibrated_flight
+from furrowmap.core.adjustment.strip_adjustment import calibrate_flight
 from furrowmap.core.adjustment.strips import strip_returns
 from furrowmap.core.pipeline.pipeline import companions
 from furrowmap.core.runtime.errors import RefusedError
@@ -144,7 +144,7 @@ def _calibrate_by_strips(opened: OpenSession, located: Located, progress: Progre
     lidar = opened.lidar(float(np.mean(trajectory.span_s)))
     scans = watched(lidar.scans(), lidar, progress, "reading scans")
     returns = strip_returns(scans, carrier if carrier is not None else trajectory)
-    found, _, _ = calibrated_flight(returns, located, stated, carrier)
+    found, _, _ = calibrate_flight(returns, located, stated, carrier)
     if found is None or not found.certain:
         raise _not_shown(opened.file, "too little smooth ground is seen at several times")
     stated_s = opened.session.recording.lidar_minus_gnss_s

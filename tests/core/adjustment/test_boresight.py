@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.boresight import NAMES, Boresight, boresight, boresight_notices
+from furrowmap.core.adjustment.boresight import BORESIGHT_NAMES, Boresight, boresight, boresight_notices
 from furrowmap.core.adjustment.strips import strip_returns
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
@@ -116,7 +116,9 @@ def test_place_and_clock__are_corrected_where_they_are_certainly_off() -> None:
     assert (np.abs(scene.off_deg(found)) < (0.02, 0.02, 0.05)).all()
     assert found.clock_used_s == pytest.approx(0.008, abs=0.0003)
     np.testing.assert_allclose(found.mounting.xyz_m, scene.mounting.xyz_m, atol=0.008)
-    together = dict(zip(NAMES, zip(found.free.value.tolist(), found.free.sigma.tolist(), strict=True), strict=True))
+    together = dict(
+        zip(BORESIGHT_NAMES, zip(found.free.value.tolist(), found.free.sigma.tolist(), strict=True), strict=True)
+    )
     for name, true in (("time_s", 0.008), ("x_m", 0.09), ("y_m", -0.07), ("z_m", 0.0)):
         value, sigma = together[name]
         assert abs(value - true) < 3.5 * sigma

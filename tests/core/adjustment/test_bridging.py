@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.bridging import (
-    APART_M,
-    APART_RAD,
+    MAX_MISCLOSURE_M,
+    MAX_MISCLOSURE_RAD,
     apart,
     continued,
     gaps_between,
-    joined_in_gap,
+    join_in_gap,
     part_of,
     with_carried,
 )
-from furrowmap.core.adjustment.outages import outages
+from furrowmap.core.adjustment.problem import outages
 from furrowmap.core.estimation.knots import Knots, State, knots_over
 from furrowmap.core.matching.portions import Gap, in_gaps, outside
 from furrowmap.core.values.gnss import Fix, Positions
@@ -115,7 +115,7 @@ def test_outside_a_gap_every_return_stays_and_in_it_none(windows: list[tuple[int
 def test_both_sides_that_agree_are_taken_as_they_are() -> None:
     knots, state = drive()
     wrong = State(state.xyz_m + 5.0, state.rotation[::-1].copy(), state.added)
-    found = joined_in_gap(knots, wrong, GAP, state, state, int(np.searchsorted(knots.t_s, 10.0)))
+    found = join_in_gap(knots, wrong, GAP, state, state, int(np.searchsorted(knots.t_s, 10.0)))
     inside = (knots.t_s >= GAP.begin_s) & (knots.t_s < GAP.end_s)
     np.testing.assert_allclose(found.xyz_m[inside], state.xyz_m[inside], atol=1e-12)
     np.testing.assert_allclose(found.rotation[inside], state.rotation[inside], atol=1e-12)
@@ -144,7 +144,7 @@ def test_what_adds_up_evenly_from_either_end_is_taken_out(
         )
 
     meet = int(np.searchsorted(knots.t_s, meet_s))
-    found = joined_in_gap(knots, truth, GAP, drifted(knots.t_s - GAP.begin_s), drifted(knots.t_s - GAP.end_s), meet)
+    found = join_in_gap(knots, truth, GAP, drifted(knots.t_s - GAP.begin_s), drifted(knots.t_s - GAP.end_s), meet)
     np.testing.assert_allclose(found.xyz_m, truth.xyz_m, atol=1e-9)
     np.testing.assert_allclose(found.rotation, truth.rotation, atol=1e-9)
 
@@ -165,9 +165,9 @@ def test_poses_that_were_moved_all_together_are_brought_back(shift_m: list[float
 
 def test_states_are_as_far_apart_as_the_worse_of_way_and_turn() -> None:
     _, state = drive()
-    turn = Rotation.from_rotvec([0.0, 0.0, 3.0 * APART_RAD])
+    turn = Rotation.from_rotvec([0.0, 0.0, 3.0 * MAX_MISCLOSURE_RAD])
     other = State(
-        state.xyz_m + np.array([0.0, 2.0 * APART_M, 0.0]),
+        state.xyz_m + np.array([0.0, 2.0 * MAX_MISCLOSURE_M, 0.0]),
         (turn * Rotation.from_matrix(state.rotation)).as_matrix(),
         state.added,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from furrowmap.core.adjustment.cell_adjustment import GroupHeights, adjusted
+from furrowmap.core.adjustment.cell_heights import GroupHeights, adjust_cells
 from furrowmap.core.adjustment.strips import strip_returns
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import trajectory_from_attitude
@@ -24,7 +24,7 @@ def test_eliminated_cells__give_what_a_height_for_each_cell_gives() -> None:
     # Small enough that no residual is weighted down.
     weight = random.uniform(0.5, 2.0, len(cell)) / 0.01**2
     spread = np.concatenate([np.full(PARAMETERS, 0.1), np.full(WINDOWS, 0.002)])
-    off, covariance, _ = adjusted(GroupHeights(cell, window, height, weight, design), spread)
+    off, covariance, _ = adjust_cells(GroupHeights(cell, window, height, weight, design), spread)
 
     whole = np.hstack([design, np.eye(WINDOWS)[window], np.eye(CELLS)[cell]])
     prior = np.concatenate([1.0 / spread**2, np.zeros(CELLS)])

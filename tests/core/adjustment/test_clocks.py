@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.clock_search import searched_clock_offset
-from furrowmap.core.adjustment.consistency import Cause
-from furrowmap.core.adjustment.ground_plane import GroundTilt, ground_tilt
+from furrowmap.core.adjustment.clock_offset import search_clock_offset
+from furrowmap.core.adjustment.consistency import Cause, GroundTilt, ground_tilt
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.session_match import match_session
 from furrowmap.core.geodesy.projection import MapFrame
@@ -156,10 +155,10 @@ def test_promise_13__leap_seconds_and_seconds_are_found_in_loops(shared_data: Pa
     mounting = opened.session.lidar.mounting
     returns = ground_returns(opened.lidar(located.trajectory.span_s[0]).scans(), mounting, located.trajectory)
     sensor = Sensor(np.asarray(mounting.xyz_m), np.eye(3))
-    assert searched_clock_offset(returns, sensor, located.trajectory) is None
+    assert search_clock_offset(returns, sensor, located.trajectory) is None
     for offset_s in (18.0, -5.0):
         late = replace(returns, t_s=np.asarray(returns.t_s) + offset_s)
-        found = searched_clock_offset(late, sensor, located.trajectory)
+        found = search_clock_offset(late, sensor, located.trajectory)
         assert found is not None
         assert found.certain
         assert found.clock_s == pytest.approx(offset_s, abs=0.15)

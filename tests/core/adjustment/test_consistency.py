@@ -7,8 +7,14 @@ import pytest
 
 from furrowmap.core.adjustment.antenna_sway import AntennaSway
 from furrowmap.core.adjustment.clock_offset import AntennaConstants
-from furrowmap.core.adjustment.consistency import Cause, Seen, clock_notice, contradiction_notice, enlarged
-from furrowmap.core.adjustment.ground_plane import GroundTilt
+from furrowmap.core.adjustment.consistency import (
+    Cause,
+    GroundTilt,
+    Seen,
+    clock_notice,
+    contradiction_notice,
+    enlarge_sigmas,
+)
 from furrowmap.core.values.trajectory import Trajectory
 
 CLOCK = AntennaConstants(clock_s=0.4, clock_sigma_s=0.01, clock_gain=1e5, lever_gain=1e2)
@@ -167,7 +173,7 @@ LEVER_M, SENSOR_M = np.array([1.0, 0.0, 2.0]), np.array([-0.6, 0.0, 2.5])
 )
 def test_sigmas__grow_to_what_the_cause_moves(seen: Seen, place_m: float, turn_deg: float) -> None:
     drive = straight()
-    found = enlarged(drive, seen, LEVER_M, SENSOR_M, turned_deg=1.5).sigma
+    found = enlarge_sigmas(drive, seen, LEVER_M, SENSOR_M, turned_deg=1.5).sigma
     grown = drive.sigma * seen.factor
     np.testing.assert_allclose(found[:, :3], np.hypot(grown[:, :3], place_m))
     np.testing.assert_allclose(found[:, 3:5], np.hypot(grown[:, 3:5], turn_deg))
@@ -176,7 +182,7 @@ def test_sigmas__grow_to_what_the_cause_moves(seen: Seen, place_m: float, turn_d
 
 def test_sigmas__stay_where_nothing_contradicts() -> None:
     drive = straight()
-    assert enlarged(drive, Seen(slip=1.2), LEVER_M, SENSOR_M) is drive
+    assert enlarge_sigmas(drive, Seen(slip=1.2), LEVER_M, SENSOR_M) is drive
 
 
 def test_clock_notice__names_leap_seconds_and_what_to_state() -> None:

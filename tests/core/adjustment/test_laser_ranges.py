@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from furrowmap.core.adjustment.laser_ranges import LEAST_RETURNS, LaserSums
+from furrowmap.core.adjustment.laser_ranges import MIN_LASER_RETURNS, LaserSums
 from furrowmap.core.adjustment.matched import match, prepare
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
@@ -39,7 +39,7 @@ def test_what_looks_like_height_and_pitch_is_left_out() -> None:
 
 
 def test_lasers_that_see_little_keep_their_ranges() -> None:
-    few = sums_of(np.full(LASERS, 0.003), LEAST_RETURNS - 1.0)
+    few = sums_of(np.full(LASERS, 0.003), MIN_LASER_RETURNS - 1.0)
     assert few.ranges() is None
     assert LaserSums.none().ranges() is None
 

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.crab_angle import CrabAngle
 from furrowmap.core.adjustment.match_report import mounting_notices
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration, mounting_calibration
+from furrowmap.core.adjustment.steps import CrabAngle
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import VEHICLE, Knots, State, knots_over, normal_equations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from furrowmap.core.adjustment.range_bow import ELEVATION_SIGMA, range_bow, range_bow_sigma
+from furrowmap.core.adjustment.laser_ranges import ELEVATION_SIGMA, range_bow, range_bow_sigma
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import VEHICLE
 from furrowmap.core.matching.returns import GroundReturns

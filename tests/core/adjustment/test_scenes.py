@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.adjustment.consistency import Cause
-from furrowmap.core.adjustment.session_match import match_session, matched_to_ground
+from furrowmap.core.adjustment.session_match import match_session, match_to_ground
 from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.simulator.scenario import Noise, Scenario, ScenarioDrive, ScenarioField, ScenarioSoil
@@ -104,7 +104,7 @@ def test_promise_13__without_relief_the_sway_shows_clocks_that_are_apart(
 def test_promise_15__among_standing_crop_what_nothing_shows_is_said_to_be_assumed(tmp_path: Path) -> None:
     opened, truth = opened_scene({"soil": ScenarioSoil(kind="maize", worked="same")}, tmp_path / "maize")
     located = locate(opened.positions(), opened.session, opened.frame)
-    placed, matched = matched_to_ground(located, opened.lidar(truth.span_s[0]), opened.session)
+    placed, matched = match_to_ground(located, opened.lidar(truth.span_s[0]), opened.session)
     assert matched is None
     assert {"facing-assumed", "lever-assumed"} <= {notice.code for notice in placed.notices}
     assert np.median(errors_over_sigmas(placed.trajectory, truth), axis=0).max() < 3.0

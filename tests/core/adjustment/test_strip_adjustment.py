@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.boresight import boresight
-from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, adjusted_by_strips
+from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, adjust_strips
 from furrowmap.core.adjustment.strips import strip_returns
 from furrowmap.core.trajectory.pose_errors import PoseErrors, without_errors
 from furrowmap.core.values.rotation import Mounting
@@ -57,7 +57,7 @@ def flight(seed: int) -> Flown:
     found = boresight(returns, off, STATED)
     assert found is not None
     known = replace(slow, value=np.zeros_like(slow.value))
-    return scene, true, off, adjusted_by_strips(returns, off, known, found, STATED)
+    return scene, true, off, adjust_strips(returns, off, known, found, STATED)
 
 
 @pytest.fixture(scope="module")
@@ -120,8 +120,8 @@ def test_mounting_that_changes__is_found_apart_from_the_poses_and_within_its_sig
     found = boresight(returns, off, STATED)
     assert found is not None
     known = replace(slow, value=np.zeros_like(slow.value))
-    rigid = adjusted_by_strips(returns, off, known, found, STATED)
-    adjusted = adjusted_by_strips(returns, off, known, found, STATED, walk_deg_rts=0.02)
+    rigid = adjust_strips(returns, off, known, found, STATED)
+    adjusted = adjust_strips(returns, off, known, found, STATED, walk_deg_rts=0.02)
     walk = adjusted.turned
     assert walk is not None
     truth = np.column_stack([np.interp(walk.t_s, true.t_s, axis) for axis in angle_deg.T])

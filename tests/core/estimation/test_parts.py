@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.crab_angle import CrabAngle
 from furrowmap.core.adjustment.precision import information_of
+from furrowmap.core.adjustment.steps import CrabAngle
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right, fine_step
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State, knots_over, normal_equations, start_from
 from furrowmap.core.estimation.vehicle import wheeled_vehicle

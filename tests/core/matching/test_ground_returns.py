@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.matching.returns import (
     EXTRAPOLATION_S,
+    GROUND_RATE_HZ,
     MAX_GROUND_RANGE_M,
     PIXEL_M,
     PIXELS,
-    RATE_HZ,
     GroundReturns,
     ground_height_m,
     ground_returns,
@@ -36,8 +36,8 @@ def test_returns_are_thinned_to_an_even_rate(found: GroundReturns) -> None:
     t = np.asarray(found.t_s)
     assert (np.diff(t) >= 0).all()
     rate = np.histogram(t, np.arange(t[0] + 0.2, t[-1] - 0.1, 0.5))[0] / 0.5
-    assert np.median(rate) == pytest.approx(RATE_HZ, rel=0.25)
-    assert rate.max() < 1.6 * RATE_HZ
+    assert np.median(rate) == pytest.approx(GROUND_RATE_HZ, rel=0.25)
+    assert rate.max() < 1.6 * GROUND_RATE_HZ
 
 
 def test_scans_alternate_between_the_halves(found: GroundReturns) -> None:

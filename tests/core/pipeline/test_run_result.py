@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.core.adjustment.confirmation import unconfirmed
 from furrowmap.core.adjustment.consistency import Seen
 from furrowmap.core.adjustment.matched import Matched
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
+from furrowmap.core.pipeline.run_result import unconfirmed_places
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.file import parse_session
 from furrowmap.core.trajectory.located import Located
@@ -42,12 +42,12 @@ def test_a_session_without_scans__has_nothing_to_confirm() -> None:
         "[antenna]\nxyz_m = [0, 0, 2.5]\n[implement]\nwidth_m = 3.0\nxy_m = [-1, 0]\n"
         'states = ["s.csv"]\n'
     )
-    assert unconfirmed(session, driven(180.0), None, None) == ()
+    assert unconfirmed_places(session, driven(180.0), None, None) == ()
 
 
 def test_without_scan_matching__only_a_stated_trajectory_has_its_lever_arm() -> None:
-    assert unconfirmed(SESSION, driven(180.0), None, None) == ALL
-    assert unconfirmed(SESSION, driven(180.0, "file"), None, None) == ALL[1:]
+    assert unconfirmed_places(SESSION, driven(180.0), None, None) == ALL
+    assert unconfirmed_places(SESSION, driven(180.0, "file"), None, None) == ALL[1:]
 
 
 @pytest.mark.parametrize(("turn_deg", "left"), [(180.0, ()), (100.0, ()), (80.0, ALL[:1]), (0.0, ALL[:1])])
@@ -55,18 +55,18 @@ def test_a_lever_arm__is_shown_where_the_vehicle_turns_across_north_or_not(
     turn_deg: float, left: tuple[str, ...]
 ) -> None:
     drive = driven(turn_deg)
-    assert unconfirmed(SESSION, drive, matched(drive), None) == left
+    assert unconfirmed_places(SESSION, drive, matched(drive), None) == left
 
 
 def test_what_matching_does_not_show__is_named() -> None:
     drive = driven(180.0)
-    assert unconfirmed(SESSION, drive, matched(drive, sigma_height_m=np.inf), None) == ("lidar.xyz_m",)
-    assert unconfirmed(SESSION, drive, matched(drive, facing_shown=False), None) == ("lidar.rpy_deg",)
+    assert unconfirmed_places(SESSION, drive, matched(drive, sigma_height_m=np.inf), None) == ("lidar.xyz_m",)
+    assert unconfirmed_places(SESSION, drive, matched(drive, facing_shown=False), None) == ("lidar.rpy_deg",)
     assumed = driven(180.0, "gnss", "lever-assumed")
-    assert unconfirmed(SESSION, assumed, matched(assumed), None) == ("antenna.xyz_m",)
+    assert unconfirmed_places(SESSION, assumed, matched(assumed), None) == ("antenna.xyz_m",)
 
 
 def test_what_is_not_stated__is_not_to_be_confirmed() -> None:
     nothing = parse_session('furrowmap = 1\n[recording]\nlidar = ["a"]\ngnss = ["b"]\n[crs]\nmap = "EPSG:6677"\n')
     assert nothing.unstated == ALL
-    assert unconfirmed(nothing, driven(180.0), None, None) == ()
+    assert unconfirmed_places(nothing, driven(180.0), None, None) == ()

@@ -1,0 +1,230 @@
+"""Registration of all returns to ground and walls: of short windows, or of the whole session."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from furrowmap.core.estimation.banded import NormalEquations
+from furrowmap.core.estimation.coarse import CoarseKnots
+from furrowmap.core.estimation.registration import Patches, Registration, SliceSums, free_patches, stored
+from furrowmap.core.matching.ground import GroundSums, Relief, register_ground
+from furrowmap.core.matching.placing import Placing
+from furrowmap.core.matching.portions import Portion, blocks, in_threads, windows
+from furrowmap.core.matching.returns import MAX_GROUND_RANGE_M
+from furrowmap.core.matching.surface import HeightGrid, add_returns, empty_surface, joined, tiles_around, tiles_over
+from furrowmap.core.matching.walls import (
+    MAX_WALL_RANGE_M,
+    WALL_PATCH_M,
+    Lines,
+    Scatter,
+    add_upright,
+    columns_over,
+    lines,
+    register_walls,
+)
+
+WINDOW_CELL_M: Final = 0.3
+GROUND_WINDOW_THIN: Final = 4
+"""Windows are matched with every fourth return."""
+WINDOW_PATCH_M: Final = 1.0
+SESSION_PATCH_M: Final = 2.0
+MIN_UPRIGHT_RETURNS: Final = 2_000
+"""With fewer upright returns in a whole recording there is no wall."""
+WALL_WINDOW_THIN: Final = 3
+"""Windows are matched with every third upright return."""
+COLUMN_REACH_M: Final = 8.0
+"""Columns are laid out this closely, which is less than a tile."""
+_WallPart = tuple[SliceSums, Scatter, list[list[Patches]]]
+
+
+@dataclass(frozen=True)
+class GroundRegistration:
+    """Returns registered to the ground.
+
+    Attributes:
+        observation: what they add to the equations.
+        sums: over the returns.
+    """
+
+    observation: Registration
+    sums: GroundSums
+
+
+def register_windows(
+    placing: Placing, relief: Relief, coarse: CoarseKnots | None, centre_m: np.ndarray, width: int
+) -> GroundRegistration:
+    """Each window against its own ground.
+
+    Args:
+        placing: of the iterate.
+        relief: reliability of slopes.
+        coarse: coarse knots, with which the ground moves; None for fixed ground.
+        centre_m: (count, 3) places of the coarse knots.
+        width: of the band of their equations.
+    """
+    size = placing.state.layout.size
+
+    def work(share: Sequence[Portion]) -> tuple[GroundSums, NormalEquations]:
+        sums, freed = GroundSums.of(len(placing.knots)), NormalEquations(len(centre_m) * size, max(width, 1))
+        for c, part in share:
+            placed = placing.ground(c, part)
+            surface = empty_surface(tiles_over(placed.xyz_m, WINDOW_CELL_M))
+            add_returns(surface, placed.xyz_m, placed.layer, placed.half, placed.weight)
+            patches = register_ground(placed, surface, placing.poses(c, coarse), relief, 0.5, sums)
+            if coarse is not None:
+                free_patches(freed, [patches], WINDOW_PATCH_M, centre_m)
+        return sums, freed
+
+    found = in_threads(work, windows(placing.returns.t_s, placing.knots, GROUND_WINDOW_THIN, placing.unused))
+    sums = _sum_ground([s for s, _ in found])
+    return GroundRegistration(
+        Registration(sums.slices, coarse is not None, eliminated=[freed for _, freed in found]), sums
+    )
+
+
+def register_session(
+    placing: Placing, relief: Relief, coarse: CoarseKnots | None, cell_m: float, thin: int
+) -> GroundRegistration:
+    """Every `thin`-th return against the ground of the whole session; arguments as :func:`register_windows`."""
+    portions = blocks(placing.returns.t_s, placing.knots, thin, placing.unused)
+    surface = session_surface(placing, portions, cell_m)
+
+    def work(share: Sequence[Portion]) -> tuple[GroundSums, list[Patches]]:
+        sums = GroundSums.of(len(placing.knots))
+        return sums, stored(
+            register_ground(placing.ground(c, part), surface, placing.poses(c, coarse), relief, 1.0, sums)
+            for c, part in share
+        )
+
+    found = in_threads(work, portions)
+    sums = _sum_ground([s for s, _ in found])
+    patches = [p for _, some in found for p in some]
+    return GroundRegistration(Registration(sums.slices, coarse is not None, [patches], SESSION_PATCH_M), sums)
+
+
+def session_surface(placing: Placing, portions: Sequence[Portion], cell_m: float) -> HeightGrid:
+    """The ground of all portions."""
+    path = placing.state.xyz_m[::20, :2]
+    ring = np.arange(-MAX_GROUND_RANGE_M, MAX_GROUND_RANGE_M + 0.1, 2.0)
+    aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
+    tiles = tiles_around(path, aside[np.hypot(*aside.T) < MAX_GROUND_RANGE_M + 2.0], cell_m)
+
+    def work(share: Sequence[Portion]) -> HeightGrid:
+        surface = empty_surface(tiles)
+        for c, part in share:
+            placed = placing.ground(c, part)
+            add_returns(surface, placed.xyz_m, placed.layer, placed.half, placed.weight)
+        return surface
+
+    return joined(in_threads(work, portions))
+
+
+@dataclass(frozen=True)
+class WallRegistration:
+    """Upright returns registered to walls.
+
+    Attributes:
+        observation: what they add to the equations.
+        scatter: of the residuals.
+    """
+
+    observation: Registration
+    scatter: Scatter
+
+    def registered(self) -> WallRegistration:
+        """Without its patches, which are many and not needed once the equations are solved."""
+        return replace(self, observation=replace(self.observation, references=()))
+
+
+def register_wall_windows(placing: Placing, correlated: float, coarse: CoarseKnots | None) -> WallRegistration:
+    """Each window against its own walls.
+
+    Args:
+        placing: of the iterate.
+        correlated: how many returns share an error.
+        coarse: coarse knots, with which the walls move; None for fixed walls.
+    """
+
+    def work(share: Sequence[Portion]) -> _WallPart:
+        sums, scatter = SliceSums.empty(len(placing.knots)), Scatter()
+
+        def found() -> Iterator[Patches]:
+            nonlocal scatter
+            for c, part in share:
+                placed = placing.upright(c, part)
+                walls = lines(add_upright(columns_over(placed.xyz_m), placed.xyz_m, placed.half))
+                patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, 0.5, sums)
+                scatter = scatter.plus(more)
+                if len(patches.place):
+                    yield patches
+
+        references = [[patches] for patches in stored(found())]
+        return sums, scatter, references
+
+    upright = placing.returns.upright
+    portions = (
+        windows(upright.t_s, placing.knots, WALL_WINDOW_THIN, placing.unused)
+        if len(upright) >= MIN_UPRIGHT_RETURNS
+        else []
+    )
+    return _sum_walls(placing, in_threads(work, portions), coarse)
+
+
+def register_wall_session(
+    placing: Placing, correlated: float, coarse: CoarseKnots | None, thin: int
+) -> WallRegistration:
+    """Every `thin`-th return against the walls of the whole session; arguments as :func:`register_wall_windows`."""
+    upright = placing.returns.upright
+    portions = blocks(upright.t_s, placing.knots, thin, placing.unused) if len(upright) >= MIN_UPRIGHT_RETURNS else []
+    if not portions:
+        return _sum_walls(placing, [], coarse)
+    walls = _session_walls(placing, portions)
+
+    def work(share: Sequence[Portion]) -> _WallPart:
+        sums, scatter = SliceSums.empty(len(placing.knots)), Scatter()
+
+        def found() -> Iterator[Patches]:
+            nonlocal scatter
+            for c, part in share:
+                placed = placing.upright(c, part)
+                patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, 1.0, sums)
+                scatter = scatter.plus(more)
+                yield patches
+
+        references = [stored(found())]
+        return sums, scatter, references
+
+    return _sum_walls(placing, in_threads(work, portions), coarse)
+
+
+def _sum_walls(placing: Placing, parts: Sequence[_WallPart], coarse: CoarseKnots | None) -> WallRegistration:
+    sums, scatter, references = SliceSums.empty(len(placing.knots)), Scatter(), []
+    for more_sums, more_scatter, more in parts:
+        sums.take(more_sums)
+        scatter = scatter.plus(more_scatter)
+        references += more
+    return WallRegistration(Registration(sums, coarse is not None, references, WALL_PATCH_M), scatter)
+
+
+def _session_walls(placing: Placing, portions: Sequence[Portion]) -> Lines:
+    """Walls of a whole session."""
+    path = placing.state.xyz_m[::20, :2]
+    ring = np.arange(-MAX_WALL_RANGE_M, MAX_WALL_RANGE_M + COLUMN_REACH_M, COLUMN_REACH_M)
+    aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
+    passed = np.unique(np.round(path / COLUMN_REACH_M), axis=0) * COLUMN_REACH_M
+    columns = columns_over((passed[:, None] + aside).reshape(-1, 2))
+    for chain, part in portions:
+        placed = placing.upright(chain, part)
+        columns = add_upright(columns, placed.xyz_m, placed.half)
+    return lines(columns)
+
+
+def _sum_ground(parts: Sequence[GroundSums]) -> GroundSums:
+    whole = parts[0]
+    for part in parts[1:]:
+        whole.take(part)
+    return whole
