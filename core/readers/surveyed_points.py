@@ -105,7 +105,20 @@ def read_points(path: Path, target: pyproj.CRS, crs: pyproj.CRS | None = None) -
     if path.read_bytes()[:16].startswith(b"SQLite format 3"):
         columns, stated = _from_geopackage(path)
     else:
-        columns, degrees = _from_csv(path)
+        table = read_table(path, lambda why: _unreadable(path, f"is no table: {why}"))
+        found, columns = _columns(table)
+        missing = [_SURVEY_COLUMNS[key][0] for key in "xyh" if found[key] is None]
+        if missing:
+            raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {table.names})")
+        degrees = found["x"] in _DEGREE_COLUMNS
+        if not all(np.isfinite(columns[key]).any() for key in "xyh"):
+            faults = [(column, table.first_fault(column)) for key in "xyh" if (column := found[key]) is not None]
+            said = [f"line {at[0]} holds {at[1]!r} under {column}" for column, at in faults if at is not None]
+            raise _unreadable(path, "has no point with easting, northing and height" + (f": {said[0]}" if said else ""))
+        if degrees and np.nanmax(np.abs(columns["y"])) > 90.0:
+            raise _unreadable(
+                path, f"has latitudes such as {np.nanmax(columns['y']):g}: longitude and latitude are swapped"
+            )
         stated = horizontal_part(target).geodetic_crs if degrees and crs is None else None
     source = stated or crs or target
     xyz = np.column_stack([columns["x"], columns["y"], columns["h"]])
@@ -138,25 +151,6 @@ def in_degrees(path: Path) -> bool:
     except (InputError, OSError):
         return False
     return table.find(_SURVEY_COLUMNS["x"]) in _DEGREE_COLUMNS
-
-
-def _from_csv(path: Path) -> tuple[dict[str, Any], bool]:
-    """The columns, and whether they are longitudes and latitudes."""
-    table = read_table(path, lambda why: _unreadable(path, f"is no table: {why}"))
-    found, columns = _columns(table)
-    missing = [_SURVEY_COLUMNS[key][0] for key in "xyh" if found[key] is None]
-    if missing:
-        raise _unreadable(path, f"has no column {', '.join(missing)} (its columns: {table.names})")
-    degrees = found["x"] in _DEGREE_COLUMNS
-    if not all(np.isfinite(columns[key]).any() for key in "xyh"):
-        faults = [(column, table.first_fault(column)) for key in "xyh" if (column := found[key]) is not None]
-        said = [f"line {at[0]} holds {at[1]!r} under {column}" for column, at in faults if at is not None]
-        raise _unreadable(path, "has no point with easting, northing and height" + (f": {said[0]}" if said else ""))
-    if degrees and np.nanmax(np.abs(columns["y"])) > 90.0:
-        raise _unreadable(
-            path, f"has latitudes such as {np.nanmax(columns['y']):g}: longitude and latitude are swapped"
-        )
-    return columns, degrees
 
 
 def _from_geopackage(path: Path) -> tuple[dict[str, Any], pyproj.CRS | None]:

@@ -25,7 +25,10 @@ MAX_MEMORY_BYTES: Final = 2 << 30
 def main() -> None:
     """Answer orders until standard input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started the process ends it
-    _limit_memory()
+    with suppress(ImportError, OSError, ValueError):  # there is no such limit on Windows, or a lower one is in force
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
     sys.path.append(sys.argv[1])
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
@@ -40,7 +43,13 @@ def main() -> None:
                 held = bytearray(order["size"])
             rest = memoryview(held)[: order["size"]]
             if order["what"] == "chunks":
-                _decode_chunks(order, rest)
+                import lazrs
+
+                with open(order["path"], "rb") as file:  # noqa: PTH123 (pathlib takes as long to import as lazrs)
+                    file.seek(order["begin"])
+                    data = file.read(order["bytes"])
+                table = [(number, size) for number, size in order["table"]]
+                lazrs.decompress_points_with_chunk_table(data, bytes.fromhex(order["vlr"]), rest, table)
             else:
                 stream.decompress_many(rest)
             length = len(rest)
@@ -52,29 +61,12 @@ def main() -> None:
             rest = rest[answers.write(rest) :]
 
 
-def _decode_chunks(order: dict[str, Any], points: memoryview) -> None:
-    import lazrs
-
-    with open(order["path"], "rb") as file:  # noqa: PTH123 (pathlib takes as long to import as lazrs)
-        file.seek(order["begin"])
-        data = file.read(order["bytes"])
-    table = [(number, size) for number, size in order["table"]]
-    lazrs.decompress_points_with_chunk_table(data, bytes.fromhex(order["vlr"]), points, table)
-
-
 def _stream(order: dict[str, Any]) -> Any:
     import lazrs
 
     file = open(order["path"], "rb")  # noqa: PTH123, SIM115 (open as long as the stream)
     file.seek(order["offset"])
     return lazrs.LasZipDecompressor(file, bytes.fromhex(order["vlr"]))
-
-
-def _limit_memory() -> None:
-    with suppress(ImportError, OSError, ValueError):  # there is no such limit on Windows, or a lower one is in force
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
 
 
 if __name__ == "__main__":

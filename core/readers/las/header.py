@@ -112,7 +112,16 @@ def read_header(path: Path, data: bytes, size_bytes: int) -> LasHeader:
         if points and points != whole:
             notices.append(Notice("legacy-count", path=path.name, whole=whole, points=points))
         points, by_return = whole or points, tuple(of_returns) if whole else by_return
-    _check_layout(path, header_bytes, HEADER_BYTES[version], offset, kind, record_bytes, size_bytes)
+    least = HEADER_BYTES[version]
+    if header_bytes < least:
+        raise InputError("header-size", path=path, header_bytes=header_bytes, least=least)
+    if not header_bytes <= offset <= size_bytes:
+        raise InputError("points-offset", path=path, offset=offset, header_bytes=header_bytes, size_bytes=size_bytes)
+    if kind & 0x7F >= len(LEAST_RECORD_BYTES):
+        raise InputError("point-format", path=path, kind=kind)
+    shortest = LEAST_RECORD_BYTES[kind & 0x7F]
+    if record_bytes < shortest:
+        raise InputError("record-length", path=path, record_bytes=record_bytes, kind=kind & 0x7F, shortest=shortest)
     scale, shift, box = doubles[:3], doubles[3:6], doubles[6:]
     for axis, step, start in zip("xyz", scale, shift, strict=True):
         if not (step >= MIN_SCALE and abs(start) + abs(step) * 2.0**31 <= MAX_COORDINATE):
@@ -158,21 +167,6 @@ def _checked_head(path: Path, data: bytes, size_bytes: int) -> tuple[Any, ...]:
     if (major, version) not in {(1, minor) for minor in HEADER_BYTES}:
         raise InputError("las-version", path=path, major=major, version=version)
     return head
-
-
-def _check_layout(
-    path: Path, header_bytes: int, least: int, offset: int, kind: int, record_bytes: int, size_bytes: int
-) -> None:
-    """Raises InputError if offset, format or length of the points are invalid."""
-    if header_bytes < least:
-        raise InputError("header-size", path=path, header_bytes=header_bytes, least=least)
-    if not header_bytes <= offset <= size_bytes:
-        raise InputError("points-offset", path=path, offset=offset, header_bytes=header_bytes, size_bytes=size_bytes)
-    if kind & 0x7F >= len(LEAST_RECORD_BYTES):
-        raise InputError("point-format", path=path, kind=kind)
-    shortest = LEAST_RECORD_BYTES[kind & 0x7F]
-    if record_bytes < shortest:
-        raise InputError("record-length", path=path, record_bytes=record_bytes, kind=kind & 0x7F, shortest=shortest)
 
 
 def _date(year: int, day: int) -> dt.date | None:

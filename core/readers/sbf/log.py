@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,7 +105,40 @@ class SbfLog(ReceiverLog):
     def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> LoggedPositions:
         is_geodetic = len(messages[GEODETIC]) > 0
         pvt = messages[GEODETIC if is_geodetic else CARTESIAN]
-        columns = _columns(pvt, messages, is_geodetic=is_geodetic)
+        key = _key(pvt)
+        fix = np.array([SBF_FIXES.get(kind, Fix.NONE) for kind in range(16)], np.int8)[pvt.values["mode"] & 15]
+        fix[pvt.values["error"] != 0] = Fix.NONE
+        if is_geodetic:
+            lon, lat = (np.degrees(_stated(pvt.column(name))) for name in ("lon", "lat"))
+            height = _stated(pvt.column("height"))
+            speed = np.hypot(_stated(pvt.column("ve")), _stated(pvt.column("vn")))
+        else:
+            lon, lat, height = geodetic(np.column_stack([_stated(pvt.column(name)) for name in "xyz"]))
+            velocity = np.column_stack([_stated(pvt.column(name)) for name in ("vx", "vy", "vz")])
+            local = np.einsum("nij,nj->ni", east_north_up(lon, lat), velocity)
+            speed = np.hypot(local[:, 0], local[:, 1])
+        sigma = _sigmas(key, messages, lon, lat)
+        attitude = messages[ATTITUDE]
+        attitude = attitude[(attitude.values["mode"] > 0) & (attitude.values["error"] == 0)]
+        course = _stated(pvt.column("course"))
+        satellites = pvt.values["satellites"].astype(np.int16)
+        age = pvt.values["age"]
+        dop = messages[DOP]
+        columns = {
+            "lon_deg": lon,
+            "lat_deg": lat,
+            "height_m": height,
+            "fix": fix,
+            "sigma_e_m": sigma[0],
+            "sigma_n_m": sigma[1],
+            "sigma_h_m": sigma[2],
+            "speed_mps": speed,
+            "course_deg": course % 360.0,
+            "heading_deg": at_equal(key, _key(attitude), _stated(attitude.column("heading")) % 360.0),
+            "satellites": np.where(satellites == 255, -1, satellites),
+            "hdop": at_equal(key, _key(dop), np.where(dop.values["hdop"] > 0, dop.column("hdop", 0.01), np.nan)),
+            "age_s": np.where(age != 0xFFFF, age * 0.01, np.nan),
+        }
         kinds = np.bincount(pvt.values["mode"] & 15, minlength=16)
         facts = {"solutions": {_SOLUTIONS.get(k, f"type {k}"): n for k, n in enumerate(kinds.tolist()) if n}}
         stated = has_position(columns)
@@ -131,43 +164,6 @@ class SbfLog(ReceiverLog):
 
     def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:  # noqa: ARG002
         return InputError("no-positions.no-position-messages", name=name, frames=frames)
-
-
-def _columns(pvt: Messages, messages: Mapping[int, Messages], *, is_geodetic: bool) -> dict[str, NDArray[Any]]:
-    key = _key(pvt)
-    fix = np.array([SBF_FIXES.get(kind, Fix.NONE) for kind in range(16)], np.int8)[pvt.values["mode"] & 15]
-    fix[pvt.values["error"] != 0] = Fix.NONE
-    if is_geodetic:
-        lon, lat = (np.degrees(_stated(pvt.column(name))) for name in ("lon", "lat"))
-        height = _stated(pvt.column("height"))
-        speed = np.hypot(_stated(pvt.column("ve")), _stated(pvt.column("vn")))
-    else:
-        lon, lat, height = geodetic(np.column_stack([_stated(pvt.column(name)) for name in "xyz"]))
-        velocity = np.column_stack([_stated(pvt.column(name)) for name in ("vx", "vy", "vz")])
-        local = np.einsum("nij,nj->ni", east_north_up(lon, lat), velocity)
-        speed = np.hypot(local[:, 0], local[:, 1])
-    sigma = _sigmas(key, messages, lon, lat)
-    attitude = messages[ATTITUDE]
-    attitude = attitude[(attitude.values["mode"] > 0) & (attitude.values["error"] == 0)]
-    course = _stated(pvt.column("course"))
-    satellites = pvt.values["satellites"].astype(np.int16)
-    age = pvt.values["age"]
-    dop = messages[DOP]
-    return {
-        "lon_deg": lon,
-        "lat_deg": lat,
-        "height_m": height,
-        "fix": fix,
-        "sigma_e_m": sigma[0],
-        "sigma_n_m": sigma[1],
-        "sigma_h_m": sigma[2],
-        "speed_mps": speed,
-        "course_deg": course % 360.0,
-        "heading_deg": at_equal(key, _key(attitude), _stated(attitude.column("heading")) % 360.0),
-        "satellites": np.where(satellites == 255, -1, satellites),
-        "hdop": at_equal(key, _key(dop), np.where(dop.values["hdop"] > 0, dop.column("hdop", 0.01), np.nan)),
-        "age_s": np.where(age != 0xFFFF, age * 0.01, np.nan),
-    }
 
 
 def _key(messages: Messages) -> NDArray[np.int64]:
