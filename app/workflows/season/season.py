@@ -181,7 +181,7 @@ def _put_record(staging: Path, parts: Mapping[str, Planned], accounts: Mapping[s
     record = {
         "furrowmap": version("furrowmap"),
         "products": sorted({*kept, *written, SEASON}),
-        "parts": {name: {"key": part.key, "accounts": accounts[name]} for name, part in parts.items()},
+        "parts": {name: {"key": part.key, "told": accounts[name]} for name, part in parts.items()},
     }
     (staging / SEASON).write_text(json_text(record), encoding="utf-8")
 
