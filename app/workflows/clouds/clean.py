@@ -12,11 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.cleaning import cleaned
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, no_points_error, open_clouds
-from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.pointclouds.clouds import Clouds, no_points_error
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.gps_time import TimeKind
 from furrowmap.core.readers.las.survey import Survey
@@ -34,7 +32,7 @@ from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.settings import CleanSettings
-from furrowmap.workflows.clouds.inputs import area_records, input_records, input_rows
+from furrowmap.workflows.clouds.inputs import area_records, box_to_use, input_records, input_rows, open_inputs
 
 MIN_SCALE_M: Final = 1e-4
 """Steps of coordinates; in a 32-bit number they reach 214 km."""
@@ -73,20 +71,21 @@ def clean(
     refuse_target(target, paths, overwrite=overwrite)
     if settings.cleaning.ground == "csf":
         require_cloth()
-    opened = open_clouds(paths, optional_crs(settings.crs), optional_crs(settings.dst_crs))
-    opened = clipped(opened, Path(settings.within) if settings.within is not None else None)
-    box, far = box_in(opened, settings.cleaning.box, optional_crs(settings.box_crs)), tuple[Notice, ...]()
-    if box is None:
-        box, far = near_box(opened, progress)
+    opened = open_inputs(clouds, settings)
+    box, far = box_to_use(opened, settings.cleaning.box, settings.box_crs, progress)
     cleaning = replace(settings.cleaning, box=box)
     inputs = input_records(opened, progress)
     target.parent.mkdir(parents=True, exist_ok=True)
-    summary, notices = _write_cleaned(opened, cleaning, target, [*inputs, *area_records(opened)], progress)
+    parameters, surveys = _parameters(cleaning, opened), list[Survey]()
+    with closing(cleaned(opened, cleaning, target.parent, surveys.append, progress)) as points:
+        origin = ("points of clouds, cleaned", [*inputs, *area_records(opened)], parameters)
+        summary, lost = write_records(opened, points, target, box, origin, progress)
+    notices = [notice for survey in surveys for notice in survey.notices()]
     account = {
         "furrowmap": version("furrowmap"),
         "inputs": input_rows(opened, inputs),
         "crs": name_of(opened.crs),
-        "parameters": _parameters(cleaning, opened),
+        "parameters": parameters,
         "figures": {
             "points_read": opened.points,
             "points": summary.points,
@@ -94,21 +93,9 @@ def clean(
         },
         "low_m": summary.low_m,
         "high_m": summary.high_m,
-        "warnings": list(dict.fromkeys([*notices, *far])),
+        "warnings": list(dict.fromkeys([*opened.notices, *notices, *lost, *far])),
     }
     return dict(plain(account))
-
-
-def _write_cleaned(
-    clouds: Clouds, cleaning: Cleaning, target: Path, inputs: Sequence[FileRecord], progress: Progress
-) -> tuple[CopcSummary, list[Notice]]:
-    """Write the cleaned points; a summary of the file, and what to know about the points."""
-    surveys: list[Survey] = []
-    with closing(cleaned(clouds, cleaning, target.parent, surveys.append, progress)) as points:
-        origin = ("points of clouds, cleaned", inputs, _parameters(cleaning, clouds))
-        summary, lost = write_records(clouds, points, target, cleaning.box, origin, progress)
-    notices = [notice for survey in surveys for notice in survey.notices()]
-    return summary, [*clouds.notices, *notices, *lost]
 
 
 def write_records(

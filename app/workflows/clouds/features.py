@@ -4,24 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import closing
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
 
 from furrowmap.core.features.classes import Feature
 from furrowmap.core.features.cloud_features import VOXEL_RANGE_M, FoundFeatures, classify_features, measure_density
 from furrowmap.core.features.objects import join_planes
-from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, open_clouds
-from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.ground import require_cloth
 from furrowmap.core.values.crs import name_of
-from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, FEATURE_PRODUCTS, FEATURES, FEATURES_REPORT, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
@@ -29,7 +23,7 @@ from furrowmap.exporters.vectors.feature_layers import feature_layers, write_fea
 from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.settings import FeatureSettings
 from furrowmap.workflows.clouds.clean import write_records
-from furrowmap.workflows.clouds.inputs import input_records, input_rows
+from furrowmap.workflows.clouds.inputs import box_to_use, input_records, open_inputs, write_account
 
 GroundChoice = Literal["auto", "class", "smrf", "csf"]
 
@@ -63,69 +57,41 @@ def features(
     refuse_occupied(folder, FEATURE_PRODUCTS, CLOUD, overwrite=overwrite)
     if settings.ground == "csf":
         require_cloth()
-    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
-    opened = clipped(opened, Path(settings.within) if settings.within is not None else None)
+    opened = open_inputs(clouds, settings)
     with staged_folder(folder) as staging:
-        account = _write(opened, staging, settings, progress)
-        (staging / FEATURES_REPORT).write_text(json_text(account), encoding="utf-8")
-    return dict(plain(account))
-
-
-def _write(clouds: Clouds, staging: Path, settings: FeatureSettings, progress: Progress) -> dict[str, Any]:
-    """Write the products into `staging`; the content of `features.json`."""
-    box, far = box_in(clouds, settings.box, optional_crs(settings.box_crs)), tuple[Notice, ...]()
-    if box is None:
-        box, far = near_box(clouds, progress)
-    fitting_m, classified = measure_density(clouds, box, progress)
-    method = settings.ground
-    if method == "auto":
-        method = "class" if classified else "smrf"
-    if method == "class" and not classified:
-        raise InputError("no-ground-class")
-    cell_m = settings.cell_m or fitting_m
-    cleaning = Cleaning(box, every=settings.every, ground="none" if method == "class" else method)
-    inputs = input_records(clouds, progress)
-    parameters = {
-        "box": box,
-        "within": clouds.area.path.name if clouds.area is not None else None,
-        "every": settings.every,
-        "ground": method,
-        "voxel_m": cell_m,
-    }
-    found, surveys = FoundFeatures(), list[Survey]()
-    with closing(classify_features(clouds, cleaning, cell_m, staging, found, surveys.append, progress)) as points:
-        origin = ("points of clouds with the classes of features", inputs, parameters)
-        summary, lost = write_records(clouds, points, staging / CLOUD, box, origin, progress)
-    figures = _write_layers(staging, clouds, found, inputs, parameters)
-    notices = [notice for survey in surveys for notice in survey.notices()]
-    sparse = sparse_notices(fitting_m)
-    return {
-        "furrowmap": version("furrowmap"),
-        "inputs": input_rows(clouds, inputs),
-        "crs": name_of(clouds.crs),
-        "parameters": parameters,
-        "figures": {"points": summary.points, **figures},
-        "points_by_class": {str(number): count for number, count in summary.points_by_class.items()},
-        "warnings": list(dict.fromkeys([*clouds.notices, *notices, *far, *lost, *sparse])),
-        "products": sorted(FEATURE_PRODUCTS),
-    }
-
-
-def _write_layers(
-    staging: Path, clouds: Clouds, found: FoundFeatures, inputs: Sequence[FileRecord], parameters: dict[str, Any]
-) -> dict[str, Any]:
-    """Write the layers; their figures."""
-    layers, counts = found_layers(found)
-    origin = Origin(
-        "features of clouds",
-        inputs=[(record.name, record.sha256) for record in inputs],
-        parameters={name: str(value) for name, value in parameters.items() if value is not None},
-    )
-    write_features(staging / FEATURES, layers, clouds.crs, origin)
-    return {
-        **{f"points_{kind.label}": int(found.points[kind]) for kind in Feature if kind is not Feature.NONE},
-        **counts,
-    }
+        box, far = box_to_use(opened, settings.box, settings.box_crs, progress)
+        fitting_m, classified = measure_density(opened, box, progress)
+        method = settings.ground
+        if method == "auto":
+            method = "class" if classified else "smrf"
+        if method == "class" and not classified:
+            raise InputError("no-ground-class")
+        cell_m = settings.cell_m or fitting_m
+        cleaning = Cleaning(box, every=settings.every, ground="none" if method == "class" else method)
+        inputs = input_records(opened, progress)
+        within = opened.area.path.name if opened.area is not None else None
+        parameters = {"box": box, "within": within, "every": settings.every, "ground": method, "voxel_m": cell_m}
+        found, surveys = FoundFeatures(), list[Survey]()
+        with closing(classify_features(opened, cleaning, cell_m, staging, found, surveys.append, progress)) as points:
+            described = ("points of clouds with the classes of features", inputs, parameters)
+            summary, lost = write_records(opened, points, staging / CLOUD, box, described, progress)
+        layers, counts = found_layers(found)
+        origin = Origin(
+            "features of clouds",
+            inputs=[(record.name, record.sha256) for record in inputs],
+            parameters={name: str(value) for name, value in parameters.items() if value is not None},
+        )
+        write_features(staging / FEATURES, layers, opened.crs, origin)
+        by_kind = {f"points_{kind.label}": int(found.points[kind]) for kind in Feature if kind is not Feature.NONE}
+        content = {
+            "crs": name_of(opened.crs),
+            "parameters": parameters,
+            "figures": {"points": summary.points, **by_kind, **counts},
+            "points_by_class": {str(number): count for number, count in summary.points_by_class.items()},
+        }
+        notices = [notice for survey in surveys for notice in survey.notices()]
+        warnings = list(dict.fromkeys([*opened.notices, *notices, *far, *lost, *sparse_notices(fitting_m)]))
+        return write_account(staging, FEATURES_REPORT, opened, inputs, content, warnings)
 
 
 def found_layers(found: FoundFeatures) -> tuple[list[Layer], dict[str, int]]:

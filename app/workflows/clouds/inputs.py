@@ -1,13 +1,67 @@
-"""The files of clouds as the JSON accounts of surfaces and cleaned clouds list them."""
+"""What workflows of clouds share: the clouds and the box that settings state, and the report of the products."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
-from furrowmap.core.pointclouds.clouds import Clouds
+from pyproj import CRS
+
+from furrowmap.core.geodesy.crs_change import optional_crs
+from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, open_clouds
+from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.exporters.files.file_records import FileRecord, file_records, rooted_records
+from furrowmap.settings import (
+    CanopySettings,
+    CleanSettings,
+    FeatureSettings,
+    GrowthSettings,
+    ParcelSettings,
+    SurfaceSettings,
+)
+
+CloudSettings = CanopySettings | CleanSettings | FeatureSettings | GrowthSettings | ParcelSettings | SurfaceSettings
+
+
+def open_inputs(clouds: Sequence[str | Path], settings: CloudSettings) -> Clouds:
+    """The clouds in the CRS that settings state, without the points outside their polygons."""
+    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    within = getattr(settings, "within", None)
+    return clipped(opened, Path(within) if within is not None else None)
+
+
+def box_to_use(
+    clouds: Clouds, box: Box | None, box_crs: CRS | str | None, progress: Progress
+) -> tuple[Box | None, tuple[Notice, ...]]:
+    """The box as stated, else that of all points but far ones, and a warning about these."""
+    stated = box_in(clouds, box, optional_crs(box_crs))
+    return (stated, ()) if stated is not None else near_box(clouds, progress)
+
+
+def write_account(
+    staging: Path,
+    report: str,
+    clouds: Clouds,
+    records: Sequence[FileRecord],
+    content: Mapping[str, Any],
+    warnings: Sequence[Notice],
+) -> dict[str, Any]:
+    """Write the report of the products in a staging folder; its content. The records begin with those of the clouds."""
+    account = {
+        "furrowmap": version("furrowmap"),
+        "inputs": input_rows(clouds, records[: len(clouds.files)]),
+        **content,
+        "warnings": warnings,
+        "products": sorted([*(path.name for path in staging.iterdir()), report]),
+    }
+    (staging / report).write_text(json_text(account), encoding="utf-8")
+    return dict(plain(account))
 
 
 def input_records(clouds: Clouds, progress: Progress) -> list[FileRecord]:

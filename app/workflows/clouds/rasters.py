@@ -126,7 +126,8 @@ class CloudRasters:
         spots, coarse = self._low_spots(progress)
         if coarse is not None:
             notices.append(coarse)
-        seen = self._seen()
+        with rasterio.open(self.folder / DSM) as raster:
+            seen = sum(int(np.isfinite(raster.read(1, window=block)).sum()) for _, block in raster.block_windows(1))
         figures = {
             "area_m2": round(seen * grid.cell_area_m2, 2),
             "low_spots": len(spots),
@@ -231,11 +232,6 @@ class CloudRasters:
         if factor == 1:
             return spots, None
         return spots, Notice("low-spots-coarser", cell_m=coarse.cell_m, factor=factor)
-
-    def _seen(self) -> int:
-        """Number of cells of the surface with a height."""
-        with rasterio.open(self.folder / DSM) as raster:
-            return sum(int(np.isfinite(raster.read(1, window=block)).sum()) for _, block in raster.block_windows(1))
 
     def _windows(
         self, name: str, margin: int, progress: Progress, stage: str

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, Literal
 
 import rasterio
 
-from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, no_points_error, open_clouds
-from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.pointclouds.clouds import no_points_error
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import PointSpool
@@ -23,7 +19,7 @@ from furrowmap.core.values.crs import name_of
 from furrowmap.exporters.files.result_folder import DSM, SURFACE_PRODUCTS, SURFACES_REPORT, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.settings import SurfaceSettings
-from furrowmap.workflows.clouds.inputs import area_records, input_records, input_rows
+from furrowmap.workflows.clouds.inputs import area_records, box_to_use, input_records, open_inputs, write_account
 from furrowmap.workflows.clouds.rasters import CloudRasters
 
 CACHE_BYTES: Final = 64 << 20
@@ -66,23 +62,7 @@ def surface(
     """
     folder = Path(out)
     refuse_occupied(folder, SURFACE_PRODUCTS, DSM, overwrite=overwrite)
-    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
-    opened = clipped(opened, Path(settings.within) if settings.within is not None else None)
-    # Without a limit GDAL caches up to a twentieth of the memory.
-    with staged_folder(folder) as staging, rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
-        account = _write_surfaces(opened, staging, settings, progress, warn)
-        (staging / SURFACES_REPORT).write_text(json_text(account), encoding="utf-8")
-    return dict(plain(account))
-
-
-def _write_surfaces(
-    clouds: Clouds,
-    staging: Path,
-    settings: SurfaceSettings,
-    progress: Progress,
-    warn: Callable[[Notice], None],
-) -> dict[str, Any]:
-    """Write the surfaces into `staging`; the content of `surfaces.json`."""
+    opened = open_inputs(clouds, settings)
     warnings: list[Notice] = []
 
     def report(notices: Sequence[Notice]) -> None:
@@ -91,36 +71,29 @@ def _write_surfaces(
                 warnings.append(notice)
                 warn(notice)
 
-    box = box_in(clouds, settings.box, optional_crs(settings.box_crs))
-    if box is None:
-        box, far = near_box(clouds, progress)
+    # Without a limit GDAL caches up to a twentieth of the memory.
+    with staged_folder(folder) as staging, rasterio.Env(GDAL_CACHEMAX=CACHE_BYTES):
+        box, far = box_to_use(opened, settings.box, settings.box_crs, progress)
         report(far)
-    cell_m = settings.cell_m
-    if cell_m is None:
-        cell_m = cell_for(clouds, box, settings.classes, progress)
-    with PointSpool(cell_m, folder=staging) as points, PointSpool(cell_m, folder=staging) as ground:
-        spooled = spool_clouds(clouds, points, ground, box, settings.classes, settings.every, progress)
-        grid = points.grid
-        if grid is None:
-            raise no_points_error(clouds, box)
-        method = ground_method(settings.ground, spooled)
-        report([*clouds.notices, *spooled.notices, *_sparse_notices(grid, spooled.count)])
-        records = input_records(clouds, progress)
-        files = [*records, *area_records(clouds)]
-        rasters = CloudRasters(staging, clouds, grid, settings, box, method, files, spooled.span_s)
-        rasters.write_surfaces(spooled, progress)
-    figures, notices = rasters.write_derived(progress)
-    report(notices)
-    size = {"points": spooled.count, "cell_m": cell_m, "columns": grid.columns, "rows": grid.rows}
-    return {
-        "furrowmap": version("furrowmap"),
-        "inputs": input_rows(clouds, records),
-        "crs": name_of(clouds.crs),
-        "parameters": rasters.parameters,
-        "figures": {**size, **figures},
-        "warnings": warnings,
-        "products": sorted([*(path.name for path in staging.iterdir()), SURFACES_REPORT]),
-    }
+        cell_m = settings.cell_m
+        if cell_m is None:
+            cell_m = cell_for(opened, box, settings.classes, progress)
+        with PointSpool(cell_m, folder=staging) as points, PointSpool(cell_m, folder=staging) as ground:
+            spooled = spool_clouds(opened, points, ground, box, settings.classes, settings.every, progress)
+            grid = points.grid
+            if grid is None:
+                raise no_points_error(opened, box)
+            method = ground_method(settings.ground, spooled)
+            report([*opened.notices, *spooled.notices, *_sparse_notices(grid, spooled.count)])
+            records = input_records(opened, progress)
+            files = [*records, *area_records(opened)]
+            rasters = CloudRasters(staging, opened, grid, settings, box, method, files, spooled.span_s)
+            rasters.write_surfaces(spooled, progress)
+        figures, notices = rasters.write_derived(progress)
+        report(notices)
+        size = {"points": spooled.count, "cell_m": cell_m, "columns": grid.columns, "rows": grid.rows}
+        content = {"crs": name_of(opened.crs), "parameters": rasters.parameters, "figures": {**size, **figures}}
+        return write_account(staging, SURFACES_REPORT, opened, records, content, warnings)
 
 
 def ground_method(stated: GroundMethod | Literal["auto"], spooled: SpooledClouds) -> GroundMethod:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,9 +12,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
 from furrowmap.core.crops.stand import Stand, stand_of
-from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.geodesy.projection import scale_at
-from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
+from furrowmap.core.pointclouds.clouds import Clouds, no_points_error
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
@@ -23,7 +21,6 @@ from furrowmap.core.readers.areas.rings import ring_at, rings_of
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys, square_of
 from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool
@@ -47,7 +44,7 @@ from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.vectors.crop_layers import CANOPY_LAYER, canopy_layer, write_parcel_table, write_profiles
 from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
 from furrowmap.settings import CanopySettings
-from furrowmap.workflows.clouds.inputs import input_records, input_rows
+from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
 from furrowmap.workflows.clouds.surface import ground_method, no_warning
 
 MAX_PIXEL_M: Final = 1.0
@@ -85,10 +82,9 @@ def canopy(
         OSError: if the folder cannot be written to.
     """
     folder = Path(out)
-    if folder.is_dir():
-        recover(folder)
-        refuse_products(folder, CANOPY_PRODUCTS, overwrite=overwrite)
-    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    recover(folder)
+    refuse_products(folder, CANOPY_PRODUCTS, overwrite=overwrite)
+    opened = open_inputs(clouds, settings)
     file = Path(settings.polygons) if settings.polygons is not None else None
     areas = read_parcels(file, opened.crs) if file is not None else ()
     box, notices = _box(opened, areas, settings, progress)
@@ -105,9 +101,7 @@ def canopy(
             raise elsewhere_error(file, opened.points, box or (0.0, 0.0, 0.0, 0.0))
         for notice in (notices := [*opened.notices, *notices, *spooled.notices]):
             warn(notice)
-        account = {
-            "furrowmap": version("furrowmap"),
-            "inputs": input_rows(opened, records[: len(opened.files)]),
+        content = {
             "polygons_file": records[-1] if file is not None else None,
             "crs": name_of(opened.crs),
             "parameters": {
@@ -118,11 +112,8 @@ def canopy(
                 "pixel_m": pixel_m,
             },
             "figures": _figures(stands),
-            "warnings": notices,
-            "products": sorted([*(path.name for path in staging.iterdir()), CANOPY_REPORT]),
         }
-        (staging / CANOPY_REPORT).write_text(json_text(plain(account)), encoding="utf-8")
-    return dict(plain(account))
+        return write_account(staging, CANOPY_REPORT, opened, records, content, notices)
 
 
 def _box(

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -14,15 +13,13 @@ from typing import Any
 import numpy as np
 from pyproj import CRS
 
-from furrowmap.core.crops.growth import GrownParcel, SoilChange, align_flights, measure_growth
+from furrowmap.core.crops.growth import GrownParcel, align_flights, measure_growth
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.crops.trial_tables import day_of
-from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.geodesy.local_time import local_day
-from furrowmap.core.pointclouds.clouds import Clouds, open_clouds
+from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
-from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import Parcel
@@ -41,7 +38,7 @@ from furrowmap.exporters.vectors.crop_layers import GROWTH_LAYER, growth_layer, 
 from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
 from furrowmap.settings import GrowthSettings
-from furrowmap.workflows.clouds.inputs import input_records, input_rows
+from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
 from furrowmap.workflows.clouds.surface import no_warning
 from furrowmap.workflows.crops.parcels import collect_points
 
@@ -78,10 +75,9 @@ def growth(
         OSError: if the folder cannot be written to.
     """
     folder, file = Path(out), Path(parcels)
-    if folder.is_dir():
-        recover(folder)
-        refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
-    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    recover(folder)
+    refuse_products(folder, GROWTH_PRODUCTS, overwrite=overwrite)
+    opened = open_inputs(clouds, settings)
     areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
     by_day, notices = _clouds_by_day(opened, areas, settings.days), list(opened.notices)
     with staged_folder(folder) as staging, ExitStack() as stack:
@@ -95,19 +91,18 @@ def growth(
         layer = _write(staging, grown, days, opened.crs, records)
         for notice in (notices := [*notices, *_unmeasured_notices(grown)]):
             warn(notice)
-        account = {
-            "furrowmap": version("furrowmap"),
-            "inputs": input_rows(opened, records[:-1]),
+        alignments = [None, *(change.plain() for change in changes)]
+        content = {
             "parcels_file": records[-1],
             "crs": name_of(opened.crs),
             "parameters": {"net_inset_m": list(settings.net_inset_m)},
-            "flights": _flights(by_day, changes),
+            "flights": [
+                {"day": str(day), "clouds": [each.path.name for each in part.files], "alignment": alignment}
+                for (day, part), alignment in zip(by_day.items(), alignments, strict=True)
+            ],
             "parcels": _rows(layer),
-            "warnings": notices,
-            "products": sorted([*(path.name for path in staging.iterdir()), GROWTH_REPORT]),
         }
-        (staging / GROWTH_REPORT).write_text(json_text(plain(account)), encoding="utf-8")
-    return dict(plain(account))
+        return write_account(staging, GROWTH_REPORT, opened, records, content, notices)
 
 
 def _write(
@@ -122,15 +117,6 @@ def _write(
     if find_spec("openpyxl") is not None:
         write_workbook(folder / GROWTH_WORKBOOK, {"growth": _rows(layer)})
     return layer
-
-
-def _flights(by_day: Mapping[dt.date, Clouds], changes: Sequence[SoilChange]) -> list[dict[str, Any]]:
-    """Day, clouds and alignment of each flight."""
-    alignments = [None, *(change.plain() for change in changes)]
-    return [
-        {"day": str(day), "clouds": [each.path.name for each in part.files], "alignment": alignment}
-        for (day, part), alignment in zip(by_day.items(), alignments, strict=True)
-    ]
 
 
 def _clouds_by_day(clouds: Clouds, parcels: Sequence[Parcel], stated: Sequence[str] | None) -> dict[dt.date, Clouds]:
@@ -164,13 +150,8 @@ def _day_of_points(part: Clouds, parcels: Sequence[Parcel]) -> dt.date:
 
 def _rows(layer: Layer) -> list[dict[str, Any]]:
     """A row for each parcel."""
-    return [
-        {
-            name: values[k].item() if isinstance(values[k], np.generic) else values[k]
-            for name, values in layer.columns.items()
-        }
-        for k in range(len(layer.shapes))
-    ]
+    cells = [values.tolist() if values.dtype != object else list(values) for values in layer.columns.values()]
+    return [dict(zip(layer.columns, row, strict=True)) for row in zip(*cells, strict=True)]
 
 
 def _unmeasured_notices(grown: Sequence[GrownParcel]) -> list[Notice]:

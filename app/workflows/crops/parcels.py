@@ -8,7 +8,6 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,6 @@ from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
 from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster, site_soil
 from furrowmap.core.crops.soil import SOIL_CELL_M
 from furrowmap.core.crops.trial_tables import day_of, read_treatments, with_treatments
-from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.geodesy.local_time import local_day
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
@@ -30,13 +28,12 @@ from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.header import SIGNATURE
 from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.surfaces.spool import PointSpool
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import SOIL_METHODS, Parcel, SoilMethod
-from furrowmap.exporters.files.file_records import FileRecord, file_records
+from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     CROP_HEIGHT,
@@ -55,7 +52,7 @@ from furrowmap.exporters.rasters.crop_height import CropHeights
 from furrowmap.exporters.vectors.crop_layers import PARCELS_LAYER, parcel_layer, write_parcel_sheet, write_parcel_table
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
 from furrowmap.settings import ParcelSettings, SurfaceSettings, soil_file
-from furrowmap.workflows.clouds.inputs import input_records, input_rows
+from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
 from furrowmap.workflows.clouds.rasters import CloudRasters
 from furrowmap.workflows.clouds.surface import no_warning
 
@@ -90,41 +87,26 @@ def parcels(
         OSError: if the folder cannot be written to.
     """
     folder, file = Path(out), Path(parcels)
-    if folder.is_dir():
-        recover(folder)
-        refuse_products(folder, PARCEL_PRODUCTS, overwrite=overwrite)
-    opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
+    recover(folder)
+    refuse_products(folder, PARCEL_PRODUCTS, overwrite=overwrite)
+    opened = open_inputs(clouds, settings)
     areas = read_parcels(file, opened.crs, settings.net_inset_m, Path(settings.net) if settings.net else None)
     _assign_treatments(areas, settings, dt.date.max)  # an error of the table is raised before the work
     around_m = PUBLISHED_STRIP_M if settings.published else None
     with staged_folder(folder) as staging, ParcelPoints(areas, staging.parent, around_m) as points:
         expect_soil(soil_file(settings.soil), opened.crs, points.box_m)
         notices, span_s = collect_points(opened, file, points, settings.classes, progress)
-        records = _records(opened, (soil_file(settings.soil), file), progress)
+        others = [path for path in (soil_file(settings.soil), file) if path is not None]
+        records = [*input_records(opened, progress), *(file_records([path], path.parent)[0] for path in others)]
         origin = Origin("Crop height", inputs=[(record.name, record.sha256) for record in records], span_s=span_s)
         written = write_parcels(staging, points, settings, opened.crs, origin, progress)
         layer = parcel_layer(written.found)
         write_layer(staging / PARCELS, layer, opened.crs, indexed=False, origin=origin)
         write_styles(staging / PARCELS, [PARCELS_LAYER])
-        for notice in (*opened.notices, *notices, *written.notices):
+        for notice in (notices := [*opened.notices, *notices, *written.notices]):
             warn(notice)
-        account = {
-            "furrowmap": version("furrowmap"),
-            "inputs": input_rows(opened, records[: len(opened.files)]),
-            "parcels_file": records[-1],
-            "crs": name_of(opened.crs),
-            **written.account,
-            "warnings": [*opened.notices, *notices, *written.notices],
-            "products": sorted([*(path.name for path in staging.iterdir()), PARCELS_REPORT]),
-        }
-        (staging / PARCELS_REPORT).write_text(json_text(plain(account)), encoding="utf-8")
-    return dict(plain(account))
-
-
-def _records(clouds: Clouds, others: Sequence[Path | None], progress: Progress) -> list[FileRecord]:
-    """The files of clouds, then others."""
-    named = [path for path in others if path is not None]
-    return [*input_records(clouds, progress), *(file_records([path], path.parent)[0] for path in named)]
+        content = {"parcels_file": records[-1], "crs": name_of(opened.crs), **written.account}
+        return write_account(staging, PARCELS_REPORT, opened, records, content, notices)
 
 
 def parcel_settings(opened: OpenSession) -> ParcelSettings:
@@ -242,7 +224,7 @@ def expect_soil(path: Path | None, target: CRS, box_m: Box) -> None:
     if path is None:
         return
     if _is_cloud(path):
-        _clouds(path, target)
+        open_clouds([path], target, target)
         return
     with open_soil_raster(path, target, box_m):
         pass
@@ -262,7 +244,7 @@ def soil_source(
         yield next(method for method in SOIL_METHODS if method == source)
     elif _is_cloud(path):
         with tempfile.TemporaryDirectory(prefix="soil-", dir=folder) as made:
-            raster = _grid_cloud(_clouds(path, target), Path(made), box_m, progress)
+            raster = _grid_cloud(open_clouds([path], target, target), Path(made), box_m, progress)
             with open_soil_raster(raster, target, box_m) as opened:
                 yield replace(opened, path=path)
     else:
@@ -273,10 +255,6 @@ def soil_source(
 def _is_cloud(path: Path) -> bool:
     with path.open("rb") as file:
         return file.read(4) == SIGNATURE
-
-
-def _clouds(path: Path, target: CRS) -> Clouds:
-    return open_clouds([path], target, target)
 
 
 def _grid_cloud(clouds: Clouds, folder: Path, box_m: Box, progress: Progress) -> Path:
