@@ -34,9 +34,6 @@ class Check:
     """Result of a comparison with surveyed points.
 
     Attributes:
-        kind: "cloud" or "surface".
-        crs: of the product.
-        points: one for each surveyed point.
         accuracy: from those that could be compared.
     """
 
@@ -60,11 +57,7 @@ def check_product(
     """Compare a cloud (LAS, LAZ, COPC) or a surface (GeoTIFF) with surveyed points.
 
     Args:
-        points_file: see :func:`~furrowmap.core.readers.surveyed_points.read_points`.
-        options: what is stated about the points.
         targets: attribute in which discs are detected, for the horizontal error.
-        diameter_m: of the discs.
-        class_m: required vertical accuracy class; None for none.
         progress: receives the share of the cloud that was read.
 
     Raises:

@@ -47,15 +47,10 @@ def cloud_at_points(
     diameter_m: float = 0.3,
     progress: Progress = silent,
 ) -> ProductAtPoints:
-    """Height of a cloud at each point, from a plane through the returns around it, in all and by swath.
+    """Height of a LAS, LAZ or COPC file at each point, by a plane through the returns around it, in all and by swath.
 
     Args:
-        path: of a LAS, LAZ or COPC file.
-        points_file: see :func:`~furrowmap.core.readers.surveyed_points.read_points`.
-        options: what is stated about the points.
         targets: attribute in which discs are detected, for the horizontal error.
-        diameter_m: of the discs.
-        progress: receives the share of the cloud that was read.
 
     Raises:
         InputError: if a file cannot be read.
@@ -203,7 +198,6 @@ class LocalPlane:
     """A plane through n returns.
 
     Attributes:
-        height_m: at the point.
         slope: rise to the east and north.
         xy_m: (n, 2) returns relative to the point.
         above_m: (n,) residuals.

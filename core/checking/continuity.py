@@ -36,7 +36,6 @@ class Continuity:
     """Continuity of one log.
 
     Attributes:
-        epochs: number of positions.
         first_s, last_s: UTC of the first and last.
         interval_s: median of the steps between them.
         availability: positions over the number expected at that interval.

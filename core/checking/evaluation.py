@@ -36,11 +36,9 @@ class Evaluation:
     """The result of an evaluation.
 
     Attributes:
-        test: name of the log.
         service: correction service, where the log states it.
         reference_service: likewise, of the reference.
         antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.
-        matched: the compared epochs, n of them.
         fix: (n,) int8 of the test.
         lon_deg, lat_deg: (n,) of the test.
         tables: figures of all epochs ("all") and of each fix type of the test, by its label.
@@ -50,7 +48,6 @@ class Evaluation:
         within_sigmas: share of errors within one, two and three stated standard deviations; None where none is stated.
         time_ahead_s: clock offset of the test against the reference, and its standard error; without outliers, from
             fixed epochs where there are any. None if the speed varies too little.
-        continuity: of the test log.
         reference_share_by_fix: share of the compared epochs by fix type of the reference.
         left_out_by_reference_fix: epochs skipped because the reference was not fixed.
     """
@@ -84,12 +81,9 @@ def evaluate(
     max_gap_s: float | None = None,
     fixed_reference_only: bool = False,
 ) -> Evaluation:
-    """Evaluate a test against a reference, whose positions are taken as the truth.
+    """Evaluate a test against a reference, whose positions are taken as the truth, paired as by :func:`match`.
 
     Args:
-        reference: see `match`, as for the two below.
-        antenna_offset_m: of the test antenna.
-        max_gap_s: of the reference.
         fixed_reference_only: skip epochs where the reference is neither FIXED nor entered by hand.
 
     Raises:

@@ -56,7 +56,6 @@ class InternalPrecision:
         within_swath_max_m: greatest difference between neighbouring returns of one swath.
         between_swath_m: RMS of the differences in height of two swaths at one place.
         between_swath_max_m: greatest of these differences.
-        swath_key: what separates the swaths.
     """
 
     within_swath_m: float

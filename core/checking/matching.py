@@ -48,7 +48,6 @@ class MatchedEpochs:
         outside: epochs of the test outside the time span of the reference.
         in_gaps: epochs of the test in gaps of the reference.
         without_heading: epochs skipped because the antenna offset could not be rotated.
-        max_gap_s: longer intervals of the reference are gaps.
         interpolation_m: (2,) median and 95 % of the reference's own interpolation error at twice its interval, an upper
             bound; nan where it cannot be computed.
     """

@@ -31,7 +31,6 @@ class PairedPoints:
     """n points with two places each: easting (x), northing (y), height (z).
 
     Attributes:
-        name: (n,) of each.
         measured_m: (n, 3) in the product; nan where a component was not measured.
         surveyed_m: (n, 3) by the survey.
         unpaired: names that only one of both has.
@@ -98,8 +97,6 @@ def pairs_of_files(
     """The points that two CSV or GeoPackage files name alike.
 
     Args:
-        measured: points measured in a product.
-        surveyed: points of the survey.
         crs: of the plane in which they are compared, needed for longitudes and latitudes, and for polygons.
         within: vector file, or CSV of corners, in whose polygons the points of the survey lie; None for all.
 

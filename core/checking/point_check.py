@@ -62,10 +62,7 @@ class ProductAtPoints:
     """A product at all surveyed points.
 
     Attributes:
-        points: one for each surveyed point.
         survey: the points, in that CRS.
-        box_m: of the product, as stated in its header.
-        swath_key: what separates its swaths.
     """
 
     crs: pyproj.CRS

@@ -25,7 +25,6 @@ class Component:
     """Errors along one axis.
 
     Attributes:
-        n: number of points.
         mean_m, sigma_m: mean and (sample) standard deviation of product less survey.
         fit_m: RMSE of product less survey.
         survey_m: RMS of the standard deviations of the points; nan where none is stated.
@@ -80,7 +79,6 @@ class Accuracy:
     Attributes:
         vertical: None where no point could be compared.
         easting, northing: None where no target was found.
-        precision: internal precision.
     """
 
     vertical: Component | None

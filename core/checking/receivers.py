@@ -33,15 +33,13 @@ def evaluate_logs(
     fixed_reference_only: bool = False,
     progress: Progress = silent,
 ) -> Evaluation:
-    """Evaluate the positions of a log against a reference.
+    """Evaluate the positions of a log against a reference, paired as by :func:`.match`.
 
     Args:
         test: a log of positions in any supported format.
         reference: another log, a trajectory, or LAT,LON,HEIGHT of a stationary antenna.
         date: UTC date of the first position, for logs without dates.
         antenna_offset_m: of the test antenna from the reference antenna: forward, left, up.
-        max_gap_s: longer intervals of the reference are gaps.
-        fixed_reference_only: skip epochs at which the reference is not fixed.
 
     Raises:
         InputError: if a log cannot be read, has no positions, or there is nothing to compare.

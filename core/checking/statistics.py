@@ -42,7 +42,6 @@ class ErrorStatistics:
     """Statistics of one quantity.
 
     Attributes:
-        n: number of epochs.
         average_m, standard_deviation_m, rmse_m: see :data:`DEFINITIONS`; nan without epochs.
         percentiles_m: at :data:`QUANTILES`, of the absolute value.
         greatest_m: absolute value.

@@ -18,8 +18,6 @@ def surface_at_points(path: Path, points_file: Path, options: SurveyOptions = Su
 
     Args:
         path: of a GeoTIFF, whose first band is heights.
-        points_file: see :func:`furrowmap.core.readers.surveyed_points.read_points`.
-        options: what is stated about the points.
 
     Raises:
         InputError: if it is no such raster, or the points cannot be read.

@@ -36,11 +36,9 @@ class Canopy:
     """The canopy of one parcel.
 
     Attributes:
-        grid: of the pixels.
         net: (rows, columns) pixels whose middle lies in the net parcel.
         top_m: (rows, columns) height of the top above the soil; nan outside, and where nothing is known.
         seen: (rows, columns) net pixels with returns; the others are filled.
-        returns: by pixel.
         penetration: of the canopy; None with too few pixels.
         error_m: standard deviation of the top of one pixel by the model, on average.
         chance_m: how much wider than those of well-seen pixels chance spreads the tops.
@@ -68,7 +66,6 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
     Args:
         xy_m: (n, 2) easting and northing of returns.
         height_m: (n,) their heights above the soil.
-        grid: of the pixels.
         net: (rows, columns) the pixels that count.
         noise_m: standard deviation of heights of returns from one place.
     """
@@ -76,7 +73,13 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
     first = np.random.default_rng(len(xy_m)).random(len(xy_m)) < 0.5
     returns, *parts = pixel_halves(column, row, height_m, first, grid)
     whole = _estimate_top(returns, grid, net, noise_m)
-    soil = _on_soil(whole, column, row, height_m, BARE_SIGMAS * noise_m)
+    bare_m = BARE_SIGMAS * noise_m
+    soil = np.zeros(len(height_m), np.bool_)
+    low = np.flatnonzero(height_m <= bare_m)
+    i, j = (np.floor(place[low]).astype(np.int64) for place in (row, column))
+    inside = (i >= 0) & (j >= 0) & (i < whole.grid.shape[0]) & (j < whole.grid.shape[1])
+    i, j, low = i[inside], j[inside], low[inside]
+    soil[low] = whole.net[i, j] & (whole.returns.highest_m[i, j] > bare_m)
     for _ in range(SOIL_ROUNDS if soil.sum() > MIN_SOIL_SHARE * len(soil) else 0):
         if whole.penetration is None:
             break
@@ -94,17 +97,6 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
     crop = net & (whole.top_m > BARE_SIGMAS * noise_m)
     top = whole.top_m + np.where(crop, extrapolated * net.sum() / max(int(crop.sum()), 1), 0.0)
     return replace(whole, top_m=np.where(net, np.maximum(top, 0.0), np.nan), extrapolated_m=extrapolated)
-
-
-def _on_soil(canopy: Canopy, column: FloatArray, row: FloatArray, height_m: FloatArray, bare_m: float) -> BoolArray:
-    """Returns (n,) of soil in pixels of crop."""
-    out = np.zeros(len(height_m), np.bool_)
-    low = np.flatnonzero(height_m <= bare_m)
-    i, j = (np.floor(place[low]).astype(np.int64) for place in (row, column))
-    inside = (i >= 0) & (j >= 0) & (i < canopy.grid.shape[0]) & (j < canopy.grid.shape[1])
-    i, j, low = i[inside], j[inside], low[inside]
-    out[low] = canopy.net[i, j] & (canopy.returns.highest_m[i, j] > bare_m)
-    return out
 
 
 def _extend_below(

@@ -46,7 +46,6 @@ class Growth:
     """The growth of a parcel.
 
     Attributes:
-        id: of the parcel.
         rate_m_day: slope of its height over time by least squares.
         sigma_m_day: standard deviation of the rate from those of the heights; nan where these are unknown.
         span_days: from the first of its days to the last.
@@ -67,9 +66,7 @@ def growth_of(
     """The growth of each parcel with heights of two days or more, in the order in which they appear.
 
     Args:
-        days: of the flights.
         heights_m: of each flight: height above the soil by parcel; nan where unknown.
-        sigmas_m: their standard deviations.
 
     Raises:
         ValueError: if two flights have the same day.
@@ -103,7 +100,6 @@ class SoilChange:
         tilted: whether a tilt shows.
         departure: covariance of what departs from the trend.
         departures: around each parcel by its id, from the trend.
-        cells: number of cells that both flights see.
     """
 
     middle_m: FloatArray
@@ -152,13 +148,18 @@ def soil_change(before: SoilCells, after: SoilCells, parcels: Sequence[Parcel]) 
     Offset and tilt are by generalised least squares; how departures vary with distance is estimated by restricted
     maximum likelihood, as that of the soil is. A tilt shows if Wald's statistic of both slopes is larger than in one of
     a hundred cases without one.
-
-    Args:
-        before: cells of bare soil of the first flight.
-        after: of the other.
-        parcels: around which the cells lie.
     """
-    both = _without_outliers(_differences(before, after))
+    # Heights after less before in the cells that both have.
+    first, second = (np.floor(cells.xy_m / SOIL_CELL_M).tolist() for cells in (before, after))
+    number = {tuple(key): k for k, key in enumerate(first)}
+    pairs = [(number[tuple(key)], k) for k, key in enumerate(second) if tuple(key) in number]
+    a, b = np.array(pairs, np.intp).reshape(-1, 2).T
+    differences = SoilCells(
+        0.5 * (before.xy_m[a] + after.xy_m[b]),
+        after.height_m[b] - before.height_m[a],
+        np.hypot(before.sigma_m[a], after.sigma_m[b]),
+    )
+    both = _without_outliers(differences)
     if len(both) < MIN_COMMON_CELLS:
         return None
     near = CellsNear(parcels, both)
@@ -192,19 +193,6 @@ def joined_cells(flights: Sequence[SoilCells]) -> SoilCells:
     corner = xy[0] if len(xy) else np.zeros(2)
     place = np.column_stack([mean(xy[:, k] - corner[k]) + corner[k] for k in range(2)])
     return SoilCells(place, mean(height), np.sqrt(mean(sigma**2) / count))
-
-
-def _differences(before: SoilCells, after: SoilCells) -> SoilCells:
-    """Heights after less before in the cells that both have."""
-    first, second = (np.floor(cells.xy_m / SOIL_CELL_M).tolist() for cells in (before, after))
-    number = {tuple(key): k for k, key in enumerate(first)}
-    pairs = [(number[tuple(key)], k) for k, key in enumerate(second) if tuple(key) in number]
-    a, b = np.array(pairs, np.intp).reshape(-1, 2).T
-    return SoilCells(
-        0.5 * (before.xy_m[a] + after.xy_m[b]),
-        after.height_m[b] - before.height_m[a],
-        np.hypot(before.sigma_m[a], after.sigma_m[b]),
-    )
 
 
 def _without_outliers(cells: SoilCells) -> SoilCells:
@@ -271,10 +259,7 @@ def measure_growth(
 
     Args:
         days: of k flights, increasing.
-        flights: points of the same parcels.
-        cells: bare soil of each.
         changes: of the soil from the first flight to each of the others.
-        progress: receives the stage "measuring parcels".
     """
     parcels = flights[0].parcels
     moved = [

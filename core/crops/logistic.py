@@ -38,12 +38,7 @@ PLATEAU: Final = 0.95
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its 95 % interval; an end that the data leave open is infinite.
-
-    Attributes:
-        low: lower end.
-        high: upper end.
-    """
+    """A value with its 95 % interval; an end that the data leave open is infinite."""
 
     value: float
     low: float
@@ -60,8 +55,7 @@ class Logistic:
         gradient: per unit of the dose.
         midpoint: dose at half the rise.
         plateau: dose at PLATEAU of the rise: beyond it nothing is gained.
-        sigma: standard deviation of the residuals.
-        freedom: degrees of freedom of the residuals.
+        sigma, freedom: standard deviation and degrees of freedom of the residuals.
         r2: share of the variance within blocks that the curve explains.
         offsets: of each block, in the order of their labels; their mean is 0.
         dose: (m,) abscissae of the band, from the least dose to the highest.
@@ -194,12 +188,6 @@ def p_of_no_response(dose: FloatArray, height: FloatArray, block: IntArray, tria
 
     The distribution of F does not hold here, since without an effect gradient and midpoint have no meaning (Davies
     1987, Biometrika 74:33-43); permutation does. The random numbers are the same every time.
-
-    Args:
-        dose: (n,) of each observation.
-        height: (n,)
-        block: (n,) number of its block.
-        trials: number of permutations.
     """
     rng = np.random.default_rng(20170523)
     gradient, midpoint = _nodes(_outer(np.unique(dose)), 24)

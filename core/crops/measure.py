@@ -48,8 +48,6 @@ class ParcelFigures:
     """Figures of one parcel; heights above the soil; nan where the points do not show them.
 
     Attributes:
-        points: in the net parcel.
-        points_m2: per square metre.
         area_m2: of the net parcel, on the ground.
         filled: share of net pixels without returns.
         mean_height_m: mean height of the canopy's top over all net pixels, gaps included.
@@ -61,8 +59,6 @@ class ParcelFigures:
         lodging: whether a tenth of the parcel or more lies below 0.6 of the height of its upper tenth.
         penetration_m: mean depth of a return below the top.
         soil_sigma_m: standard deviation of the mean height of the soil.
-        height_sigma_m: standard deviation of the mean height.
-        volume_sigma_m3: standard deviation of the volume.
     """
 
     id: str
@@ -93,7 +89,6 @@ class MeasuredParcel:
     Attributes:
         figures: of it, by the method asked for.
         published_height_m: mean height by the published method; nan where it was not computed.
-        published_volume_m3: volume likewise.
     """
 
     parcel: Parcel
@@ -116,9 +111,6 @@ def measure_parcels(
     Args:
         points: of the parcels; collected with a strip around them for the published method.
         soil_under: gives the soil under a net parcel; None where it is not known.
-        noise_m: standard deviation of heights of returns from one place.
-        method: by which mean height and volume are computed.
-        compare: whether the published method is computed, too.
         scale: of the map: metres of it per metre on the ground, in which areas and volumes are.
     """
 

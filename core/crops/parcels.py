@@ -87,8 +87,6 @@ def elsewhere_error(path: Path, points: int, box_m: tuple[float, float, float, f
     """The error where no point lies in or around a parcel.
 
     Args:
-        path: of the parcels.
-        points: number of points of the clouds.
         box_m: west, south, east, north of the parcels and what surrounds them.
     """
     within = ", ".join(f"{end:.1f}" for end in box_m)
@@ -100,11 +98,6 @@ def inset_parcel(gross: shapely.Polygon, ends_m: float, sides_m: float) -> shape
 
     The ends of a parcel with four corners are the two opposite edges that are shorter together, its sides the others.
     Those of any other shape are the edges of its smallest rectangle.
-
-    Args:
-        gross: the parcel, in metres.
-        ends_m: width of the strip off each end.
-        sides_m: width of the strip off each side.
     """
     if ends_m == 0.0 and sides_m == 0.0:
         return gross

@@ -71,7 +71,6 @@ def estimate_penetration(second_m: float, third_m: float, noise_m: float) -> Pen
     Args:
         second_m: second L-moment, half the mean distance of two returns.
         third_m: third L-moment; negative where the deep returns lie farther from the others.
-        noise_m: standard deviation of heights of returns from one place.
     """
     table, noise = _table(), max(noise_m, 1e-4)
     wanted, skewness = math.log(max(second_m / noise, 1e-6)), third_m / second_m

@@ -52,13 +52,12 @@ class PixelReturns:
 
 
 def pixel_returns(column: FloatArray, row: FloatArray, height_m: FloatArray, grid: Grid) -> PixelReturns:
-    """Returns by pixel.
+    """Returns by pixel; those outside the grid are left out.
 
     Args:
         column: (n,) float64 place in pixels from the western edge of the grid.
         row: (n,) float64 likewise from its northern edge.
         height_m: (n,) float64 heights, such as above the soil.
-        grid: of the pixels; returns outside are left out.
     """
     heights, part, starts = _sorted_by_pixel(column, row, height_m, np.zeros(0, np.bool_), *grid.shape)
     return _of_part(heights, part, starts, -1, grid)

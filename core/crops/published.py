@@ -38,7 +38,6 @@ class PublishedCrop:
     """Crop of a parcel as published.
 
     Attributes:
-        grid: of the pixels.
         heights_m: (rows, columns) crop height above the soil plane; nan where there is none.
         region: (rows, columns) pixels of the region grown, within the net parcel.
         plane: height of the soil at easting 0 and northing 0 of the grid's south-west corner, and slopes to the east
@@ -60,7 +59,6 @@ def christiansen2017(xyz_m: FloatArray, net: BaseGeometry, crop: BaseGeometry, a
 
     Args:
         xyz_m: (n, 3) float64 easting, northing, height.
-        net: where height and volume are measured.
         crop: where the crop stands; what lies around it is soil.
         around: the points used lie in it: crop and soil around.
     """
@@ -96,16 +94,11 @@ def points_in_polygon(xyz_m: FloatArray, polygon: BaseGeometry) -> FloatArray:
 
 
 def statistical_outliers(xyz_m: FloatArray, neighbours: int = PCL_NEIGHBOURS, sigmas: float = PCL_SIGMAS) -> BoolArray:
-    """Which points (n,) are statistical outliers (section 3.4.2).
+    """Which of points (n, 3) are statistical outliers (section 3.4.2).
 
     A point is one if the mean distance to its nearest `neighbours` other points exceeds the mean of these means by more
     than `sigmas` of their standard deviations. Open3D's `remove_statistical_outlier` counts the point itself, so that
     its `nb_neighbors` is one more. With no more than `neighbours` points there are none.
-
-    Args:
-        xyz_m: (n, 3).
-        neighbours: number of other points, at least 1.
-        sigmas: multiple of the standard deviation.
     """
     if len(xyz_m) <= neighbours:
         return np.zeros(len(xyz_m), np.bool_)
@@ -131,7 +124,6 @@ def highest_voxels(occupied: NDArray[np.int64], grid: Grid, height_m: float = PA
 
     Args:
         occupied: (m, 3) voxels as wide as the pixels of the grid.
-        grid: of the pixels.
     """
     pixels = np.full(grid.shape, -np.inf)
     column, row = occupied[:, 0] - grid.west, grid.north - 1 - occupied[:, 1]
@@ -202,7 +194,6 @@ def soil_plane(pixels: FloatArray, grid: Grid, soil: BoolArray) -> tuple[float, 
 
     Args:
         pixels: (rows, columns) heights; nan where unknown.
-        grid: of the pixels.
         soil: (rows, columns) the pixels that are soil.
 
     Returns:
@@ -235,7 +226,6 @@ def grown_region(heights_m: FloatArray, gradient_m: float = GRADIENT_M) -> BoolA
 
     Args:
         heights_m: (rows, columns) crop heights; nan where there are none.
-        gradient_m: largest difference.
     """
     region = np.zeros(heights_m.shape, np.bool_)
     if np.isfinite(heights_m).any():

@@ -57,8 +57,6 @@ class Response:
     """The response of a quantity to a dose.
 
     Attributes:
-        parcels: number of parcels with both.
-        doses: number of distinct doses.
         blocks: labels of the blocks; one without blocks.
         p: probability of as good a curve where the dose has no effect; None where no curve can be fitted.
         curve: None where the data hold none.
@@ -84,7 +82,6 @@ def fit_response(
         dose: (n,) of each parcel; nan where unknown.
         value: (n,) of the quantity that responds, such as the mean height; nan where unknown.
         block: (n,) labels; parcels without one are a block of their own.
-        unit: of the doses, for the sentence.
     """
     known = np.isfinite(dose) & np.isfinite(value)
     names = np.array(["" if name is None else name for name in (block or [""] * len(dose))], object)[known]
@@ -148,7 +145,6 @@ class TreatmentMean:
     """A treatment.
 
     Attributes:
-        mean: of the parcels.
         low, high: 95 % interval of the mean, with the residual variance of the whole trial.
     """
 
@@ -164,7 +160,6 @@ class Variance:
     """An analysis of variance.
 
     Attributes:
-        rows: the sources.
         means: of the treatments, in the order of their first parcels.
     """
 
@@ -176,11 +171,6 @@ def analysis_of_variance(
     value: FloatArray, treatment: Sequence[str], block: Sequence[str] | None = None
 ) -> Variance | None:
     """Ordinary least squares of value (n,) on treatment and block, without interaction; None if nothing is left over.
-
-    Args:
-        value: (n,) of each parcel.
-        treatment: (n,) its treatment.
-        block: (n,) its block.
 
     Raises:
         InputError: if statsmodels is not installed.

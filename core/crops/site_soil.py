@@ -99,7 +99,6 @@ class SoilRaster:
     Attributes:
         dataset: of rasterio; its first band is heights.
         change: from the map to the CRS of the raster; None where they agree.
-        unit_m: unit of the heights.
     """
 
     path: Path
@@ -144,8 +143,6 @@ def open_soil_raster(path: Path, target: CRS, box_m: tuple[float, float, float, 
     """The heights of a GeoTIFF for positions on a map.
 
     Args:
-        path: GeoTIFF whose first band is heights.
-        target: projected CRS of the map.
         box_m: west, south, east, north of the site on the map.
 
     Raises:
@@ -202,7 +199,6 @@ def align_survey(raster: SoilRaster, parcels: Sequence[Parcel], near: Mapping[st
     deviation.
 
     Args:
-        raster: the heights of the survey.
         near: cells of bare soil of the points near each parcel, by its id.
     """
     differences = {}
@@ -235,13 +231,7 @@ def align_survey(raster: SoilRaster, parcels: Sequence[Parcel], near: Mapping[st
 
 @dataclass(frozen=True)
 class SiteSoil:
-    """The soil of a site.
-
-    Attributes:
-        soil: its heights.
-        noise_m: standard deviation of heights of returns from one place.
-        cells: number of cells of bare soil.
-    """
+    """The soil of a site."""
 
     soil: SoilAround | SurveyedSoil
     noise_m: float
@@ -263,7 +253,6 @@ def site_soil(points: ParcelPoints, source: SoilMethod | SoilRaster = "surface")
     """The soil of a site.
 
     Args:
-        points: of its parcels, all collected.
         source: how the soil under the parcels follows from that around them, or the heights of another survey.
     """
     cells = points.soil()

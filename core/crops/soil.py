@@ -82,8 +82,7 @@ class SoilPatch:
     """The soil under one parcel.
 
     Attributes:
-        west_m: easting of the first node.
-        south_m: northing of the first node.
+        west_m, south_m: the first node.
         height_m: (rows, columns) float64 heights of nodes at a distance of NODE_M, row 0 in the south.
         sigma_m: standard deviation of the mean height under the net parcel.
     """
@@ -127,7 +126,6 @@ class HeightCovariance:
     """How heights vary about a trend: covariance relief² · (1 + d / r) · exp(−d / r) at distance d.
 
     Attributes:
-        relief_m: standard deviation.
         range_m: r.
         cell_m: standard deviation of a cell by itself: its roughness, and noise.
     """
@@ -275,7 +273,6 @@ def interpolate_soil(
     net parcel (block kriging).
 
     Args:
-        cells: around it, without crop.
         covariance: of the soil about the trend; with a relief of 0 m the trend is by least squares.
     """
     if len(cells) < MIN_SOIL_CELLS or not _determines(cells, trend):
@@ -304,7 +301,6 @@ def least_squares(
     """Parameters of a trend through n cells by generalised least squares.
 
     Args:
-        covariance: of what departs from the trend.
         design: (n, k) of the trend.
 
     Returns:

@@ -20,16 +20,11 @@ class Stand:
     """The stand on one area; heights above the ground; nan where no return shows them.
 
     Attributes:
-        id: of the area.
         area_m2: of its pixels with returns, on the ground.
-        returns_m2: per square metre.
         gap_fraction: share of the returns from the ground.
         mean_height_m: of the returns from plants.
-        height_sd_m: their standard deviation.
         percentiles_m: of their heights, for PERCENTILES.
-        max_height_m: the highest.
         top_height_m: mean of the canopy height model, the highest return of each pixel; ground counts as 0.
-        top_sd_m: its standard deviation.
         profile: share of all returns by layer, the lowest first.
     """
 
@@ -56,10 +51,8 @@ def stand_of(
     that meet plants count more often, and gaps seem fewer.
 
     Args:
-        name: of the area.
         height_m: (n,) heights of its returns above the ground.
         pixel: (n,) number of the pixel of the canopy height model in which each lies.
-        pixel_m2: area of a pixel on the ground.
         ground_m: returns up to this height are from the ground.
         layer_m: height of a layer of the profile; the lowest begins at the ground and has what lies below it, too.
     """

@@ -40,7 +40,6 @@ class Treatments:
 
     Attributes:
         by: "id", or "treatment" where the table describes treatments.
-        rows: the attributes of each, by identifier.
     """
 
     path: Path
@@ -54,9 +53,6 @@ def read_treatments(path: Path, day: dt.date | None = None) -> Treatments:
     It has a row for each parcel (column id, parcel or plot) or each treatment (column treatment). Doses at several days
     are columns named by a day (2017-03-16, or n_kg_ha 2017-03-16), or rows with a column date; both are summed up to
     and including `day`.
-
-    Args:
-        day: of the flight.
 
     Raises:
         InputError: if the file cannot be read, has neither column, states an identifier twice (without dates) or a
@@ -143,11 +139,7 @@ def with_treatments(parcels: Sequence[Parcel], treatments: Treatments) -> tuple[
 
 
 def day_of(text: str | None) -> dt.date | None:
-    """The day of a flight as stated; None for none.
-
-    Raises:
-        UsageError: if it is no date.
-    """
+    """The day of a flight as stated; None for none. Raises UsageError if it is no date."""
     try:
         return dt.date.fromisoformat(text) if text is not None else None
     except ValueError:
@@ -171,10 +163,6 @@ class MeasuredTable:
 
 def read_measured(path: Path, measure: str) -> MeasuredTable:
     """A table with a row for each parcel, such as the parcels.csv of a run: an identifier, the quantity, and more.
-
-    Args:
-        path: CSV or spreadsheet.
-        measure: name of the column with the quantity.
 
     Raises:
         InputError: if the file cannot be read, has no such column, or an identifier twice.

@@ -28,11 +28,7 @@ class GroundPair:
     """A piece of ground on two dates.
 
     Attributes:
-        west_m: western edge of the first column.
-        north_m: northern edge of the first row.
-        cell_m: side of a cell.
-        one: (rows, columns) float32 heights on the first date; nan where unknown, or touched by a tool since.
-        other: on the second date, likewise.
+        one, other: (rows, columns) float32 heights on both dates; nan where unknown, or touched by a tool since.
     """
 
     west_m: float
@@ -90,7 +86,6 @@ def sum_differences(
     """Sum up differences, the second date's surface moved by a shift.
 
     Args:
-        pairs: pieces of ground, whose patches do not overlap.
         middle_m: (2,) easting and northing that turns are about.
         shift: (3,) by which the second date's surface is moved east and north (m), and turned counter-clockwise (rad).
         trend: (3,) differences that are expected: at the middle (m), and their change per metre east and north.

@@ -41,7 +41,6 @@ class PairTie:
     Attributes:
         move: (6,) in the order of :data:`MOVE_NAMES`, about the middle of the field.
         information: (6, 6) inverse of its covariance; with zeros where the ground shows nothing.
-        cells: number of common cells.
         patches: number of patches of a square metre.
         departures: what the differences of patches depart from the move.
         departure: how they vary with distance.
@@ -72,8 +71,6 @@ def tie_pair(
     the place, unless they contradict the relief: then they moved, or are others.
 
     Args:
-        pairs: pieces of the ground.
-        middle_m: (2,) of the field.
         place_sigma: (3,) standard deviations of the shift east and north (m) and of the turn (rad) before; the place is
             looked for within them where the ground shows little.
         upright: what walls and posts show of the place.
@@ -182,13 +179,11 @@ def _complete_tie(found: DifferencePatches, middle_m: FloatArray, place: FloatAr
 
 
 def tie_points(xy_m: FloatArray, above_m: FloatArray, sigma_m: FloatArray, middle_m: FloatArray) -> PairTie | None:
-    """Tie a surface to surveyed points, in height and, by three or more that do not lie in a row, in tilt.
+    """Tie a surface to surveyed points (n, 2), in height and, by three or more that do not lie in a row, in tilt.
 
     Args:
-        xy_m: (n, 2) of the points.
         above_m: (n,) height of the surface less that of the point.
         sigma_m: (n,) standard deviations of these.
-        middle_m: (2,) of the field.
 
     Returns:
         What moves the surface onto the points; None without points.

@@ -89,7 +89,6 @@ def find_uprights(xyz_m: FloatArray, ground: NDArray[np.bool_]) -> Upright:
 
     Args:
         xyz_m: (n, 3) points without those of the vehicle and its tool.
-        ground: (n,) which of them are ground.
     """
     if not ground.any() or ground.all():
         return join_uprights([])
@@ -208,9 +207,6 @@ def tie_uprights(one: Upright, other: Upright, middle_m: FloatArray, place_sigma
     ever less (the weights of Geman and McClure), from three standard deviations on not at all.
 
     Args:
-        one: what stands on the first date.
-        other: on the second.
-        middle_m: (2,) that turns are about.
         place_sigma: (3,) standard deviations of the move before: east, north (m), turn (rad).
     """
     place: FloatArray = np.zeros(3)

@@ -116,7 +116,6 @@ class Chain:
 
     Attributes:
         first: index of its first knot among all knots.
-        count: how many there are, at least 2.
     """
 
     first: int

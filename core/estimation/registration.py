@@ -88,7 +88,6 @@ def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: fl
     """Let the patches move: eliminate their twists from the equations of the coarse knots.
 
     Args:
-        equations: of the coarse knots; changed.
         patches: of one surface; the same place in several of them is one patch.
     """
     place = np.concatenate([p.place for p in patches])

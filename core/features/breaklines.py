@@ -80,7 +80,6 @@ class Breakline:
         kind: "ditch" where both sides rise, "ridge" where both fall, else "edge".
         path_m: (k, 3) its course.
         depth_m: median depth of a ditch, or height of a ridge; 0 for an edge.
-        cells: number of its points.
     """
 
     kind: BreakKind

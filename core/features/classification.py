@@ -53,7 +53,6 @@ class FeatureTile:
     """What is classified at once: n finite points.
 
     Attributes:
-        xyz_m: (n, 3).
         ground: (n,) by the ground filter.
         cell_m: of the voxels: the spacing of the points, or larger.
         rgb: (n, 3) colours from 0 to 1; None without.
@@ -76,8 +75,7 @@ class Classified:
         above_m: (n,) height above the ground, nan without any.
         of_voxel: (n,) voxel of each point; -1 for those that the first estimate of the ground takes.
         voxel_m: (m, 3) the voxels, of which planes and lines are.
-        planes: planes; their members are voxels.
-        lines: lines; likewise.
+        planes, lines: their members are voxels.
         fences: open vertical planes, as of wires between posts; likewise.
     """
 

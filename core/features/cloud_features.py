@@ -59,8 +59,6 @@ class FoundFeatures:
 
     Attributes:
         planes: horizontal, vertical and open ones, by piece.
-        lines: poles and wires.
-        plants: by tile.
         breaks: points of breaklines, by tile.
         points: (6,) number of points of each :class:`Feature`.
     """
@@ -120,8 +118,6 @@ def classify_features(
 
     Args:
         cleaning: selects and cleans points, and classifies their ground.
-        cell_m: of voxels.
-        folder: for temporary files.
         found: receives the features.
         seen: as in :func:`cleaned`.
         progress: receives the stages of :func:`classified_spool` and "finding features".

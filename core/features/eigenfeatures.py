@@ -58,13 +58,11 @@ class Eigenfeatures:
 
 
 def neighbourhoods(xyz_m: FloatArray, places_m: FloatArray, radii_m: Sequence[float]) -> list[Eigenfeatures]:
-    """Eigenfeatures of the points (n, 3) of one tile within each of some radii of places (k, 3).
+    """Eigenfeatures of the finite points (n, 3) of one tile within each of some radii of finite places (k, 3).
 
     The neighbours within the largest radius are visited once.
 
     Args:
-        xyz_m: (n, 3), finite.
-        places_m: (k, 3), finite.
         radii_m: increasing.
     """
     count = np.zeros((len(radii_m), len(places_m)), np.int32)

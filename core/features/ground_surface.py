@@ -31,7 +31,6 @@ def heights_above_ground(xyz_m: FloatArray, ground: NDArray[np.bool_]) -> tuple[
     as the foot of a post or low plants, is not.
 
     Args:
-        xyz_m: (n, 3).
         ground: (n,) by the ground filter.
     """
     if not ground.any():

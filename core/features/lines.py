@@ -63,10 +63,8 @@ def find_lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, 
     """Lines in voxels (n, 3) that are neither ground nor on planes.
 
     Args:
-        xyz_m: (n, 3) voxels.
         linearity: (n,) of their neighbourhoods, nan for none.
         direction: (n, 3) of the neighbourhoods.
-        cell_m: of the voxels.
     """
     linear = np.flatnonzero(linearity >= MIN_LINEARITY)
     if len(linear) < 3:
@@ -139,7 +137,11 @@ def _fit_line(
     pure = in_slot / np.maximum(in_slot + disturbed, 1e-9) >= MIN_LINE_PURITY
     if not pure[in_slot > 0].any():
         return None
-    first, last = _longest_run(pure | (in_slot == 0))
+    good = pure | (in_slot == 0)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
+    begin, end = edges[::2], edges[1::2]
+    k = int(np.argmax(end - begin))
+    first, last = int(begin[k]), int(end[k]) - 1
     kept = (slot >= first) & (slot <= last)
     own, members, s = xyz_m[members[kept]], members[kept], s[kept]
     if len(own) < 4:
@@ -163,14 +165,6 @@ def course(own: FloatArray, s: FloatArray, step: float) -> FloatArray:
     at = np.linspace(0.0, s.max(), pieces + 1 if pieces >= 3 else 2)
     out = np.polynomial.polynomial.polyval(at, fit).T
     return np.asarray(out, np.float64)
-
-
-def _longest_run(good: NDArray[np.bool_]) -> tuple[int, int]:
-    """First and last index of the longest run."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(np.int8), [0]])))
-    begin, end = edges[::2], edges[1::2]
-    k = int(np.argmax(end - begin))
-    return int(begin[k]), int(end[k]) - 1
 
 
 @numba.njit(cache=True, nogil=True)

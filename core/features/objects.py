@@ -38,7 +38,6 @@ class PlanePiece:
     """A plane, or what one tile sees of it.
 
     Attributes:
-        centre_m: (3,) a point of it.
         normal: (3,) unit.
         outline: (shapely polygon or polygons) in :func:`~furrowmap.core.features.planes.axes_of` from the centre.
         rms_m: of the distances from it.

@@ -49,7 +49,6 @@ class Plane:
 
     Attributes:
         members: indices of its voxels.
-        centre_m: (3,) their mean.
         normal: (3,) unit, upwards.
         rms_m: distance of the voxels from it.
         purity: share of the voxels within :data:`SLAB_M` of it that lie on it.
@@ -88,9 +87,6 @@ def find_planes(
     """Planes in voxels (n, 3), none of them ground, with the shapes of their neighbourhoods; largest first.
 
     Args:
-        xyz_m: (n, 3) voxels.
-        shape: of their neighbourhoods.
-        cell_m: of the voxels.
         tolerance_m: greatest distance from a plane of a voxel that is on it.
         reach_m: greatest distance between neighbours.
         fill: limits of the share of the cells around each cell of a plane that hold voxels as well.

@@ -29,7 +29,6 @@ class Plants:
         top_m: (n, 3) place and height of the highest cell.
         height_m: (n,) above the ground.
         area_m2: (n,) of the crown, as seen from above.
-        points: (n,) number.
     """
 
     top_m: FloatArray

@@ -22,7 +22,6 @@ class Voxels:
     Attributes:
         of_point: (n,) voxel of each point.
         mean_m: (m, 3) mean of the points of each voxel.
-        count: (m,) their number.
     """
 
     of_point: IntArray

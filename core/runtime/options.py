@@ -52,9 +52,6 @@ def setting(name: str, metavar: str = "", *, default: Any = None, **facts: Any) 
     The help of the option is the entry of the field in the docstring of the class, under "Attributes".
 
     Args:
-        name: of the option.
-        metavar: of the option.
-        default: of the field; MISSING for none.
         facts: other attributes of :class:`Option`.
     """
     choices = facts.get("choices")

@@ -87,9 +87,6 @@ def camera_table(session_file: Path, source: CameraSource | None) -> Path | None
 def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]) -> tuple[Path, ...]:
     """The files that `[camera] files` names, each once, in the order of their names within each pattern.
 
-    Args:
-        notices: names of no file are added.
-
     Raises:
         InputError: if one lies outside the session's folder.
     """
@@ -111,9 +108,6 @@ def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]
 
 def images_of(session_file: Path, source: CameraSource, notices: list[Notice]) -> Images:
     """The images of a session that are files, in the order of time, by the clock of the positions.
-
-    Args:
-        notices: what is missing, or wrong with single images, is added.
 
     Raises:
         InputError: if a file lies outside the session's folder, or the table cannot be read.

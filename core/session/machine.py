@@ -46,7 +46,6 @@ class LearnedMounting:
 
     Attributes:
         sigma_deg: standard deviations about the vehicle's axes; inf where the recording does not show an angle.
-        date: UTC day of the recording.
     """
 
     mounting: Mounting

@@ -257,9 +257,6 @@ class OpenSession:
     def images(self, notices: list[Notice]) -> Images:
         """The images of the camera, by the clock of the positions.
 
-        Args:
-            notices: what is wrong with single images is added.
-
         Raises:
             InputError: if a file cannot be read.
         """

@@ -69,7 +69,6 @@ class Proposal:
     """A proposed session file.
 
     Attributes:
-        text: of the file, valid for `load_session`.
         missing: what a run needs or benefits from and the recordings do not show.
     """
 

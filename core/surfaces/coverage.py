@@ -25,7 +25,6 @@ class Coverage:
     """Points of a tile by blocks of COVERAGE_BLOCK cells a side; arrays (rows, columns) of the blocks, north up.
 
     Attributes:
-        grid: of the blocks.
         points: (rows, columns) number of points, those of turns included.
         number: (k,) numbers of the strips in the tile.
         by_strip: (k, rows, columns) number of points of each.

@@ -24,7 +24,6 @@ class Depressions:
     """The n depressions of a surface, filled to their spill level.
 
     Attributes:
-        grid: of the rasters below.
         depth_m: (rows, columns) float32 water depth; 0 where dry, nan without a height.
         label: (rows, columns) int32 number of the depression from 1, 0 outside.
         level_m: (n,) spill level; below, greatest depth, water surface and volume of each.
@@ -65,9 +64,6 @@ def find_depressions(
 
     Args:
         height_m: (rows, columns), north up; nan where there is none.
-        grid: of the heights.
-        least_depth_m: shallower ones are ignored.
-        least_area_m2: as are smaller ones.
     """
     height = np.ascontiguousarray(height_m, np.float64)
     known = np.isfinite(height)

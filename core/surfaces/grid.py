@@ -25,7 +25,6 @@ class Grid:
     Arrays on it are north-up: row 0 is the northernmost, column 0 the westernmost.
 
     Attributes:
-        cell_m: length of a cell's sides.
         west: western edge in cells from the CRS origin.
         north: northern edge likewise.
         shape: rows and columns, each at least 1.
@@ -134,7 +133,6 @@ class Surface:
     """Heights of cells with their uncertainty; arrays have the shape of the grid, north up.
 
     Attributes:
-        grid: of the cells.
         height_m: float32 in the height system of the map; nan where empty.
         count: uint32 number of returns.
         spread_m: float32 standard deviation of the returns in the cell, relief included; nan with fewer than two.

@@ -75,7 +75,6 @@ def classify_ground(
         xyz_m: (n, 3) easting, northing, height; points that are not finite are not ground.
         method: "smrf", the simple morphological filter of Pingel et al. (2013); "csf", the cloth simulation filter of
             Zhang et al. (2016), which requires the extra `csf`.
-        smrf: parameters of the first.
         asked: (n,) the points to classify, None for all; squares without any are skipped.
 
     Raises:

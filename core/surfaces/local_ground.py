@@ -139,10 +139,7 @@ class LocalGround:
         """Set the final classes of points: near the ground GROUND, below it NOISE; VEHICLE and IMPLEMENT stay.
 
         Args:
-            x: (n,) easting in steps from the origin that the points had before.
-            y: (n,) northing.
-            z: (n,) height.
-            step_m: length of a step.
+            x, y, z: (n,) easting, northing, height in steps of `step_m` from the origin that the points had before.
             classes: (n,) uint8, changed in place.
         """
         if len(self.tiles):

@@ -39,8 +39,6 @@ def radius_outliers(xyz_m: ArrayLike, radius_m: float = 0.5, fewest: int = 3) ->
 
     Args:
         xyz_m: (n, 3); points that are not finite are outliers.
-        radius_m: of the sphere around each point.
-        fewest: least number of other points in it.
     """
     distance_m = _neighbour_distances(np.asarray(xyz_m, np.float64), fewest, radius_m)
     out: NDArray[np.bool_] = ~(distance_m[:, -1] <= radius_m)
@@ -149,8 +147,6 @@ class FilteredTiles:
     """Gives tiles without outliers.
 
     Attributes:
-        spool: of the points.
-        outliers: detection method.
         usual: neighbour distances of all points, for "statistical".
     """
 

@@ -69,9 +69,7 @@ class PointSpool:
     and written by a thread.
 
     Args:
-        cell_m: cell size.
         base_m: a height near all others, as heights are stored as float32 less this.
-        folder: for the temporary file; None for the system default.
     """
 
     def __init__(self, cell_m: float, base_m: float = 0.0, folder: Path | None = None) -> None:
@@ -106,8 +104,6 @@ class PointSpool:
         Args:
             xyz_m: (n, 3) easting, northing, height less `origin_m`; points that are not finite are skipped.
             t_s: (n,) UTC; None where times are not needed.
-            kept: (n,) which points to add; None for all.
-            origin_m: offset of the coordinates.
 
         Raises:
             OSError: if the temporary file cannot be written.

@@ -41,11 +41,7 @@ class Statistic:
 
     @classmethod
     def parse(cls, name: str) -> Self:
-        """The statistic of a name.
-
-        Raises:
-            UsageError: if there is none of that name.
-        """
+        """The statistic of a name. Raises UsageError if there is none of that name."""
         word = name.strip().lower()
         if word in {"mean", "trimmed"}:
             return cls(word)
@@ -87,7 +83,6 @@ def cell_surface(
         cell: (n,) flat index of the cell of each point.
         height_m: (n,) less `base_m`.
         base_m: added to all heights.
-        statistic: height of a cell.
     """
     cells = grid.rows * grid.columns
     if statistic.name not in _SUM_COLUMNS:

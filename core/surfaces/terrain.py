@@ -47,8 +47,6 @@ def hillshade(
     """Hillshade of heights (rows, columns), north up, from 1 to 255 as `gdaldem hillshade`; 0 without a slope.
 
     Args:
-        height_m: of the surface.
-        cell_m: cell size.
         azimuth_deg: of the light, clockwise from grid north.
         altitude_deg: of the light above the horizon.
     """

@@ -31,7 +31,6 @@ def tiles(xyz_m: NDArray[np.float64], tile_m: float, margin_m: float) -> Iterato
 
     Args:
         xyz_m: (n, 2 or 3) finite easting, northing.
-        tile_m: side of a square.
         margin_m: around it, at most `tile_m`.
     """
     if not 0.0 <= margin_m <= tile_m:

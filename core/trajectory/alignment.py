@@ -90,7 +90,6 @@ def attitudes(
         steps: increments from each of n knots to the next, KNOT_STEP_S later.
         antenna_m: (n + 1, 3) antenna at the knots in metres on the ground, in the map's axes; nan where unknown.
         arm_m: (3,) from the IMU to the antenna, in the vehicle's axes.
-        sigma_m: standard deviation of an antenna's position.
         hint: what shows the heading beside accelerations; None for nothing.
     """
     whole = chained(steps.turn)
@@ -108,7 +107,13 @@ def attitudes(
             continue
         assert aligned is not None
         rotation[begin:end], bias[begin:end] = _rotations(motion, aligned), aligned.bias
-        last, misfit = _carry_on(motion, aligned, noise), max(misfit, aligned.misfit)
+        length_s = len(motion.turned) * KNOT_STEP_S
+        lead = np.eye(9)
+        lead[:3, 3:6] = -aligned.rotation @ motion.swept_s[-1]
+        spread = np.repeat([noise.rate**2, noise.rate_walk**2, noise.force_walk**2], 3) * length_s
+        spread[:3] += np.radians(0.5) ** 2
+        last = rotation[end - 1], aligned.bias, lead @ aligned.covariance @ lead.T + np.diag(spread)
+        misfit = max(misfit, aligned.misfit)
         begin, end = end, min(end + CHUNK_KNOTS, n)
     return Attitudes(rotation, bias, misfit)
 
@@ -118,16 +123,6 @@ def _rotations(motion: ChunkMotion, aligned: Aligned) -> FloatArray:
     drift = Rotation.from_rotvec(-motion.swept_s @ aligned.bias[:3]).as_matrix()
     out: FloatArray = aligned.rotation @ drift @ motion.turned
     return out
-
-
-def _carry_on(motion: ChunkMotion, aligned: Aligned, noise: InertialNoise) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rotation, bias and covariance at the begin of the next chunk."""
-    length_s = len(motion.turned) * KNOT_STEP_S
-    lead = np.eye(9)
-    lead[:3, 3:6] = -aligned.rotation @ motion.swept_s[-1]
-    spread = np.repeat([noise.rate**2, noise.rate_walk**2, noise.force_walk**2], 3) * length_s
-    spread[:3] += np.radians(0.5) ** 2
-    return _rotations(motion, aligned)[-1], aligned.bias, lead @ aligned.covariance @ lead.T + np.diag(spread)
 
 
 @dataclass(frozen=True)

@@ -233,7 +233,12 @@ def _trajectory(adjusted: InertialAdjustment) -> Trajectory:
     t_s = p.links.track.t_s
     knot, share, inside = knots.at(t_s)
     t_s, knot, share = t_s[inside], knot[inside], share[inside]
-    knot_sigma = _pose_sigmas(adjusted)
+    variance, turned = adjusted.sigma[:, ROTATION:POSE] ** 2, adjusted.state.rotation
+    knot_sigma = np.empty((len(variance), 6))
+    knot_sigma[:, :3] = adjusted.sigma[:, :3]
+    for axis in range(2):
+        knot_sigma[:, 3 + axis] = np.degrees(np.sqrt((turned[:, :, axis] ** 2 * variance).sum(axis=1)))
+    knot_sigma[:, 5] = np.degrees(adjusted.sigma[:, ROTATION + 2])
 
     def carried(part: slice) -> list[NDArray[Any]]:
         xyz, rotation, velocity = _carried_poses(adjusted, t_s[part], knot[part], share[part])
@@ -273,17 +278,6 @@ def _carried_poses(
     xyz = here.xyz_m + share[:, None] * off_m[link] - site.stretch * (rotation @ p.links.lever_m) + p.origin_m
     velocity = state[VELOCITY][knot] + share[:, None] * (state[VELOCITY][knot + 1] - state[VELOCITY][knot])
     return xyz, rotation, velocity
-
-
-def _pose_sigmas(adjusted: InertialAdjustment) -> FloatArray:
-    """(n, 6) standard deviations of the poses at the knots: metres, and degrees of roll, pitch, heading."""
-    variance, turned = adjusted.sigma[:, ROTATION:POSE] ** 2, adjusted.state.rotation
-    out = np.empty((len(variance), 6))
-    out[:, :3] = adjusted.sigma[:, :3]
-    for axis in range(2):
-        out[:, 3 + axis] = np.degrees(np.sqrt((turned[:, :, axis] ** 2 * variance).sum(axis=1)))
-    out[:, 5] = np.degrees(adjusted.sigma[:, ROTATION + 2])
-    return out
 
 
 def _figures(adjusted: InertialAdjustment, imu: MountedImu) -> InertialFigures:

@@ -54,9 +54,6 @@ def check_mounting(trajectory: Trajectory, mounting: Mounting, name: str, *, on_
     A drone may fly sideways or backwards. That its nose belongs along its course shows only where the course turns
     and the nose turns with it; that a vehicle on wheels moves along its nose needs no showing.
 
-    Args:
-        trajectory: of the vehicle, with attitudes by the IMU.
-
     Raises:
         InputError: if the vehicle would be on its side or upside down.
     """

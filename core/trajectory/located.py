@@ -94,9 +94,6 @@ def locate(
 ) -> Located:
     """The trajectory: from the session's own file, from GNSS and an IMU or attitude logs, or from GNSS alone.
 
-    Args:
-        positions: reader of the positions, or of the trajectory.
-
     Raises:
         InputError: if there is too little to make one.
         RefusedError: if the CRS does not fit the place, or nothing shows the heading.

@@ -69,7 +69,6 @@ def find_motion(
     the longer way, separately for parts that no continuous motion connects.
 
     Args:
-        t_s: (n,) UTC, strictly increasing.
         en_m: (n, 2) easting and northing of the antenna.
         white_m: standard deviation of the noise from position to position.
         max_gap_s: a longer pause between positions is a gap.
@@ -101,7 +100,6 @@ def local_velocity(t_s: FloatArray, en_m: FloatArray, segment: IntArray, half_s:
 
     Args:
         segment: (n,) parts without a gap; a fit stays inside one.
-        half_s: half the window.
     """
     n = len(t_s)
     sums = np.zeros((n, 7))  # 1, t, t², e, n, t·e, t·n relative to the position in the middle
@@ -248,8 +246,6 @@ def distance_and_standing(trajectory: Trajectory, begin_s: float, end_s: float) 
 
     Args:
         trajectory: evaluated at its own knots, as scans may pause.
-        begin_s: UTC, as `end_s`.
-        end_s: end of the last scan.
     """
     inside = (trajectory.t_s > begin_s) & (trajectory.t_s < end_s)
     t_s = np.concatenate([[begin_s], trajectory.t_s[inside], [end_s]])

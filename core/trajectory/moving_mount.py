@@ -58,13 +58,10 @@ def carrier_of(located: Located, session: Session, file: Path | None) -> tuple[T
 
 
 def mount_trajectory(trajectory: Trajectory, motion: MountMotion, pivot_m: tuple[float, float, float]) -> Trajectory:
-    """The poses of the mount's frame: the vehicle's, turned about the pivot.
+    """The poses of the mount's frame: the vehicle's, turned about the pivot (in the vehicle frame).
 
     Its knots are those of the trajectory and the samples of the mount together, so that interpolation between knots
     follows both. There is no pose before the first sample and after the last, nor in gaps of either.
-
-    Args:
-        pivot_m: the point about which the mount turns, in the vehicle frame.
 
     Raises:
         InputError: if they have no time in common.

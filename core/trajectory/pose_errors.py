@@ -47,7 +47,6 @@ def without_errors(trajectory: Trajectory, before: PoseErrors, found: PoseErrors
     Its standard deviations become smaller in the same ratio as those of the nodes beside them.
 
     Args:
-        trajectory: at whose nodes the errors are.
         before: the errors as the trajectory's own adjustment knows them: zero.
     """
     nodes = np.clip(before.t_s, *trajectory.span_s)

@@ -215,7 +215,6 @@ def white_noise_m(track: GnssTrack, axes_m: FloatArray, sigma_m: FloatArray) -> 
 
     Args:
         axes_m: (n, 2) easting and northing, or (n, 1) height.
-        sigma_m: (n,) standard deviation of an axis.
     """
     white = np.maximum(WHITE_FLOOR_M, WHITE_SHARE * sigma_m)
     step = np.diff(track.t_s)
@@ -290,9 +289,6 @@ def climb_notices(track: GnssTrack, en_m: FloatArray) -> list[Notice]:
     """A notice where heights rise or fall by more than MAX_CLIMB along the way and their standard deviations allow.
 
     The way is the sum of the steps between positions: noise makes it longer, never shorter.
-
-    Args:
-        track: (n,) positions of a vehicle on the ground, those that are used.
     """
     known = np.isfinite(track.height_m)
     if known.sum() < 2:

@@ -40,7 +40,6 @@ class Template:
     """A text with holes, and the same in another language.
 
     Attributes:
-        source: English; … is a hole.
         target: {1} is what stands in the first hole.
     """
 
