@@ -11,11 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory
-
-Float32Array = NDArray[np.float32]
 
 STRIP_CELL_M: Final = 0.25
 MIN_STRIP_RANGE_M: Final = 1.0

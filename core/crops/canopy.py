@@ -8,15 +8,12 @@ from typing import Final
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from furrowmap.core.crops.penetration import Penetration, estimate_penetration, l_moments_of
 from furrowmap.core.crops.pixels import MAX_RANK, PixelReturns, pixel_halves
 from furrowmap.core.crops.published import fill_pixels
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.surfaces.grid import Grid
-
-BoolArray = NDArray[np.bool_]
 
 CROP_PIXEL_M: Final = 0.04
 BARE_SIGMAS: Final = 4.0

@@ -17,13 +17,10 @@ from numpy.typing import NDArray
 
 from furrowmap.core.crops.soil import SoilCells, noise_in_pixels, soil_cells
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import Float32Array, FloatArray, IntArray
 from furrowmap.core.runtime.background import in_threads
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys
 from furrowmap.core.values.parcel import Parcel
-
-Float32Array = NDArray[np.float32]
-IntArray = NDArray[np.int64]
 
 CROP_MARGIN_M: Final = 0.12
 """Soil nearer than this to a gross parcel is left out: beams meet the side of the crop there."""

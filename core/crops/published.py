@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.surfaces.grid import Grid
-
-BoolArray = NDArray[np.bool_]
 
 PCL_NEIGHBOURS: Final = 50
 PCL_SIGMAS: Final = 1.0

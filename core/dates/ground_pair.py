@@ -8,12 +8,9 @@ from typing import Final
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from furrowmap.core.runtime.arrays import FloatArray
-
-Float32Array = NDArray[np.float32]
+from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 
 TIE_PATCH_M: Final = 1.0
 """Side of the patches."""

@@ -6,12 +6,9 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.surfaces.grid import Grid
-
-Float32Array = NDArray[np.float32]
 
 
 def reach_cells(move: FloatArray, grid: Grid, middle_m: FloatArray) -> int:

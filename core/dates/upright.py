@@ -19,9 +19,7 @@ from scipy.ndimage import binary_dilation, distance_transform_edt, find_objects,
 from scipy.spatial import cKDTree
 
 from furrowmap.core.crops.soil import OUTLIER_SIGMAS
-from furrowmap.core.runtime.arrays import FloatArray
-
-IntArray = NDArray[np.int64]
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 
 STANDING_M: Final = (0.3, 2.5)
 """Range of heights above the ground: below is straw, above are crowns."""

@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots, State
 from furrowmap.core.runtime import arrays
-from furrowmap.core.runtime.arrays import FloatArray
-
-IntArray = NDArray[np.int64]
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots
 from furrowmap.core.estimation.knots import POSE, State
 from furrowmap.core.runtime import arrays
-from furrowmap.core.runtime.arrays import FloatArray
-
-IntArray = NDArray[np.int64]
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 
 
 @dataclass(frozen=True)

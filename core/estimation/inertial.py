@@ -41,7 +41,6 @@ SAMPLES_BESIDE: Final = 4
 """Samples before an interval and after it that its integration may use."""
 MIN_WAY_SIGMA_M: Final = 1e-5
 """Standard deviation of a way from knot to knot beside the noise: rates and forces are not linear between samples."""
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

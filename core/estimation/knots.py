@@ -16,10 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.runtime import arrays
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.values.trajectory import Motion, Trajectory
-
-IntArray = NDArray[np.int64]
 
 KNOT_STEP_S: Final = 0.025
 """Distance of the knots: at 3 Hz and 0.25° of sway a straight line between them is within 0.007° of it."""

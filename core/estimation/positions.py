@@ -19,11 +19,10 @@ from furrowmap.core.estimation.knots import (
     State,
 )
 from furrowmap.core.runtime import arrays
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S, Positions
 from furrowmap.core.values.trajectory import Trajectory
 
-IntArray = NDArray[np.int64]
 ANTENNA_HEADING_CORRELATION_S: Final = 10.0
 ANTENNA_HEADING_SIGMA_RAD: Final = np.radians(0.5)
 """Of a two-antenna heading, whose error lasts for ANTENNA_HEADING_CORRELATION_S."""

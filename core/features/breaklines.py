@@ -20,11 +20,10 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, dijk
 from scipy.spatial import cKDTree
 
 from furrowmap.core.features.ground_surface import cells_of, medians
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.values.extents import bounds
 
-IntArray = NDArray[np.int64]
 BreakKind = Literal["ditch", "ridge", "edge"]
 
 BREAK_CELL_M: Final = 0.25

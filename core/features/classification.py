@@ -18,11 +18,8 @@ from furrowmap.core.features.lines import MIN_LINEARITY, DetectedLine, find_line
 from furrowmap.core.features.planes import HORIZONTAL_NORMAL, MIN_PLANE_PURITY, Plane, find_planes
 from furrowmap.core.features.segment_votes import VOTED, colour_segments, vote_classes
 from furrowmap.core.features.voxels import Voxels, voxels
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import BoolArray, FloatArray, IntArray
 from furrowmap.core.values.extents import bounds
-
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 MIN_LEVEL_NORMAL: Final = 0.75
 """Height of the unit normal of ground that the filter missed, as beyond a ditch at the rim of a cloud."""

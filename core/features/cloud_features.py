@@ -32,15 +32,13 @@ from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import CLASSED_SHARE
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.las.survey import Survey
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray, Square, square_keys
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.values.extents import bounds, cells_with_points
 from furrowmap.core.values.scan import PointClass
-
-BoolArray = NDArray[np.bool_]
 
 DENSITY_CELL_M: Final = 1.0
 VOXEL_RANGE_M: Final = (0.05, 0.4)

@@ -14,9 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from furrowmap.core.features.neighbours import PointColumns, first_above, sort_into_columns
-from furrowmap.core.runtime.arrays import FloatArray
-
-IntArray = NDArray[np.int64]
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 
 MIN_LINEARITY: Final = 0.75
 """Of the voxels that a line is made of."""

@@ -7,12 +7,9 @@ from typing import Final
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.values.extents import bounds
-
-IntArray = NDArray[np.int64]
 
 MAX_COLUMNS: Final = 1 << 24
 INSERTED: Final = 24

@@ -13,14 +13,11 @@ from typing import Final
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.features.eigenfeatures import Eigenfeatures, eigen
 from furrowmap.core.features.neighbours import PointColumns, first_above, sort_into_columns
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.values.extents import bounds
-
-IntArray = NDArray[np.int64]
 
 MAX_NORMAL_DEG: Final = 25.0
 """Between the normal of a neighbourhood and that of its region."""

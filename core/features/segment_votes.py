@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.features.classes import Feature
 from furrowmap.core.features.neighbours import first_above, sort_into_columns
-from furrowmap.core.runtime.arrays import FloatArray
-
-IntArray = NDArray[np.int64]
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 
 VOTED: Final = (Feature.HORIZONTAL_PLANE, Feature.VERTICAL_PLANE, Feature.LINE, Feature.SCATTER)
 MIN_VOTING_VOXELS: Final = 8

@@ -9,10 +9,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.values.extents import bounds
-
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

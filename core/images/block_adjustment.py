@@ -25,13 +25,11 @@ from furrowmap.core.estimation.knots import POSE, ROTATION
 from furrowmap.core.images.frames import FramePoses
 from furrowmap.core.images.projection import project, unproject
 from furrowmap.core.images.ties import Ties
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
-
-IntArray = NDArray[np.int64]
 
 TURN: Final = 0
 """First column of the boresight: rotation vector about the vehicle's axes."""

@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.exif import write_image
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.values.camera import COLMAP_MIDDLE, Camera
 from furrowmap.core.values.images import RAW, ImageFile, StoredImage
 
-IntArray = NDArray[np.int64]
 Pair = tuple[int, int]
 
 MAX_IMAGE_FEATURES: Final = 2000

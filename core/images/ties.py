@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from furrowmap.core.images.frames import FramePoses
 from furrowmap.core.images.projection import inside, project, unproject
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.values.camera import Camera
 
 OVERLAP_GRID: Final = (9, 7)
@@ -60,8 +60,6 @@ def _most_shared(pairs: NDArray[np.intp], shares: FloatArray, count: int) -> lis
             out.append((min(a, b), max(a, b)))
     return sorted(out)
 
-
-IntArray = NDArray[np.int64]
 
 TIE_GRID: Final = (12, 9)
 """Cells of an image over which ties are spread, in columns and rows."""

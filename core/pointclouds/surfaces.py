@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
@@ -29,7 +29,6 @@ from furrowmap.core.surfaces.outliers import FilteredTiles, Outliers, filter_til
 from furrowmap.core.surfaces.spool import SPOOL_TILE, PointSpool
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic
 
-Float32Array = NDArray[np.float32]
 Key = tuple[int, int]
 GroundMethod = Literal["smrf", "csf", "class", "none"]
 

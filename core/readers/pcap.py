@@ -27,10 +27,9 @@ from furrowmap.core.readers.pcap_walk import (
     walk_pcapng,
 )
 from furrowmap.core.readers.source import Source
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 
-IntArray = NDArray[np.int64]
 ByteArray = NDArray[np.uint8]
 
 BLOCK_BYTES: Final = 1 << 21

@@ -21,6 +21,9 @@ from numpy.typing import DTypeLike, NDArray
 from furrowmap.core.runtime.settings import settings
 
 FloatArray: TypeAlias = NDArray[np.float64]
+Float32Array: TypeAlias = NDArray[np.float32]
+IntArray: TypeAlias = NDArray[np.int64]
+BoolArray: TypeAlias = NDArray[np.bool_]
 LARGE: Final = 8 << 20
 """Arrays of fewer bytes stay in memory."""
 ROWS_AT_ONCE: Final = 1 << 15

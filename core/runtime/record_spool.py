@@ -14,11 +14,12 @@ from typing import Any, Final, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from furrowmap.core.runtime.arrays import IntArray
+
 RecordArray = NDArray[Any]
 """(n,) of a structured type, or (n, k) numbers of a sub-array type."""
 Square = tuple[int, int]
 """Column and row."""
-IntArray = NDArray[np.int64]
 
 _OFFSET: Final = 1 << 30
 

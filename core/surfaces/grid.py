@@ -9,10 +9,9 @@ from typing import Final, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.runtime.errors import InputError
 
-Float32Array = NDArray[np.float32]
 FINEST_CELL_M: Final = 0.001
 MAX_GRID_CELLS: Final = 2**31
 """More cells mean wrong units or a stray point."""

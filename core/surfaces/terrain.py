@@ -8,10 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.surfaces.grid import Grid, Surface
-
-Float32Array = NDArray[np.float32]
 
 PLOT_M: Final = 1.0
 MIN_PLOT_SHARE: Final = 0.5

@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import HUBER_SIGMAS, NormalEquations, huber_weight
 from furrowmap.core.estimation.vehicle import SLIP
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 
 IntArray = NDArray[np.intp]
-BoolArray = NDArray[np.bool_]
 
 PATH_SLIP_FLOOR_M: Final = 0.001
 ACCELERATION_MPS2: Final = 1.0

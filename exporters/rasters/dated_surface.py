@@ -21,15 +21,13 @@ from rasterio.vrt import WarpedVRT
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.geotiff import open_geotiff
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.work.field_surfaces import BESIDE_M
 from furrowmap.exporters.farm.surface_file import SurfaceFile, horizontal, surface_file, unusable
 from furrowmap.exporters.files.result_folder import DSM, DSM_BEFORE, ResultFolder
 from furrowmap.exporters.rasters.windows import shared_cells, window
-
-Float32Array = NDArray[np.float32]
 
 MIN_MOVE_SIGMA: Final = np.array([0.01, 0.01, 0.02, 1e-3, 1e-3, 2e-3])
 """Standard deviations of a session's move before any tie at least: east, north, height (m), tilts, turn (rad)."""

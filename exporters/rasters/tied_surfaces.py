@@ -9,20 +9,17 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.dates.ground_pair import GroundPair
 from furrowmap.core.dates.moved_surface import move_surface, reach_cells
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import CHANGE_BANDS, HEIGHT_BAND, STANDARD_ERROR_BAND, cog_output
 from furrowmap.exporters.rasters.dated_surface import ERROR_INDEX, SPREAD_INDEX, OpenSurface, cells_inside
 from furrowmap.exporters.rasters.windows import shared_cells, windows
-
-Float32Array = NDArray[np.float32]
 
 PIECE_CELLS: Final = 500
 """Side of the pieces of ground that ties are made of: 25 m, a whole number of patches."""

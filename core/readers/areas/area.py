@@ -9,16 +9,13 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.readers.areas.polygon_file import polygons_on_map
 from furrowmap.core.readers.areas.rings import Rings, ring_at, rings_of
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.errors import InputError
-
-BoolArray = NDArray[np.bool_]
 
 MANY_POLYGONS: Final = 50
 """Polygons from which on a grid of them finds the right one faster than an index of all their edges."""

@@ -11,9 +11,7 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime.arrays import FloatArray
-
-IntArray = NDArray[np.int64]
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 
 _RING_CELL_M: Final = 0.5
 _MAX_RING_CELLS: Final = 1_000_000

@@ -15,12 +15,11 @@ from furrowmap.core.readers.velodyne.clock import SensorClock, settle
 from furrowmap.core.readers.velodyne.counts import PacketCounts
 from furrowmap.core.readers.velodyne.models import PACKET_BYTES, Model, model_named, model_of
 from furrowmap.core.readers.velodyne.returns import BAD_BLOCKS, CARRIED, TURNED, TURNING, decode_returns
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, Scan
 
-IntArray = NDArray[np.int64]
 ByteArray = NDArray[np.uint8]
 
 _SETTLE_PACKETS: Final = 2000

@@ -9,10 +9,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.velodyne.models import DUAL, LAST, STRONGEST, Model
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.values.scan import Scan
 
-IntArray = NDArray[np.int64]
 ByteArray = NDArray[np.uint8]
 
 MAX_AZIMUTH_STEP: Final = 120
