@@ -345,7 +345,7 @@ def picture(
 
 def _segments(scene: Scene, xyz: FloatArray, images: int, rng: np.random.Generator) -> NDArray[np.int32]:
     """The segment of each point in the image that sees it from nearest; -1 where none does."""
-    from furrowmap.core.features.segment_votes import image_segments
+    from furrowmap.core.features.classification import image_segments
 
     segment, nearest, first = np.full(len(xyz), -1, np.int32), np.full(len(xyz), np.inf), 0
     for place, axes in cameras(scene.size_m, images):

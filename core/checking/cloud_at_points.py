@@ -11,9 +11,15 @@ import pyproj
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from furrowmap.core.checking.internal_precision import NO_SWATHS, SwathHeights, find_swath_key, swath_numbers
-from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
-from furrowmap.core.checking.target_discs import find_disc
+from furrowmap.core.checking.point_check import (
+    NO_SWATHS,
+    PointCheck,
+    ProductAtPoints,
+    SwathHeights,
+    find_swath_key,
+    swath_numbers,
+    three,
+)
 from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_clouds
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
@@ -21,6 +27,70 @@ from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
+
+STEP_SHARE: Final = 0.15
+"""Spacing of the search grid, in disc diameters."""
+MIN_DISC_RETURNS: Final = 8
+MIN_CONTRAST_ERRORS: Final = 6.0
+"""Least contrast of a disc, in standard errors from the variation of the ground."""
+MIN_CONTRAST_SIGMAS: Final = 2.0
+"""And in standard deviations of the brightness of the ground."""
+FINE_SHARE: Final = 0.6
+FINE_STEPS: Final = 61
+"""Extent of the fine search in radii, and its steps along each axis."""
+
+
+def find_disc(xy_m: FloatArray, brightness: FloatArray, diameter_m: float, search_m: float) -> FloatArray | None:
+    """Centre (2,) of a disc that is brighter or darker than the ground around it; None where none is found.
+
+    A grid search for the greatest contrast between the disc and the ring around it, then a fit of its edge.
+
+    Args:
+        xy_m: (n, 2) returns relative to the expected centre.
+        brightness: (n,) intensity, or luminance.
+        search_m: greatest distance of the centre from the expected one.
+    """
+    radius = 0.5 * diameter_m
+    steps = np.arange(-search_m, search_m + 1e-9, STEP_SHARE * diameter_m)
+    places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    places = places[np.hypot(*places.T) <= search_m]
+    best, surest = None, MIN_CONTRAST_ERRORS
+    for place in places:
+        contrast = _contrast(np.hypot(*(xy_m - place).T), brightness, radius)
+        if contrast is not None and abs(contrast) > surest:
+            best, surest = place, abs(contrast)
+    return _centred(xy_m, brightness, best, radius) if best is not None else None
+
+
+def _contrast(distance_m: FloatArray, brightness: FloatArray, radius_m: float) -> float | None:
+    """Difference of the means of disc and ring in standard errors; None with too few returns or too little contrast."""
+    inside = brightness[distance_m < 0.9 * radius_m]
+    around = brightness[(distance_m > 1.1 * radius_m) & (distance_m < 2.0 * radius_m)]
+    if min(len(inside), len(around)) < MIN_DISC_RETURNS:
+        return None
+    difference = float(inside.mean() - around.mean())
+    uneven = float(around.std()) + 1e-9 * (1.0 + abs(float(around.mean())))
+    if abs(difference) < MIN_CONTRAST_SIGMAS * uneven:
+        return None
+    return difference / (uneven * float(np.sqrt(1.0 / len(inside) + 1.0 / len(around))))
+
+
+def _centred(xy_m: FloatArray, brightness: FloatArray, middle: FloatArray, radius_m: float) -> FloatArray:
+    """Centre of the disc that best separates returns brighter and darker than the mean; the mean of equally good ones.
+
+    The edge determines the centre better than the mean of the returns does.
+    """
+    distance = np.hypot(*(xy_m - middle).T)
+    inside = float(np.median(brightness[distance < 0.8 * radius_m]))
+    around = float(np.median(brightness[(distance > 1.2 * radius_m) & (distance < 2.0 * radius_m)]))
+    near = distance < 2.5 * radius_m
+    own = np.where(np.abs(brightness[near] - inside) < np.abs(brightness[near] - around), 1.0, -1.0)
+    steps = np.linspace(-FINE_SHARE, FINE_SHARE, FINE_STEPS) * radius_m
+    places = middle + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    apart = np.hypot(*(xy_m[near][:, None] - places[None]).transpose(2, 0, 1))
+    score = own @ (apart < radius_m)
+    return np.asarray(places[score >= score.max() - 0.5].mean(axis=0), np.float64)
+
 
 Targets = Literal["none", "intensity", "colour"]
 

@@ -11,8 +11,7 @@ from typing import Any, Final
 import numpy as np
 import pyproj
 
-from furrowmap.core.checking.internal_precision import rounded
-from furrowmap.core.checking.point_check import PointCheck
+from furrowmap.core.checking.point_check import PointCheck, rounded
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, in_degrees, read_points, survey_of
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice

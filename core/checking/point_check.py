@@ -1,17 +1,136 @@
-"""A product at surveyed points."""
+"""A product at surveyed points, and the internal precision of a cloud, within swaths and between overlapping ones.
+
+ASPRS Positional Accuracy Standards, Edition 2 (2023), section 7.14; limits by section 7.4 and table 7.2.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 import pyproj
+from numpy.typing import NDArray
 
-from furrowmap.core.checking.internal_precision import NO_SWATHS, SwathHeights, SwathKey, rounded
 from furrowmap.core.readers.surveyed_points import SurveyedPoints
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
+
+SwathKey = Literal["times", "sources", "nothing"]
+
+MIN_VISIT_GAP_S: Final = 20.0
+"""A place not seen for this long is seen again by another swath."""
+CLASS_SHARES: Final = {"within_swath_max_m": 0.60, "between_swath_m": 0.80, "between_swath_max_m": 1.60}
+"""Limit of each figure as a share of the RMSE of a class."""
+
+
+@dataclass(frozen=True)
+class SwathHeights:
+    """Heights of swaths at one place.
+
+    Attributes:
+        height_m: of the plane of each swath, by its number.
+        spread_m: RMS of returns about the plane of their swath; nan where there are too few.
+        range_m: greatest difference of neighbouring returns of one swath about its plane; nan likewise.
+    """
+
+    height_m: tuple[tuple[int, float], ...] = ()
+    spread_m: float = float("nan")
+    range_m: float = float("nan")
+
+    @property
+    def differences_m(self) -> list[float]:
+        """Of each pair."""
+        heights = [height for _, height in self.height_m]
+        return [a - b for i, a in enumerate(heights) for b in heights[:i]]
+
+
+NO_SWATHS: Final = SwathHeights()
+"""A place that no swath covers."""
+
+
+@dataclass(frozen=True)
+class InternalPrecision:
+    """Of a cloud, nan where unknown.
+
+    Attributes:
+        within_swath_m: RMS of the returns of one swath about their plane.
+        within_swath_max_m: greatest difference between neighbouring returns of one swath.
+        between_swath_m: RMS of the differences in height of two swaths at one place.
+        between_swath_max_m: greatest of these differences.
+    """
+
+    within_swath_m: float
+    within_swath_max_m: float
+    between_swath_m: float
+    between_swath_max_m: float
+    swath_pairs: int
+    swath_key: SwathKey
+
+    @classmethod
+    def over_places(cls, places: Iterable[SwathHeights], swath_key: SwathKey) -> InternalPrecision:
+        """Over all places; nan where nothing separates the swaths."""
+        seen = list(places) if swath_key != "nothing" else []
+        spread = np.array([place.spread_m for place in seen])
+        ranges = np.array([place.range_m for place in seen])
+        differences = np.array([difference for place in seen for difference in place.differences_m])
+        return cls(
+            _rms(spread[np.isfinite(spread)]),
+            float(np.nanmax(ranges)) if np.isfinite(ranges).any() else float("nan"),
+            _rms(differences),
+            float(np.abs(differences).max()) if len(differences) else float("nan"),
+            len(differences),
+            swath_key,
+        )
+
+    def verdicts(self, class_m: float) -> dict[str, dict[str, Any]]:
+        """Each figure against its limit for a vertical accuracy class; `met` is None where unknown."""
+        out: dict[str, dict[str, Any]] = {}
+        for name, share in CLASS_SHARES.items():
+            found, limit = float(getattr(self, name)), share * class_m
+            known = bool(np.isfinite(found))
+            out[name] = {
+                "found_m": round(found, 5) if known else None,
+                "limit_m": round(limit, 6),
+                "met": found <= limit if known else None,
+            }
+        return out
+
+
+def find_swath_key(source: NDArray[np.uint16], t_s: FloatArray | None, *, own: bool) -> SwathKey:
+    """What separates the swaths of returns (n,).
+
+    Args:
+        source: point source of each.
+        t_s: seconds of each; None, or constant, where the cloud has no times.
+        own: whether furrowmap wrote the cloud: then point sources are passes of the implement, not swaths.
+    """
+    if t_s is not None and np.isfinite(t_s).any() and np.nanmax(t_s) > np.nanmin(t_s):
+        return "times"
+    return "sources" if not own and source.any() else "nothing"
+
+
+def swath_numbers(
+    source: NDArray[np.uint16], t_s: FloatArray | None, swath_key: SwathKey, *, own: bool
+) -> NDArray[np.int64]:
+    """Swath number of each return (n,) at one place; in clouds of other software one for each source and visit."""
+    number = np.zeros(len(source), np.int64)
+    if swath_key == "times" and t_s is not None and len(t_s):
+        order = np.argsort(t_s)
+        visit = np.cumsum(np.diff(t_s[order], prepend=t_s[order[0]]) > MIN_VISIT_GAP_S)
+        number[order] = visit
+    return number if own else number + (source.astype(np.int64) << 32)
+
+
+def rounded(value: float | None, digits: int) -> float | None:
+    """A number for JSON; None where it is unknown."""
+    return round(float(value), digits) if value is not None and np.isfinite(value) else None
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
 
 Box = tuple[float, float, float, float]
 """West, south, east, north."""

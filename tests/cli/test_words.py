@@ -15,11 +15,10 @@ from pyproj import CRS
 
 from furrowmap.cli import batch, calibrate, check, farm, fields, gnss, growth, machine, response, tie
 from furrowmap.cli.tables import MAX_PARCELS, file_size, parcel_table
-from furrowmap.core.checking.check import Check
-from furrowmap.core.checking.continuity import Age, Continuity
-from furrowmap.core.checking.internal_precision import InternalPrecision
+from furrowmap.core.checking.check import Accuracy, Check, Component
+from furrowmap.core.checking.evaluation import Age, Continuity
 from furrowmap.core.checking.paired_points import PairedPoints
-from furrowmap.core.checking.positional_accuracy import Accuracy, Component
+from furrowmap.core.checking.point_check import InternalPrecision
 from furrowmap.core.checking.statistics import ErrorStatistics
 from furrowmap.core.values.machine import Calibrated, Machine, MachineCamera, MachineImplement, MachineImu
 from furrowmap.core.values.rotation import Mounting

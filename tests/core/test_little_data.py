@@ -9,8 +9,8 @@ import pytest
 import rasterio
 from pyproj import CRS
 
+from furrowmap.core.checking.check import Component
 from furrowmap.core.checking.cloud_at_points import local_plane
-from furrowmap.core.checking.positional_accuracy import Component
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.geodesy.coordinates import check_datum
 from furrowmap.core.runtime.errors import FurrowmapError

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.checking.check import check_product
-from furrowmap.core.checking.positional_accuracy import Component
+from furrowmap.core.checking.check import Component, check_product
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.readers.surveyed_points import SurveyOptions, read_points
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError

@@ -14,8 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
-from furrowmap.core.checking.continuity import Continuity
-from furrowmap.core.checking.evaluation import Evaluation, evaluate
+from furrowmap.core.checking.evaluation import Continuity, Evaluation, evaluate
 from furrowmap.core.checking.matching import match
 from furrowmap.core.checking.receivers import evaluate_logs
 from furrowmap.core.checking.statistics import ErrorStatistics, outliers, table

@@ -23,8 +23,8 @@ from furrowmap.core.crops.soil import (
     noise_in_pixels,
     without_crop,
 )
+from furrowmap.core.features.classification import colour_segments
 from furrowmap.core.features.neighbours import MAX_COLUMNS, sort_into_columns
-from furrowmap.core.features.segment_votes import colour_segments
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.parcel import Parcel
 

@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 
 from benchmarks.yards import Kind, Yard, yard
 from furrowmap.core.features.classes import Feature, FeatureCode, feature_codes
-from furrowmap.core.features.classification import Classified, FeatureTile, classify
+from furrowmap.core.features.classification import (
+    Classified,
+    FeatureTile,
+    classify,
+    colour_segments,
+    greenness,
+    vote_classes,
+)
 from furrowmap.core.features.objects import PlanePiece, join_planes, outline_plane, plane_foot
 from furrowmap.core.features.plants import plants
-from furrowmap.core.features.segment_votes import colour_segments, greenness, vote_classes
 from furrowmap.core.surfaces.ground import classify_ground
 
 CELL_M = 0.06
