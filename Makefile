@@ -4,9 +4,6 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
 PARTS := core exporters cli
-# Every room, but not the long ones, nor what needs QGIS.
-QUICK := $(addprefix tests/core/,checking estimation geodesy readers session surfaces trajectory values) \
-  tests/cli tests/exporters tests/test_house.py --ignore=tests/cli/test_qgis.py
 TESTS ?= tests
 OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one \
   tests/exporters/files/test_two_hosts.py
@@ -17,13 +14,17 @@ SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/mis
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin web clean
+.PHONY: help demo quick test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
 
 demo: $(INSTALLED)  ## simulate a tractor's recording, run furrowmap on it, show a map
 	$(BIN)/python scripts/demo.py
+
+quick: $(INSTALLED)  ## style, and the tests that need neither QGIS, browser, samples nor whole runs: three minutes
+	$(BIN)/ruff check
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not slow"
 
 test: lint  ## everything that must hold: style, types, tests
 	@$(MAKE) --no-print-directory -j 2 typecheck all-tests
@@ -39,7 +40,7 @@ kills: $(INSTALLED)  ## writers killed at random moments, full disks: make kills
 
 test-lowest: build/lowest.txt  ## the quick tests with the lowest versions that pyproject.toml allows
 	PYTHON=$(PYTHON) scripts/setup.sh build/venv-lowest test $<
-	NUMBA_CACHE_DIR=$(CURDIR)/build/kernels-lowest build/venv-lowest/bin/python -m pytest -n 2 --dist loadfile $(QUICK)
+	NUMBA_CACHE_DIR=$(CURDIR)/build/kernels-lowest build/venv-lowest/bin/python -m pytest -n 2 --dist loadfile -m "not slow"
 
 build/lowest.txt: pyproject.toml scripts/lowest.py
 	@mkdir -p build

@@ -10,7 +10,7 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import command, files, option, output, overwrite
 from furrowmap.core.runtime.errors import printable
 
-EXPORT_FORMATS = (
+FORMAT_CHOICES = (
     "gpkg",
     "geoparquet",
     "flatgeobuf",
@@ -34,7 +34,7 @@ EXPORT_FORMATS = (
     "furrowmap export result --to geojson --layer passes --layer misses -o for_the_web",
 )
 @files("results", "DIR...")
-@option("--to", "", "Output format.", default="gpkg", choices=EXPORT_FORMATS, label="Format")
+@option("--to", "", "Output format.", default="gpkg", choices=FORMAT_CHOICES, label="Format")
 @output("TARGET", "Output file or folder [default: DIR_FORMAT beside DIR].", "Output file or folder")
 @option("--layer", "NAME", "Only this layer of field.gpkg. Repeatable.", "layers", multiple=True, label="Layers")
 @option(

@@ -30,6 +30,17 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 SHARED_DATA = CHECKOUT.parent / "shared" / "data"
 
 
+SLOW_FIXTURES = {"browser", "page_scripts", "qgis", "result", "run_once", "shared_data", "simulated", "web_reader"}
+"""What takes a QGIS, a browser, npm, the sample recordings, or a whole run."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark as slow what uses a slow fixture; `make quick` leaves out what is slow."""
+    for item in items:
+        if SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ())):
+            item.add_marker("slow")
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """The folder of sample recordings that lies beside the checkout."""

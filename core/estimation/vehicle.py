@@ -85,7 +85,7 @@ class AlongNose(Observation):
 
 
 @dataclass(frozen=True)
-class Wheels(Observation):
+class WheelMotion(Observation):
     """No sideways movement from each knot to the next, but for slip."""
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
@@ -244,7 +244,7 @@ def wheeled_vehicle(
     """
     antenna = AntennaPositions.unweighted(positions, origin_m, lever_m)
     motion = MotionPrior.with_measured_turns() if aiding else MotionPrior()
-    return (antenna, AntennaHeadings(positions), GnssDrift(positions), motion, Wheels(), Level(), *aiding)
+    return (antenna, AntennaHeadings(positions), GnssDrift(positions), motion, WheelMotion(), Level(), *aiding)
 
 
 def with_positions(observations: Iterable[Observation], positions: Positions) -> tuple[Observation, ...]:

@@ -24,7 +24,7 @@ CHANNELS: Final = {
 BAYER: Final = {"bayer_rggb": "BG", "bayer_bggr": "RG", "bayer_gbrg": "GR", "bayer_grbg": "GB"}
 """OpenCV names a pattern by the second and third pixel of its second row, ROS by the first four."""
 YUV: Final = {"yuv422": "UYVY", "uyvy": "UYVY", "yuv422_yuy2": "YUYV", "yuyv": "YUYV"}
-_VALUES: Final = {"rgba8": 4, "bgra8": 4, "rgb8": 3, "bgr8": 3, "8UC3": 3, **dict.fromkeys(YUV, 2)}
+_VALUES_PER_PIXEL: Final = {"rgba8": 4, "bgra8": 4, "rgb8": 3, "bgr8": 3, "8UC3": 3, **dict.fromkeys(YUV, 2)}
 
 
 def layout_fault(layout: RawLayout, size: int) -> str:
@@ -80,4 +80,4 @@ def _bytes(layout: RawLayout) -> int:
 
 def _values(layout: RawLayout) -> int:
     """Values of a pixel."""
-    return _VALUES.get(layout.encoding, 1)
+    return _VALUES_PER_PIXEL.get(layout.encoding, 1)

@@ -8,7 +8,7 @@ from typing import Final
 
 from furrowmap.core.runtime.errors import RefusedError
 
-_HEADER: Final = re.compile(r"^[ \t]*\[+[ \t]*[A-Za-z]", re.MULTILINE)
+_TABLE_HEADER: Final = re.compile(r"^[ \t]*\[+[ \t]*[A-Za-z]", re.MULTILINE)
 _TOML_VALUE: Final = r"(\[[^\]]*\]|[^#\n]*?)(\s*(?:#[^\n]*)?)$"
 
 
@@ -44,7 +44,7 @@ def _changed(text: str, table: str, key: str, value: str, origin: str) -> str:
     head = re.search(rf"^[ \t]*\[[ \t]*{table}[ \t]*\][^\n]*\n?", text, re.MULTILINE)
     if head is not None:
         return _in_table(text, head, key, value, origin)
-    first = _HEADER.search(text)
+    first = _TABLE_HEADER.search(text)
     end = first.start() if first is not None else len(text)
     root, rest = text[:end], text[end:]
     inline = re.search(rf"^[ \t]*{table}[ \t]*=[ \t]*\{{([^}}\n]*)\}}", root, re.MULTILINE)
@@ -70,7 +70,7 @@ def _commented(comment: str, origin: str) -> str:
 
 
 def _in_table(text: str, head: re.Match[str], key: str, value: str, origin: str) -> str:
-    after = _HEADER.search(text, head.end())
+    after = _TABLE_HEADER.search(text, head.end())
     end = after.start() if after is not None else len(text)
     body = text[head.end() : end]
     line = re.compile(rf"^([ \t]*{key}\s*=\s*){_TOML_VALUE}", re.MULTILINE)

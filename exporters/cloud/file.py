@@ -33,7 +33,7 @@ MAX_COMING: Final = 64
 """Maximum number of nodes in compression; each waits with a few bytes a point."""
 TABLE_OFFSET: Final = struct.Struct("<q")
 """Before the chunks: offset of the table of their lengths."""
-MAX_RECORD_BYTES: Final = 65_535
+MAX_VLR_BYTES: Final = 65_535
 INFO: Final = struct.Struct("<5d2Q2d88x")
 """The info record: centre, half a side, spacing; offset and length of the hierarchy; first and last time."""
 ENTRY: Final = np.dtype([("key", "<i4", 4), ("offset", "<u8"), ("bytes", "<i4"), ("points", "<i4")])
@@ -97,7 +97,7 @@ def las_header(kind: CopcFormat) -> laspy.LasHeader:
 
 def describe(header: laspy.LasHeader, text: str) -> None:
     """Add a "Text Area Description" (LAS 1.4 R15) to a header, as much as a record holds."""
-    fitting = text.encode("utf-8", "backslashreplace")[:MAX_RECORD_BYTES].decode("utf-8", "ignore")
+    fitting = text.encode("utf-8", "backslashreplace")[:MAX_VLR_BYTES].decode("utf-8", "ignore")
     header.vlrs.append(laspy.VLR("LASF_Spec", 3, "text area description", fitting.encode()))
 
 

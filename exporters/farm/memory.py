@@ -17,11 +17,11 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
 
-FIELDS: Final = "fields"
+FIELDS_LAYER: Final = "fields"
 VISITS: Final = "visits"
 SEASONS: Final = "seasons"
 MACHINES: Final = "machines"
-DERIVED: Final = frozenset({FIELDS, VISITS, SEASONS, MACHINES})
+DERIVED: Final = frozenset({FIELDS_LAYER, VISITS, SEASONS, MACHINES})
 """Tables that are computed again after every change of the sessions."""
 
 MIN_INSIDE_SHARE: Final = 0.5
@@ -103,7 +103,7 @@ def memory_layers(known: Sessions, season_start: tuple[int, int]) -> list[Layer]
     machines = "Machines, and what each did"
     return [
         _table(
-            FIELDS,
+            FIELDS_LAYER,
             text,
             _FIELDS_COLUMNS,
             [_field_row(f, [v for v in visits if v["field"] == f.id]) for f in fields],

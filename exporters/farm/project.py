@@ -15,7 +15,7 @@ from pyproj import CRS, Transformer
 
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
-from furrowmap.exporters.farm.memory import DERIVED, FIELDS, MACHINES, SEASONS, VISITS
+from furrowmap.exporters.farm.memory import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import PROVENANCE, SESSIONS, TRACKS
 from furrowmap.exporters.files.qgis_project import (
     ProjectLayer,
@@ -38,7 +38,7 @@ _OTHERS: Final = "Boundaries and zones"
 _DETAILS: Final = "Work in detail"
 """A group that is hidden at first: what one session missed, another one may have worked."""
 _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
-    "Fields": (FIELDS, VISITS, SEASONS, MACHINES),
+    "Fields": (FIELDS_LAYER, VISITS, SEASONS, MACHINES),
     "Sessions": (SESSIONS, TRACKS),
     _DETAILS: ("events", "tool_path", "misses", "unworked", "overlaps", "passes"),
     "Worked ground by day": ("coverage",),
@@ -50,7 +50,7 @@ _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 _FARM_LAYER_NAMES: Final[Mapping[str, str]] = {
     **LAYER_NAMES,
-    FIELDS: "fields",
+    FIELDS_LAYER: "fields",
     VISITS: "work of each session",
     SEASONS: "work of each season",
     MACHINES: "machines",
@@ -63,9 +63,9 @@ SURFACE: Final = "surface"
 CLOUDS: Final = "clouds"
 BACKGROUND: Final = "background map"
 RASTER: Final = "raster"
-POINT_CLOUD: Final = "point cloud"
+POINT_CLOUD_WORDS: Final = "point cloud"
 """Layers that are not in the farm map, and their kinds."""
-WEB_MERCATOR: Final = CRS("EPSG:3857")
+WEB_MERCATOR_CRS: Final = CRS("EPSG:3857")
 _HIDDEN_AT_FIRST: Final = frozenset({TRACKS, VISITS, SEASONS, "zones", CLOUDS, BACKGROUND})
 """Among them the background map: only who shows it asks the network."""
 
@@ -103,10 +103,10 @@ def project_archive(
     within = ET.SubElement(root, "projectlayers")
     classes = [(code, colour, translated(name, language_of_user())) for code, colour, name in CLASS_COLOURS]
     for layer in layers:
-        if layer.kind == POINT_CLOUD:
+        if layer.kind == POINT_CLOUD_WORDS:
             put_point_cloud_layer(within, layer, crs, classes)
         elif layer.kind == RASTER:
-            put_raster_layer(within, layer, WEB_MERCATOR if layer.name == BACKGROUND else crs)
+            put_raster_layer(within, layer, WEB_MERCATOR_CRS if layer.name == BACKGROUND else crs)
         else:
             put_vector_layer(within, layer, crs)
     order = ET.SubElement(root, "layerorder")
@@ -183,7 +183,7 @@ def _put_relations(root: ET.Element, layers: Sequence[ProjectLayer]) -> None:
     relations = ET.SubElement(root, "relations")
     (sessions,) = (layer for layer in layers if layer.name == SESSIONS)
     for layer in layers:
-        if layer is sessions or layer.name in DERIVED - {VISITS} or layer.kind in (RASTER, POINT_CLOUD):
+        if layer is sessions or layer.name in DERIVED - {VISITS} or layer.kind in (RASTER, POINT_CLOUD_WORDS):
             continue
         attributes = {
             "id": f"furrowmap_{layer.name}_of_session",

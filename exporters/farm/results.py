@@ -22,7 +22,7 @@ from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.geodesy.local_time import local_time, zone_at
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.file_names import leads_out
-from furrowmap.exporters.farm.memory import DERIVED, FIELDS, MACHINES, SEASONS, VISITS
+from furrowmap.exporters.farm.memory import DERIVED, FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.result_folder import (
     FIELD,
@@ -45,7 +45,7 @@ _LAYER_NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,40}")
 """Layers with other names are not a run's."""
 _DRAWING_ORDER: Final = (
     "events", "tool_path", TRACKS, "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "plants",
-    "lines", "planes", "zones", FIELDS, VISITS, SEASONS, SESSIONS, MACHINES,
+    "lines", "planes", "zones", FIELDS_LAYER, VISITS, SEASONS, SESSIONS, MACHINES,
 )  # fmt: skip
 _MAX_GAP_S: Final = 1.0
 """A track is interrupted where positions are missing for longer."""
@@ -275,13 +275,13 @@ def read_tasks(path: Path, zone: ZoneInfo | None = None) -> list[SessionResult]:
         raise _no_tasks(path, "does not exist")
     with reading_result(path):
         names = [str(name) for name in pyogrio.list_layers(path)[:, 0]]
-        if FIELDS not in names or TRAJECTORY not in names:
+        if FIELDS_LAYER not in names or TRAJECTORY not in names:
             raise _no_tasks(path, "was not written by `furrowmap fields`")
         layers = {name: read_layer(path, name) for name in names if name != "layer_styles"}
         if not all("task" in layer.columns for layer in layers.values()):
             raise _no_tasks(path, "was not written by `furrowmap fields`")
         crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
-        figures, digest = layers.pop(FIELDS), hashlib.sha256(path.read_bytes()).hexdigest()
+        figures, digest = layers.pop(FIELDS_LAYER), hashlib.sha256(path.read_bytes()).hexdigest()
         results = []
         for row in range(len(figures.shapes)):
             task = {name: _plain(values, row) for name, values in figures.columns.items()}

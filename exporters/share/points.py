@@ -32,7 +32,7 @@ CLASS_COLOURS: Final = (
 )
 """Code, colour and name of the classes, as the QGIS plugin draws them; noise is left out."""
 
-MACHINE_CLASSES: Final = (int(PointClass.VEHICLE), int(PointClass.IMPLEMENT))
+MACHINE_CODES: Final = (int(PointClass.VEHICLE), int(PointClass.IMPLEMENT))
 """Classes that are hidden at first: each scan sees the machine anew, so it covers its own way."""
 
 
@@ -59,7 +59,7 @@ class SharedPoints:
         steps = np.round((self.xyz_m - low) / (high - low) * COORDINATE_STEPS).astype("<u2")
         x, y, z = self.xyz_m.T
         there = (x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3])
-        there &= ~np.isin(self.classification, MACHINE_CLASSES)
+        there &= ~np.isin(self.classification, MACHINE_CODES)
         bottom, middle, top = np.quantile(z[there] if there.any() else z, (0.02, 0.5, 0.98)).tolist()
         codes = set(np.unique(self.classification).tolist())
         shown = {
@@ -70,7 +70,7 @@ class SharedPoints:
             "high": high.tolist(),
             "ground": middle,
             "heights": [bottom, top],
-            "hidden": list(MACHINE_CLASSES),
+            "hidden": list(MACHINE_CODES),
             "palette": [
                 {"code": c, "colour": colour, "label": label} for c, colour, label in CLASS_COLOURS if c in codes
             ],

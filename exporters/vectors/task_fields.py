@@ -26,7 +26,7 @@ from furrowmap.exporters.vectors.field_layers import (
 )
 from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
 
-FIELDS: Final = "fields"
+FIELDS_LAYER: Final = "fields"
 TASK_FIGURES: Final = (
     "worked_area_m2", "worked_area_sigma_m2", "overlap_area_m2", "missed_area_m2", "swept_area_m2",
     "logged_swept_area_m2", "counted_area_m2", "boundary_area_m2", "worked_length_m", "work_rate_ha_h",
@@ -92,7 +92,7 @@ def _fields(works: Sequence[TaskWork]) -> Layer:
         **{name: numbers(math.nan if row[name] is None else row[name] for row in rows) for name in TASK_FIGURES},
     }
     shapes = geometry_array([_outline(work) for work in works])
-    return Layer(FIELDS, "MultiPolygon", "The fields, with the figures of their tasks", shapes, columns)
+    return Layer(FIELDS_LAYER, "MultiPolygon", "The fields, with the figures of their tasks", shapes, columns)
 
 
 def _outline(work: TaskWork) -> shapely.MultiPolygon | None:

@@ -179,7 +179,11 @@ def test_implements__of_another_form(changed: dict[str, object], words: str, tmp
     }  # fmt: skip
     from furrowmap.core.work import saved
 
-    arrays |= {"form": saved.FORM, "columns": np.zeros(saved.COLUMNS), "still_m": np.zeros((2, saved.COLUMNS))}
+    arrays |= {
+        "form": saved.FILE_FORM,
+        "columns": np.zeros(saved.IMAGE_COLUMNS),
+        "still_m": np.zeros((2, saved.IMAGE_COLUMNS)),
+    }
     np.savez(tmp_path / "implement.npz", **(arrays | changed))  # type: ignore[arg-type]
     with refusal("implement-unreadable", words):
         load_implement(tmp_path / "implement.npz")

@@ -105,7 +105,7 @@ def test_reliability_page__points_in_memory() -> None:
     ("page", "sentence", "value"),
     [
         ("CHANGELOG.md", "infinite, farther than {} km or apart in time", clouds.MAX_RANGE_M / 1000.0),
-        ("CHANGELOG.md", "a few points of a LAS cloud more than {} km from all others", far_points.FAR_M / 1000.0),
+        ("CHANGELOG.md", "a few points of a LAS cloud more than {} km from all others", far_points.FAR_GAP_M / 1000.0),
         ("CHANGELOG.md", "`[implement] width_m` is at most {} m", MAX_IMPLEMENT_WIDTH_M),
         ("docs/reference/session.md", "more than {} m is an error", MAX_PLACE_M),
         ("docs/explanation/files.md", "if its heartbeat does not change for {} s", MAX_SILENCE_S),

@@ -26,7 +26,7 @@ from furrowmap.exporters.farm.ground_files import report_of, write_ground_files
 from furrowmap.exporters.farm.memory import GROUND_COLUMNS, PASS_COLUMNS, SESSION_COLUMNS, Sessions, memory_layers
 from furrowmap.exporters.farm.project import (
     CLOUDS,
-    POINT_CLOUD,
+    POINT_CLOUD_WORDS,
     RASTER,
     SURFACE,
     background_layer,
@@ -317,7 +317,9 @@ def _ground_layers(edit: FarmEdit, sessions: Sequence[KnownSession], crs: CRS) -
     layers = []
     if clouds is not None:
         layers.append(
-            ProjectLayer(CLOUDS, POINT_CLOUD, f"./{clouds.name}", "vpc", None, translated("Point clouds", language))
+            ProjectLayer(
+                CLOUDS, POINT_CLOUD_WORDS, f"./{clouds.name}", "vpc", None, translated("Point clouds", language)
+            )
         )
     if surface is not None:
         style = packaged_style("dsm.qml").replace('opacity="1"', 'opacity="0.6"')  # the background shows through

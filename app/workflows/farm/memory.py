@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.errors import InputError, UsageError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user
-from furrowmap.exporters.farm.memory import FIELDS, MACHINES, SEASONS, VISITS
+from furrowmap.exporters.farm.memory import FIELDS_LAYER, MACHINES, SEASONS, VISITS
 from furrowmap.exporters.farm.results import TRACKS
 from furrowmap.exporters.farm.traffic import FarmTraffic, write_traffic
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
@@ -110,7 +110,7 @@ def farm_memory(farm_map: str | Path, *, schema: str = DB_SCHEMA, progress: Prog
     with open_edit(farm_map, schema=schema, progress=progress) as edit:
         tables = [
             _rows(edit.read(name, columns))
-            for name, columns in ((FIELDS, FIELD_COLUMNS), (SEASONS, SEASON_COLUMNS), (MACHINES, MACHINE_COLUMNS))
+            for name, columns in ((FIELDS_LAYER, FIELD_COLUMNS), (SEASONS, SEASON_COLUMNS), (MACHINES, MACHINE_COLUMNS))
         ]
         return FarmMemory(edit.name(), *tables)
 
@@ -148,7 +148,7 @@ def field_history(
             raise UsageError("usage.field-history", target=target)
         refuse_existing(target, overwrite=overwrite)
     with open_edit(farm_map, schema=schema, progress=progress) as edit:
-        fields = edit.read(FIELDS, FIELD_COLUMNS)
+        fields = edit.read(FIELDS_LAYER, FIELD_COLUMNS)
         row = _field_row(fields, field, edit.name())
         seasons, visits = edit.read(SEASONS, SEASON_COLUMNS), edit.read(VISITS, VISIT_COLUMNS)
     chosen = str(fields.columns["field"][row])

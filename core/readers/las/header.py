@@ -22,7 +22,7 @@ MIN_SCALE: Final = 1e-12
 COMPRESSED_BIT: Final = 0x80
 FIRST_YEAR: Final = 1990
 
-_HEADER: Final = struct.Struct("<4sHH16xBB32s32sHHHIIBHI5I12d")
+_LAS_HEADER: Final = struct.Struct("<4sHH16xBB32s32sHHHIIBHI5I12d")
 _LAS14_COUNTS: Final = struct.Struct("<QIQ15Q")
 """From byte 235: start and number of extended records, points, points by return."""
 
@@ -162,7 +162,7 @@ def _checked_head(path: Path, data: bytes, size_bytes: int) -> tuple[Any, ...]:
     least = HEADER_BYTES.get(data[25], 375) if len(data) > 25 else 227
     if len(data) < least:
         raise InputError("header-cut", path=path, size_bytes=size_bytes, least=least)
-    head = _HEADER.unpack_from(data)
+    head = _LAS_HEADER.unpack_from(data)
     major, version = head[3:5]
     if (major, version) not in {(1, minor) for minor in HEADER_BYTES}:
         raise InputError("las-version", path=path, major=major, version=version)

@@ -41,13 +41,13 @@ _NUMBER = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _BETWEEN = rb"[ \t,;]+"
 _CALENDAR = rb"\d{4}/\d\d?/\d\d?" + _BETWEEN + rb"\d\d?:\d\d?:\d\d?(?:\.\d*)?"
 _WEEK = rb"\d{1,4}" + _BETWEEN + rb"\d{1,6}(?:\.\d*)?"
-_VALUES = rb"((?:" + _BETWEEN + _NUMBER + rb"){5,40})[ \t,;\r]*"
+_NUMBER_ROW = rb"((?:" + _BETWEEN + _NUMBER + rb"){5,40})[ \t,;\r]*"
 _ROW_PATTERNS: Final = {
-    6: re.compile(rb"[ \t]*" + _CALENDAR + _VALUES),
-    2: re.compile(rb"[ \t]*" + _WEEK + _VALUES),
+    6: re.compile(rb"[ \t]*" + _CALENDAR + _NUMBER_ROW),
+    2: re.compile(rb"[ \t]*" + _WEEK + _NUMBER_ROW),
 }
 """Pattern of a row by the number of values of its time: year to second, or week and second of the week."""
-_SEPARATORS: Final = bytes.maketrans(b"/:,;\t\r", b"      ")
+_SPACES_FOR: Final = bytes.maketrans(b"/:,;\t\r", b"      ")
 
 
 class PosForm(Enum):
@@ -144,7 +144,7 @@ class PosRows:
                 if len(text) <= MAX_ROW_BYTES and not self.style:
                     self.style = next((style for style, row in _ROW_PATTERNS.items() if row.fullmatch(text)), 0)
                 if len(text) <= MAX_ROW_BYTES and self.style and _ROW_PATTERNS[self.style].fullmatch(text):
-                    rows.append(text.translate(_SEPARATORS))
+                    rows.append(text.translate(_SPACES_FOR))
                     numbers.append(number)
                 else:
                     self.damaged += 1

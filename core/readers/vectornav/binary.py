@@ -39,8 +39,8 @@ SIZES: Final = (
 _TIME_GPS: Final = (((0, 1), 0), ((1, 1), 0))
 _GPS_TOW: Final = (1, 2)
 _GPS_WEEK: Final = (1, 3)
-_RATES: Final = (((2, 3), 0), ((0, 9), 12), ((2, 10), 0), ((0, 5), 0))
-_FORCES: Final = (((2, 2), 0), ((0, 9), 0), ((2, 9), 0), ((0, 8), 0))
+_RATE_FIELDS: Final = (((2, 3), 0), ((0, 9), 12), ((2, 10), 0), ((0, 5), 0))
+_FORCE_FIELDS: Final = (((2, 2), 0), ((0, 9), 0), ((2, 9), 0), ((0, 8), 0))
 """Angular rate and specific force: (group, field), and the offset in it. Those of the calibrated sensors come first;
 the others are less the biases that the device's own filter estimates, which jump."""
 _YAW_PITCH_ROLL: Final = (((0, 3), 0), ((4, 1), 0))
@@ -67,7 +67,7 @@ class BinaryLayout:
     @property
     def is_inertial(self) -> bool:
         """Whether the messages hold angular rate and specific force."""
-        return self.find(_RATES) is not None and self.find(_FORCES) is not None
+        return self.find(_RATE_FIELDS) is not None and self.find(_FORCE_FIELDS) is not None
 
 
 def layout_at(data: bytes, at: int) -> BinaryLayout | None:
@@ -140,7 +140,7 @@ class BinaryMessages:
             gps_s = np.where(week > 0, WEEK_S * week + 1e-9 * column(layout.offset[_GPS_TOW], "<u8", 1)[:, 0], 0.0)
         known = (gps_s > GPS_TIMES_S[0]) & (gps_s < GPS_TIMES_S[1])
         rows[known, 0] = gps_to_utc_s(gps_s[known])
-        rate, force, angles = layout.find(_RATES), layout.find(_FORCES), layout.find(_YAW_PITCH_ROLL)
+        rate, force, angles = layout.find(_RATE_FIELDS), layout.find(_FORCE_FIELDS), layout.find(_YAW_PITCH_ROLL)
         if rate is not None and force is not None:
             rows[:, 1:4] = column(rate, "<f4", 3)
             rows[:, 4:7] = column(force, "<f4", 3)

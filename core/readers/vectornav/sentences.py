@@ -20,7 +20,7 @@ from furrowmap.core.readers.messages import MESSAGE_CHUNK_BYTES, MessageCounts
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.clock import WEEK_S
 
-_SENTENCE: Final = re.compile(rb"([^$\r\n]{0,64})\$(VN[A-Z]{3}),([^*$\r\n]{1,400})\*([0-9A-Fa-fX]{2,4})")
+_VN_SENTENCE: Final = re.compile(rb"([^$\r\n]{0,64})\$(VN[A-Z]{3}),([^*$\r\n]{1,400})\*([0-9A-Fa-fX]{2,4})")
 MEASURED_FIELDS: Final = {b"VNIMU": (6, 3, 11), b"VNYMR": (9, 6, 12), b"VNMAR": (6, 3, 9)}
 """First fields of angular rate and specific force, and the number of fields."""
 TIMED_FIELDS: Final = {b"VNINS": 15, b"VNGPS": 15}
@@ -45,7 +45,7 @@ class AsciiSentences:
     def scan(self, data: bytes, base: int = 0, last: bool = True) -> int:  # noqa: ARG002
         """Find the sentences in a piece of a stream; see :func:`~furrowmap.core.readers.messages.scan_stream`."""
         end = len(data) if last or len(data) >= 2 * MESSAGE_CHUNK_BYTES else data.rfind(b"\n") + 1
-        for before, kind, body, checksum in _SENTENCE.findall(data[:end]):
+        for before, kind, body, checksum in _VN_SENTENCE.findall(data[:end]):
             values = _fields(kind, body, checksum)
             if values is None:
                 self.counts.bad += 1

@@ -8,7 +8,7 @@ import zipfile
 from xml.etree import ElementTree as ET
 
 from furrowmap.core.runtime.settings import using
-from furrowmap.exporters.farm.project import CLOUDS, POINT_CLOUD, background_layer, layer_title, project_archive
+from furrowmap.exporters.farm.project import CLOUDS, POINT_CLOUD_WORDS, background_layer, layer_title, project_archive
 from furrowmap.exporters.files.qgis_project import ProjectLayer
 from tests.exporters.farm.result_folders import JAPAN
 
@@ -20,7 +20,7 @@ def project(language: str) -> ET.Element:
     noon = dt.datetime(2026, 6, 11, 12, tzinfo=dt.UTC)
     with using(language=language):
         layers = [ProjectLayer(name, "Polygon", name, "ogr", None, layer_title(name)) for name in NAMES]
-        layers.append(ProjectLayer(CLOUDS, POINT_CLOUD, "./farm_clouds.vpc", "vpc", None, "Point clouds"))
+        layers.append(ProjectLayer(CLOUDS, POINT_CLOUD_WORDS, "./farm_clouds.vpc", "vpc", None, "Point clouds"))
         layers.append(background_layer(JAPAN, BOUNDS))
         archive = project_archive(layers, JAPAN, BOUNDS, (noon, noon))
     with zipfile.ZipFile(io.BytesIO(archive)) as file:

@@ -16,7 +16,7 @@ import geopandas as gpd
 import pytest
 from shapely import Point
 
-from furrowmap.cli.export import EXPORT_FORMATS
+from furrowmap.cli.export import FORMAT_CHOICES
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -206,7 +206,7 @@ def test_drop__of_many_drives_runs_one_after_another_with_the_state_of_each(seen
 
 
 def test_result__is_exported_and_added_to_a_farm_map_from_the_dock(seen: dict[str, Any]) -> None:
-    assert seen["formats"] == list(EXPORT_FORMATS)
+    assert seen["formats"] == list(FORMAT_CHOICES)
     assert {"passes.geojson", "trajectory.geojson"} <= set(seen["exported"])
     remembered, layers = seen["farm"]
     assert remembered
