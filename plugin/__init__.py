@@ -5,8 +5,10 @@ Inside QGIS this folder is called `furrowmap`, like the import package. It impor
 `furrowmap worker` in a Python environment outside QGIS and talks to it.
 """
 
+from typing import Any
 
-def classFactory(iface):  # noqa: N802 - the name is QGIS's
+
+def classFactory(iface: Any) -> Any:  # noqa: N802 - the name is QGIS's
     """The plugin, for QGIS's plugin manager."""
     from .entry import FurrowmapPlugin
 

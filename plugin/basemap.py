@@ -1,43 +1,46 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The background map with its attribution. There is none by default, since most come over the network."""
 
+from __future__ import annotations
+
 import html
 import re
 import sqlite3
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
-from qgis.core import QgsProject, QgsRasterLayer, QgsSettings
+from qgis.core import QgsMapLayer, QgsProject, QgsRasterLayer, QgsSettings
+from qgis.gui import QgsMapCanvas
 from qgis.PyQt.QtCore import QCoreApplication, QEvent, QObject, Qt
 from qgis.PyQt.QtWidgets import QLabel
+
+from .map_service import ServiceLayer
 
 tr = partial(QCoreApplication.translate, "BaseMap")
 
 CHOICE_KEY, OWN_KEY = "furrowmap/basemap", "furrowmap/basemapOwn"
 OWN_ATTRIBUTION_KEY = "furrowmap/basemapOwnAttribution"
-KEYS = (CHOICE_KEY, OWN_KEY, OWN_ATTRIBUTION_KEY)
-NONE, OWN = "none", "own"
-PROPERTY = "furrowmap/basemap"
+NO_BASE_MAP, OWN_BASE_MAP = "none", "own"
+BASE_MAP_PROPERTY = "furrowmap/basemap"
 """Property of a layer: the key of the base map."""
 ATTRIBUTION_PROPERTY = "furrowmap/attribution"
 PROBE_PROPERTY = "furrowmap/probe"
 """Property of a layer: an address whose host answers if the map can be reached."""
-ADDRESSES = ("http://", "https://", "file://")
 
 
 @dataclass(frozen=True)
 class BaseMap:
-    """Tiles that may be used with attribution.
+    """Tiles, which have to be shown with their attribution.
 
     Attributes:
         key: in the settings and in projects.
         name: of the layer.
         url: of a tile.
         zmax: the finest level there is.
-        attribution: that has to be shown.
     """
 
     key: str
@@ -47,75 +50,67 @@ class BaseMap:
     attribution: str
 
 
-def base_maps():
+def base_maps() -> tuple[BaseMap, ...]:
     """The base maps on offer."""
     gsi = tr("Geospatial Information Authority of Japan (GSI) tiles")
     host = "https://cyberjapandata.gsi.go.jp/xyz"
+    osm, osm_tiles = tr("© OpenStreetMap contributors"), "https://tile.openstreetmap.org/{z}/{x}/{y}.png"
     return (
-        BaseMap(
-            "osm",
-            "OpenStreetMap",
-            "https://tile.openstreetmap.org/{z}/{x}/{y}.png",
-            19,
-            tr("© OpenStreetMap contributors"),
-        ),
+        BaseMap("osm", "OpenStreetMap", osm_tiles, 19, osm),
         BaseMap("gsi-standard", tr("GSI standard map"), f"{host}/std/{{z}}/{{x}}/{{y}}.png", 18, gsi),
         BaseMap("gsi-photo", tr("GSI aerial photo"), f"{host}/seamlessphoto/{{z}}/{{x}}/{{y}}.jpg", 18, gsi),
     )
 
 
-def show_base_map(layer, key, project=None):
+def show_base_map(layer: QgsMapLayer | None, key: str, project: QgsProject | None = None) -> None:
     """Put a base map below all layers, in place of the one before.
 
     Args:
         layer: of :func:`known_layer`, :func:`own_layer` or :func:`service_layer`; None for no base map.
-        key: of :func:`base_maps`, :data:`OWN` or :data:`NONE`.
+        key: of :func:`base_maps`, :data:`OWN_BASE_MAP` or :data:`NO_BASE_MAP`.
         project: the current one by default.
     """
     project = QgsProject.instance() if project is None else project
     for old in base_map_layers(project):
         project.removeMapLayer(old.id())
     if layer is not None:
-        layer.setCustomProperty(PROPERTY, key)
+        layer.setCustomProperty(BASE_MAP_PROPERTY, key)
         project.addMapLayer(layer, addToLegend=False)
         project.layerTreeRoot().addLayer(layer).setExpanded(False)  # the last is the lowest
 
 
-def base_map_layers(project):
+def base_map_layers(project: QgsProject) -> list[QgsMapLayer]:
     """The base maps in a project."""
-    return [layer for layer in project.mapLayers().values() if layer.customProperty(PROPERTY)]
+    return [layer for layer in project.mapLayers().values() if layer.customProperty(BASE_MAP_PROPERTY)]
 
 
-def attribution_of(layers):
+def attribution_of(layers: Sequence[QgsMapLayer]) -> str:
     """The attribution of these layers."""
     texts = [layer.customProperty(ATTRIBUTION_PROPERTY) for layer in layers]
     return " · ".join(dict.fromkeys(text for text in texts if text))
 
 
-def remember(key, own, attribution):
+def remember(key: str, own: str, attribution: str) -> None:
     """Store the choice for the next project."""
     QgsSettings().setValue(CHOICE_KEY, key)
     QgsSettings().setValue(OWN_KEY, own)
     QgsSettings().setValue(OWN_ATTRIBUTION_KEY, attribution)
 
 
-def remembered():
-    """The stored choice, the user's own map and its attribution."""
-    return tuple(QgsSettings().value(key, NONE if key == CHOICE_KEY else "", str) for key in KEYS)
+def remembered() -> tuple[str, str]:
+    """The user's own map and its attribution, as stored."""
+    return QgsSettings().value(OWN_KEY, "", str), QgsSettings().value(OWN_ATTRIBUTION_KEY, "", str)
 
 
-def known_layer(key):
-    """The layer of one of :func:`base_maps`; None for :data:`NONE`."""
+def known_layer(key: str) -> QgsRasterLayer | None:
+    """The layer of one of :func:`base_maps`; None for :data:`NO_BASE_MAP`."""
     base = next((base for base in base_maps() if base.key == key), None)
     if base is None:
         return None
-    layer = QgsRasterLayer(_xyz(base.url, base.zmax), base.name, "wms")
-    layer.setCustomProperty(PROBE_PROPERTY, _first_tile(base.url))
-    _attribute(layer, base.attribution)
-    return layer
+    return _attributed(_tile_layer(base.url, base.zmax, base.name), base.attribution)
 
 
-def own_layer(own, attribution=""):
+def own_layer(own: str, attribution: str = "") -> QgsRasterLayer:
     """The layer of a map of the user: tiles by URL, or a file.
 
     Args:
@@ -129,24 +124,28 @@ def own_layer(own, attribution=""):
     tiles = own
     for name, short in (("{TileMatrix}", "{z}"), ("{TileRow}", "{y}"), ("{TileCol}", "{x}")):
         tiles = tiles.replace(name, short)
-    if tiles.startswith(ADDRESSES) and "{z}" in tiles and "{x}" in tiles:
-        layer = QgsRasterLayer(_xyz(tiles, 22), tr("Own base map"), "wms")
-        layer.setCustomProperty(PROBE_PROPERTY, _first_tile(tiles))
+    if tiles.startswith(("http://", "https://", "file://")) and "{z}" in tiles and "{x}" in tiles:
+        layer = _tile_layer(tiles, 22, tr("Own base map"))
     elif own.lower().endswith(".mbtiles") and Path(own).is_file():
-        stated = _mbtiles_metadata(own)
+        try:
+            with closing(sqlite3.connect(f"{Path(own).resolve().as_uri()}?mode=ro", uri=True)) as database:
+                stated = {str(name): str(value) for name, value in database.execute("select name, value from metadata")}
+        except sqlite3.Error:
+            stated = {}
         if stated.get("format") == "pbf":
             raise ValueError(
                 tr("{file} has vector tiles. Only raster tiles can be the base map.").format(file=Path(own).name)
             )
         attribution = attribution or re.sub("<[^>]*>", "", stated.get("attribution", ""))
-        layer = QgsRasterLayer(
-            f"type=mbtiles&url={quote(Path(own).resolve().as_uri(), safe='')}", Path(own).stem, "wms"
-        )
+        address = quote(Path(own).resolve().as_uri(), safe="")
+        layer = QgsRasterLayer(f"type=mbtiles&url={address}", Path(own).stem, "wms")
     elif own and Path(own).is_file():
         layer = QgsRasterLayer(own, Path(own).stem, "gdal")
         if layer.isValid() and not layer.crs().isValid():
             raise ValueError(tr("{file} states no CRS. Assign one in QGIS first.").format(file=Path(own).name))
-        attribution = attribution or (_copyright(layer) if layer.isValid() else "")
+        if layer.isValid() and not attribution:
+            copyright_tag = re.search(r"TIFFTAG_COPYRIGHT\s*=\s*([^<]+)", layer.dataProvider().htmlMetadata())
+            attribution = html.unescape(copyright_tag[1]).strip() if copyright_tag else ""
     else:
         layer = None
     if layer is None or not layer.isValid():
@@ -156,58 +155,40 @@ def own_layer(own, attribution=""):
                 "file: MBTiles, GeoTIFF or another raster."
             ).format(own=own)
         )
-    _attribute(layer, attribution)
-    return layer
+    return _attributed(layer, attribution)
 
 
-def is_service(own):
+def is_service(own: str) -> bool:
     """Whether a map of the user is the address of a WMS or WMTS."""
     return own.strip().startswith(("http://", "https://")) and "{" not in own
 
 
-def service_layer(offered, attribution=""):
+def service_layer(offered: ServiceLayer, attribution: str = "") -> QgsRasterLayer:
     """The layer of a :class:`.map_service.ServiceLayer`; its attribution is that of the service unless one is given."""
     layer = QgsRasterLayer(offered.source, offered.title, "wms")
-    _attribute(layer, attribution or offered.attribution)
+    return _attributed(layer, attribution or offered.attribution)
+
+
+def _tile_layer(url: str, zmax: int, name: str) -> QgsRasterLayer:
+    layer = QgsRasterLayer(f"type=xyz&url={quote(url, safe='')}&zmin=0&zmax={zmax}", name, "wms")
+    for mark in ("{z}", "{x}", "{y}", "{-y}", "{q}"):  # the tile of the whole earth
+        url = url.replace(mark, "0")
+    layer.setCustomProperty(PROBE_PROPERTY, "" if url.startswith("file:") else url)
     return layer
 
 
-def _first_tile(url):
-    """The address of the tile of the whole earth, to try whether the host answers; "" for files."""
-    for mark in ("{z}", "{x}", "{y}", "{-y}", "{q}"):
-        url = url.replace(mark, "0")
-    return "" if url.startswith("file:") else url
-
-
-def _mbtiles_metadata(path):
-    try:
-        with closing(sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro", uri=True)) as database:
-            return {str(name): str(value) for name, value in database.execute("select name, value from metadata")}
-    except sqlite3.Error:
-        return {}
-
-
-def _copyright(layer):
-    """The copyright in a raster's tags."""
-    found = re.search(r"TIFFTAG_COPYRIGHT\s*=\s*([^<]+)", layer.dataProvider().htmlMetadata())
-    return html.unescape(found[1]).strip() if found else ""
-
-
-def _attribute(layer, text):
+def _attributed(layer: QgsRasterLayer, text: str) -> QgsRasterLayer:
     layer.setCustomProperty(ATTRIBUTION_PROPERTY, text)
     metadata = layer.metadata()
     metadata.setRights([text] if text else [])
     layer.setMetadata(metadata)
-
-
-def _xyz(url, zmax):
-    return f"type=xyz&url={quote(url, safe='')}&zmin=0&zmax={zmax}"
+    return layer
 
 
 class AttributionLabel(QObject):
     """The attribution in the canvas's corner, if a visible layer needs it."""
 
-    def __init__(self, canvas):
+    def __init__(self, canvas: QgsMapCanvas) -> None:
         super().__init__(canvas)
         self._canvas = canvas
         self.label = QLabel(canvas, objectName="furrowmapAttribution")
@@ -217,7 +198,7 @@ class AttributionLabel(QObject):
         canvas.layersChanged.connect(self.refresh)
         self.refresh()
 
-    def refresh(self):
+    def refresh(self) -> None:
         """Show the attribution of the present layers."""
         text = attribution_of(self._canvas.layers())
         self.label.setText(text)
@@ -225,14 +206,14 @@ class AttributionLabel(QObject):
         self.label.move(self._canvas.width() - self.label.width() - 2, self._canvas.height() - self.label.height() - 2)
         self.label.setVisible(bool(text))
 
-    def remove(self):
+    def remove(self) -> None:
         """Remove it from the canvas."""
         self._canvas.layersChanged.disconnect(self.refresh)
         self._canvas.removeEventFilter(self)
         self.label.deleteLater()
         self.deleteLater()
 
-    def eventFilter(self, watched, event):  # noqa: N802, ARG002 - the name is Qt's
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:  # noqa: N802, ARG002 - the name is Qt's
         """Stay in the corner."""
         if event.type() == QEvent.Type.Resize:
             self.refresh()

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """What the plugin registers in QGIS and removes again: algorithms, dock, locator filter, options page."""
 
+from __future__ import annotations
+
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from qgis.core import QgsApplication
 from qgis.PyQt.QtCore import QCoreApplication, Qt
@@ -18,27 +21,23 @@ tr = partial(QCoreApplication.translate, "FurrowmapPlugin")
 class FurrowmapPlugin:
     """The plugin: :meth:`unload` removes everything that :meth:`initGui` registered."""
 
-    def __init__(self, iface):
-        self.iface = iface  # None in qgis_process, which has no window
-        self.action = None
-        self.attribution = None
-        self.dock = None
-        self.drops = None
-        self.locator = None
-        self.options = None
-        self.provider = None
+    dock: Any = None
+
+    def __init__(self, iface: Any) -> None:
+        self.iface = iface  # a QgisInterface; None in qgis_process, which has no window
+        self.provider: FurrowmapProvider | None = None
         self.translator = install_translator()
 
-    def initProcessing(self):  # noqa: N802 - the names are QGIS's
+    def initProcessing(self) -> None:  # noqa: N802 - the names are QGIS's
         """Add the algorithms; qgis_process calls nothing else."""
         self.provider = FurrowmapProvider()
         QgsApplication.processingRegistry().addProvider(self.provider)
 
-    def initGui(self):  # noqa: N802
+    def initGui(self) -> None:  # noqa: N802
         """Register the algorithms, the dock with its menu entry and toolbar button, and the rest."""
         from .basemap import AttributionLabel
-        from .dock.canvas_drop import ResultsDropHandler
         from .dock.dock import FurrowmapDock
+        from .dock.dropped import ResultsDropHandler
         from .locator import PassLocator
         from .options_page import OptionsFactory
 
@@ -59,7 +58,7 @@ class FurrowmapPlugin:
         self.options = OptionsFactory()
         self.iface.registerOptionsWidgetFactory(self.options)
 
-    def unload(self):
+    def unload(self) -> None:
         """Remove everything; running tasks are cancelled."""
         if self.dock is not None:
             self.iface.unregisterOptionsWidgetFactory(self.options)
@@ -72,7 +71,7 @@ class FurrowmapPlugin:
             self.dock.end()
             self.iface.removeDockWidget(self.dock)
             self.dock.deleteLater()
-        self.action = self.attribution = self.dock = self.drops = self.locator = self.options = None
+            del self.dock, self.action, self.attribution, self.drops, self.locator, self.options
         QgsApplication.processingRegistry().removeProvider(self.provider)
         self.provider = None
         if self.translator is not None:

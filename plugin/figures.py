@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The main figures of a report: areas worked, overlapped and missed, and the accuracy."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from functools import partial
 from html import escape
+from typing import Any
 
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 tr = partial(QCoreApplication.translate, "Figures")
 
-_CONDITIONS = ("unstated", "unconfirmed")
 
-
-def figure_rows(report):
+def figure_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     """Pairs of a label and a value with its unit, from a report."""
-    figures = report.get("figures") if isinstance(report.get("figures"), dict) else {}
-    accuracy = report.get("accuracy") if isinstance(report.get("accuracy"), dict) else {}
+    figures, accuracy = object_in(report, "figures"), object_in(report, "accuracy")
     rows = [
         (tr("Start"), _local_time(figures)),
         (tr("Worked"), _area(figures, "worked_area_m2", "worked_area_sigma_m2")),
@@ -36,7 +37,13 @@ def figure_rows(report):
     return [(label, str(value)) for label, value in rows if value]
 
 
-def figures_html(report):
+def object_in(report: dict[str, Any], key: str) -> dict[str, Any]:
+    """A table of a report; empty if there is none."""
+    value = report.get(key)
+    return value if isinstance(value, dict) else {}
+
+
+def figures_html(report: dict[str, Any]) -> str:
     """The same as the rows of a table in HTML."""
     return "".join(
         f"<tr><td>{escape(label)}&nbsp;&nbsp;</td><td><b>{escape(value)}</b></td></tr>"
@@ -44,7 +51,7 @@ def figures_html(report):
     )
 
 
-def _local_time(figures):
+def _local_time(figures: dict[str, Any]) -> str | None:
     """The field's local time with its zone; UTC where a report has no other."""
     zone = figures.get("time_zone")
     text = str(figures.get("start_local" if zone else "start"))
@@ -52,7 +59,7 @@ def _local_time(figures):
     return f"{moment.toString('yyyy-MM-dd HH:mm')} ({zone or 'UTC'})" if moment.isValid() else None
 
 
-def _fixes(shares):
+def _fixes(shares: Any) -> str | None:
     """How much of the time the receiver had each quality of position, the most frequent first."""
     if not isinstance(shares, dict):
         return None
@@ -68,23 +75,23 @@ def _fixes(shares):
     return ", ".join(f"{words.get(fix, tr('other'))} {_percent(share)}" for share, fix in known)
 
 
-def _percent(share):
+def _percent(share: float) -> str:
     """A share that is neither rounded up to all nor down to nothing."""
     if 0.0 < share < 0.001:
         return "< 0.1 %"
     return "> 99.9 %" if 0.999 < share < 1.0 else f"{100.0 * share:.{0 if share in (0.0, 1.0) else 1}f} %"
 
 
-def _number(value, form):
+def _number(value: Any, form: str) -> str | None:
     return form.format(value) if isinstance(value, (int, float)) else None
 
 
-def _path_length(metres):
+def _path_length(metres: Any) -> str | None:
     """A length in metres, above ten kilometres in kilometres."""
     return _number(metres, "{:,.0f} m") if not metres or metres < 1e4 else f"{metres / 1e3:,.1f} km"
 
 
-def _duration(seconds):
+def _duration(seconds: Any) -> str | None:
     """Seconds, above ten minutes hours and minutes."""
     if not isinstance(seconds, (int, float)) or seconds < 600:
         return _number(seconds, "{:,.0f} s")
@@ -92,7 +99,7 @@ def _duration(seconds):
     return f"{hours} h {minutes:02d} min"
 
 
-def _area(figures, key, sigma_key):
+def _area(figures: dict[str, Any], key: str, sigma_key: str) -> str | None:
     """An area in m², above a hectare in hectares, with twice its standard error."""
     area, sigma = figures.get(key), figures.get(sigma_key)
     if not isinstance(area, (int, float)):
@@ -102,27 +109,29 @@ def _area(figures, key, sigma_key):
     return f"{form.format(area * factor)}{spread} {unit}"
 
 
-def _field(figures):
+def _field(figures: dict[str, Any]) -> str | None:
     """Area of the field, and how much of it was worked."""
-    area, share = _area(figures, "field_area_m2", None), figures.get("worked_share")
+    area, share = _area(figures, "field_area_m2", ""), figures.get("worked_share")
     if area is None or not isinstance(share, (int, float)):
         return area
     return tr("{area}, {share:.0f} % of it worked").format(area=area, share=100.0 * share)
 
 
-def _conditions(accuracy):
+def _conditions(accuracy: dict[str, Any]) -> str | None:
     """Why no accuracy is stated, or what the stated one rests on."""
-    missing, unsure = (accuracy.get(key) if isinstance(accuracy.get(key), list) else [] for key in _CONDITIONS)
-    if missing:
-        return tr("unknown, because the session leaves out {keys}").format(keys=", ".join(map(str, missing)))
-    if unsure:
-        return tr("if {keys} is right, which the recording does not show").format(keys=", ".join(map(str, unsure)))
+    for key, text in (
+        ("unstated", tr("unknown, because the session leaves out {keys}")),
+        ("unconfirmed", tr("if {keys} is right, which the recording does not show")),
+    ):
+        keys = accuracy.get(key)
+        if keys and isinstance(keys, list):
+            return text.format(keys=", ".join(map(str, keys)))
     return None
 
 
-def _sigma(accuracy, keys, factor, form):
+def _sigma(accuracy: dict[str, Any], keys: Sequence[str], factor: float, form: str) -> str | None:
     """The median of a standard deviation; of several components the length of their vector."""
-    medians = [(accuracy.get(key) or {}).get("median") for key in keys]
+    medians: list[Any] = [(accuracy.get(key) or {}).get("median") for key in keys]
     if not all(isinstance(value, (int, float)) for value in medians):
         return None
     return form.format(factor * sum(value * value for value in medians) ** 0.5)

@@ -7,13 +7,17 @@ built in another folder, tested and renamed, so a failure changes nothing. QGIS'
 installed into that. The functions block: call them in a task's thread.
 """
 
+from __future__ import annotations
+
 import configparser
 import json
 import re
 import shutil
 import sys
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from qgis.PyQt.QtCore import QCoreApplication
 
@@ -29,17 +33,19 @@ LOCKED = Path(__file__).with_name("locked_packages.txt")
 """Not named requirements.txt: there are plugins that install such a file into QGIS's Python."""
 _ASKED = f"import ensurepip, sys, venv; print({OLDEST_PYTHON} <= sys.version_info[:2] <= {NEWEST_PYTHON})"
 _OFFLINE = re.compile("NewConnectionError|NameResolutionError|ConnectTimeout|ProxyError|SSLError|Retrying")
+OnLine = Callable[[str], None]
+IsCancelled = Callable[[], bool]
 
 
 class InstallError(Exception):
     """No environment was created; one that existed is unchanged. Three lines for the user."""
 
-    def __init__(self, what, remedy):
+    def __init__(self, what: str, remedy: str) -> None:
         self.lines = (what, tr("The environment was not created; an existing one is unchanged."), remedy)
         super().__init__("\n".join(self.lines))
 
 
-def create_environment(source, on_line, is_cancelled, folder=None):
+def create_environment(source: str, on_line: OnLine, is_cancelled: IsCancelled) -> dict[str, Any]:
     """Create the environment; an existing one is replaced after the new one has been tested.
 
     Args:
@@ -47,7 +53,6 @@ def create_environment(source, on_line, is_cancelled, folder=None):
             folder with the wheels of furrowmap and of all dependencies, for which the network is not used.
         on_line: is called with each line of the log.
         is_cancelled: is asked ten times a second.
-        folder: of the environment, by default the plugin's own.
 
     Returns:
         The versions in it, as `furrowmap --version --json` has them.
@@ -57,7 +62,7 @@ def create_environment(source, on_line, is_cancelled, folder=None):
         ProgramError: if the user cancelled it.
     """
     package, wheels = package_in(Path(source))
-    folder = folder or environment_folder()
+    folder = environment_folder()
     building = folder.with_name(f"{folder.name}.building")
     try:
         _delete(building)
@@ -81,7 +86,7 @@ def create_environment(source, on_line, is_cancelled, folder=None):
     return versions
 
 
-def package_in(source):
+def package_in(source: Path) -> tuple[Path, Path | None]:
     """What to install furrowmap from, and the folder of wheels if that has the dependencies as well.
 
     Raises:
@@ -90,9 +95,13 @@ def package_in(source):
     if source.suffix == ".whl" and source.name.startswith("furrowmap-") and source.is_file():
         return source, None
     checkout = source.parent if source.name == "pyproject.toml" else source
-    if _is_checkout(checkout):
+    try:
+        text = (checkout / "pyproject.toml").read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        text = ""
+    if re.search(r'^name = "furrowmap"$', text, re.MULTILINE):
         return checkout, None
-    wheel = next(iter(sorted(source.glob(f"furrowmap-{own_version()}-*.whl"))), None)
+    wheel = min(source.glob(f"furrowmap-{own_version()}-*.whl"), default=None)
     if wheel is None:
         raise InstallError(
             tr("{source} has no furrowmap {version}.").format(source=source, version=own_version()),
@@ -101,26 +110,17 @@ def package_in(source):
     return wheel, source
 
 
-def _is_checkout(folder):
-    try:
-        text = (folder / "pyproject.toml").read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return False
-    return re.search(r'^name = "furrowmap"$', text, re.MULTILINE) is not None
-
-
-def _reason(error, wheels):
+def _reason(error: Exception, wheels: Path | None) -> tuple[str, str]:
     """What went wrong and what to do about it, from the output of pip or of furrowmap."""
     lines = list(getattr(error, "output", ())) or str(error).splitlines()
     text = "\n".join(lines)
     log = tr("The log above has the details.")
     missing = re.search(r"No matching distribution found for (\S+)", text)
     if "DO NOT MATCH THE HASHES" in text:
-        package = re.search(r"^\s+(\S+==\S+)", text[text.index("DO NOT MATCH") :], re.MULTILINE)
+        found = re.search(r"^\s+(\S+==\S+)", text[text.index("DO NOT MATCH") :], re.MULTILINE)
+        package = found[1] if found else ""
         return (
-            tr("The checksum of {package} differs from the plugin's list.").format(
-                package=package[1] if package else ""
-            ),
+            tr("The checksum of {package} differs from the plugin's list.").format(package=package),
             tr("The file is damaged or not the original. Download the wheels again, or use another source."),
         )
     if not wheels and _OFFLINE.search(text):
@@ -136,9 +136,9 @@ def _reason(error, wheels):
     return tr("Installing failed: {reason}").format(reason=(errors or lines[-1:] or [""])[0]), log
 
 
-def remove_environment(folder=None):
+def remove_environment() -> None:
     """Remove the environment that the plugin created."""
-    folder = folder or environment_folder()
+    folder = environment_folder()
     if folder.exists():
         leaving = folder.with_name(f"{folder.name}.removed")
         _delete(leaving)
@@ -146,11 +146,8 @@ def remove_environment(folder=None):
         _delete(leaving)
 
 
-def check(program, on_line, is_cancelled):
-    """Start furrowmap twice: for its versions, and for the worker's hello.
-
-    Returns:
-        The versions.
+def check(program: Sequence[str], on_line: OnLine, is_cancelled: IsCancelled) -> dict[str, Any]:
+    """Start furrowmap twice: for its versions, which are returned, and for the worker's hello.
 
     Raises:
         ProgramError: if it does not answer.
@@ -158,7 +155,7 @@ def check(program, on_line, is_cancelled):
     """
     text = run_program([*program, "--version", "--json"], on_line, is_cancelled)
     try:
-        versions = json.loads(text)
+        versions: dict[str, Any] = json.loads(text)
         versions["furrowmap"]
     except (ValueError, KeyError, TypeError):
         raise ProgramError(tr("{program} is not furrowmap.").format(program=program[0])) from None
@@ -166,7 +163,7 @@ def check(program, on_line, is_cancelled):
     return versions
 
 
-def base_python(is_cancelled):
+def base_python(is_cancelled: IsCancelled) -> str:
     """A Python that can create environments: QGIS's own, else one on the search path.
 
     Raises:
@@ -179,7 +176,7 @@ def base_python(is_cancelled):
     candidates += [found for found in map(shutil.which, ("python3", "python")) if found]
     for candidate in dict.fromkeys(candidates):
         try:
-            if run_program([candidate, "-I", "-c", _ASKED], _ignore, is_cancelled).strip() == "True":
+            if run_program([candidate, "-I", "-c", _ASKED], lambda _line: None, is_cancelled).strip() == "True":
                 return candidate
         except ProgramError as error:
             if error.cancelled:
@@ -191,14 +188,14 @@ def base_python(is_cancelled):
     )
 
 
-def own_version():
+def own_version() -> str:
     """The plugin's version, which is furrowmap's."""
     metadata = configparser.ConfigParser(interpolation=None)
     metadata.read(Path(__file__).with_name("metadata.txt"), encoding="utf-8")
     return metadata["general"]["version"]
 
 
-def _replace(folder, building):
+def _replace(folder: Path, building: Path) -> None:
     """Rename the new environment to its final name; the old one comes back if that fails."""
     old = folder.with_name(f"{folder.name}.old")
     _delete(old)
@@ -213,10 +210,6 @@ def _replace(folder, building):
     _delete(old)
 
 
-def _delete(folder):
+def _delete(folder: Path) -> None:
     if folder.exists():
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _ignore(line):
-    """No log is wanted."""

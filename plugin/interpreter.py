@@ -5,6 +5,8 @@ The one that the user chose, else the one that installed this plugin, else the o
 the PATH.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import shutil
@@ -33,11 +35,11 @@ class Interpreter:
         origin: "chosen", "installed", "created" or "found".
     """
 
-    program: tuple
+    program: tuple[str, ...]
     origin: str
 
 
-def find_interpreter():
+def find_interpreter() -> Interpreter | None:
     """The furrowmap to use; None if there is none."""
     chosen = QgsSettings().value(CHOSEN_KEY, "", str)
     if chosen:
@@ -51,7 +53,7 @@ def find_interpreter():
     return Interpreter((found,), "found") if found else None
 
 
-def why(interpreter):
+def why(interpreter: Interpreter | None) -> str:
     """Why this furrowmap is used, for the user."""
     if interpreter is None:
         return tr("None found. Existing results can be opened; to run sessions, choose or create one.")
@@ -63,7 +65,7 @@ def why(interpreter):
     }[interpreter.origin]
 
 
-def installing_python():
+def installing_python() -> Path | None:
     """The interpreter whose `furrowmap qgis install` installed this plugin; None if none did or it is gone."""
     try:
         python = json.loads(Path(__file__).with_name(INSTALLED_BY).read_text(encoding="utf-8"))["python"]
@@ -72,7 +74,7 @@ def installing_python():
     return Path(python) if isinstance(python, str) and Path(python).is_file() else None
 
 
-def command_of(path):
+def command_of(path: Path) -> tuple[str, ...]:
     """The command for a path that is a Python interpreter, an environment's folder, or the furrowmap command."""
     if path.is_dir():
         path = python_in(path)
@@ -81,17 +83,17 @@ def command_of(path):
     return (str(path),)
 
 
-def environment_folder():
+def environment_folder() -> Path:
     """Folder of the plugin's own environment: per user, beside QGIS's profiles, never in QGIS's Python."""
     data = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.GenericDataLocation)
     return Path(data or QgsApplication.qgisSettingsDirPath()) / "furrowmap" / "environment"
 
 
-def python_in(folder):
+def python_in(folder: Path) -> Path:
     """The interpreter of an environment. It works after the folder is renamed; the scripts beside it do not."""
     return folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
 
 
-def is_usable(interpreter):
+def is_usable(interpreter: Interpreter | None) -> bool:
     """Whether its file exists and may be executed."""
     return interpreter is not None and os.access(interpreter.program[0], os.X_OK)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Legend labels in the user's language: of the categories in the products' styles, and of rasters."""
 
-from qgis.core import QgsCategorizedSymbolRenderer, QgsMapLayerLegendUtils
+from qgis.core import QgsCategorizedSymbolRenderer, QgsLayerTreeLayer, QgsMapLayerLegendUtils, QgsVectorLayer
 from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
 
-LABELS = (
+CATEGORY_LABELS = (
     QT_TRANSLATE_NOOP("Legends", "RTK fixed"),
     QT_TRANSLATE_NOOP("Legends", "RTK float"),
     QT_TRANSLATE_NOOP("Legends", "PPP"),
@@ -40,7 +40,7 @@ LABELS = (
     QT_TRANSLATE_NOOP("Legends", "unknown"),
 )
 """Labels of the categories in the styles of products."""
-BANDS = {
+BAND_LABELS = {
     "change": QT_TRANSLATE_NOOP("Legends", "Height change (m)"),
     "swaths": QT_TRANSLATE_NOOP("Legends", "Height difference of swaths (m)"),
     "dsm": QT_TRANSLATE_NOOP("Legends", "Relief after the work"),
@@ -50,7 +50,7 @@ BANDS = {
     "density": QT_TRANSLATE_NOOP("Legends", "Points a square metre"),
     "strip_overlap": QT_TRANSLATE_NOOP("Legends", "Number of strips"),
 }
-NAMES = {
+LAYER_NAMES = {
     "trajectory": QT_TRANSLATE_NOOP("Legends", "Positions of the vehicle"),
     "events": QT_TRANSLATE_NOOP("Legends", "Events of the drive"),
     "tool_path": QT_TRANSLATE_NOOP("Legends", "Cultivated path"),
@@ -84,24 +84,20 @@ NAMES = {
 """Names in the layer panel; the layers keep those of the products."""
 
 
-def name_node(node):
-    """Show a layer by a name for people in the layer panel.
-
-    Args:
-        node: of the layer in a tree.
-    """
+def name_node(node: QgsLayerTreeLayer) -> None:
+    """Show a layer under its title in the layer panel."""
     layer = node.layer().name()
-    if layer in NAMES:
+    if layer in LAYER_NAMES:
         node.setUseLayerName(False)
         node.setName(shown_name(layer))
 
 
-def shown_name(layer):
-    """The name for people of a layer of the products, in the panel and in legends."""
-    return QCoreApplication.translate("Legends", NAMES[layer]) if layer in NAMES else layer
+def shown_name(layer: str) -> str:
+    """The title of a product's layer in the panel and in legends; other layers keep their names."""
+    return QCoreApplication.translate("Legends", LAYER_NAMES[layer]) if layer in LAYER_NAMES else layer
 
 
-def translate_categories(layer):
+def translate_categories(layer: QgsVectorLayer) -> None:
     """Translate the categories of a vector layer."""
     renderer = layer.renderer()
     if isinstance(renderer, QgsCategorizedSymbolRenderer):
@@ -109,12 +105,11 @@ def translate_categories(layer):
             renderer.updateCategoryLabel(number, QCoreApplication.translate("Legends", category.label()))
 
 
-def label_band(node):
+def label_band(node: QgsLayerTreeLayer) -> None:
     """Label a raster's legend with what its colours mean, instead of the name of its band.
 
-    Args:
-        node: of a layer in a tree. Call this before the layer panel shows it, since that builds the legend at once.
+    Call this before the layer panel shows the node, since that builds the legend at once.
     """
-    label = BANDS.get(node.layer().name())
+    label = BAND_LABELS.get(node.layer().name())
     if label:
         QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, QCoreApplication.translate("Legends", label))

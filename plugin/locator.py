@@ -1,50 +1,58 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """'pass 12' in QGIS's locator bar shows that pass on the map."""
 
+from __future__ import annotations
+
 import re
 from functools import partial
+from typing import Any
 
-from qgis.core import QgsFeatureRequest, QgsLocatorFilter, QgsLocatorResult, QgsProject
+from qgis.core import (
+    QgsFeatureRequest,
+    QgsFeedback,
+    QgsLocatorContext,
+    QgsLocatorFilter,
+    QgsLocatorResult,
+    QgsProject,
+    QgsVectorLayer,
+)
+from qgis.gui import QgisInterface
 from qgis.PyQt.QtCore import QCoreApplication
 
 from .results import groups_of
 
 tr = partial(QCoreApplication.translate, "PassLocator")
 
-MOST_RESULTS = 50
+MAX_RESULTS = 50
 
 
 class PassLocator(QgsLocatorFilter):
-    """Finds passes of the open sessions by their number.
+    """Finds passes of the open sessions by their number."""
 
-    Args:
-        iface: QGIS's interface.
-    """
-
-    def __init__(self, iface):
+    def __init__(self, iface: QgisInterface) -> None:
         super().__init__()
         self._iface = iface
-        self._known = []
+        self._known: list[dict[str, Any]] = []
 
-    def clone(self):
+    def clone(self) -> PassLocator:
         """A copy for the locator's thread."""
         return PassLocator(self._iface)
 
-    def name(self):
+    def name(self) -> str:
         """The filter's id."""
         return "furrowmapPasses"
 
-    def displayName(self):  # noqa: N802 - the names are QGIS's
+    def displayName(self) -> str:  # noqa: N802 - the names are QGIS's
         """As the locator's settings show it."""
         return tr("furrowmap passes")
 
-    def prefix(self):
+    def prefix(self) -> str:
         """The prefix to type."""
         return "pass"
 
-    def prepare(self, string, context):  # noqa: ARG002
+    def prepare(self, string: str, context: QgsLocatorContext) -> list[str]:  # noqa: ARG002
         """In the main thread, to which layers belong: collect the passes."""
-        if self._number(string) is None and string.strip():
+        if _typed_number(string) is None:
             return []
         for group in groups_of(QgsProject.instance()):
             for node in group.findLayers():
@@ -53,14 +61,18 @@ class PassLocator(QgsLocatorFilter):
                     self._known += _passes(group.name(), layer)
         return []
 
-    def fetchResults(self, string, context, feedback):  # noqa: N802, ARG002
+    def fetchResults(  # noqa: N802
+        self,
+        string: str,
+        context: QgsLocatorContext,  # noqa: ARG002
+        feedback: QgsFeedback,
+    ) -> None:
         """In the locator's thread: return passes whose number begins with the one typed."""
-        number = self._number(string)
-        if number is None and string.strip():
+        typed = _typed_number(string)
+        if typed is None:
             return
-        typed = "" if number is None else str(number)
         found = [entry for entry in self._known if str(entry["pass"]).startswith(typed)]
-        for entry in sorted(found, key=lambda e: (len(str(e["pass"])), e["pass"]))[:MOST_RESULTS]:
+        for entry in sorted(found, key=lambda e: (len(str(e["pass"])), e["pass"]))[:MAX_RESULTS]:
             if feedback.isCanceled():
                 return
             result = QgsLocatorResult(self, tr("Pass {number}").format(number=entry["pass"]), entry)
@@ -68,7 +80,7 @@ class PassLocator(QgsLocatorFilter):
             result.score = 1.0 if str(entry["pass"]) == typed else 0.5
             self.resultFetched.emit(result)
 
-    def triggerResult(self, result):  # noqa: N802
+    def triggerResult(self, result: QgsLocatorResult) -> None:  # noqa: N802
         """Show the pass on the map."""
         data = result.getUserData() if hasattr(result, "getUserData") else result.userData
         layer = QgsProject.instance().mapLayer(data["layer"])
@@ -77,14 +89,16 @@ class PassLocator(QgsLocatorFilter):
             canvas.zoomToFeatureIds(layer, [data["feature"]])
             canvas.flashFeatureIds(layer, [data["feature"]])
 
-    @staticmethod
-    def _number(string):
-        """The number typed, with or without the prefix."""
-        found = re.fullmatch(r"\s*(?:pass\s+)?(\d+)\s*", string, re.IGNORECASE)
-        return None if found is None else int(found[1])
+
+def _typed_number(string: str) -> str | None:
+    """The number typed, with or without the prefix; "" for an empty text, None for another."""
+    found = re.fullmatch(r"\s*(?:pass\s+)?(\d+)\s*", string, re.IGNORECASE)
+    if found:
+        return str(int(found[1]))
+    return None if string.strip() else ""
 
 
-def _passes(session, layer):
+def _passes(session: str, layer: QgsVectorLayer) -> list[dict[str, Any]]:
     """The passes of a layer as plain values, for the locator's thread."""
     request = QgsFeatureRequest().setFlags(QgsFeatureRequest.Flag.NoGeometry)
     fields = layer.fields()

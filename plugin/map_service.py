@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Map services: what the capabilities of a WMS or a WMTS offer as background. Imports nothing of QGIS."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit, urlunsplit
 from xml.etree import ElementTree as ET
 from xml.parsers import expat
 
-WEB_MERCATOR = "EPSG:3857"
+FALLBACK_CRS = "EPSG:3857"
 PREFERRED_FORMATS = ("image/png", "image/jpeg")
 REQUEST_KEYS = {"service", "request", "version", "layers", "styles", "crs", "srs", "bbox", "width", "height", "format"}
 """Of a query: what a request says itself. Others, such as a key of the user, belong to the service."""
@@ -30,7 +34,7 @@ class ServiceLayer:
     source: str
 
 
-def capabilities_url(url):
+def capabilities_url(url: str) -> str:
     """The address of a service's capabilities, from it or from the address of the service."""
     parts = urlsplit(url)
     query = parse_qsl(parts.query, keep_blank_values=True)
@@ -42,16 +46,13 @@ def capabilities_url(url):
     return urlunsplit(parts._replace(query=urlencode([*kept, ("SERVICE", service), ("REQUEST", "GetCapabilities")])))
 
 
-def service_layers(text, url, wanted_crs=""):
-    """The layers of a service.
+def service_layers(text: str, url: str, wanted_crs: str = "") -> list[ServiceLayer]:
+    """The layers of a service, in its order.
 
     Args:
         text: of its capabilities.
         url: that the user gave; its LAYERS, if any, choose.
         wanted_crs: in which maps are asked for if the service has it, else Web Mercator, else the service's first.
-
-    Returns:
-        :class:`ServiceLayer` each, in the service's order.
 
     Raises:
         ValueError: if these are no capabilities.
@@ -66,7 +67,7 @@ def service_layers(text, url, wanted_crs=""):
     return [layer for layer in layers if not names or layer.name in names]
 
 
-def _parsed(text):
+def _parsed(text: str) -> ET.Element:
     """The elements of a text without entities of its own, by which a hostile one could grow."""
     builder, parser = ET.TreeBuilder(), expat.ParserCreate("utf-8", "}")
     parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
@@ -78,24 +79,22 @@ def _parsed(text):
     return builder.close()
 
 
-def _refuse(name, *_):
+def _refuse(name: str, *_: object) -> NoReturn:
     raise ValueError(name)
 
 
-def _wms(root, url, wanted_crs):
+def _wms(root: ET.Element, url: str, wanted_crs: str) -> list[ServiceLayer]:
     capability = _child(root, "Capability")
-    formats = [node.text for node in _all(_path(capability, "Request", "GetMap"), "Format")]
-    service = _child(root, "Service")
-    terms = _text(service, "AccessConstraints")
+    formats = [node.text or "" for node in _all(_child(_child(capability, "Request"), "GetMap"), "Format")]
+    terms = _text(_child(root, "Service"), "AccessConstraints")
     parts = urlsplit(url)
     kept = [item for item in parse_qsl(parts.query, keep_blank_values=True) if item[0].lower() not in REQUEST_KEYS]
     base = urlunsplit(parts._replace(query=urlencode(kept)))
-    found = []
+    found: list[ServiceLayer] = []
 
-    def walk(node, codes, attribution):
-        codes = [
-            *codes,
-            *(code for key in ("CRS", "SRS") for each in _all(node, key) for code in (each.text or "").split()),
+    def walk(node: ET.Element, codes: list[str], attribution: str) -> None:
+        codes = codes + [
+            code for key in ("CRS", "SRS") for each in _all(node, key) for code in (each.text or "").split()
         ]
         attribution = _text(_child(node, "Attribution"), "Title") or attribution
         name = _text(node, "Name")
@@ -110,17 +109,15 @@ def _wms(root, url, wanted_crs):
     return found
 
 
-def _wmts(root, url, wanted_crs):
+def _wmts(root: ET.Element, url: str, wanted_crs: str) -> list[ServiceLayer]:
     contents = _child(root, "Contents")
     crs_of = {_text(node, "Identifier"): _code(_text(node, "SupportedCRS")) for node in _all(contents, "TileMatrixSet")}
     provider = _text(_child(root, "ServiceProvider"), "ProviderName")
     found = []
     for node in _all(contents, "Layer"):
         name = _text(node, "Identifier")
-        sets = {
-            crs_of.get(_text(link, "TileMatrixSet")): _text(link, "TileMatrixSet")
-            for link in _all(node, "TileMatrixSetLink")
-        }
+        matrix_sets = [_text(link, "TileMatrixSet") for link in _all(node, "TileMatrixSetLink")]
+        sets = {crs_of.get(each): each for each in matrix_sets}
         if not sets:
             continue
         styles = sorted(_all(node, "Style"), key=lambda style: style.get("isDefault") != "true")
@@ -128,46 +125,49 @@ def _wmts(root, url, wanted_crs):
         codes = [code for code in sets if code]
         source = {"layers": name, "styles": style, "tileMatrixSet": sets[_chosen(codes, wanted_crs)]}
         source["url"] = capabilities_url(url)
-        formats = [each.text for each in _all(node, "Format")]
+        formats = [each.text or "" for each in _all(node, "Format")]
         found.append(_layer(name, _text(node, "Title"), provider, codes, formats, wanted_crs, source))
     return found
 
 
-def _layer(name, title, attribution, codes, formats, wanted_crs, source):
+def _layer(
+    name: str,
+    title: str,
+    attribution: str,
+    codes: Sequence[str],
+    formats: Sequence[str],
+    wanted_crs: str,
+    source: dict[str, str],
+) -> ServiceLayer:
     offered = [known for known in PREFERRED_FORMATS if known in formats] or formats or list(PREFERRED_FORMATS)
     items = {"contextualWMSLegend": "0", "crs": _chosen(codes, wanted_crs), "format": offered[0], **source}
     text = "&".join(f"{key}={quote(value, safe='' if key == 'url' else ':/')}" for key, value in items.items())
     return ServiceLayer(name, title or name, attribution, text)
 
 
-def _chosen(codes, wanted_crs):
-    return next((code for code in (wanted_crs, WEB_MERCATOR) if code in codes), codes[0])
+def _chosen(codes: Sequence[str], wanted_crs: str) -> str:
+    return next((code for code in (wanted_crs, FALLBACK_CRS) if code in codes), codes[0])
 
 
-def _code(name):
+def _code(name: str) -> str:
     """A CRS as `EPSG:3857`, from that or from `urn:ogc:def:crs:EPSG::3857`."""
     parts = name.split(":")
     return f"{parts[-3]}:{parts[-1]}" if name.lower().startswith("urn:") and len(parts) > 3 else name
 
 
-def _tag(node):
+def _tag(node: ET.Element) -> str:
     return node.tag.rpartition("}")[2]
 
 
-def _all(node, name):
-    return [below for below in (node if node is not None else ()) if _tag(below) == name]
+def _all(node: ET.Element | None, name: str) -> list[ET.Element]:
+    children: Iterable[ET.Element] = () if node is None else node
+    return [below for below in children if _tag(below) == name]
 
 
-def _child(node, name):
+def _child(node: ET.Element | None, name: str) -> ET.Element | None:
     return next(iter(_all(node, name)), None)
 
 
-def _path(node, *names):
-    for name in names:
-        node = _child(node, name)
-    return node
-
-
-def _text(node, name):
+def _text(node: ET.Element | None, name: str) -> str:
     found = _child(node, name)
     return (found.text or "").strip() if found is not None else ""

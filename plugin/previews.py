@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Previews of sessions as layers: trajectory and coarse surface, in a group that the products of the run replace."""
 
+from __future__ import annotations
+
 import json
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
-from qgis.core import Qgis, QgsProject, QgsRasterLayer, QgsVectorLayer
+from qgis.core import Qgis, QgsMapLayer, QgsProject, QgsRasterLayer, QgsVectorLayer
 from qgis.PyQt.QtCore import QCoreApplication
 
 from .legends import translate_categories
@@ -15,20 +19,20 @@ from .styles import show_as_surface
 tr = partial(QCoreApplication.translate, "Previews")
 
 ACCOUNT = "preview.json"
-TRACK, SURFACE = "preview_track.gpkg", "preview_dsm.tif"
+TRACK_FILE, SURFACE_FILE = "preview_track.gpkg", "preview_dsm.tif"
 PREVIEW_PROPERTY = "furrowmap/preview"
 """Property of a group in the layer tree: the :func:`session_key` of the session."""
 
 
-def open_preview(folder, project=None):
+def open_preview(folder: str | Path) -> list[QgsMapLayer]:
     """Open a preview as the project's topmost group; an earlier one of the same session is removed.
 
     Returns:
         The layers, the trajectory first; none if QGIS can open none.
     """
-    project = QgsProject.instance() if project is None else project
+    project = QgsProject.instance()
     account = read_account(folder)
-    layers = [layer for layer in _files_opened(Path(folder)) if layer.isValid()]
+    layers = [layer for layer in _read_layers(Path(folder)) if layer.isValid()]
     if not layers:
         return []
     if all(layer.customProperty("furrowmap/basemap") for layer in project.mapLayers().values()):
@@ -43,13 +47,8 @@ def open_preview(folder, project=None):
     return layers
 
 
-def remove_previews(project, account):
-    """Remove the previews of a session from a project.
-
-    Args:
-        project: with the layers.
-        account: the content of the session's `preview.json` or `report.json`.
-    """
+def remove_previews(project: QgsProject, account: dict[str, Any]) -> None:
+    """Remove the previews of a session, of which `account` is the `preview.json` or `report.json`, from a project."""
     root, key = project.layerTreeRoot(), session_key(account)
     if not key:
         return
@@ -58,7 +57,7 @@ def remove_previews(project, account):
         root.removeChildNode(group)
 
 
-def session_key(account):
+def session_key(account: dict[str, Any]) -> str:
     """Identifies the recordings of a preview or a run by the names and sizes of the files; "" for none."""
     session = account.get("session") or {}
     recording = session.get("recording") or {}
@@ -71,37 +70,32 @@ def session_key(account):
     return json.dumps(files) if files else ""
 
 
-def read_account(folder):
+def read_account(folder: str | Path) -> dict[str, Any]:
     """The content of `preview.json`; empty if it cannot be read."""
     return read_object(Path(folder) / ACCOUNT)
 
 
-def preview_text(account):
+def preview_text(account: dict[str, Any]) -> str:
     """A preview in one line: path length, duration, share of RTK fixes."""
     figures = account.get("figures") or {}
     used = (account.get("positions") or {}).get("used") or {}
+    distance, duration = figures.get("distance_m", 0.0), figures.get("duration_s", 0.0)
+    text = str(tr("{distance:,.0f} m in {time:,.0f} s").format(distance=distance, time=duration))
     count = sum(used.values())
-    parts = [
-        tr("{distance:,.0f} m in {time:,.0f} s").format(
-            distance=figures.get("distance_m", 0.0), time=figures.get("duration_s", 0.0)
-        )
-    ]
     if count:
-        fixed = sum(n for quality, n in used.items() if quality == "fixed")
-        parts.append(tr("{share:.0%} RTK fixed").format(share=fixed / count))
-    return "; ".join(parts)
+        text += "; " + tr("{share:.0%} RTK fixed").format(share=used.get("fixed", 0) / count)
+    return text
 
 
-def _files_opened(folder):
-    """The layers of a preview."""
-    track = QgsVectorLayer(f"{folder / TRACK}|layername=trajectory", tr("trajectory"), "ogr")
+def _read_layers(folder: Path) -> Iterator[QgsMapLayer]:
+    track = QgsVectorLayer(f"{folder / TRACK_FILE}|layername=trajectory", tr("trajectory"), "ogr")
     if track.isValid():
         track.loadDefaultStyle()
         translate_categories(track)
         track.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
     yield track
-    if (folder / SURFACE).is_file():
-        surface = QgsRasterLayer(str(folder / SURFACE), tr("coarse surface"), "gdal")
+    if (folder / SURFACE_FILE).is_file():
+        surface = QgsRasterLayer(str(folder / SURFACE_FILE), tr("coarse surface"), "gdal")
         if surface.isValid():
             show_as_surface(surface, styled=True)
         yield surface

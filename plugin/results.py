@@ -1,13 +1,19 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The products of a run as QGIS layers: styled, in a group of the session, with their time span."""
+"""The products of a run and farm maps as groups of styled layers."""
 
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from qgis.core import (
     Qgis,
     QgsDateTimeRange,
+    QgsLayerTreeGroup,
     QgsLayerTreeLayer,
+    QgsMapLayer,
     QgsPointCloudLayer,
     QgsProject,
     QgsProviderRegistry,
@@ -18,39 +24,41 @@ from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 from .legends import label_band, name_node, translate_categories
 from .previews import remove_previews
+from .processing.loading import sources
 from .products import product, read_object
 from .styles import hatch, set_terrain, show_as_change, show_as_surface, show_by_class
 
 tr = partial(QCoreApplication.translate, "Results")
 
 REPORT = "report.json"
-FIELD_LAYERS = "field.gpkg"
+FIELD_FILE = "field.gpkg"
 CLOUD = "cloud.copc.laz"
 SURFACES = (
     *("change.tif", "swaths.tif", "height_above_ground.tif", "strip_overlap.tif", "density.tif"),
     *("orthophoto.tif", "dsm.tif", "dsm_before.tif", "dtm.tif"),
 )
-PICTURE = "orthophoto"
-COLOURED = ("change", "swaths", "height_above_ground", "strip_overlap", "density")
+COLOURED_SURFACES = ("change", "swaths", "height_above_ground", "strip_overlap", "density")
 """Rasters in colours, which lie above the hillshade."""
-SHOWN = (
+VISIBLE_LAYERS = (
     *("events", "misses", "unworked", "boundary", "overlaps", "tool_path", "coverage", "passes", "zones"),
     *("plants", "lines", "planes", "trajectory", "change", "orthophoto", "dsm"),
 )
 """Layers that are visible at first."""
-MEASURED = ("trajectory", "events", "tool_path")
+MEASURED_LAYERS = ("trajectory", "events", "tool_path")
 """Layers with measured heights, which profiles and 3D views use as they are."""
 TRAJECTORY_MIN_SCALE = 2000.0
 """At smaller scales the trajectory's points hide the passes and draw slowly; `tool_path` shows the path."""
 FOLDER_PROPERTY = "furrowmap/folder"
 """Property of a group in the layer tree: the folder of the run whose layers it has."""
+FARM_PROPERTY = "furrowmap/farmMap"
+"""Property of a group in the layer tree: the file of the farm map whose layers it has."""
 
 
 class NoResultsError(Exception):
     """The folder has no products that QGIS can read."""
 
 
-def open_results(folder, project=None):
+def open_results(folder: str | Path, project: QgsProject | None = None) -> list[QgsMapLayer]:
     """Open the products in `folder` as a group of a project, the current one by default.
 
     Layers of the same folder that are open already are replaced.
@@ -66,10 +74,10 @@ def open_results(folder, project=None):
         try:
             next(steps)
         except StopIteration as done:
-            return done.value
+            return list(done.value)
 
 
-def opening(folder, project=None):
+def opening(folder: str | Path, project: QgsProject | None = None) -> Generator[None, None, list[QgsMapLayer]]:
     """As :func:`open_results`, in steps that are short enough for the main thread.
 
     A generator that yields None and returns the layers. The project does not change before all files are open.
@@ -77,10 +85,11 @@ def opening(folder, project=None):
     folder = Path(folder)
     project = QgsProject.instance() if project is None else project
     layers = []
-    for layer in _files_opened(folder):
-        if layer.isValid():
-            layers.append(layer)
-        yield
+    for read_layers in (field_layers, surface_layers, cloud_layers):
+        for layer in read_layers(folder):
+            if layer.isValid():
+                layers.append(layer)
+            yield
     if any(layer.name() == "change" for layer in layers):
         for layer in layers:
             if layer.name() == "passes":
@@ -88,16 +97,13 @@ def opening(folder, project=None):
     if not layers:
         raise NoResultsError(
             tr("{folder} has no {products} that QGIS can open. Choose the folder of a run.").format(
-                products=f"{FIELD_LAYERS}, {', '.join(SURFACES)} or {CLOUD}", folder=folder
+                products=f"{FIELD_FILE}, {', '.join(SURFACES)} or {CLOUD}", folder=folder
             )
         )
     report = read_report(folder)
-    empty = all(layer.customProperty("furrowmap/basemap") for layer in project.mapLayers().values())
-    if empty:  # a project with layers keeps its CRS
-        project.setCrs(layers[0].crs())
-    for old in groups_of(project, folder):
-        project.removeMapLayers(old.findLayerIds())
-        project.layerTreeRoot().removeChildNode(old)
+    if all(layer.customProperty("furrowmap/basemap") for layer in project.mapLayers().values()):
+        project.setCrs(layers[0].crs())  # a project with other layers keeps its own
+    _remove_groups(project, FOLDER_PROPERTY, folder)
     remove_previews(project, report)
     yield
     group = project.layerTreeRoot().insertGroup(0, session_name(report, folder))
@@ -108,7 +114,7 @@ def opening(folder, project=None):
         label_band(node)
         name_node(node)
         group.addChildNode(node)
-        node.setItemVisibilityChecked(layer.name() in SHOWN)
+        node.setItemVisibilityChecked(layer.name() in VISIBLE_LAYERS)
         node.setExpanded(False)
         yield
     set_terrain(project, layers)
@@ -116,22 +122,41 @@ def opening(folder, project=None):
     return layers
 
 
-def groups_of(project, folder=None):
+def groups_of(project: QgsProject, folder: Path | None = None) -> list[QgsLayerTreeGroup]:
     """The groups in the layer tree with the layers of a run: of that folder, or of any."""
     groups = project.layerTreeRoot().findGroups()
     opened = [(group, group.customProperty(FOLDER_PROPERTY)) for group in groups]
     return [group for group, of in opened if of and (folder is None or of == str(folder))]
 
 
-def _files_opened(folder):
-    yield from field_layers(folder)
-    yield from surface_layers(folder)
-    yield from cloud_layers(folder)
+def _remove_groups(project: QgsProject, key: str, value: str | Path) -> None:
+    """Remove the groups with this value of a property, and their layers."""
+    root = project.layerTreeRoot()
+    for group in root.findGroups():
+        if group.customProperty(key) == str(value):
+            project.removeMapLayers(group.findLayerIds())
+            root.removeChildNode(group)
 
 
-def field_layers(folder):
+def open_farm_map(path: str | Path) -> list[QgsMapLayer]:
+    """Open the layers of a farm map in their styles, as the topmost group; an open group of it is replaced."""
+    project = QgsProject.instance()
+    _remove_groups(project, FARM_PROPERTY, path)
+    group = project.layerTreeRoot().insertGroup(0, Path(path).stem)
+    group.setCustomProperty(FARM_PROPERTY, str(path))
+    layers = [QgsVectorLayer(source, name, "ogr") for source, name in sources(path)]
+    for layer in layers:
+        layer.loadDefaultStyle()
+        project.addMapLayer(layer, addToLegend=False)
+        node = QgsLayerTreeLayer(layer)
+        name_node(node)
+        group.addChildNode(node)
+    return layers
+
+
+def field_layers(folder: Path) -> Iterator[QgsVectorLayer]:
     """The vector layers of a run's GeoPackage one by one, each in the style stored with it."""
-    path = product(folder, FIELD_LAYERS)
+    path = product(folder, FIELD_FILE)
     found = QgsProviderRegistry.instance().querySublayers(str(path)) if path.is_file() else []
     for details in found:
         if details.name() == "layer_styles":
@@ -139,7 +164,7 @@ def field_layers(folder):
         layer = QgsVectorLayer(details.uri(), details.name(), details.providerKey())
         layer.loadDefaultStyle()  # again: a new layer takes the symbols of its style, but not the temporal settings
         translate_categories(layer)
-        if layer.name() in MEASURED:
+        if layer.name() in MEASURED_LAYERS:
             layer.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
         if layer.name() == "trajectory" and "tool_path" in {other.name() for other in found}:
             layer.setMinimumScale(TRAJECTORY_MIN_SCALE)
@@ -147,7 +172,7 @@ def field_layers(folder):
         yield layer
 
 
-def surface_layers(folder):
+def surface_layers(folder: Path) -> Iterator[QgsRasterLayer]:
     """The surfaces of a run one by one: the change in colours, above the hillshade of the DSM."""
     for name in SURFACES:
         path = product(folder, name)
@@ -156,12 +181,12 @@ def surface_layers(folder):
         layer = QgsRasterLayer(str(path), path.stem, "gdal")
         if layer.isValid():
             styled = path.with_suffix(".qml").is_file()  # QGIS has loaded that style already
-            if path.stem != PICTURE:
-                (show_as_change if path.stem in COLOURED else show_as_surface)(layer, styled=styled)
+            if path.stem != "orthophoto":
+                (show_as_change if path.stem in COLOURED_SURFACES else show_as_surface)(layer, styled=styled)
         yield layer
 
 
-def cloud_layers(folder):
+def cloud_layers(folder: Path) -> Iterator[QgsPointCloudLayer]:
     """The point cloud of a run, if there is one, coloured by class, in 3D as well."""
     path = product(folder, CLOUD)
     if path.is_file():
@@ -171,18 +196,18 @@ def cloud_layers(folder):
         yield layer
 
 
-def read_report(folder):
+def read_report(folder: str | Path) -> dict[str, Any]:
     """The content of `report.json`; empty if it cannot be read."""
     return read_object(product(folder, REPORT))
 
 
-def session_name(report, folder):
+def session_name(report: dict[str, Any], folder: Path) -> str:
     """The session's name, else the folder's."""
     session = report.get("session")
-    return (session.get("name") if isinstance(session, dict) else None) or Path(folder).name
+    return (session.get("name") if isinstance(session, dict) else None) or folder.name
 
 
-def set_time_range(project, report):
+def set_time_range(project: QgsProject, report: dict[str, Any]) -> None:
     """Extend the project's time range to the session's, for the temporal controller."""
     span = time_span(report)
     if span is None:
@@ -194,7 +219,7 @@ def set_time_range(project, report):
     project.timeSettings().setTemporalRange(QgsDateTimeRange(start, end))
 
 
-def time_span(report):
+def time_span(report: dict[str, Any]) -> Sequence[QDateTime] | None:
     """Start and end of the drive; None if the report has none."""
     figures = report.get("figures")
     texts = [str(figures.get(key)) for key in ("start", "end")] if isinstance(figures, dict) else []

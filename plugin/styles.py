@@ -1,22 +1,29 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Styles of surfaces and point clouds; the GeoPackage has the styles of its vector layers."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 from qgis.core import (
     QgsCategorizedSymbolRenderer,
     QgsColorRampShader,
     QgsHillshadeRenderer,
+    QgsMapLayer,
     QgsPointCloudCategory,
     QgsPointCloudClassifiedRenderer,
+    QgsPointCloudLayer,
+    QgsProject,
     QgsRasterDemTerrainProvider,
+    QgsRasterLayer,
     QgsRasterShader,
     QgsSingleBandPseudoColorRenderer,
+    QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication, Qt
 from qgis.PyQt.QtGui import QColor
 
-LIGHT_FROM_DEG, LIGHT_ABOVE_DEG = 315.0, 40.0
-EXAGGERATION = 1.0
-"""With cells of 5 cm the clods of tilled soil are visible without exaggeration."""
+LIGHT_AZIMUTH_DEG, LIGHT_ALTITUDE_DEG = 315.0, 40.0
 RELIEF_OPACITY = 0.6
 """The base map shows through the relief."""
 CHANGE_M = 0.10
@@ -27,7 +34,7 @@ CHANGES = (  # metres, colour: sunk, unchanged, risen; as the products' own styl
     (CHANGE_M / 2, "#dfc27d"),
     (CHANGE_M, "#8c510a"),
 )
-CLASSES = (
+POINT_CLASSES = (
     (2, "#9c7a4a", QT_TRANSLATE_NOOP("Classes", "ground")),
     (1, "#5c9c4a", QT_TRANSLATE_NOOP("Classes", "other")),
     (64, "#d08020", QT_TRANSLATE_NOOP("Classes", "vehicle")),
@@ -42,20 +49,20 @@ CLASSES = (
 NOISE = (7, "#b0b0b0", QT_TRANSLATE_NOOP("Classes", "noise"))
 
 
-def show_as_surface(layer, *, styled=False):
+def show_as_surface(layer: QgsRasterLayer, *, styled: bool = False) -> None:
     """Use a layer as elevation of profiles and 3D views; without a style it gets a hillshade."""
     layer.elevationProperties().setEnabled(True)
     layer.setOpacity(RELIEF_OPACITY)
     if styled:
         return
-    renderer = QgsHillshadeRenderer(layer.dataProvider(), 1, LIGHT_FROM_DEG, LIGHT_ABOVE_DEG)
-    renderer.setZFactor(EXAGGERATION)
+    renderer = QgsHillshadeRenderer(layer.dataProvider(), 1, LIGHT_AZIMUTH_DEG, LIGHT_ALTITUDE_DEG)
+    renderer.setZFactor(1.0)  # with cells of 5 cm the clods of tilled soil are visible without exaggeration
     renderer.setMultiDirectional(False)
     layer.setRenderer(renderer)
 
 
-def show_as_change(layer, *, styled=False):
-    """Draw a layer in the very colours of its legend; without a style it gets those of :data:`CHANGES`."""
+def show_as_change(layer: QgsRasterLayer, *, styled: bool = False) -> None:
+    """Draw a layer in the colours of its legend; without a style it gets those of :data:`CHANGES`."""
     if styled:
         return
     ramp = QgsColorRampShader(-CHANGE_M, CHANGE_M)
@@ -68,7 +75,7 @@ def show_as_change(layer, *, styled=False):
     renderer.setClassificationMax(CHANGE_M)
 
 
-def hatch(layer):
+def hatch(layer: QgsVectorLayer) -> None:
     """Fill the areas of a layer with lines of their colours, between which the surface below is seen."""
     renderer = layer.renderer()
     if not isinstance(renderer, QgsCategorizedSymbolRenderer):
@@ -80,7 +87,7 @@ def hatch(layer):
     layer.setOpacity(1.0)
 
 
-def set_colours(layer, ramp):
+def set_colours(layer: QgsRasterLayer, ramp: QgsColorRampShader) -> QgsSingleBandPseudoColorRenderer:
     """Draw a raster's first band with a QgsColorRampShader; returns the renderer."""
     shader = QgsRasterShader()
     shader.setRasterShaderFunction(ramp)
@@ -89,18 +96,18 @@ def set_colours(layer, ramp):
     return renderer
 
 
-def show_by_class(layer):
+def show_by_class(layer: QgsPointCloudLayer) -> None:
     """Colour a point cloud by class; noise is hidden."""
     categories = [
         QgsPointCloudCategory(code, QColor(colour), QCoreApplication.translate("Classes", label), code != NOISE[0])
-        for code, colour, label in (*CLASSES, NOISE)
+        for code, colour, label in (*POINT_CLASSES, NOISE)
     ]
     layer.setRenderer(QgsPointCloudClassifiedRenderer("Classification", categories))
     layer.setSync3DRendererTo2DRenderer(True)
     layer.convertRenderer3DFromRenderer2D()
 
 
-def set_terrain(project, layers):
+def set_terrain(project: QgsProject, layers: Sequence[QgsMapLayer]) -> None:
     """Make the session's DSM the terrain of profiles and 3D views, unless the project has a terrain."""
     surface = next((layer for layer in layers if layer.name() == "dsm"), None)
     properties = project.elevationProperties()

@@ -5,26 +5,24 @@ Qt reads compiled translations (.qm). These are binary, so they are neither in t
 files of ``i18n`` are compiled in memory when the plugin starts, within milliseconds.
 """
 
+from __future__ import annotations
+
 import struct
+from collections.abc import Mapping
 from pathlib import Path
 
 from qgis.core import QgsApplication
 from qgis.PyQt.QtCore import QCoreApplication, QTranslator, QXmlStreamReader
 
-FOLDER = Path(__file__).with_name("i18n")
-MAGIC = bytes.fromhex("3cb86418caef9c95cd211cbf60a1bddd")
+QM_MAGIC = bytes.fromhex("3cb86418caef9c95cd211cbf60a1bddd")
 HASHES, MESSAGES = 0x42, 0x69
 END, TRANSLATION, SOURCE, CONTEXT, COMMENT = 1, 3, 6, 7, 8
 
 
-def install_translator(locale=None):
-    """Translate the plugin's texts into the language of QGIS.
-
-    Returns:
-        The translator, to be removed when the plugin is unloaded; None if there is no translation.
-    """
+def install_translator(locale: str | None = None) -> QTranslator | None:
+    """Translate the plugin's texts into the language of QGIS; returns the translator, None if there is none."""
     locale = locale or QgsApplication.locale() or ""
-    path = FOLDER / f"furrowmap_{locale[:2]}.ts"
+    path = Path(__file__).with_name("i18n") / f"furrowmap_{locale[:2]}.ts"
     if not path.is_file():
         return None
     translator = Translator(compiled(messages(path)))
@@ -35,16 +33,17 @@ def install_translator(locale=None):
 class Translator(QTranslator):
     """A translator that keeps the content it reads from."""
 
-    def __init__(self, content):
+    def __init__(self, content: bytes) -> None:
         super().__init__()
         self.content = content
         self.loadFromData(content)
 
 
-def messages(path):
+def messages(path: Path) -> dict[tuple[str, str], str]:
     """The finished translations in a .ts file: (context, source) → translation."""
     reader = QXmlStreamReader(path.read_text(encoding="utf-8"))
-    found, context, source = {}, "", ""
+    found: dict[tuple[str, str], str] = {}
+    context = source = ""
     while not reader.atEnd():
         if reader.readNext() != QXmlStreamReader.TokenType.StartElement:
             continue
@@ -58,12 +57,8 @@ def messages(path):
     return found
 
 
-def compiled(translations):
-    """The content of a .qm file, as Qt's `lrelease` writes it and QTranslator reads it.
-
-    Args:
-        translations: (context, source) → translation.
-    """
+def compiled(translations: Mapping[tuple[str, str], str]) -> bytes:
+    """The content of a .qm file, as Qt's `lrelease` writes it and QTranslator reads it."""
     hashes, body = [], bytearray()
     for (context, source), translation in translations.items():
         hashes.append((elf_hash(source.encode()), len(body)))
@@ -77,10 +72,10 @@ def compiled(translations):
         body.append(END)
     table = b"".join(struct.pack(">II", *entry) for entry in sorted(hashes))
     sections = ((HASHES, table), (MESSAGES, bytes(body)))
-    return MAGIC + b"".join(struct.pack(">BI", tag, len(content)) + content for tag, content in sections)
+    return QM_MAGIC + b"".join(struct.pack(">BI", tag, len(content)) + content for tag, content in sections)
 
 
-def elf_hash(text):
+def elf_hash(text: bytes) -> int:
     """The hash of System V's ELF, by which Qt looks source texts up."""
     value = 0
     for byte in text:

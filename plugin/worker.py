@@ -5,12 +5,15 @@ The protocol is described in furrowmap's documentation (reference/worker.md). Th
 thread.
 """
 
+from __future__ import annotations
+
 import json
 import time
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from typing import Any
 
-from qgis.PyQt.QtCore import QCoreApplication, QIODevice, QProcess
+from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication, QIODevice, QProcess
 
 from .program import process_environment
 
@@ -19,14 +22,45 @@ tr = partial(QCoreApplication.translate, "Worker")
 PROTOCOL = 1
 HELLO_S = 20.0
 CANCEL_S = 20.0
-"""Time for a cancelled worker to clean up; then it is terminated, and killed after :data:`END_S`. It reacts at once,
+"""Time for a cancelled worker to clean up; then it is terminated, and killed after :data:`END_MS`. It reacts at once,
 except while a kernel is being compiled. QGIS treats the work as cancelled before that."""
-END_S = 2.0
+END_MS = 2000
 SILENT_S = 1800.0
 """A worker that sends nothing for so long hangs; the longest step without progress takes minutes."""
 MAX_LINE_BYTES = 1 << 20
-_POLL_MS = 50
-_KEPT_LINES = 40
+MAX_LOG_LINES = 40
+READ_MS = 50
+STAGES = (
+    QT_TRANSLATE_NOOP("Stages", "reading positions"),
+    QT_TRANSLATE_NOOP("Stages", "reading scans"),
+    QT_TRANSLATE_NOOP("Stages", "looking at scans"),
+    QT_TRANSLATE_NOOP("Stages", "matching scans"),
+    QT_TRANSLATE_NOOP("Stages", "placing points"),
+    QT_TRANSLATE_NOOP("Stages", "finding features"),
+    QT_TRANSLATE_NOOP("Stages", "matching images"),
+    QT_TRANSLATE_NOOP("Stages", "adjusting images"),
+    QT_TRANSLATE_NOOP("Stages", "reading images"),
+    QT_TRANSLATE_NOOP("Stages", "looking for the board"),
+    QT_TRANSLATE_NOOP("Stages", "hashing inputs"),
+    QT_TRANSLATE_NOOP("Stages", "writing cloud"),
+    QT_TRANSLATE_NOOP("Stages", "making surfaces"),
+    QT_TRANSLATE_NOOP("Stages", "writing layers"),
+    QT_TRANSLATE_NOOP("Stages", "writing the preview"),
+    QT_TRANSLATE_NOOP("Stages", "work"),
+    QT_TRANSLATE_NOOP("Stages", "reading clouds"),
+    QT_TRANSLATE_NOOP("Stages", "measuring density"),
+    QT_TRANSLATE_NOOP("Stages", "looking for noise"),
+    QT_TRANSLATE_NOOP("Stages", "cleaning clouds"),
+    QT_TRANSLATE_NOOP("Stages", "filling gaps"),
+    QT_TRANSLATE_NOOP("Stages", "exporting"),
+    QT_TRANSLATE_NOOP("Stages", "reading results"),
+    QT_TRANSLATE_NOOP("Stages", "writing the page"),
+    QT_TRANSLATE_NOOP("Stages", "writing the project"),
+    QT_TRANSLATE_NOOP("Stages", "writing the farm map"),
+    QT_TRANSLATE_NOOP("Stages", "writing the mosaic"),
+    QT_TRANSLATE_NOOP("Stages", "waiting for another process"),
+)
+"""Stages of a run in their order, then those of other commands. Others are shown in English."""
 
 
 class WorkerError(Exception):
@@ -38,7 +72,7 @@ class WorkerError(Exception):
         code: of the command's error; "" for one of the worker.
     """
 
-    def __init__(self, what, meaning, remedy, log=(), code=""):
+    def __init__(self, what: str, meaning: str, remedy: str, log: Iterable[str] = (), code: str = "") -> None:
         self.lines = (what, meaning, remedy)
         super().__init__("\n".join(self.lines))
         self.log = tuple(log)
@@ -48,20 +82,16 @@ class WorkerError(Exception):
 class WorkerCancelled(WorkerError):
     """The user cancelled the command."""
 
-
-@dataclass
-class Received:
-    """The worker's messages so far: what it works on, and when the last one came."""
-
-    value: object = None
-    error: dict = None
-    status: int = None
-    hello: dict = None
-    stage: str = ""
-    at: float = 0.0
+    def __init__(self) -> None:
+        super().__init__(tr("Cancelled."), tr("No partial files are left."), "")
 
 
-def run_command(program, arguments, on_message, is_cancelled):
+def run_command(
+    program: Sequence[str],
+    arguments: Sequence[str],
+    on_message: Callable[[dict[str, Any]], None],
+    is_cancelled: Callable[[], bool],
+) -> Any:
     """Run one command in a worker.
 
     Args:
@@ -77,97 +107,136 @@ def run_command(program, arguments, on_message, is_cancelled):
         WorkerCancelled: if the user cancelled it.
         WorkerError: if it failed.
     """
-    process = _start(program)
+    conversation = _Conversation(program, on_message, is_cancelled)
     try:
-        return _Conversation(process, program, on_message, is_cancelled).run(arguments)
+        return conversation.run(arguments)
     finally:
-        _end(process)
+        conversation.end()
 
 
-def greet(program, is_cancelled):
+def greet(program: Sequence[str], is_cancelled: Callable[[], bool]) -> None:
     """Start a worker, read its hello message, end it.
-
-    Returns:
-        The message: protocol, version, pid.
 
     Raises:
         WorkerError: if there is none, or it has another protocol version.
     """
-    process = _start(program)
+    conversation = _Conversation(program, lambda _message: None, is_cancelled)
     try:
-        return _Conversation(process, program, _ignore, is_cancelled).greet()
+        conversation.greet()
     finally:
-        _end(process)
+        conversation.end()
 
 
 class _Conversation:
-    def __init__(self, process, program, on_message, is_cancelled):
-        self.process = process
+    def __init__(
+        self, program: Sequence[str], on_message: Callable[[dict[str, Any]], None], is_cancelled: Callable[[], bool]
+    ) -> None:
         self.program = program
         self.on_message = on_message
         self.is_cancelled = is_cancelled
-        self.received = Received()
+        self.received: dict[str, dict[str, Any]] = {}  # the last hello, result, error and done
+        self.stage = ""
+        self.received_at = 0.0
         self.tail = b""
-        self.log = []
+        self.log: list[str] = []
+        process = self.process = QProcess()
+        process.setProcessEnvironment(process_environment())
+        process.start(program[0], [*program[1:], "worker"], QIODevice.OpenModeFlag.ReadWrite)
+        if not process.waitForStarted(10_000):
+            raise WorkerError(
+                tr("{program} could not be started: {reason}.").format(
+                    program=program[0], reason=process.errorString()
+                ),
+                tr("Sessions cannot be run; existing results can still be opened."),
+                tr("Choose or create an environment in Settings › Options › furrowmap."),
+            )
 
-    def greet(self):
+    def greet(self) -> None:
         """Wait for the hello message and check its protocol version."""
         begun = time.monotonic()
-        while self.received.hello is None:
+        while "hello" not in self.received:
             if self.is_cancelled():
-                raise _cancelled()
+                raise WorkerCancelled
             if time.monotonic() - begun > HELLO_S:
-                raise self._silent()
+                raise WorkerError(
+                    tr("{program} did not answer within {seconds:.0f} s.").format(
+                        program=self.program[0], seconds=HELLO_S
+                    ),
+                    self.log[-1] if self.log else tr("It wrote no output."),
+                    tr("Test it in Settings › Options › furrowmap."),
+                    self.log,
+                )
             if not self._wait():
-                raise self._crashed()
-        self._check_protocol()
-        return self.received.hello
+                raise self._crash()
+        hello = self.received["hello"]
+        if hello.get("protocol") != PROTOCOL:
+            raise WorkerError(
+                tr("furrowmap {version} has protocol version {found}; this plugin needs version {own}.").format(
+                    version=hello.get("version"), found=hello.get("protocol"), own=PROTOCOL
+                ),
+                tr("Nothing was run."),
+                tr("Update the older one: the plugin in QGIS's plugin manager, or furrowmap in its environment."),
+                self.log,
+            )
 
-    def run(self, arguments):
+    def run(self, arguments: Sequence[str]) -> Any:
         """Start the command and read messages until it ends."""
         self.greet()
         self._send({"type": "start", "arguments": [str(word) for word in arguments]})
         cancelled_at = None
-        self.received.at = time.monotonic()
-        while self.received.status is None and self._wait():
-            if time.monotonic() - self.received.at > SILENT_S:
+        self.received_at = time.monotonic()
+        while "done" not in self.received and self._wait():
+            if time.monotonic() - self.received_at > SILENT_S:
                 self.process.kill()
-                raise self._hangs()
+                raise WorkerError(
+                    tr("The worker sent nothing for {minutes:.0f} minutes (at: {stage}).").format(
+                        minutes=SILENT_S / 60.0, stage=self.stage or tr("the start")
+                    ),
+                    tr("It was ended. Products of an earlier run are unchanged."),
+                    tr("Try again without the file that it was reading, or inspect that file first."),
+                    self.log,
+                )
             if cancelled_at is None and self.is_cancelled():
                 cancelled_at = time.monotonic()
                 self._send({"type": "cancel"})
             if cancelled_at is not None and time.monotonic() - cancelled_at > CANCEL_S:
                 break
         if cancelled_at is not None:
-            raise _cancelled()
-        return self._outcome()
+            raise WorkerCancelled
+        error = self.received.get("error")
+        if error is not None:
+            what, meaning, remedy, code = (str(error.get(key, "")) for key in ("what", "meaning", "remedy", "code"))
+            raise WorkerError(what, meaning, remedy, self.log, code)
+        answer = self.received.get("result", {}).get("value")
+        if "done" not in self.received or (self.received["done"].get("status", 1) != 0 and answer is None):
+            raise self._crash()
+        return answer  # with a status other than 0 where a part failed, which is in the answer
 
-    def _wait(self):
+    def end(self) -> None:
+        """Make sure that the worker ends: close its input, at which it exits, else terminate it, else kill it."""
+        process = self.process
+        if process.state() == QProcess.ProcessState.NotRunning:
+            return
+        for stop in (process.closeWriteChannel, process.terminate, process.kill):
+            stop()
+            if process.waitForFinished(END_MS):
+                return
+
+    def _wait(self) -> bool:
         """Read what arrives within a moment; returns whether more may come."""
         running = self.process.state() == QProcess.ProcessState.Running
         if running:
-            self.process.waitForReadyRead(_POLL_MS)
+            self.process.waitForReadyRead(READ_MS)
         self._read()
         return running or bool(self.process.bytesAvailable())
 
-    def _outcome(self):
-        if self.received.error is not None:
-            what, meaning, remedy, code = (
-                str(self.received.error.get(key, "")) for key in ("what", "meaning", "remedy", "code")
-            )
-            raise WorkerError(what, meaning, remedy, self.log, code)
-        status, value = self.received.status, self.received.value
-        if status is None or (status != 0 and value is None):
-            raise self._crashed()
-        return value  # with a status other than 0 where a part failed, which is in the answer
-
-    def _send(self, message):
+    def _send(self, message: dict[str, Any]) -> None:
         self.process.write(json.dumps(message).encode() + b"\n")
         self.process.waitForBytesWritten(1000)
 
-    def _read(self):
+    def _read(self) -> None:
         text = bytes(self.process.readAllStandardError()).decode("utf-8", "replace")
-        self.log = (self.log + text.splitlines())[-_KEPT_LINES:] if text else self.log
+        self.log = (self.log + text.splitlines())[-MAX_LOG_LINES:] if text else self.log
         *lines, self.tail = (self.tail + bytes(self.process.readAllStandardOutput())).split(b"\n")
         if len(self.tail) > MAX_LINE_BYTES:
             self.log.append(tr("A line of output was too long and was dropped."))
@@ -179,100 +248,28 @@ class _Conversation:
             except (ValueError, KeyError, TypeError):
                 self.log.append(line.decode("utf-8", "replace")[:500])
                 continue
-            self._take(kind, message)
-
-    def _take(self, kind, message):
-        self.received.at = time.monotonic()
-        if kind == "progress":
-            self.received.stage = str(message.get("stage", ""))
-        if kind == "hello":
-            self.received.hello = message
-        elif kind == "result":
-            self.received.value = message.get("value")
-        elif kind == "error":
-            self.received.error = message
-        elif kind == "done":
-            self.received.status = message.get("status", 1)
-        else:
+            self.received_at = time.monotonic()
+            if kind in ("hello", "result", "error", "done"):
+                self.received[kind] = message
+                continue
+            if kind == "progress":
+                self.stage = str(message.get("stage", ""))
             self.on_message(message)
 
-    def _check_protocol(self):
-        found = self.received.hello.get("protocol")
-        if found != PROTOCOL:
-            raise WorkerError(
-                tr("furrowmap {version} has protocol version {found}; this plugin needs version {own}.").format(
-                    version=self.received.hello.get("version"), found=found, own=PROTOCOL
-                ),
-                tr("Nothing was run."),
-                tr("Update the older one: the plugin in QGIS's plugin manager, or furrowmap in its environment."),
-                self.log,
-            )
-
-    def _silent(self):
-        return WorkerError(
-            tr("{program} did not answer within {seconds:.0f} s.").format(program=self.program[0], seconds=HELLO_S),
-            self.log[-1] if self.log else tr("It wrote no output."),
-            tr("Test it in Settings › Options › furrowmap."),
-            self.log,
-        )
-
-    def _crashed(self):
+    def _crash(self) -> WorkerError:
+        meaning = tr("It wrote no output; the computer may be out of memory.")
+        if self.log:  # of a crash, the line that names it
+            meaning = next((line for line in self.log if line.startswith("Fatal Python error")), self.log[-1])
         return WorkerError(
             tr("The worker ended without an answer (status {status}, at: {stage}).").format(
-                status=self.process.exitCode(), stage=self._stage()
+                status=self.process.exitCode(), stage=self.stage or tr("the start")
             ),
-            self._last_words() if self.log else tr("It wrote no output; the computer may be out of memory."),
+            meaning,
             tr("See its last lines in the log. Products of an earlier run are unchanged."),
             self.log,
         )
 
-    def _hangs(self):
-        return WorkerError(
-            tr("The worker sent nothing for {minutes:.0f} minutes (at: {stage}).").format(
-                minutes=SILENT_S / 60.0, stage=self._stage()
-            ),
-            tr("It was ended. Products of an earlier run are unchanged."),
-            tr("Try again without the file that it was reading, or inspect that file first."),
-            self.log,
-        )
 
-    def _stage(self):
-        return self.received.stage or tr("the start")
-
-    def _last_words(self):
-        """The last line of its log; of a crash, the line that names it."""
-        return next((line for line in self.log if line.startswith("Fatal Python error")), self.log[-1])
-
-
-def _start(program):
-    process = QProcess()
-    process.setProcessEnvironment(process_environment())
-    process.start(program[0], [*program[1:], "worker"], QIODevice.OpenModeFlag.ReadWrite)
-    if not process.waitForStarted(10_000):
-        raise WorkerError(
-            tr("{program} could not be started: {reason}.").format(program=program[0], reason=process.errorString()),
-            tr("Sessions cannot be run; existing results can still be opened."),
-            tr("Choose or create an environment in Settings › Options › furrowmap."),
-        )
-    return process
-
-
-def _end(process):
-    """Make sure that the worker ends: close its input, at which it exits, else terminate it, else kill it."""
-    if process.state() == QProcess.ProcessState.NotRunning:
-        return
-    process.closeWriteChannel()
-    if process.waitForFinished(int(END_S * 1000)):
-        return
-    process.terminate()
-    if not process.waitForFinished(int(END_S * 1000)):
-        process.kill()
-        process.waitForFinished(int(END_S * 1000))
-
-
-def _cancelled():
-    return WorkerCancelled(tr("Cancelled."), tr("No partial files are left."), "")
-
-
-def _ignore(message):
-    """Messages are not wanted."""
+def stage_name(stage: str) -> str:
+    """A stage's name in the user's language."""
+    return QCoreApplication.translate("Stages", stage)

@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The choice of a base map: a row of the dock."""
 
-from qgis.core import QgsLayerTree, QgsNetworkContentFetcher, QgsProject
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from qgis.core import QgsLayerTree, QgsLayerTreeNode, QgsMapLayer, QgsNetworkContentFetcher, QgsProject
 from qgis.PyQt.QtCore import QUrl
 from qgis.PyQt.QtNetwork import QNetworkReply, QNetworkRequest
 from qgis.PyQt.QtWidgets import (
@@ -17,8 +22,8 @@ from qgis.PyQt.QtWidgets import (
 )
 
 from ..basemap import (
-    NONE,
-    OWN,
+    NO_BASE_MAP,
+    OWN_BASE_MAP,
     PROBE_PROPERTY,
     attribution_of,
     base_map_layers,
@@ -33,9 +38,8 @@ from ..basemap import (
 )
 from ..map_service import capabilities_url, service_layers
 
-REFUSED = (401, 403)
-"""HTTP status of a host that answers, but gives no map."""
-SERVER_FAILS = 500
+HTTP_REFUSALS = (401, 403)
+"""Status of a host that answers, but gives no map; so are those from 500 on."""
 
 
 class BaseMapChooser(QWidget):
@@ -45,31 +49,31 @@ class BaseMapChooser(QWidget):
         report: is called with an error message.
     """
 
-    def __init__(self, report, parent=None):
-        super().__init__(parent)
+    def __init__(self, report: Callable[[str], None]) -> None:
+        super().__init__()
         self._report = report
-        self._fetcher = None
+        self._fetcher: Any = None  # of a request that runs
         form = QFormLayout(self)
         form.setContentsMargins(6, 0, 6, 0)
         self.box = QComboBox(objectName="furrowmapBaseMap")
-        self.box.addItem(self.tr("none (offline)"), NONE)
+        self.box.addItem(self.tr("none (offline)"), NO_BASE_MAP)
         for base in base_maps():
             self.box.addItem(base.name, base.key)
-        self.box.addItem(self.tr("other map…"), OWN)
+        self.box.addItem(self.tr("other map…"), OWN_BASE_MAP)
         form.addRow(QLabel(self.tr("Base map")), self.box)
         self.inputs = self._own_inputs()
         form.addRow(self.inputs)
-        self.box.activated.connect(self._chosen)
+        self.box.activated.connect(self._show_choice)
         QgsProject.instance().readProject.connect(self.follow_project)
-        QgsProject.instance().layerTreeRoot().visibilityChanged.connect(self._seen)
+        QgsProject.instance().layerTreeRoot().visibilityChanged.connect(self._try_shown_in)
         self.follow_project()
 
-    def _own_inputs(self):
+    def _own_inputs(self) -> QWidget:
         """Address or file of the user's own map, and its attribution."""
         inputs = QWidget()
         form = QFormLayout(inputs)
         form.setContentsMargins(0, 0, 0, 0)
-        self.own = QLineEdit(remembered()[1], objectName="furrowmapOwnBaseMap")
+        self.own = QLineEdit(remembered()[0], objectName="furrowmapOwnBaseMap")
         self.own.setPlaceholderText(self.tr("Address or file"))
         self.own.setToolTip(
             self.tr(
@@ -82,7 +86,7 @@ class BaseMapChooser(QWidget):
         row = QHBoxLayout()
         row.addWidget(self.own, 1)
         row.addWidget(browse)
-        self.attribution = QLineEdit(remembered()[2], objectName="furrowmapOwnAttribution")
+        self.attribution = QLineEdit(remembered()[1], objectName="furrowmapOwnAttribution")
         self.attribution.setPlaceholderText(self.tr("Attribution, if the map states none itself"))
         form.addRow(row)
         form.addRow(self.attribution)
@@ -90,53 +94,49 @@ class BaseMapChooser(QWidget):
             field.returnPressed.connect(self._apply)
         return inputs
 
-    def follow_project(self, *_):
+    def follow_project(self, *_: object) -> None:
         """Show the project's base map, and say if it cannot be reached."""
         layers = base_map_layers(QgsProject.instance())
-        key = layers[0].customProperty("furrowmap/basemap") if layers else NONE
+        key = layers[0].customProperty("furrowmap/basemap") if layers else NO_BASE_MAP
         self.box.setCurrentIndex(max(self.box.findData(key), 0))
-        self.inputs.setVisible(key == OWN)
+        self.inputs.setVisible(key == OWN_BASE_MAP)
         for layer in layers:
             if layer.isValid():
-                self._try_seen(layer)
+                self._try_if_visible(layer)
             else:
                 self._report(self.tr("The base map {name} cannot be opened.").format(name=layer.name()))
 
-    def end(self):
+    def end(self) -> None:
         """Cancel a request, before the plugin is unloaded."""
         fetcher, self._fetcher = self._fetcher, None
         if fetcher is not None:
             fetcher.cancel()
 
-    def _chosen(self, *_):
-        own = self.box.currentData() == OWN
+    def _show_choice(self, *_: object) -> None:
+        own = self.box.currentData() == OWN_BASE_MAP
         self.inputs.setVisible(own)
         if not own or self.own.text().strip():
             self._apply()
 
-    def _browse(self):
-        title, filters = (
-            self.tr("Base map"),
-            self.tr("Rasters and MBTiles (*.mbtiles *.tif *.tiff *.vrt *.jp2 *.png *.jpg)"),
-        )
-        path, _ = QFileDialog.getOpenFileName(self, title, "", f"{filters};;{self.tr('All files')} (*)")
+    def _browse(self) -> None:
+        filters = self.tr("Rasters and MBTiles (*.mbtiles *.tif *.tiff *.vrt *.jp2 *.png *.jpg)")
+        filters += f";;{self.tr('All files')} (*)"
+        path, _ = QFileDialog.getOpenFileName(self, self.tr("Base map"), "", filters)
         if path:
             self.own.setText(path)
             self._apply()
 
-    def _apply(self):
+    def _apply(self) -> None:
         key, own, attribution = self.box.currentData(), self.own.text().strip(), self.attribution.text().strip()
-        if key == OWN and is_service(own):
+        if key == OWN_BASE_MAP and is_service(own):
             self._fetch(capabilities_url(own), lambda text: self._offer(text, own, attribution))
             return
         try:
-            layer = own_layer(own, attribution) if key == OWN else known_layer(key)
+            self._show(own_layer(own, attribution) if key == OWN_BASE_MAP else known_layer(key), key, own, attribution)
         except ValueError as error:
             self._report(str(error))
-            return
-        self._show(layer, key, own, attribution)
 
-    def _offer(self, text, own, attribution):
+    def _offer(self, text: str, own: str, attribution: str) -> None:
         """Show the layer of a service; the user chooses among several."""
         try:
             layers = service_layers(text, own, QgsProject.instance().crs().authid())
@@ -153,52 +153,52 @@ class BaseMapChooser(QWidget):
                 return
             chosen = layers[titles.index(title)]
         layer = service_layer(chosen, attribution)  # asks the service, while the window goes on
-        if (self.box.currentData(), self.own.text().strip()) != (OWN, own):
+        if (self.box.currentData(), self.own.text().strip()) != (OWN_BASE_MAP, own):
             return  # another map was chosen meanwhile
         if layer.isValid():
-            self._show(layer, OWN, own, attribution)
+            self._show(layer, OWN_BASE_MAP, own, attribution)
         else:
             self._report(self.tr("The base map {name} cannot be opened.").format(name=chosen.title))
 
-    def _show(self, layer, key, own, attribution):
+    def _show(self, layer: QgsMapLayer | None, key: str, own: str, attribution: str) -> None:
         show_base_map(layer, key)
         remember(key, own, attribution)
         if layer is not None:
             self.attribution.setToolTip(attribution_of([layer]))
             self._try(layer)
 
-    def _seen(self, node):
+    def _try_shown_in(self, node: QgsLayerTreeNode) -> None:
         """A base map of a project, such as a farm map's, may be hidden at first; then it asks nothing."""
         for layer in base_map_layers(QgsProject.instance()):
             if layer.id() in ([node.layerId()] if QgsLayerTree.isLayer(node) else node.findLayerIds()):
-                self._try_seen(layer)
+                self._try_if_visible(layer)
 
-    def _try_seen(self, layer):
+    def _try_if_visible(self, layer: QgsMapLayer) -> None:
         shown = QgsProject.instance().layerTreeRoot().findLayer(layer.id())
         if shown is not None and shown.isVisible():
             self._try(layer)
 
-    def _try(self, layer):
+    def _try(self, layer: QgsMapLayer) -> None:
         """Ask for one tile: QGIS itself shows nothing where a map cannot be reached."""
         probe = layer.customProperty(PROBE_PROPERTY)
         if probe:
             self._fetch(probe, lambda _text: None)
 
-    def _fetch(self, url, on_text):
+    def _fetch(self, url: str, on_text: Callable[[str], None]) -> None:
         """Get a file in the background; a failure is reported."""
         self.end()
         fetcher = self._fetcher = QgsNetworkContentFetcher()
-        fetcher.finished.connect(lambda: self._fetched(fetcher, url, on_text))
+        fetcher.finished.connect(lambda: self._take_answer(fetcher, url, on_text))
         fetcher.fetchContent(QUrl(url))
 
-    def _fetched(self, fetcher, url, on_text):
+    def _take_answer(self, fetcher: QgsNetworkContentFetcher, url: str, on_text: Callable[[str], None]) -> None:
         if fetcher is not self._fetcher:
             return  # another map was chosen meanwhile
         self._fetcher = None
         reply = fetcher.reply()
         status = reply.attribute(QNetworkRequest.Attribute.HttpStatusCodeAttribute)
         failed = reply.error() != QNetworkReply.NetworkError.NoError
-        if failed and (status is None or status in REFUSED or status >= SERVER_FAILS):
+        if failed and (status is None or status in HTTP_REFUSALS or status >= 500):
             self._report(
                 self.tr(
                     "The map of {host} cannot be reached: {reason}.\nThe other layers do not need it. Check the "

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Saved machines: files with the places of sensors and tool, in the same folder as those of the command line."""
 
+from __future__ import annotations
+
 import os
 import re
 import shutil
 import sys
 from pathlib import Path
+from typing import Any
 
-from .session_lines import NotSimpleError, SessionLines
+from .session_lines import SessionLines
 
-SUFFIX = ".toml"
+MACHINE_SUFFIX = ".toml"
+Places = dict[tuple[str, str], Any]
+"""Values of :data:`PLACES`, None where there is none."""
 PLACES = (
     ("antenna", "xyz_m"),
     ("lidar", "xyz_m"),
@@ -23,64 +28,59 @@ PLACES = (
 _SCHEMA = re.compile(r"^furrowmap_machine\s*=", re.MULTILINE)
 
 
-def machines_folder():
-    """The folder of the saved machines, which need not exist."""
+def machines_folder() -> Path:
+    """The folder of the saved machines, the same as that of the command line; it need not exist."""
     stated = os.environ.get("FURROWMAP_MACHINES")
-    return Path(stated) if stated else _user_data() / "furrowmap" / "machines"
+    if stated:
+        return Path(stated)
+    if sys.platform == "win32":
+        data = Path(os.environ.get("APPDATA") or Path.home() / "AppData" / "Roaming")
+    elif sys.platform == "darwin":
+        data = Path.home() / "Library" / "Application Support"
+    else:
+        data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
+    return data / "furrowmap" / "machines"
 
 
-def machine_names():
+def machine_names() -> list[str]:
     """Names of the saved machines."""
-    return sorted(path.stem for path in machines_folder().glob(f"*{SUFFIX}"))
+    return sorted(path.stem for path in machines_folder().glob(f"*{MACHINE_SUFFIX}"))
 
 
-def machine_path(name):
+def machine_path(name: str) -> Path:
     """The file of a saved machine."""
-    return machines_folder() / f"{name}{SUFFIX}"
+    return machines_folder() / f"{name}{MACHINE_SUFFIX}"
 
 
-def is_machine(path):
+def is_machine(path: Path) -> bool:
     """Whether a file is the profile of a machine."""
     try:
-        return path.suffix.lower() == SUFFIX and _SCHEMA.search(path.read_text(encoding="utf-8")) is not None
+        return path.suffix.lower() == MACHINE_SUFFIX and _SCHEMA.search(path.read_text(encoding="utf-8")) is not None
     except (OSError, UnicodeDecodeError):
         return False
 
 
-def read_places(path):
-    """The values of :data:`PLACES` in a profile, None where it has none.
+def read_places(path: Path) -> Places:
+    """The places in a profile.
 
     Raises:
         OSError, UnicodeDecodeError: if it cannot be read.
         NotSimpleError: if it is not written as `furrowmap machine save` does.
     """
-    lines = SessionLines(Path(path).read_text(encoding="utf-8"))
+    lines = SessionLines(path.read_text(encoding="utf-8"))
     return {place: lines.get(*place) for place in PLACES}
 
 
-def add_machine(path):
+def add_machine(path: Path) -> str:
     """Copy a profile among the saved machines; returns its name. A machine of this name is not replaced.
 
     Raises:
         OSError: if it cannot be written, or there is another machine of this name.
     """
-    path, folder = Path(path), machines_folder()
     target = machine_path(path.stem)
     if target.exists() and target.read_bytes() != path.read_bytes():
         raise FileExistsError(17, "there is another machine of this name", str(target))
-    folder.mkdir(parents=True, exist_ok=True)
+    target.parent.mkdir(parents=True, exist_ok=True)
     if not target.exists():
         shutil.copyfile(path, target)
     return path.stem
-
-
-def _user_data():
-    """The data folder of this user, as the command line has it."""
-    if sys.platform == "win32":
-        return Path(os.environ.get("APPDATA") or Path.home() / "AppData" / "Roaming")
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Application Support"
-    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
-
-
-__all__ = ["NotSimpleError", "add_machine", "is_machine", "machine_names", "machine_path", "read_places"]

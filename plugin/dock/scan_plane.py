@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The scan plane of a mounted scanner, for the drawing of the vehicle."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Sequence
 
 
-def spin_axis(rpy_deg):
+def spin_axis(rpy_deg: Sequence[float]) -> tuple[float, float, float]:
     """The scanner's spin axis in the vehicle frame: the third column of Rz(yaw) Ry(pitch) Rx(roll)."""
     roll, pitch, yaw = (math.radians(angle) for angle in rpy_deg)
     along, across = math.cos(roll) * math.sin(pitch), math.sin(roll)
@@ -15,7 +18,7 @@ def spin_axis(rpy_deg):
     )
 
 
-def scan_direction(axis, normal):
+def scan_direction(axis: Sequence[float], normal: Sequence[float]) -> tuple[float, ...] | None:
     """Unit vector along which the scan plane cuts a plane of the drawing; None if they coincide."""
     (a, b, c), (p, q, r) = axis, normal
     cut = (b * r - c * q, c * p - a * r, a * q - b * p)

@@ -6,10 +6,13 @@ QGIS may have a Python without `tomllib`, which cannot write either. So the form
 one name, such as `[[implement]]`, it edits the first.
 """
 
+from __future__ import annotations
+
 import json
 import re
+from typing import Any, NoReturn
 
-_HEADER = re.compile(r"(\[?)\[([A-Za-z0-9_-]+)\](\]?)\s*(#.*)?")
+_TABLE_LINE = re.compile(r"(\[?)\[([A-Za-z0-9_-]+)\](\]?)\s*(#.*)?")
 _ENTRY = re.compile(r"([A-Za-z0-9_-]+)\s*=\s*(.*)")
 _LITERAL = re.compile(r"'[^'\n]*'")
 
@@ -21,7 +24,7 @@ class NotSimpleError(Exception):
         number: of the line, from 1.
     """
 
-    def __init__(self, number):
+    def __init__(self, number: int) -> None:
         super().__init__(number)
         self.number = number
 
@@ -33,26 +36,27 @@ class SessionLines:
         NotSimpleError: at a line that is not a comment, a `[table]`, a `[[table]]` or a `key = value` on one line.
     """
 
-    def __init__(self, text):
+    def __init__(self, text: str) -> None:
         self._lines = text.rstrip("\n").split("\n")  # splitlines() splits at characters that TOML does not
         self._index()
 
-    def get(self, table, key):
+    def get(self, table: str, key: str) -> Any:
         """The value of a key; None if there is none. Keys before the first table have the table ""."""
         place = self._places.get((table, key))
         return None if place is None else place[1]
 
-    def has(self, table):
+    def has(self, table: str) -> bool:
         """Whether there is such a table."""
         return table in self._ends
 
-    def several(self, table):
+    def several(self, table: str) -> bool:
         """Whether there are several tables of this name."""
         return f"{table}[1]" in self._ends
 
-    def set(self, table, key, value):
+    def set(self, table: str, key: str, value: Any) -> None:
         """Set the value of a key, in its line or in a new one at the end of its table."""
-        written = f"{key} = {_written(value)}"
+        # JSON text, numbers and lists are valid TOML, except for one character.
+        written = f"{key} = " + json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
         place = self._places.get((table, key))
         if place is not None:
             number, known, comment = place
@@ -65,22 +69,22 @@ class SessionLines:
             self._lines += ["", f"[{table}]", written]
         self._index()
 
-    def drop(self, table):
+    def drop(self, table: str) -> None:
         """Remove a table, except the comments in it; of several of this name, the first."""
         gone = {place[0] for (name, _), place in self._places.items() if name == table}
-        gone.add(self._headers.get(table))
+        gone.add(self._headers.get(table, -1))
         self._lines = [line for number, line in enumerate(self._lines) if number not in gone]
         self._index()
 
     @property
-    def text(self):
+    def text(self) -> str:
         """The content of the file."""
         return "\n".join(self._lines) + "\n"
 
-    def _index(self):
-        self._places = {}  # (table, key): number of the line, value, comment
-        self._ends = {"": 0}  # table: number of the line behind its last entry
-        self._headers = {}  # table: number of its line; further ones of a name are told apart by a number
+    def _index(self) -> None:
+        self._places: dict[tuple[str, str], tuple[int, Any, str]] = {}  # of a key: its line, value, comment
+        self._ends = {"": 0}  # of a table: number of the line behind its last entry
+        self._headers: dict[str, int] = {}  # of a table: its line; further ones of a name have a number in theirs
         table = ""
         for number, line in enumerate(self._lines):
             stripped = line.strip()
@@ -98,16 +102,16 @@ class SessionLines:
                 raise NotSimpleError(number + 1)
             self._ends[table] = number + 1
 
-    def _new_table(self, line):
+    def _new_table(self, line: str) -> str | None:
         """The name of the table that a line begins, None for another line."""
-        header = _HEADER.fullmatch(line.strip())
+        header = _TABLE_LINE.fullmatch(line.strip())
         if header is None or len(header[1]) != len(header[3]):
             return None
         name, count = header[2], sum(known == header[2] or known.startswith(f"{header[2]}[") for known in self._ends)
         return f"{name}[{count}]" if header[1] and count else name
 
 
-def _read(text, number):
+def _read(text: str, number: int) -> tuple[Any, str]:
     """A value that is the same in TOML and JSON (or a literal string), and the comment after it."""
     literal = _LITERAL.match(text)
     if literal is not None and not text.startswith("''"):
@@ -124,16 +128,11 @@ def _read(text, number):
     return value, rest
 
 
-def _refuse(name):
+def _refuse(name: str) -> NoReturn:
     raise ValueError(name)
 
 
-def _is_toml(value):
+def _is_toml(value: Any) -> bool:
     if isinstance(value, list):
-        return all(_is_toml(item) for item in value)
+        return all(map(_is_toml, value))
     return isinstance(value, (str, int, float))
-
-
-def _written(value):
-    """JSON text, numbers and lists are valid TOML, except for one character."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The form of a session: findings in the recordings, the measured dimensions, and a drawing of the vehicle."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from functools import partial
+from html import escape
 from pathlib import Path
+from typing import Any
 
 from qgis.core import QgsCoordinateReferenceSystem
 from qgis.gui import QgsFileWidget, QgsProjectionSelectionWidget
@@ -10,34 +15,44 @@ from qgis.PyQt.QtCore import Qt, pyqtSignal
 from qgis.PyQt.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
-    QHBoxLayout,
+    QGroupBox,
     QLabel,
     QLineEdit,
-    QPushButton,
     QScrollArea,
     QVBoxLayout,
     QWidget,
 )
 
-from .findings import findings_html
-from .form_parts import escaped, fill, group_box, row_of, same_value, small_text, texts_of, values_of
-from .machines import PLACES, machine_names, machine_path, read_places
+from .form_parts import (
+    below,
+    button,
+    fill,
+    findings_html,
+    group_box,
+    row_of,
+    same_value,
+    side_by_side,
+    small_text,
+    texts_of,
+    values_of,
+)
+from .machines import PLACES, Places, machine_names, machine_path, read_places
 from .session_lines import NotSimpleError, SessionLines
-from .vehicle_view import Placement, VehicleView
+from .vehicle_view import VehiclePlaces, VehicleView
 
 MAX_OFFSET_M = 15.0
 """Largest offset from the rear axle that a session may have."""
-UNKNOWN = "FILL-IN"
+FILL_IN = "FILL-IN"
 """What `furrowmap init` writes for required values that are not in the recordings."""
+PLACES_ASKED = ("no-mounting", "no-antenna")
+"""Codes of missing places: the form asks before it runs a session without them."""
 
 
 class SessionPage(QWidget):
     """The form.
 
     Signals:
-        run_wanted: with the saved session file.
-        preview_wanted: likewise.
-        saved: likewise.
+        run_wanted, preview_wanted, saved: with the saved session file.
         left: back, without saving.
         replace_wanted: with the session file, to run it in place of the products of another recording.
         keep_wanted: with the session file, to run it into a folder of its own.
@@ -56,26 +71,30 @@ class SessionPage(QWidget):
     machine_replaced = pyqtSignal(object, str)
     calibration_wanted = pyqtSignal(object, str)
 
-    def __init__(self, parent=None):
-        super().__init__(parent)
-        self._path = self._lines = self._found = None
-        self._files = []
+    def __init__(self) -> None:
+        super().__init__()
+        self.path = Path()
+        self._lines: SessionLines | None = None
+        self._found: dict[str, Any] | None = None
+        self._files: list[str] = []
         inside = QWidget()
         layout = QVBoxLayout(inside)
         self.findings = small_text("furrowmapFindings")
         self.vehicle = VehicleView()
-        layout.addWidget(self._error())
-        layout.addWidget(self.findings)
-        layout.addWidget(self._session_group())
-        layout.addWidget(self._machine_group())
-        layout.addWidget(self.vehicle)
-        layout.addWidget(self._antenna_group())
-        layout.addWidget(self._lidar_group())
-        layout.addWidget(self._implement_group())
-        layout.addWidget(self._field_group())
+        for widget in (
+            self._error_part(),
+            self.findings,
+            self._session_group(),
+            self._machine_group(),
+            self.vehicle,
+            self._antenna_group(),
+            self._lidar_group(),
+            self._implement_group(),
+            self._field_group(),
+        ):
+            layout.addWidget(widget)
         layout.addStretch()
-        self._scroll = QScrollArea()
-        self._scroll.setWidgetResizable(True)
+        self._scroll = QScrollArea(widgetResizable=True)
         self._scroll.setFrameShape(QScrollArea.Shape.NoFrame)
         self._scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._scroll.setWidget(inside)
@@ -83,13 +102,21 @@ class SessionPage(QWidget):
         self._scroll.setMinimumWidth(inside.minimumSizeHint().width() + bar + 2)
         self.preview = small_text("furrowmapPreviewWords")
         self.preview.hide()
+        run = button("furrowmapRun", self.tr("Save and run"), self._save_and_run)
+        run.setDefault(True)
+        buttons = side_by_side(
+            button("furrowmapBack", self.tr("Back"), self.left.emit),
+            button("furrowmapSave", self.tr("Save"), partial(self._save_and, self.saved)),
+            button("furrowmapPreview", self.tr("Preview"), self._save_and_preview),
+            run,
+        )
         whole = QVBoxLayout(self)
         whole.setContentsMargins(0, 0, 0, 0)
         whole.addWidget(self._scroll, 1)
         whole.addWidget(self.preview)
-        whole.addWidget(self._buttons())
+        whole.addWidget(buttons)
 
-    def show_session(self, path, findings=None):
+    def show_session(self, path: Path, findings: dict[str, Any] | None = None) -> None:
         """Read a session file into the form.
 
         Args:
@@ -99,19 +126,17 @@ class SessionPage(QWidget):
             NotSimpleError: if the form cannot edit the file.
             OSError, UnicodeDecodeError: if it cannot be read.
         """
-        self._lines = SessionLines(Path(path).read_text(encoding="utf-8"))
-        self._path = Path(path)
-        lines = self._lines
+        lines = self._lines = SessionLines(path.read_text(encoding="utf-8"))
+        self.path = path
         self.name.setText(str(lines.get("", "name") or ""))
-        files = [*texts_of(lines.get("recording", "lidar")), *texts_of(lines.get("recording", "gnss"))]
-        files += [*texts_of(lines.get("trajectory", "files")), *texts_of(lines.get("implement", "states"))]
-        self._files = files
-        words = {UNKNOWN: self.tr("(missing: drop the recording here)")}
-        self.recordings.setText("\n".join(words.get(file, file) for file in files))
+        of_recording = (("recording", "lidar"), ("recording", "gnss"), ("trajectory", "files"), ("implement", "states"))
+        self._files = [file for place in of_recording for file in texts_of(lines.get(*place))]
+        words = {FILL_IN: self.tr("(missing: drop the recording here)")}
+        self.recordings.setText("\n".join(words.get(file, file) for file in self._files))
         code = lines.get("crs", "map")
-        self.crs.setCrs(QgsCoordinateReferenceSystem("" if code in (None, UNKNOWN) else str(code)))
+        self.crs.setCrs(QgsCoordinateReferenceSystem("" if code in (None, FILL_IN) else str(code)))
         self._fill_places({place: lines.get(*place) for place in PLACES})
-        self.boundary.setDefaultRoot(str(self._path.parent))
+        self.boundary.setDefaultRoot(str(path.parent))
         self.boundary.setFilePath(str(lines.get("field", "boundary") or ""))
         self._found = findings
         self.error.hide()
@@ -121,7 +146,7 @@ class SessionPage(QWidget):
         self.findings.setText(findings_html(findings, self.missing()))
         self._scroll.verticalScrollBar().setValue(0)
 
-    def _fill_places(self, places):
+    def _fill_places(self, places: Places) -> None:
         self.antenna_group.setChecked(places["antenna", "xyz_m"] is not None)
         fill(self.antenna, places["antenna", "xyz_m"])
         fill(self.lidar_xyz, places["lidar", "xyz_m"])
@@ -132,8 +157,8 @@ class SessionPage(QWidget):
         fill(self.implement_xy, places["implement", "xy_m"])
         fill([self.depth_m], [places["implement", "working_depth_m"]])
 
-    def places(self):
-        """What the form states of the machine, by table and key."""
+    def places(self) -> Places:
+        """The places of the machine in the form, by table and key."""
         with_tool = self.implement_group.isChecked()
         return {
             ("antenna", "xyz_m"): values_of(self.antenna) if self.antenna_group.isChecked() else None,
@@ -145,22 +170,27 @@ class SessionPage(QWidget):
             ("implement", "working_depth_m"): self.depth_m.value() if with_tool else None,
         }
 
-    def use_places(self, places):
+    def use_places(self, places: Places) -> None:
         """Fill in the places of a machine; what it does not have stays as it is, and so do several implements."""
-        kept = "implement" if self._lines.several("implement") else ""
+        kept = "implement" if self._session_lines.several("implement") else ""
         known = {place: value for place, value in places.items() if value not in (None, "") and place[0] != kept}
-        self._fill_places(self.places() | known)
+        self._fill_places({**self.places(), **known})
         self._draw()
         self.findings.setText(findings_html(self._found, self.missing()))
 
-    def show_machines(self, chosen=""):
+    @property
+    def _session_lines(self) -> SessionLines:
+        assert self._lines is not None  # a session is shown before anything of it is asked for
+        return self._lines
+
+    def show_machines(self, chosen: str = "") -> None:
         """List the saved machines; the one with the form's places is selected unless another one is chosen."""
         names = machine_names()
         self.machine.clear()
         self.machine.addItems(names)
         self.machine.setEditText(chosen or next(filter(self._is_of_form, names), ""))
 
-    def _is_of_form(self, name):
+    def _is_of_form(self, name: str) -> bool:
         """Whether a saved machine has the places in the form."""
         try:
             saved = read_places(machine_path(name))
@@ -170,24 +200,19 @@ class SessionPage(QWidget):
         known = {place: value for place, value in saved.items() if value not in (None, "")}
         return bool(known) and all(same_value(shown[place], value) for place, value in known.items())
 
-    @property
-    def path(self):
-        """The session file; None before the first."""
-        return self._path
-
-    def recordings_beside(self, recordings):
+    def recordings_beside(self, recordings: Sequence[Path]) -> list[Path] | None:
         """The recordings of a session in the form that lacks one, if `recordings` are in its folder; else None."""
-        if UNKNOWN not in self._files:
+        if FILL_IN not in self._files:
             return None
-        folder = self._path.parent.resolve()
-        inside = all(Path(path).resolve().is_relative_to(folder) for path in recordings)
-        return [folder / name for name in self._files if name != UNKNOWN] if inside else None
+        folder = self.path.parent.resolve()
+        inside = all(path.resolve().is_relative_to(folder) for path in recordings)
+        return [folder / name for name in self._files if name != FILL_IN] if inside else None
 
-    def missing(self):
+    def missing(self) -> list[str]:
         """Codes of what is still to be filled in, as `furrowmap init` has them."""
         needed = {
-            "no-lidar": UNKNOWN in texts_of(self._lines.get("recording", "lidar")),
-            "no-positions": UNKNOWN in texts_of(self._lines.get("recording", "gnss")),
+            "no-lidar": FILL_IN in texts_of(self._session_lines.get("recording", "lidar")),
+            "no-positions": FILL_IN in texts_of(self._session_lines.get("recording", "gnss")),
             "no-crs": not self.crs.crs().isValid(),
             "no-mounting": self._without_mounting(),
             "no-antenna": self._without_antenna(),
@@ -195,18 +220,19 @@ class SessionPage(QWidget):
         }
         return [code for code, wanted in needed.items() if wanted]
 
-    def _without_mounting(self):
-        stated = None not in (self._lines.get("lidar", "xyz_m"), self._lines.get("lidar", "rpy_deg"))
-        scans = bool(texts_of(self._lines.get("recording", "lidar")))
+    def _without_mounting(self) -> bool:
+        lines = self._session_lines
+        stated = None not in (lines.get("lidar", "xyz_m"), lines.get("lidar", "rpy_deg"))
+        scans = bool(texts_of(lines.get("recording", "lidar")))
         return scans and not stated and not any(values_of(self.lidar_xyz))
 
-    def _without_antenna(self):
-        stated = self._lines.get("antenna", "xyz_m") is not None or self._lines.has("trajectory")
-        return not (self.antenna_group.isChecked() and any(values_of(self.antenna))) and not (
-            stated and (self.antenna_group.isChecked() or self._lines.has("trajectory"))
-        )
+    def _without_antenna(self) -> bool:
+        if self._session_lines.has("trajectory"):
+            return False
+        stated = self._session_lines.get("antenna", "xyz_m") is not None
+        return not (self.antenna_group.isChecked() and (stated or any(values_of(self.antenna))))
 
-    def show_error(self, text, *, may_replace):
+    def show_error(self, text: str, *, may_replace: bool) -> None:
         """Show why a run failed, in full, above the form.
 
         Args:
@@ -215,50 +241,50 @@ class SessionPage(QWidget):
                 names options of the command line.
         """
         what, *rest = text.splitlines()[: 2 if may_replace else None]
-        self.error_text.setText("<br>".join([f"<b>{escaped(what)}</b>", *map(escaped, rest)]))
+        self._show_above("<br>".join([f"<b>{escaped(what)}</b>", *map(escaped, rest)]))
         self.choice.setVisible(may_replace)
-        self.replace_machine.hide()
-        self.anyway.hide()
+
+    def _show_above(self, page: str) -> None:
+        """Show rich text above the form, without buttons."""
+        self.error_text.setText(page)
+        for part in (self.choice, self.anyway, self.replace_machine):
+            part.hide()
         self.error.show()
         self._scroll.verticalScrollBar().setValue(0)
 
-    def show_known_machine(self, text):
+    def show_known_machine(self, text: str) -> None:
         """Show that a machine of this name is saved, with a button that replaces it."""
         remedy = self.tr("Replace its places by those of the form, or type another name.")
         self.show_error(f"{text.splitlines()[0]}\n{remedy}", may_replace=False)
         self.replace_machine.show()
 
-    def show_preview_status(self, text):
+    def show_preview_status(self, text: str) -> None:
         """Show the progress of a preview above the buttons."""
         self.preview.setText(escaped(text))
         self.preview.setVisible(bool(text))
 
-    def fault_of_preview(self):
+    def fault_of_preview(self) -> str:
         """Why the session in the form cannot be previewed; "" if it can."""
-        if UNKNOWN in self._files:
+        if FILL_IN in self._files:
             return self.tr(
                 "A recording is missing. Drop it here: the scanner's recording and the receiver's log, from one folder."
             )
-        if not self.crs.crs().isValid():
-            return self.tr("Choose the map's coordinate reference system.")
-        return ""
+        return "" if self.crs.crs().isValid() else self.tr("Choose the map's coordinate reference system.")
 
-    def fault(self):
+    def fault(self) -> str:
         """Why the session in the form cannot be run; "" if it can."""
         fault = self.fault_of_preview()
-        if fault:
-            return fault
-        if self.implement_group.isChecked() and self.width_m.value() <= 0:
+        if not fault and self.implement_group.isChecked() and self.width_m.value() <= 0:
             return self.tr("Enter the width of the implement, or uncheck 'Implement'.")
-        return ""
+        return fault
 
-    def save(self):
+    def save(self) -> None:
         """Write the form into the session file; other lines of the file are kept.
 
         Raises:
             OSError: if the file cannot be written.
         """
-        lines = self._lines
+        lines = self._session_lines
         lines.set("", "name", self.name.text())
         if self.crs.crs().isValid():
             lines.set("crs", "map", self.crs.crs().authid() or self.crs.crs().toWkt())
@@ -273,22 +299,25 @@ class SessionPage(QWidget):
         if placed or any(values_of(self.lidar_rpy)) or lines.get("lidar", "rpy_deg") is not None:
             lines.set("lidar", "rpy_deg", values_of(self.lidar_rpy))
         self._save_implement(lines)
-        boundary = self._boundary()
+        boundary = self.boundary.filePath().strip()
         if boundary:
-            lines.set("field", "boundary", boundary)
+            folder = self.path.parent.resolve()
+            chosen = (folder / boundary).resolve()
+            # The run refuses a file outside of the session's folder, with the reason.
+            inside = chosen.is_relative_to(folder)
+            lines.set("field", "boundary", chosen.relative_to(folder).as_posix() if inside else boundary)
         else:
             lines.drop("field")
-        unfinished = self._path.with_name(self._path.name + ".unfinished")
+        unfinished = self.path.with_name(self.path.name + ".unfinished")
         unfinished.write_text(lines.text, encoding="utf-8")
-        unfinished.replace(self._path)
+        unfinished.replace(self.path)
 
-    def _save_implement(self, lines):
+    def _save_implement(self, lines: SessionLines) -> None:
         if not self.implement_group.isChecked():
             lines.drop("implement")
             if lines.has("implement"):  # another one, which is now the first
-                self._fill_places(
-                    self.places() | {place: lines.get(*place) for place in PLACES if "implement" in place}
-                )
+                of_next = {place: lines.get(*place) for place in PLACES if "implement" in place}
+                self._fill_places({**self.places(), **of_next})
             return
         lines.set("implement", "width_m", self.width_m.value())
         lines.set("implement", "xy_m", values_of(self.implement_xy))
@@ -297,89 +326,55 @@ class SessionPage(QWidget):
         if self.depth_m.value() > 0:
             lines.set("implement", "working_depth_m", self.depth_m.value())
 
-    def _boundary(self):
-        """Path of the boundary for the session file: relative to its folder."""
-        chosen = self.boundary.filePath().strip()
-        if not chosen:
-            return ""
-        try:
-            return (self._path.parent / chosen).resolve().relative_to(self._path.parent.resolve()).as_posix()
-        except ValueError:
-            return chosen  # the run refuses a file elsewhere, with the reason
-
-    def _error(self):
-        self.error, self.choice = QWidget(objectName="furrowmapError"), QWidget()
+    def _error_part(self) -> QWidget:
         self.error_text = small_text("furrowmapErrorText")
-        row = QHBoxLayout(self.choice)
-        row.setContentsMargins(0, 0, 0, 0)
-        for name, text, signal in (
-            ("furrowmapReplace", self.tr("Replace them"), self.replace_wanted),
-            ("furrowmapKeepBoth", self.tr("Keep both"), self.keep_wanted),
-        ):
-            button = QPushButton(text, objectName=name)
-            button.clicked.connect(partial(self._run_again, signal))
-            row.addWidget(button)
-        layout = QVBoxLayout(self.error)
-        layout.setContentsMargins(0, 0, 0, 0)
-        self.anyway = QPushButton(self.tr("Run without accuracy"), objectName="furrowmapRunAnyway")
-        self.anyway.clicked.connect(self._run_anyway)
-        layout.addWidget(self.error_text)
-        layout.addWidget(self.choice)
-        layout.addWidget(self.anyway)
-        self.replace_machine = QPushButton(self.tr("Replace the machine"), objectName="furrowmapReplaceMachine")
-        self.replace_machine.clicked.connect(partial(self._save_machine, self.machine_replaced))
-        layout.addWidget(self.replace_machine)
+        self.choice = side_by_side(
+            button("furrowmapReplace", self.tr("Replace them"), partial(self._save_and, self.replace_wanted)),
+            button("furrowmapKeepBoth", self.tr("Keep both"), partial(self._save_and, self.keep_wanted)),
+        )
+        run_anyway = partial(self._save_and, self.run_wanted)
+        self.anyway = button("furrowmapRunAnyway", self.tr("Run without accuracy"), run_anyway)
+        replace_machine = partial(self._save_machine, self.machine_replaced)
+        self.replace_machine = button("furrowmapReplaceMachine", self.tr("Replace the machine"), replace_machine)
+        self.error = below(self.error_text, self.choice, self.anyway, self.replace_machine)
+        self.error.setObjectName("furrowmapError")
         self.error.hide()
         return self.error
 
-    def _run_again(self, signal, *_):
-        if self._is_saved():
-            signal.emit(self._path)
-
-    def _run_anyway(self):
-        if self._is_saved():
-            self.run_wanted.emit(self._path)
-
-    def _machine_group(self):
+    def _machine_group(self) -> QGroupBox:
         group, form = group_box(self.tr("Machine"))
         self.machine = QComboBox(objectName="furrowmapMachine", editable=True)
         self.machine.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
         self.machine.lineEdit().setPlaceholderText(self.tr("Choose a saved machine, or type a name"))
         self.machine.activated.connect(self._use_machine)
-        row = QWidget()
-        layout = QHBoxLayout(row)
-        layout.setContentsMargins(0, 0, 0, 0)
-        for name, text, slot in (
-            ("furrowmapSaveMachine", self.tr("Save as machine"), partial(self._save_machine, self.machine_wanted)),
-            ("furrowmapCalibrate", self.tr("Calibrate"), self._calibrate),
-        ):
-            button = QPushButton(text, objectName=name)
-            button.clicked.connect(slot)
-            layout.addWidget(button)
-        button.setToolTip(
-            self.tr("Find the scanner's angles in the recording; write them into the session and the chosen machine.")
-        )
+        tip = self.tr("Find the scanner's angles in the recording; write them into the session and the chosen machine.")
+        save = partial(self._save_machine, self.machine_wanted)
         form.addRow(self.machine)
-        form.addRow(row)
+        form.addRow(
+            side_by_side(
+                button("furrowmapSaveMachine", self.tr("Save as machine"), save),
+                button("furrowmapCalibrate", self.tr("Calibrate"), self._calibrate, tip),
+            )
+        )
         return group
 
-    def _use_machine(self, *_):
+    def _use_machine(self, *_: object) -> None:
         name = self.machine.currentText()
         try:
             self.use_places(read_places(machine_path(name)))
         except (OSError, UnicodeDecodeError, NotSimpleError):
             self._show_fault(self.tr("The machine {name} cannot be read.").format(name=name))
 
-    def _save_machine(self, signal, *_):
+    def _save_machine(self, signal: Any) -> None:
         name = self.machine.currentText().strip()
         if not name:
             self._show_fault(self.tr("Type a name for the machine."))
-        elif {"no-mounting", "no-antenna"} & set(self.missing()):
+        elif set(PLACES_ASKED) & set(self.missing()):
             self._show_fault(self.tr("Fill in the positions of antenna and scanner first."))
-        elif self._is_saved():
-            signal.emit(self._path, name)
+        else:
+            self._save_and(signal, name)
 
-    def _calibrate(self):
+    def _calibrate(self) -> None:
         fault = self.fault()
         if not fault and self._without_mounting():
             fault = self.tr("Fill in the position and the approximate angles of the scanner first.")
@@ -391,16 +386,14 @@ class SessionPage(QWidget):
             ).format(name=name)
         if fault:
             self._show_fault(fault)
-        elif self._is_saved():
-            self.calibration_wanted.emit(self._path, name)
+        else:
+            self._save_and(self.calibration_wanted, name)
 
-    def _session_group(self):
+    def _session_group(self) -> QGroupBox:
         group, form = group_box(self.tr("Session"))
         self.name = QLineEdit(objectName="furrowmapName")
-        self.recordings = QLabel(objectName="furrowmapRecordings")
-        self.recordings.setWordWrap(True)
-        self.crs = QgsProjectionSelectionWidget()
-        self.crs.setObjectName("furrowmapCrs")
+        self.recordings = QLabel(objectName="furrowmapRecordings", wordWrap=True)
+        self.crs = QgsProjectionSelectionWidget(objectName="furrowmapCrs")
         self.crs.setOptionVisible(QgsProjectionSelectionWidget.CrsOption.CrsNotSet, True)  # noqa: FBT003
         self.crs.setNotSetText(self.tr("Not known: choose it"))
         self.crs.crsChanged.connect(self._draw)
@@ -410,157 +403,122 @@ class SessionPage(QWidget):
         form.addRow(small_text(text=self.tr("A projected CRS in metres, for computation and output.")))
         return group
 
-    def _antenna_group(self):
+    def _antenna_group(self) -> QGroupBox:
         self.antenna_group, form = group_box(self.tr("GNSS antenna"), self._draw)
         self.antenna_group.setObjectName("furrowmapAntennaGroup")
-        self.antenna = self._metres("furrowmapAntenna", 3)
-        form.addRow(row_of(self.tr("x, y, z"), self.antenna))
-        form.addRow(
-            small_text(
-                text=self.tr(
-                    "Phase centre of the antenna, from the point on the ground below the middle of the rear axle: "
-                    "forward, left, up. A centimetre is accurate enough. Unchecked: not known."
-                )
-            )
+        self.antenna = self._metre_boxes("furrowmapAntenna", 3)
+        hint = self.tr(
+            "Phase centre of the antenna, from the point on the ground below the middle of the rear axle: "
+            "forward, left, up. A centimetre is accurate enough. Unchecked: not known."
         )
+        form.addRow(row_of(self.tr("x, y, z"), self.antenna))
+        form.addRow(small_text(text=hint))
         return self.antenna_group
 
-    def _lidar_group(self):
+    def _lidar_group(self) -> QGroupBox:
         self.lidar_group, form = group_box(self.tr("Scanner"))
-        self.lidar_xyz = self._metres("furrowmapLidar", 3)
-        self.lidar_rpy = [self._spin(f"furrowmapLidarTurn{k}", 360.0, "°", 3, 1.0) for k in range(3)]
+        self.lidar_xyz = self._metre_boxes("furrowmapLidar", 3)
+        self.lidar_rpy = [self._number_box(f"furrowmapLidarTurn{k}", 360.0, "°", 3, 1.0) for k in range(3)]
+        hint = self.tr(
+            "Position, and rotation from level with the cable to the rear. A scanner that faces backwards and "
+            "is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough."
+        )
         form.addRow(row_of(self.tr("x, y, z"), self.lidar_xyz))
         form.addRow(row_of(self.tr("roll, pitch, yaw"), self.lidar_rpy))
-        form.addRow(
-            small_text(
-                text=self.tr(
-                    "Position, and rotation from level with the cable to the rear. A scanner that faces backwards and "
-                    "is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough."
-                )
-            )
-        )
+        form.addRow(small_text(text=hint))
         return self.lidar_group
 
-    def _implement_group(self):
+    def _implement_group(self) -> QGroupBox:
         self.implement_group, form = group_box(self.tr("Implement"), self._draw)
         self.implement_group.setObjectName("furrowmapImplementGroup")
         self.kind = QLineEdit(objectName="furrowmapKind")
-        self.width_m = self._spin("furrowmapWidth", MAX_OFFSET_M, " m", 2, 0.05, low=0.0)
-        self.implement_xy = self._metres("furrowmapImplementXy", 2)
-        self.depth_m = self._spin("furrowmapDepth", 1.0, " m", 2, 0.01, low=0.0)
+        self.width_m = self._number_box("furrowmapWidth", MAX_OFFSET_M, " m", 2, 0.05, low=0.0)
+        self.implement_xy = self._metre_boxes("furrowmapImplementXy", 2)
+        self.depth_m = self._number_box("furrowmapDepth", 1.0, " m", 2, 0.01, low=0.0)
+        hint = self.tr(
+            "Working width, and the middle of the working line relative to the rear axle; x is negative behind "
+            "it. Depth 0 means unknown. Unchecked: no worked ground is computed."
+        )
         form.addRow(self.tr("Kind"), self.kind)
         form.addRow(self.tr("Width"), self.width_m)
         form.addRow(row_of(self.tr("x, y"), self.implement_xy))
         form.addRow(self.tr("Depth"), self.depth_m)
-        form.addRow(
-            small_text(
-                text=self.tr(
-                    "Working width, and the middle of the working line relative to the rear axle; x is negative behind "
-                    "it. Depth 0 means unknown. Unchecked: no worked ground is computed."
-                )
-            )
-        )
+        form.addRow(small_text(text=hint))
         return self.implement_group
 
-    def _field_group(self):
+    def _field_group(self) -> QGroupBox:
         group, form = group_box(self.tr("Field"))
-        self.boundary = QgsFileWidget()
-        self.boundary.setObjectName("furrowmapBoundary")
+        self.boundary = QgsFileWidget(objectName="furrowmapBoundary")
         self.boundary.setFilter(self.tr("Polygons (*.geojson *.gpkg *.shp *.kml)"))
         form.addRow(self.tr("Boundary"), self.boundary)
         form.addRow(small_text(text=self.tr("Optional: a polygon in the session's folder, to find missed ground.")))
         return group
 
-    def _buttons(self):
-        row = QWidget()
-        layout = QHBoxLayout(row)
-        layout.setContentsMargins(0, 0, 0, 0)
-        for name, text, slot in (
-            ("furrowmapBack", self.tr("Back"), self.left.emit),
-            ("furrowmapSave", self.tr("Save"), self._save_only),
-            ("furrowmapPreview", self.tr("Preview"), self._save_and_preview),
-            ("furrowmapRun", self.tr("Save and run"), self._save_and_run),
-        ):
-            button = QPushButton(text, objectName=name)
-            button.clicked.connect(slot)
-            layout.addWidget(button)
-        button.setDefault(True)
-        return row
-
-    def _save_only(self):
-        if self._is_saved():
-            self.saved.emit(self._path)
-
-    def _save_and_preview(self):
-        fault = self.fault_of_preview()
-        if fault:
-            self._show_fault(fault)
-        elif self._is_saved():
-            self.preview_wanted.emit(self._path)
-
-    def _save_and_run(self):
-        fault = self.fault()
-        if fault:
-            self._show_fault(fault)
-        elif {"no-mounting", "no-antenna"} & set(self.missing()):
-            self._ask()
-        elif self._is_saved():
-            self.run_wanted.emit(self._path)
-
-    def _ask(self):
-        """Ask before a run whose places are not filled in."""
-        self.error_text.setText(findings_html(None, [c for c in self.missing() if c in ("no-mounting", "no-antenna")]))
-        self.choice.hide()
-        self.replace_machine.hide()
-        self.anyway.show()
-        self.error.show()
-        self._scroll.verticalScrollBar().setValue(0)
-
-    def _is_saved(self):
-        """Save; returns whether that succeeded, else shows why not."""
+    def _save_and(self, signal: Any, *words: str) -> None:
+        """Save, and emit a signal with the file; if the file cannot be written, show why."""
         try:
             self.save()
         except OSError as error:
-            self._show_fault(
-                self.tr("{path} cannot be written: {reason}.").format(path=self._path, reason=error.strerror)
-            )
-            return False
-        return True
+            text = self.tr("{path} cannot be written: {reason}.")
+            self._show_fault(text.format(path=self.path, reason=error.strerror))
+            return
+        signal.emit(self.path, *words)
 
-    def _show_fault(self, fault):
+    def _save_and_preview(self) -> None:
+        fault = self.fault_of_preview()
+        if fault:
+            self._show_fault(fault)
+        else:
+            self._save_and(self.preview_wanted)
+
+    def _save_and_run(self) -> None:
+        fault, missing = self.fault(), [code for code in self.missing() if code in PLACES_ASKED]
+        if fault:
+            self._show_fault(fault)
+        elif missing:  # ask first
+            self._show_above(findings_html(None, missing))
+            self.anyway.show()
+        else:
+            self._save_and(self.run_wanted)
+
+    def _show_fault(self, fault: str) -> None:
         self.findings.setText(f"<b>{escaped(fault)}</b>")
         self._scroll.ensureWidgetVisible(self.findings)
 
-    def _draw(self, *_):
+    def _draw(self, *_: object) -> None:
         if self._lines is not None:
-            self._mark(self.antenna_group, self.tr("GNSS antenna"), self._without_antenna())
-            self._mark(self.lidar_group, self.tr("Scanner"), self._without_mounting())
+            self._mark(self.antenna_group, self.tr("GNSS antenna"), missing=self._without_antenna())
+            self._mark(self.lidar_group, self.tr("Scanner"), missing=self._without_mounting())
         checked = self.implement_group.isChecked()
-        self.vehicle.show_placement(
-            Placement(
-                tuple(values_of(self.lidar_xyz)),
-                tuple(values_of(self.lidar_rpy)),
-                tuple(values_of(self.antenna)) if self.antenna_group.isChecked() else None,
-                tuple(values_of(self.implement_xy)) if checked else None,
+        self.vehicle.show_places(
+            VehiclePlaces(
+                values_of(self.lidar_xyz),
+                values_of(self.lidar_rpy),
+                values_of(self.antenna) if self.antenna_group.isChecked() else None,
+                values_of(self.implement_xy) if checked else None,
                 self.width_m.value() if checked else 0.0,
                 self.depth_m.value() if checked else 0.0,
             )
         )
 
-    def _mark(self, group, title, missing):
+    def _mark(self, group: QGroupBox, title: str, *, missing: bool) -> None:
         """Say in the title of a group that it is still to be filled in."""
         group.setTitle(self.tr("{title}: not filled in").format(title=title) if missing else title)
         group.setStyleSheet("QGroupBox::title { color: #b45f06; }" if missing else "")
 
-    def _metres(self, name, count):
-        return [self._spin(f"{name}{k}", MAX_OFFSET_M, " m", 3, 0.01) for k in range(count)]
+    def _metre_boxes(self, name: str, count: int) -> list[QDoubleSpinBox]:
+        return [self._number_box(f"{name}{k}", MAX_OFFSET_M, " m", 3, 0.01) for k in range(count)]
 
-    def _spin(self, name, limit, suffix, decimals, step, *, low=None):
-        box = QDoubleSpinBox(objectName=name)
+    def _number_box(
+        self, name: str, limit: float, suffix: str, decimals: int, step: float, *, low: float | None = None
+    ) -> QDoubleSpinBox:
+        box = QDoubleSpinBox(objectName=name, decimals=decimals, singleStep=step, suffix=suffix)
         box.setRange(-limit if low is None else low, limit)
-        box.setDecimals(decimals)
-        box.setSingleStep(step)
-        box.setSuffix(suffix)
         box.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         box.valueChanged.connect(self._draw)
         return box
+
+
+def escaped(text: str) -> str:
+    """Plain text as rich text."""
+    return escape(text, quote=False)

@@ -1,34 +1,56 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Background tasks, whose messages arrive as signals in the main thread."""
+"""The dock's background tasks: one command, a run or its preview, and many drives one after another."""
 
-from qgis.core import QgsApplication, QgsProcessingAlgRunnerTask, QgsProcessingContext, QgsProcessingFeedback, QgsTask
-from qgis.PyQt.QtCore import pyqtSignal
+from __future__ import annotations
 
+import shutil
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from qgis.core import (
+    QgsApplication,
+    QgsProcessingAlgRunnerTask,
+    QgsProcessingContext,
+    QgsProcessingFeedback,
+    QgsProject,
+    QgsTask,
+)
+from qgis.PyQt.QtCore import QObject, pyqtSignal
+
+from ..previews import open_preview, preview_text, read_account, remove_previews
 from ..processing.algorithm import ERROR_CODE
 from ..worker import WorkerError, run_command
+from .form_parts import FORM_CODES
 
 QUIET = QgsTask.Flag.CanCancel | QgsTask.Flag.Silent
-"""The dock shows itself how its tasks end."""
+"""The dock itself shows how its tasks end."""
+END_MS = 8000
+"""A cancelled task has this long to end before the plugin is unloaded."""
+WAITING, RUNNING, DONE = "waiting", "running", "done"
+FAILED, TO_FILL_IN, CANCELLED = "failed", "to fill in", "cancelled"
+ENDED = (DONE, FAILED, TO_FILL_IN, CANCELLED)
 
 
 class StageFeedback(QgsProcessingFeedback):
-    """Feedback of an algorithm in another thread, as signals.
+    """Feedback of an algorithm that runs in another thread.
 
     Signals:
         stage_changed: name of the new stage.
-        failed: the three lines of an error, as one text.
     """
 
     stage_changed = pyqtSignal(str)
-    failed = pyqtSignal(str)
+    error = ""
 
-    def setProgressText(self, text):  # noqa: N802 - the names are QGIS's
-        """A new stage."""
+    def setProgressText(self, text: str) -> None:  # noqa: N802 - the names are QGIS's
+        """Emit the new stage."""
         self.stage_changed.emit(text)
 
-    def reportError(self, error, fatalError=False):  # noqa: N802, ARG002
-        """An error."""
-        self.failed.emit(error)
+    def reportError(self, error: str, fatalError: bool = False) -> None:  # noqa: N802, ARG002
+        """Keep the error, three lines as one text."""
+        self.error = error
 
 
 class RunTask(QgsProcessingAlgRunnerTask):
@@ -37,18 +59,16 @@ class RunTask(QgsProcessingAlgRunnerTask):
     Args:
         parameters: of the algorithm.
         on_stage: is called with the name of each stage.
-        on_error: is called with the text of an error.
     """
 
-    def __init__(self, parameters, on_stage, on_error):
+    def __init__(self, parameters: dict[str, Any], on_stage: Any) -> None:
         self.context, self.feedback = QgsProcessingContext(), StageFeedback(logFeedback=False)
         self.feedback.stage_changed.connect(on_stage)
-        self.feedback.failed.connect(on_error)
         algorithm = QgsApplication.processingRegistry().createAlgorithmById("furrowmap:run")
         super().__init__(algorithm, parameters, self.context, self.feedback, QUIET)
 
     @property
-    def error_code(self):
+    def error_code(self) -> str:
         """Code of the error that ended it; "" if there is none."""
         return self.feedback.property(ERROR_CODE) or ""
 
@@ -64,12 +84,13 @@ class CommandTask(QgsTask):
     answered = pyqtSignal(object)
     failed = pyqtSignal(str, str)
 
-    def __init__(self, title, program, arguments):
+    def __init__(self, title: str, program: Sequence[str], arguments: Sequence[str]) -> None:
         super().__init__(title, QUIET)
         self._program, self._arguments = program, arguments
-        self._answer = self._error = None
+        self._answer: Any = None
+        self._error: WorkerError | None = None
 
-    def run(self):
+    def run(self) -> bool:
         """Run the command, in a thread of QGIS's."""
         try:
             self._answer = run_command(self._program, self._arguments, self._on_message, self.isCanceled)
@@ -77,13 +98,193 @@ class CommandTask(QgsTask):
             self._error = error
         return self._error is None
 
-    def finished(self, result):
+    def finished(self, result: bool) -> None:
         """Emit a signal, in the main thread; none if the task was cancelled."""
         if result:
             self.answered.emit(self._answer)
         elif self._error is not None and not self.isCanceled():
             self.failed.emit("\n".join(self._error.lines), self._error.code)
 
-    def _on_message(self, message):
+    def _on_message(self, message: dict[str, Any]) -> None:
         if message["type"] == "progress":
             self.setProgress(100.0 * float(message.get("share", 0.0)))
+
+
+class Previewer(QObject):
+    """Computes one preview at a time, into a temporary folder that is deleted with the plugin.
+
+    Signals:
+        status_changed: a line on the progress.
+        opened: with the layers, when they are in the project.
+    """
+
+    status_changed = pyqtSignal(str)
+    opened = pyqtSignal(object)
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self._task: RunTask | None = None
+        self._folders: list[str] = []
+
+    def begin(self, session: Path) -> None:
+        """Preview a session file; a running preview is cancelled."""
+        self.cancel()
+        folder = tempfile.mkdtemp(prefix="furrowmap-preview-")
+        self._folders.append(folder)
+        parameters = {"SESSION": str(session), "PREVIEW": True, "OUTPUT": folder, "OPEN": False}
+        task = self._task = RunTask(parameters, self._show_stage)
+        task.executed.connect(lambda successful, _: self._finish(task, folder, successful=successful))
+        self._show_stage(self.tr("starting"))
+        QgsApplication.taskManager().addTask(task)
+
+    @property
+    def busy(self) -> bool:
+        """Whether a preview is running."""
+        return self._task is not None
+
+    def cancel(self) -> RunTask | None:
+        """Cancel the running preview; returns its task, which ends a moment later."""
+        task, self._task = self._task, None
+        if task is not None:
+            task.cancel()
+            self.status_changed.emit("")
+        return task
+
+    def end(self) -> None:
+        """Cancel, and remove files and layers, before the plugin is unloaded."""
+        task = self.cancel()
+        if task is not None:
+            task.waitForFinished(END_MS)
+        for folder in self._folders:
+            remove_previews(QgsProject.instance(), read_account(folder))
+            shutil.rmtree(folder, ignore_errors=True)
+        self._folders = []
+
+    def _show_stage(self, name: str) -> None:
+        if self._task is not None:
+            self.status_changed.emit(self.tr("Preview: {stage}…").format(stage=name))
+
+    def _finish(self, task: RunTask, folder: str, *, successful: bool) -> None:
+        if task is not self._task:
+            return  # cancelled meanwhile
+        self._task = None
+        if not successful:
+            lines = task.feedback.error.splitlines() or [self.tr("see the log.")]
+            reason = " ".join(dict.fromkeys((lines[0], lines[-1])))
+            self.status_changed.emit(self.tr("No preview: {reason}").format(reason=reason))
+            return
+        layers = open_preview(folder)
+        figures = preview_text(read_account(folder))
+        self.status_changed.emit(self.tr("Preview on the map: {figures}.").format(figures=figures))
+        if layers:
+            self.opened.emit(layers)
+
+
+@dataclass
+class Drive:
+    """A drive in the queue.
+
+    Attributes:
+        session: its file, which the batch writes where there is none yet.
+        recordings: folder for a new session; None for a session that exists.
+        folder: of its products.
+        state: one of the words above.
+        text: the stage, or why it failed.
+    """
+
+    session: Path
+    recordings: Path | None
+    folder: Path
+    state: str = WAITING
+    text: str = ""
+
+
+class BatchRunner(QObject):
+    """Runs one drive at a time, without questions; one that fails does not stop the others.
+
+    Signals:
+        changed: with the number of the drive whose state has changed.
+    """
+
+    changed = pyqtSignal(int)
+
+    def __init__(self, parent: QObject) -> None:
+        super().__init__(parent)
+        self.drives: list[Drive] = []
+        self._at = 0
+        self._program: Sequence[str] = ()
+        self._machine: Path | None = None
+        self._task: RunTask | CommandTask | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a drive is running or waiting."""
+        return any(drive.state not in ENDED for drive in self.drives)
+
+    def begin(self, program: Sequence[str], drives: list[Drive], machine: Path | None = None) -> None:
+        """Run drives with the worker's command `program`; new sessions get the places of the profile `machine`."""
+        self.drives, self._program, self._machine = drives, program, machine
+        self._begin_next()
+
+    def cancel(self) -> QgsTask | None:
+        """Cancel the running drive and those that wait; returns the task, which ends a moment later."""
+        task, self._task = self._task, None
+        for number, drive in enumerate(self.drives):
+            if drive.state not in ENDED:
+                drive.state, drive.text = CANCELLED, ""
+                self.changed.emit(number)
+        if task is not None:
+            task.cancel()
+        return task
+
+    def _begin_next(self) -> None:
+        self._at = next((k for k, drive in enumerate(self.drives) if drive.state not in ENDED), -1)
+        if self._at < 0:
+            return
+        drive = self.drives[self._at]
+        drive.state = RUNNING
+        self._show_stage("")
+        if drive.recordings is None:
+            self._run()
+            return
+        words = ["init", str(drive.recordings), "-o", str(drive.session)]
+        words += ["--machine", str(self._machine)] if self._machine is not None else []
+        task = CommandTask(f"furrowmap: {drive.recordings.name}", self._program, words)
+        task.answered.connect(lambda answer: self._run_if_complete(task, answer))
+        task.failed.connect(lambda text, _code: self._finish(task, FAILED, text))
+        self._add(task)
+
+    def _run_if_complete(self, task: CommandTask, answer: dict[str, Any]) -> None:
+        if task is not self._task:
+            return
+        if {notice.get("code") for notice in answer.get("missing") or []} & set(FORM_CODES) - {"no-implement"}:
+            self._finish(task, TO_FILL_IN, "")
+        else:
+            self._run()
+
+    def _run(self) -> None:
+        drive = self.drives[self._at]
+        parameters = {"SESSION": str(drive.session), "OUTPUT": str(drive.folder), "OPEN": False}
+        task = RunTask(parameters, self._show_stage)
+        task.executed.connect(
+            lambda ok, _: self._finish(task, DONE if ok else FAILED, "" if ok else task.feedback.error)
+        )
+        self._add(task)
+
+    def _add(self, task: RunTask | CommandTask) -> None:
+        self._task = task
+        QgsApplication.taskManager().addTask(task)
+
+    def _show_stage(self, name: str) -> None:
+        if 0 <= self._at < len(self.drives) and self.drives[self._at].state == RUNNING:
+            self.drives[self._at].text = name
+            self.changed.emit(self._at)
+
+    def _finish(self, task: RunTask | CommandTask, state: str, text: str) -> None:
+        if task is not self._task:
+            return  # cancelled meanwhile
+        self._task = None
+        drive = self.drives[self._at]
+        drive.state, drive.text = state, text
+        self.changed.emit(self._at)
+        self._begin_next()

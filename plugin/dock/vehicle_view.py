@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A drawing of the vehicle to scale, from the side and from above, with scanner, antenna and implement."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
 from qgis.PyQt.QtCore import QCoreApplication, QPointF, QRectF, QSize, Qt
-from qgis.PyQt.QtGui import QColor, QPainter, QPen, QPolygonF
+from qgis.PyQt.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from qgis.PyQt.QtWidgets import QWidget
 
 from .scan_plane import scan_direction, spin_axis
@@ -15,14 +18,14 @@ tr = partial(QCoreApplication.translate, "VehicleView")
 REAR_WHEEL_M, FRONT_WHEEL_M, WHEELBASE_M = 0.55, 0.36, 1.75
 TRACK_M, TYRE_M = 1.25, 0.30
 """Dimensions of a compact tractor, drawn for comparison."""
-BEAM_M = 3.0
-SHOWN_BEYOND_M = 0.5
-SCANNER, ANTENNA, IMPLEMENT = QColor("#1f78b4"), QColor("#d95f02"), QColor("#8c510a")
-BODY, TYRE, GROUND = QColor("#d9d9d9"), QColor("#969696"), QColor("#a08060")
+DRAWN_BEAM_M = 3.0
+DRAWN_BEYOND_M = 0.5
+SCANNER_COLOUR, ANTENNA_COLOUR, IMPLEMENT_COLOUR = QColor("#1f78b4"), QColor("#d95f02"), QColor("#8c510a")
+BODY_COLOUR, TYRE_COLOUR, GROUND_COLOUR = QColor("#d9d9d9"), QColor("#969696"), QColor("#a08060")
 
 
 @dataclass(frozen=True)
-class Placement:
+class VehiclePlaces:
     """Positions in the vehicle frame (x forward, y left, z up; metres); None if unknown.
 
     Attributes:
@@ -32,20 +35,20 @@ class Placement:
         implement_depth_m: working depth.
     """
 
-    lidar_xyz_m: tuple = (0.0, 0.0, 0.0)
-    lidar_rpy_deg: tuple = (0.0, 0.0, 0.0)
-    antenna_xyz_m: tuple = None
-    implement_xy_m: tuple = None
+    lidar_xyz_m: Sequence[float] = (0.0, 0.0, 0.0)
+    lidar_rpy_deg: Sequence[float] = (0.0, 0.0, 0.0)
+    antenna_xyz_m: Sequence[float] | None = None
+    implement_xy_m: Sequence[float] | None = None
     implement_width_m: float = 0.0
     implement_depth_m: float = 0.0
 
 
 class VehicleView(QWidget):
-    """The drawing; :meth:`show_placement` changes it."""
+    """The drawing; :meth:`show_places` changes it."""
 
-    def __init__(self, parent=None):
-        super().__init__(parent)
-        self._placement = Placement()
+    def __init__(self) -> None:
+        super().__init__()
+        self._places = VehiclePlaces()
         self.setObjectName("furrowmapVehicle")
         self.setMinimumHeight(250)
         self.setToolTip(
@@ -55,16 +58,16 @@ class VehicleView(QWidget):
             )
         )
 
-    def sizeHint(self):  # noqa: N802 - the names are Qt's
+    def sizeHint(self) -> QSize:  # noqa: N802 - the names are Qt's
         """As wide as a dock."""
         return QSize(340, 280)
 
-    def show_placement(self, placement):
+    def show_places(self, places: VehiclePlaces) -> None:
         """Draw other positions."""
-        self._placement = placement
+        self._places = places
         self.update()
 
-    def paintEvent(self, event):  # noqa: N802, ARG002
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802, ARG002
         """Draw both views to one scale."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -76,12 +79,24 @@ class VehicleView(QWidget):
         above = _View(painter, scale, left, side.y + scale * (-z_m[0] + y_m[1]) + 8, (0, 1))
         self._draw_side(side)
         self._draw_above(above)
-        self._draw_scale(painter, scale)
+        x, y = self.width() - 10, self.height() - 8
+        painter.setPen(QPen(self.palette().text().color(), 1.5))
+        painter.drawLine(QPointF(x - scale, y), QPointF(x, y))
+        painter.drawText(QPointF(x - scale, y - 4), "1 m")
+        left = 6.0
+        for colour, name in (
+            (SCANNER_COLOUR, tr("scanner")),
+            (ANTENNA_COLOUR, tr("antenna")),
+            (IMPLEMENT_COLOUR, tr("implement")),
+        ):
+            painter.setPen(colour)
+            painter.drawText(QPointF(left, y), name)
+            left += painter.fontMetrics().horizontalAdvance(name) + 12
         painter.end()
 
-    def _reach(self):
+    def _reach(self) -> list[tuple[float, float]]:
         """The extents of both drawings along x, y and z."""
-        p = self._placement
+        p = self._places
         places = [p.lidar_xyz_m, *([p.antenna_xyz_m] if p.antenna_xyz_m else [])]
         if p.implement_xy_m:
             half = 0.5 * p.implement_width_m
@@ -89,100 +104,84 @@ class VehicleView(QWidget):
         limits = ((-0.9, 2.3), (-0.85, 0.85), (-0.15, 1.3))
         return [
             (
-                min([low, *(place[k] for place in places)]) - SHOWN_BEYOND_M,
-                max([high, *(place[k] for place in places)]) + SHOWN_BEYOND_M,
+                min([low, *(place[k] for place in places)]) - DRAWN_BEYOND_M,
+                max([high, *(place[k] for place in places)]) + DRAWN_BEYOND_M,
             )
             for k, (low, high) in enumerate(limits)
         ]
 
-    def _draw_side(self, view):
-        p = self._placement
-        view.line((-30, 0), (30, 0), GROUND, 1.5)
-        view.polygon([(-0.2, 0.6), (-0.2, 1.25), (0.55, 1.25), (0.75, 1.0), (2.05, 0.9), (2.05, 0.5)], BODY)
-        view.disc((0, REAR_WHEEL_M), REAR_WHEEL_M, TYRE)
-        view.disc((WHEELBASE_M, FRONT_WHEEL_M), FRONT_WHEEL_M, TYRE)
+    def _draw_side(self, view: _View) -> None:
+        p = self._places
+        view.line((-30, 0), (30, 0), GROUND_COLOUR, 1.5)
+        view.polygon([(-0.2, 0.6), (-0.2, 1.25), (0.55, 1.25), (0.75, 1.0), (2.05, 0.9), (2.05, 0.5)], BODY_COLOUR)
+        view.disc((0, REAR_WHEEL_M), REAR_WHEEL_M, TYRE_COLOUR)
+        view.disc((WHEELBASE_M, FRONT_WHEEL_M), FRONT_WHEEL_M, TYRE_COLOUR)
         if p.implement_xy_m:
             x, depth = p.implement_xy_m[0], p.implement_depth_m
-            view.polygon([(x - 0.25, 0.45), (x + 0.25, 0.45), (x + 0.12, -depth), (x - 0.12, -depth)], IMPLEMENT)
-        self._draw_scanner(view, (0.0, 1.0, 0.0))
-        self._draw_antenna(view)
+            view.polygon([(x - 0.25, 0.45), (x + 0.25, 0.45), (x + 0.12, -depth), (x - 0.12, -depth)], IMPLEMENT_COLOUR)
+        self._draw_sensors(view, (0.0, 1.0, 0.0))
         view.label(4, 14, tr("side"))
 
-    def _draw_above(self, view):
-        p = self._placement
-        view.polygon([(-0.3, -0.4), (-0.3, 0.4), (2.05, 0.3), (2.05, -0.3)], BODY)
+    def _draw_above(self, view: _View) -> None:
+        p = self._places
+        view.polygon([(-0.3, -0.4), (-0.3, 0.4), (2.05, 0.3), (2.05, -0.3)], BODY_COLOUR)
         for x, radius in ((0.0, REAR_WHEEL_M), (WHEELBASE_M, FRONT_WHEEL_M)):
             for y in (-0.5 * TRACK_M, 0.5 * TRACK_M):
-                view.box((x - radius, y - 0.5 * TYRE_M), (x + radius, y + 0.5 * TYRE_M), TYRE)
+                view.box((x - radius, y - 0.5 * TYRE_M), (x + radius, y + 0.5 * TYRE_M), TYRE_COLOUR)
         if p.implement_xy_m:
             (x, y), half = p.implement_xy_m, 0.5 * p.implement_width_m
-            view.box((x - 0.2, y - half), (x + 0.2, y + half), IMPLEMENT)
-        self._draw_scanner(view, (0.0, 0.0, 1.0))
-        self._draw_antenna(view)
+            view.box((x - 0.2, y - half), (x + 0.2, y + half), IMPLEMENT_COLOUR)
+        self._draw_sensors(view, (0.0, 0.0, 1.0))
         view.label(4, int(view.y - view.scale * 0.85), tr("top"))
 
-    def _draw_scanner(self, view, normal):
-        place = self._placement.lidar_xyz_m
-        along = scan_direction(spin_axis(self._placement.lidar_rpy_deg), normal)
+    def _draw_sensors(self, view: _View, normal: Sequence[float]) -> None:
+        place = self._places.lidar_xyz_m
+        along = scan_direction(spin_axis(self._places.lidar_rpy_deg), normal)
         if along is not None:
             for sign in (-1, 1):
-                end = [place[k] + sign * BEAM_M * along[k] for k in range(3)]
-                view.line(view.flat(place), view.flat(end), SCANNER, 1.0)
-        view.mark(view.flat(place), SCANNER)
-
-    def _draw_antenna(self, view):
-        if self._placement.antenna_xyz_m:
-            view.mark(view.flat(self._placement.antenna_xyz_m), ANTENNA, pointed=True)
-
-    def _draw_scale(self, painter, scale):
-        x, y = self.width() - 10, self.height() - 8
-        painter.setPen(QPen(self.palette().text().color(), 1.5))
-        painter.drawLine(QPointF(x - scale, y), QPointF(x, y))
-        painter.drawText(QPointF(x - scale, y - 4), "1 m")
-        names = ((SCANNER, tr("scanner")), (ANTENNA, tr("antenna")), (IMPLEMENT, tr("implement")))
-        left = 6.0
-        for colour, name in names:
-            painter.setPen(colour)
-            painter.drawText(QPointF(left, y), name)
-            left += painter.fontMetrics().horizontalAdvance(name) + 12
+                end = [place[k] + sign * DRAWN_BEAM_M * along[k] for k in range(3)]
+                view.line(view.flat(place), view.flat(end), SCANNER_COLOUR, 1.0)
+        view.mark(view.flat(place), SCANNER_COLOUR)
+        if self._places.antenna_xyz_m:
+            view.mark(view.flat(self._places.antenna_xyz_m), ANTENNA_COLOUR, pointed=True)
 
 
 @dataclass(frozen=True)
 class _View:
     """One of the two drawings: maps two axes in metres to pixels."""
 
-    painter: object
+    painter: QPainter
     scale: float
     x: float
     y: float
-    axes: tuple
+    axes: tuple[int, int]
 
-    def at(self, place):
+    def at(self, place: Sequence[float]) -> QPointF:
         """The pixel of a position (two coordinates)."""
         return QPointF(self.x + self.scale * place[0], self.y - self.scale * place[1])
 
-    def flat(self, place):
+    def flat(self, place: Sequence[float]) -> tuple[float, float]:
         """The two of three coordinates that this view shows."""
         return place[self.axes[0]], place[self.axes[1]]
 
-    def line(self, begin, end, colour, width):
+    def line(self, begin: Sequence[float], end: Sequence[float], colour: QColor, width: float) -> None:
         self.painter.setPen(QPen(colour, width))
         self.painter.drawLine(self.at(begin), self.at(end))
 
-    def polygon(self, corners, colour):
+    def polygon(self, corners: Sequence[Sequence[float]], colour: QColor) -> None:
         self.painter.setPen(QPen(colour.darker(130), 1))
         self.painter.setBrush(colour)
         self.painter.drawPolygon(QPolygonF([self.at(corner) for corner in corners]))
 
-    def box(self, low, high, colour):
+    def box(self, low: Sequence[float], high: Sequence[float], colour: QColor) -> None:
         self.polygon([low, (low[0], high[1]), high, (high[0], low[1])], colour)
 
-    def disc(self, middle, radius, colour):
+    def disc(self, middle: Sequence[float], radius: float, colour: QColor) -> None:
         self.painter.setPen(QPen(colour.darker(130), 1))
         self.painter.setBrush(colour)
         self.painter.drawEllipse(self.at(middle), self.scale * radius, self.scale * radius)
 
-    def mark(self, place, colour, *, pointed=False):
+    def mark(self, place: Sequence[float], colour: QColor, *, pointed: bool = False) -> None:
         at = self.at(place)
         self.painter.setPen(QPen(Qt.GlobalColor.white, 1))
         self.painter.setBrush(colour)
@@ -192,6 +191,6 @@ class _View:
         else:
             self.painter.drawRect(QRectF(at.x() - 5, at.y() - 5, 10, 10))
 
-    def label(self, x, y, text):
+    def label(self, x: float, y: float, text: str) -> None:
         self.painter.setPen(QColor("#808080"))
         self.painter.drawText(QPointF(x, y), text)

@@ -21,8 +21,7 @@ from qgis.utils import pluginMetadata
 from ..interpreter import find_interpreter, is_usable
 from ..previews import open_preview
 from ..results import open_results
-from ..stages import stage_name
-from ..worker import WorkerCancelled, WorkerError, run_command
+from ..worker import WorkerCancelled, WorkerError, run_command, stage_name
 from .description import COMMAND_OPTIONS, TOOLBOX_GROUPS
 from .layer_files import first_unknown, layer_files
 from .loading import load_when_done

@@ -19,7 +19,7 @@ plugin, result, out = (Path(word) for word in sys.argv[1:])
 application = QgsApplication([], True)
 application.initQgis()
 sys.path.insert(0, str(plugin.parent))
-printing = importlib.import_module("furrowmap.layout.session_layout")
+printing = importlib.import_module("furrowmap.session_layout")
 project = QgsProject.instance()
 group = project.layerTreeRoot().addGroup("North field")
 for name in ("trajectory", "passes", "coverage"):

@@ -56,7 +56,7 @@ def inside(plugins: str, session: str, worker: str) -> None:
 
     stages: list[str] = []
     parameters = {"SESSION": session, "OUTPUT": session.replace(".toml", "_result"), "OPEN": False}
-    task = RunTask(parameters, stages.append, print)
+    task = RunTask(parameters, stages.append)
     QgsApplication.taskManager().addTask(task)
     timer = QTimer()
 

@@ -367,8 +367,8 @@ def on_the_map() -> Iterator[Any]:
     """Locator, pages to print, replay, base map, the same results again."""
     from furrowmap.basemap import base_map_layers, base_maps, known_layer, show_base_map
     from furrowmap.dock.replay import las_time_s
-    from furrowmap.layout.session_layout import export_atlas, export_pdf, session_layout
     from furrowmap.results import groups_of, read_report
+    from furrowmap.session_layout import export_atlas, export_pdf, session_layout
 
     found: list[Any] = []
     locator = plugin().locator.clone()

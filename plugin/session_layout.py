@@ -1,13 +1,22 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The print layout of a session: A4 with map, legend, figures and scale, and an atlas with a page per pass."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from functools import partial
 from html import escape
+from pathlib import Path
+from typing import Any
 
 from qgis.core import (
     Qgis,
     QgsCoordinateTransform,
+    QgsFeedback,
+    QgsLayerTreeGroup,
+    QgsLayout,
     QgsLayoutExporter,
+    QgsLayoutItem,
     QgsLayoutItemLabel,
     QgsLayoutItemLegend,
     QgsLayoutItemMap,
@@ -15,14 +24,17 @@ from qgis.core import (
     QgsLayoutPoint,
     QgsLayoutSize,
     QgsLegendStyle,
+    QgsMapLayer,
     QgsPrintLayout,
+    QgsProject,
     QgsRectangle,
+    QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
-from ..basemap import attribution_of
-from ..figures import figures_html
-from ..legends import label_band, shown_name
+from .basemap import attribution_of
+from .figures import figures_html, object_in
+from .legends import label_band, shown_name
 
 tr = partial(QCoreApplication.translate, "SessionLayout")
 
@@ -32,26 +44,22 @@ SIDE_MM = (214.0, 22.0, 76.0)
 FIGURES_MM, LEGEND_AT_MM, SCALE_AT_MM = 58.0, 82.0, 188.0
 LEGEND_FONTS = {"Title": 9.0, "Group": 8.0, "Subgroup": 8.0, "SymbolLabel": 7.5}
 NORTH_MM = (SIDE_MM[0] + 55.0, SCALE_AT_MM + 2.0, 25.0, 8.0)
-"""North is up on all pages."""
 TABLE = '<table style="font-family: sans-serif; font-size: 8pt">'
-NO_PAGE = "@atlas_pagename is null or @atlas_pagename = ''"
+IS_OVERVIEW = "@atlas_pagename is null or @atlas_pagename = ''"
 """Whether a page shows the whole session."""
-LEGEND = ("events", "trajectory", "misses", "unworked", "boundary", "overlaps", "coverage", "passes", "change")
+LEGEND_LAYERS = ("events", "trajectory", "misses", "unworked", "boundary", "overlaps", "coverage", "passes", "change")
 """Layers in the legend."""
-MARGIN = 1.08
+EXTENT_FACTOR = 1.08
 ATLAS_MARGIN = 0.15
 
 
-def session_layout(project, group, report):
-    """Create the layout of an open session; it replaces the one before.
+def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[str, Any]) -> QgsPrintLayout:
+    """Create the layout of an open session in the project, in place of the one before; with an atlas of its passes.
 
     Args:
         project: holds the layers.
         group: the session's group in the layer tree.
         report: the content of its `report.json`; may be empty.
-
-    Returns:
-        The layout, added to the project; with an atlas if there are passes.
     """
     manager = project.layoutManager()
     name = f"furrowmap {group.name()}"
@@ -61,13 +69,16 @@ def session_layout(project, group, report):
     layout = QgsPrintLayout(project)
     layout.initializeDefaults()
     layout.setName(name)
-    shown = [layer for layer in project.layerTreeRoot().layerOrder() if _is_shown(project, layer)]
+    root = project.layerTreeRoot()
+    visible = {node.layerId() for node in root.findLayers() if node.isVisible()}
+    shown = [layer for layer in root.layerOrder() if layer.id() in visible]
     session = [node.layer() for node in group.findLayers() if node.layer() in shown]
     passes = next((node.layer() for node in group.findLayers() if node.layer().name() == "passes"), None)
     page_map = _map(layout, project, shown, _extent(project, group))
-    _label(layout, _title(group.name()), (MAP_MM[0], 8.0, 277.0, 10.0), size=16.0)
+    title = group.name().replace("[%", "[ %") + f"[% if({IS_OVERVIEW}, '', ', ' || @atlas_pagename) %]"
+    _label(layout, title, (MAP_MM[0], 8.0, 277.0, 10.0), size=16.0)
     _label(layout, _figures(report, passes), (*SIDE_MM, FIGURES_MM), rich=True)
-    _legend(layout, page_map, [layer for layer in session if layer.name() in LEGEND])
+    _legend(layout, page_map, [layer for layer in session if layer.name() in LEGEND_LAYERS])
     _scale(layout, page_map)
     _label(layout, tr("▲ north"), NORTH_MM)
     _label(layout, attribution_of(shown), (MAP_MM[0], 200.0, MAP_MM[2], 6.0), size=7.0)
@@ -77,7 +88,7 @@ def session_layout(project, group, report):
     return layout
 
 
-def export_pdf(layout, path):
+def export_pdf(layout: QgsPrintLayout, path: str | Path) -> None:
     """Write the overview page as PDF.
 
     Raises:
@@ -86,7 +97,7 @@ def export_pdf(layout, path):
     _check(QgsLayoutExporter(layout).exportToPdf(str(path), _settings()), path)
 
 
-def export_atlas(layout, path, feedback=None):
+def export_atlas(layout: QgsPrintLayout, path: str | Path, feedback: QgsFeedback | None = None) -> None:
     """Write the atlas, a page per pass, as one PDF.
 
     Raises:
@@ -100,24 +111,18 @@ def export_atlas(layout, path, feedback=None):
     _check(result, f"{path} {words}".strip())
 
 
-def _settings():
-    """Text stays text, which can be searched and copied."""
+def _settings() -> QgsLayoutExporter.PdfExportSettings:
     settings = QgsLayoutExporter.PdfExportSettings()
-    settings.textRenderFormat = Qgis.TextRenderFormat.AlwaysText
+    settings.textRenderFormat = Qgis.TextRenderFormat.AlwaysText  # which can be searched and copied
     return settings
 
 
-def _check(result, path):
+def _check(result: QgsLayoutExporter.ExportResult, path: str | Path) -> None:
     if result != QgsLayoutExporter.ExportResult.Success:
         raise OSError(tr("{path} cannot be written.").format(path=path))
 
 
-def _is_shown(project, layer):
-    node = project.layerTreeRoot().findLayer(layer.id())
-    return node is not None and node.isVisible()
-
-
-def _extent(project, group):
+def _extent(project: QgsProject, group: QgsLayerTreeGroup) -> QgsRectangle:
     """Extent in the project's CRS of the worked ground, else of the trajectory, else of all layers."""
     by_name = {node.layer().name(): node.layer() for node in group.findLayers()}
     for names in (("coverage", "boundary"), ("trajectory",), tuple(by_name)):
@@ -131,7 +136,9 @@ def _extent(project, group):
     return QgsRectangle(0, 0, 1, 1)
 
 
-def _map(layout, project, layers, extent):
+def _map(
+    layout: QgsLayout, project: QgsProject, layers: Sequence[QgsMapLayer], extent: QgsRectangle
+) -> QgsLayoutItemMap:
     page_map = QgsLayoutItemMap(layout)
     layout.addLayoutItem(page_map)
     _place(page_map, MAP_MM)
@@ -139,13 +146,13 @@ def _map(layout, project, layers, extent):
     page_map.setCrs(project.crs())
     page_map.setLayers(layers)
     page_map.setKeepLayerSet(True)
-    extent.scale(MARGIN)
+    extent.scale(EXTENT_FACTOR)
     page_map.zoomToExtent(extent)
     page_map.setFrameEnabled(True)
     return page_map
 
 
-def _legend(layout, page_map, layers):
+def _legend(layout: QgsLayout, page_map: QgsLayoutItemMap, layers: Sequence[QgsMapLayer]) -> None:
     legend = QgsLayoutItemLegend(layout)
     layout.addLayoutItem(legend)
     legend.setId("legend")
@@ -168,7 +175,7 @@ def _legend(layout, page_map, layers):
     legend.adjustBoxSize()
 
 
-def _figures(report, passes):
+def _figures(report: dict[str, Any], passes: QgsVectorLayer | None) -> str:
     """The figures of the session; on pages of the atlas those of the pass."""
     whole = f"{TABLE}{figures_html(report)}</table>"
     if passes is None:
@@ -178,12 +185,12 @@ def _figures(report, passes):
         for label, value in _pass_rows(report)
     )
     of_pass = f"{_literal(TABLE)}{rows} || '</table>'"
-    return f"[% if({NO_PAGE}, {_literal(whole)}, {of_pass}) %]"
+    return f"[% if({IS_OVERVIEW}, {_literal(whole)}, {of_pass}) %]"
 
 
-def _pass_rows(report):
+def _pass_rows(report: dict[str, Any]) -> tuple[tuple[str, str], ...]:
     """Pairs of a label and an expression for the figures of a pass."""
-    figures = report.get("figures") if isinstance(report.get("figures"), dict) else {}
+    figures = object_in(report, "figures")
     moment = QDateTime.fromString(str(figures.get("start_local")), Qt.DateFormat.ISODateWithMs)
     zone, offset_s = (figures.get("time_zone"), moment.offsetFromUtc()) if moment.isValid() else ("UTC", 0)
     times = [f"format_date(\"{name}\" + to_interval('{offset_s} seconds'), 'HH:mm:ss')" for name in ("start", "end")]
@@ -199,20 +206,21 @@ def _pass_rows(report):
     )
 
 
-def _with_sigma(field, factor, digits, unit, unknown):
+def _with_sigma(field: str, factor: float, digits: int, unit: str, unknown: str) -> str:
     """A value and, where it is known, twice its standard deviation."""
-    sigma = f"{field.rpartition('_')[0]}_sigma_{field.rpartition('_')[2]}"
+    name, _, suffix = field.rpartition("_")
+    sigma = f"{name}_sigma_{suffix}"
     value, spread = (f'format_number({k * factor} * "{name}", {digits})' for k, name in ((1, field), (2, sigma)))
     return f"coalesce({value} || coalesce(' ± ' || {spread}, '') || ' {unit}', {unknown})"
 
 
-def _literal(text):
+def _literal(text: str) -> str:
     """A text within an expression within a label."""
-    plain = text.replace("\\", "\\\\").replace("'", "''")
-    return "'{}'".format(plain.replace("%]", "% ]"))
+    plain = text.replace("\\", "\\\\").replace("'", "''").replace("%]", "% ]")
+    return f"'{plain}'"
 
 
-def _scale(layout, page_map):
+def _scale(layout: QgsLayout, page_map: QgsLayoutItemMap) -> None:
     bar = QgsLayoutItemScaleBar(layout)
     layout.addLayoutItem(bar)
     bar.setId("scale")
@@ -222,7 +230,7 @@ def _scale(layout, page_map):
     bar.attemptMove(QgsLayoutPoint(SIDE_MM[0], SCALE_AT_MM, Qgis.LayoutUnit.Millimeters))
 
 
-def _atlas(layout, page_map, passes):
+def _atlas(layout: QgsPrintLayout, page_map: QgsLayoutItemMap, passes: QgsVectorLayer) -> None:
     """An atlas page per pass: the map follows, and the title names the pass."""
     atlas = layout.atlas()
     atlas.setCoverageLayer(passes)
@@ -235,13 +243,7 @@ def _atlas(layout, page_map, passes):
     atlas.setEnabled(False)  # the layout opens with the overview; *Preview Atlas* shows the pages
 
 
-def _title(name):
-    """The session's name, and on pages of the atlas the pass."""
-    page = f"[% if({NO_PAGE}, '', ', ' || @atlas_pagename) %]"
-    return name.replace("[%", "[ %") + page
-
-
-def _label(layout, text, box_mm, size=10.0, *, rich=False):
+def _label(layout: QgsLayout, text: str, box_mm: Sequence[float], size: float = 10.0, *, rich: bool = False) -> None:
     label = QgsLayoutItemLabel(layout)
     layout.addLayoutItem(label)
     if rich:
@@ -253,7 +255,7 @@ def _label(layout, text, box_mm, size=10.0, *, rich=False):
     _place(label, box_mm)
 
 
-def _place(item, box_mm):
+def _place(item: QgsLayoutItem, box_mm: Sequence[float]) -> None:
     x, y, width, height = box_mm
     unit = Qgis.LayoutUnit.Millimeters
     item.attemptMove(QgsLayoutPoint(x, y, unit))

@@ -1,0 +1,317 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The dock's pages other than the form: to choose files, of a running task, of a result, and of a batch of drives."""
+
+from __future__ import annotations
+
+import html
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from qgis.core import QgsApplication, QgsSettings
+from qgis.PyQt.QtCore import Qt, QTimer, pyqtSignal
+from qgis.PyQt.QtWidgets import (
+    QFileDialog,
+    QFrame,
+    QGridLayout,
+    QLabel,
+    QListWidget,
+    QListWidgetItem,
+    QMenu,
+    QProgressBar,
+    QPushButton,
+    QTextBrowser,
+    QVBoxLayout,
+    QWidget,
+)
+
+from ..figures import figures_html
+from ..processing.description import COMMAND_OPTIONS
+from ..results import read_report, session_name
+from .form_parts import button, side_by_side
+from .tasks import CANCELLED, DONE, ENDED, FAILED, RUNNING, TO_FILL_IN, WAITING, Drive
+
+RECENT_KEY = "furrowmap/recent"
+MAX_RECENT = 10
+DRIVE_MARKS = {WAITING: "·", RUNNING: "▸", DONE: "✓", FAILED: "✗", TO_FILL_IN: "?", CANCELLED: "–"}
+
+
+class StartPage(QWidget):
+    """A place to drop recordings, sessions and results, buttons to choose them, and the recent sessions.
+
+    Signals:
+        chosen: with a list of paths.
+        setup_wanted: the user pressed *Set up*.
+    """
+
+    chosen = pyqtSignal(object)
+    setup_wanted = pyqtSignal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        layout = QVBoxLayout(self)
+        self.setup = QFrame(objectName="furrowmapSetup")
+        self.setup.setFrameShape(QFrame.Shape.StyledPanel)
+        offer = QVBoxLayout(self.setup)
+        words = self.tr(
+            "Existing results can be opened at once. To run sessions, set up furrowmap's worker: a separate Python "
+            "environment. QGIS's Python is not changed."
+        )
+        offer.addWidget(QLabel(words, wordWrap=True))
+        offer.addWidget(button("furrowmapSetupButton", self.tr("Set up…"), self.setup_wanted.emit))
+        here = QLabel(
+            self.tr(
+                "Drop here:\nrecordings of a drive,\ntheir folder, a session.toml,\na machine or the folder of a run.\n"
+                "Several sessions or folders run one after another."
+            ),
+            objectName="furrowmapHere",
+            wordWrap=True,
+        )
+        here.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        here.setMinimumHeight(120)
+        here.setStyleSheet("QLabel { border: 2px dashed palette(mid); border-radius: 6px; }")
+        for widget in (
+            self.setup,
+            here,
+            button("furrowmapChoose", self.tr("Choose recordings or a session…"), self._choose_files),
+            button("furrowmapChooseResults", self.tr("Open the folder of a run…"), self._choose_folder),
+            QLabel(self.tr("Recent sessions")),
+        ):
+            layout.addWidget(widget)
+        self.recent = QListWidget(objectName="furrowmapRecent")
+        self.recent.itemActivated.connect(lambda item: self.chosen.emit([Path(item.data(Qt.ItemDataRole.UserRole))]))
+        layout.addWidget(self.recent, 1)
+        self.show_recent()
+
+    def remember(self, session: str | Path) -> None:
+        """Move a session to the top of the recent ones."""
+        known = [path for path in recent_sessions() if path != str(session)]
+        QgsSettings().setValue(RECENT_KEY, [str(session), *known][:MAX_RECENT])
+        self.show_recent()
+
+    def show_recent(self) -> None:
+        """List the recent sessions whose files exist."""
+        self.recent.clear()
+        for path in map(Path, recent_sessions()):
+            if path.is_file():
+                item = QListWidgetItem(f"{path.parent.name} / {path.name}", self.recent)
+                item.setToolTip(str(path))
+                item.setData(Qt.ItemDataRole.UserRole, str(path))
+
+    def _choose_files(self) -> None:
+        files, _ = QFileDialog.getOpenFileNames(self, self.tr("Recordings of one drive, or a session"))
+        if files:
+            self.chosen.emit(list(map(Path, files)))
+
+    def _choose_folder(self) -> None:
+        folder = QFileDialog.getExistingDirectory(self, self.tr("Folder that 'furrowmap run' wrote"))
+        if folder:
+            self.chosen.emit([Path(folder)])
+
+
+def recent_sessions() -> list[str]:
+    """Paths of recent sessions, the latest first."""
+    known = QgsSettings().value(RECENT_KEY, [])
+    return [known] if isinstance(known, str) else list(known or [])
+
+
+class RunPage(QWidget):
+    """The stages and the progress of a running task.
+
+    Signals:
+        cancelled: the user pressed *Cancel*.
+    """
+
+    cancelled = pyqtSignal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        layout = QVBoxLayout(self)
+        self.title = QLabel(objectName="furrowmapRunTitle", wordWrap=True)
+        self.stages = QListWidget(objectName="furrowmapStages")
+        self.bar = QProgressBar(objectName="furrowmapProgress")
+        self.time = QLabel()
+        self.cancel = button("furrowmapCancel", self.tr("Cancel"), self._cancel)
+        for widget in (self.title, self.stages, self.bar, self.time, self.cancel):
+            layout.addWidget(widget)
+        self._timer = QTimer(self, interval=1000)
+        self._timer.timeout.connect(self._show_time)
+        self._begun = 0.0
+
+    def begin(self, title: str) -> None:
+        """Start with this title."""
+        self.title.setText(f"<b>{title}</b>")
+        self.stages.clear()
+        self.bar.setRange(0, 0)
+        self.cancel.setEnabled(True)
+        self.cancel.setText(self.tr("Cancel"))
+        self._begun = time.monotonic()
+        self._show_time()
+        self._timer.start()
+
+    def end(self) -> None:
+        """The task has ended."""
+        self._timer.stop()
+
+    def show_stage(self, name: str) -> None:
+        """Show the next stage; mark the one before as done."""
+        if self.stages.count():
+            item = self.stages.item(self.stages.count() - 1)
+            item.setText("✓ " + item.text()[2:])
+        self.stages.addItem(f"▸ {name}")
+        self.stages.scrollToBottom()
+        self.bar.setRange(0, 0)
+
+    def show_share(self, percent: float) -> None:
+        """Show the progress within the stage; at 0 the bar is indeterminate."""
+        if percent > 0:
+            self.bar.setRange(0, 100)
+            self.bar.setValue(round(percent))
+
+    def _cancel(self) -> None:
+        self.cancel.setEnabled(False)
+        self.cancel.setText(self.tr("Cancelling…"))
+        self.cancelled.emit()
+
+    def _show_time(self) -> None:
+        minutes, seconds = divmod(int(time.monotonic() - self._begun), 60)
+        self.time.setText(self.tr("Elapsed: {time}").format(time=f"{minutes}:{seconds:02d}"))
+
+
+class ResultPage(QWidget):
+    """The main figures and the warnings of a run, and what can be done with its products.
+
+    Signals:
+        wanted: with the name of the action: "map", "replay", "report", "folder", "farm", "print" or "back".
+        export_wanted: with the name of a format.
+    """
+
+    wanted = pyqtSignal(str)
+    export_wanted = pyqtSignal(str)
+
+    def __init__(self) -> None:
+        super().__init__()
+        layout = QVBoxLayout(self)
+        self.text = QTextBrowser(objectName="furrowmapFigures")
+        self.text.setFrameShape(QTextBrowser.Shape.NoFrame)
+        layout.addWidget(self.text, 1)
+        grid = QGridLayout()
+        replay_tip = self.tr("Play the drive in the temporal controller; a visible cloud grows with it")
+        actions = (
+            ("map", self.tr("Add to map"), self.tr("Open the products as styled layers in a group")),
+            ("replay", self.tr("Replay"), replay_tip),
+            ("report", self.tr("Open report"), self.tr("Open the HTML report in the browser")),
+            ("folder", self.tr("Open folder"), self.tr("Open the folder of the products")),
+            ("farm", self.tr("Add to farm map…"), self.tr("One file of all sessions, a layer for each kind")),
+            ("print", self.tr("Print…"), self.tr("A layout with map, legend and figures, and a page per pass")),
+            ("back", self.tr("Other session"), self.tr("Back to the start page")),
+        )
+        for k, (name, text, tip) in enumerate(actions):
+            grid.addWidget(button(f"furrowmapDo_{name}", text, partial(self.wanted.emit, name), tip), *divmod(k, 2))
+        export, menu = QPushButton(self.tr("Export"), objectName="furrowmapExport"), QMenu(self)
+        for name in COMMAND_OPTIONS["export"]["--to"]["choices"]:
+            menu.addAction(name, partial(self.export_wanted.emit, name))
+        export.setMenu(menu)
+        export.setToolTip(self.tr("GeoJSON, Shapefile, KML, CSV, ISO 11783 task data and others"))
+        grid.addWidget(export, 3, 1)
+        layout.addLayout(grid)
+
+    def show_folder(self, folder: Path) -> None:
+        """Show the figures of the run in a folder."""
+        report = read_report(folder)
+        name = html.escape(session_name(report, folder))
+        page = f"<h3>{name}</h3>{self._verdict(report)}<table>{figures_html(report)}</table>"
+        warnings = [localized(w, "text") or "" for w in report.get("warnings") or [] if isinstance(w, dict)]
+        if warnings:
+            items = "".join(f"<li>{html.escape(str(text))}</li>" for text in warnings)
+            page += f"<h4>{self.tr('Warnings')}</h4><ul style='margin-left:-20px'>{items}</ul>"
+        if not report:
+            page += f"<p>{self.tr('This folder has no report, so the accuracy is unknown.')}</p>"
+        self.text.setHtml(page)
+        self.text.setAlignment(Qt.AlignmentFlag.AlignLeft)
+
+    def _verdict(self, report: dict[str, Any]) -> str:
+        """The contradictions in the results and the doubts about them, which stand above the figures."""
+        verdict = report.get("verdict")
+        if not isinstance(verdict, dict):
+            return ""
+        text, doubts = localized(verdict, "text"), localized(verdict, "doubts")
+        shown = "".join(f"<p>⚠ {html.escape(str(doubt))}</p>" for doubt in (doubts if isinstance(doubts, list) else []))
+        if not text:
+            return shown
+        title = self.tr("These results contradict each other.")
+        return f"<p style='color:#b71c1c'><b>{title}</b><br>{html.escape(str(text))}</p>{shown}"
+
+
+def localized(table: dict[str, Any], key: str) -> Any:
+    """A text of a report in the language of QGIS if the report has it, as `text_ja` beside `text`."""
+    return table.get(f"{key}_{(QgsApplication.locale() or '')[:2]}") or table.get(key)
+
+
+class BatchPage(QWidget):
+    """The state of each drive of a batch, and what can be done with those that have ended.
+
+    Signals:
+        cancelled: the user pressed *Cancel*.
+        opened: with a drive that has ended, to open its result, or its session in the form.
+        farm_wanted: with the folders of the results that are to be added to the farm map.
+        left: back to the start page.
+    """
+
+    cancelled = pyqtSignal()
+    opened = pyqtSignal(object)
+    farm_wanted = pyqtSignal(object)
+    left = pyqtSignal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._drives: list[Drive] = []
+        layout = QVBoxLayout(self)
+        self.title = QLabel()
+        self.list = QListWidget(objectName="furrowmapBatch", wordWrap=True)
+        self.list.itemActivated.connect(self._open)
+        hint = self.tr("Double-click a drive to open its result, or its session where something is missing.")
+        self.cancel = button("furrowmapBatchCancel", self.tr("Cancel"), self.cancelled.emit)
+        self.farm = button("furrowmapBatchFarm", self.tr("Add all to farm map…"), self._add_to_farm)
+        self.back = button("furrowmapBatchBack", self.tr("Other session"), self.left.emit)
+        buttons = side_by_side(self.cancel, self.farm, self.back)
+        for widget in (self.title, self.list, QLabel(hint, wordWrap=True), buttons):
+            layout.addWidget(widget)
+
+    def show_drives(self, drives: list[Drive]) -> None:
+        """Show these drives."""
+        self._drives = drives
+        self.list.clear()
+        for number in range(len(drives)):
+            self.list.addItem(QListWidgetItem())
+            self.refresh(number)
+
+    def refresh(self, number: int) -> None:
+        """Show the state of a drive."""
+        drive, item = self._drives[number], self.list.item(number)
+        words = {
+            WAITING: self.tr("waiting"),
+            RUNNING: self.tr("running"),
+            DONE: self.tr("done"),
+            FAILED: self.tr("failed"),
+            TO_FILL_IN: self.tr("not run: recordings or places are missing"),
+            CANCELLED: self.tr("cancelled"),
+        }
+        name = drive.session.parent.name + ("" if drive.session.stem == "session" else f" / {drive.session.stem}")
+        state = f"{words[drive.state]}: {drive.text.splitlines()[0]}" if drive.text else words[drive.state]
+        item.setText(f"{DRIVE_MARKS[drive.state]} {name}\n    {state}")
+        item.setToolTip(drive.text or str(drive.session))
+        item.setData(Qt.ItemDataRole.UserRole, number)
+        ended, count = sum(d.state in ENDED for d in self._drives), len(self._drives)
+        self.title.setText("<b>" + self.tr("{ended} of {all} drives").format(ended=ended, all=count) + "</b>")
+        self.cancel.setEnabled(ended < count)
+        self.back.setEnabled(ended == count)
+        self.farm.setEnabled(ended == count and any(d.state == DONE for d in self._drives))
+
+    def _add_to_farm(self) -> None:
+        self.farm_wanted.emit([drive.folder for drive in self._drives if drive.state == DONE])
+
+    def _open(self, item: QListWidgetItem) -> None:
+        if not self.cancel.isEnabled():
+            self.opened.emit(self._drives[item.data(Qt.ItemDataRole.UserRole)])
