@@ -72,7 +72,7 @@ typecheck: $(INSTALLED) layout
 layout:
 	@mkdir -p build/typing/furrowmap
 	@find build/typing/furrowmap -xtype l -delete
-	@for part in $(PARTS) $(filter-out app/__pycache__,$(wildcard app/*)); do \
+	@for part in $(PARTS) plugin $(filter-out app/__pycache__,$(wildcard app/*)); do \
 	  link=build/typing/furrowmap/$${part##*/}; [ -L $$link ] || ln -s ../../../$$part $$link; done
 
 docs: $(INSTALLED) layout  ## the documentation as a site, in build/site

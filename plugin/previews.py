@@ -24,13 +24,13 @@ PREVIEW_PROPERTY = "furrowmap/preview"
 """Property of a group in the layer tree: the :func:`session_key` of the session."""
 
 
-def open_preview(folder: str | Path) -> list[QgsMapLayer]:
+def open_preview(folder: str | Path, project: QgsProject | None = None) -> list[QgsMapLayer]:
     """Open a preview as the project's topmost group; an earlier one of the same session is removed.
 
     Returns:
         The layers, the trajectory first; none if QGIS can open none.
     """
-    project = QgsProject.instance()
+    project = QgsProject.instance() if project is None else project
     account = read_account(folder)
     layers = [layer for layer in _read_layers(Path(folder)) if layer.isValid()]
     if not layers:

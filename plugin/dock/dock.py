@@ -213,7 +213,9 @@ class FurrowmapDock(QgsDockWidget):
             return
         self.previewer.cancel()
         sessions = [path if path.is_file() else path / "session.toml" for path in paths]
-        drives = [Drive(s, None if s.is_file() else path, folder_for(s)) for s, path in zip(sessions, paths)]  # noqa: B905
+        drives = [
+            Drive(s, None if s.is_file() else path, folder_for(s)) for s, path in zip(sessions, paths, strict=True)
+        ]
         self.drives.show_drives(drives)
         self.pages.setCurrentWidget(self.drives)
         self.batch.begin(program, drives, machine)

@@ -88,7 +88,7 @@ def small_text(name: str = "", text: str = "") -> QLabel:
 def fill(boxes: Sequence[QDoubleSpinBox], values: Any) -> None:
     """Set boxes to values without emitting signals; to 0 if the values do not fit."""
     values = values if isinstance(values, list) and len(values) == len(boxes) else [0.0] * len(boxes)
-    for box, value in zip(boxes, values):  # noqa: B905 - the lengths are the same; QGIS may have Python 3.9
+    for box, value in zip(boxes, values, strict=True):
         blocker = QSignalBlocker(box)
         box.setValue(float(value) if isinstance(value, (int, float)) else 0.0)
         del blocker

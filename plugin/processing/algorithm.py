@@ -1,17 +1,23 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A command of `furrowmap` as a Processing algorithm, built from its description; the worker does the work."""
 
+from __future__ import annotations
+
 import math
+from collections.abc import Sequence
 from fnmatch import fnmatch
 from functools import partial
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from qgis.core import (
     QgsCoordinateReferenceSystem,
     QgsMessageLog,
     QgsProcessingAlgorithm,
+    QgsProcessingContext,
     QgsProcessingException,
+    QgsProcessingFeedback,
     QgsProcessingParameterBoolean,
 )
 from qgis.PyQt.QtCore import QCoreApplication
@@ -22,7 +28,7 @@ from ..interpreter import find_interpreter, is_usable
 from ..previews import open_preview
 from ..results import open_results
 from ..worker import WorkerCancelled, WorkerError, run_command, stage_name
-from .description import COMMAND_OPTIONS, TOOLBOX_GROUPS
+from .description import COMMAND_OPTIONS, TOOLBOX_GROUPS, Algorithm, Parameter
 from .layer_files import first_unknown, layer_files
 from .loading import load_when_done
 from .parameters import qgis_output, qgis_parameter
@@ -44,42 +50,42 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         description: what :data:`.algorithms.ALGORITHMS` has on it.
     """
 
-    def __init__(self, description):
+    def __init__(self, description: Algorithm) -> None:
         super().__init__()
         self.description = description
         self.by_name = {parameter.name: parameter for parameter in description.parameters}
-        self.files = {}
+        self.files: dict[str, list[str]] = {}
 
-    def createInstance(self):  # noqa: N802 - the names are QGIS's
+    def createInstance(self) -> CommandAlgorithm:  # noqa: N802 - the names are QGIS's
         """Another instance, as QGIS asks for."""
         return type(self)(self.description)
 
-    def name(self):
+    def name(self) -> str:
         """The id within the provider."""
         return self.description.id
 
-    def displayName(self):  # noqa: N802
+    def displayName(self) -> str:  # noqa: N802
         """As the toolbox shows it."""
         return translated(self.description.title)
 
-    def groupId(self):  # noqa: N802
+    def groupId(self) -> str:  # noqa: N802
         """The id of its group."""
         return self.description.group
 
-    def group(self):
+    def group(self) -> str:
         """Its group as the toolbox shows it."""
         return translated(TOOLBOX_GROUPS[self.description.group][0])
 
-    def icon(self):
+    def icon(self) -> QIcon:
         """The plugin's icon."""
         return QIcon(str(Path(__file__).parents[1] / "icon.svg"))
 
-    def tags(self):
+    def tags(self) -> list[str]:
         """Words by which the toolbox finds it."""
         words = self.description.command.split()
         return ["furrowmap", "lidar", "gnss", "tractor", "point cloud", "tillage", *words]
 
-    def shortHelpString(self):  # noqa: N802
+    def shortHelpString(self) -> str:  # noqa: N802
         """The summary, the help of each parameter, and the equivalent command; needs no network."""
         parameters = [(p.description(), p.help()) for p in self.parameterDefinitions() if p.help()]
         paragraphs = [
@@ -89,12 +95,12 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         ]
         return "".join(f"<p>{text}</p>" for text in paragraphs)
 
-    def helpUrl(self):  # noqa: N802
+    def helpUrl(self) -> str:  # noqa: N802
         """The command's section in the documentation, below the plugin's homepage."""
         page = pluginMetadata("furrowmap", "homepage").rstrip("/")
         return f"{page}/reference/commands/#furrowmap-{self.description.command.replace(' ', '-')}"
 
-    def initAlgorithm(self, configuration=None):  # noqa: N802, ARG002
+    def initAlgorithm(self, configuration: dict[str, Any] | None = None) -> None:  # noqa: N802, ARG002
         """Add parameters and outputs."""
         for parameter in self.by_name.values():
             self.addParameter(qgis_parameter(parameter, translated))
@@ -105,7 +111,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         for output in self.description.outputs:
             self.addOutput(qgis_output(output, translated))
 
-    def canExecute(self):  # noqa: N802
+    def canExecute(self) -> tuple[bool, str]:  # noqa: N802
         """Whether a worker is set up; if not, where to do that."""
         if is_usable(find_interpreter()):
             return True, ""
@@ -113,7 +119,9 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             "furrowmap's worker is not set up. Choose or create its environment in Settings › Options › furrowmap."
         )
 
-    def checkParameterValues(self, parameters, context):  # noqa: N802
+    def checkParameterValues(  # noqa: N802
+        self, parameters: dict[str, Any], context: QgsProcessingContext
+    ) -> tuple[bool, str]:
         """Check the values before the worker starts."""
         valid, message = super().checkParameterValues(parameters, context)
         if not valid:
@@ -121,9 +129,9 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         fault = self._fault(parameters, context)
         return not fault, fault
 
-    def _fault(self, parameters, context):
+    def _fault(self, parameters: dict[str, Any], context: QgsProcessingContext) -> str:
         """What is wrong with the values; "" if nothing."""
-        ways = {}
+        ways: dict[str, list[tuple[str, bool]]] = {}
         for parameter in self.by_name.values():
             label = translated(parameter.label)
             if parameter.kind.startswith("new ") or parameter.layers:  # evaluating these may add a layer to the context
@@ -145,9 +153,12 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
                 return tr("Give either '{one}' or '{other}'.").format(one=either[0][0], other=either[1][0])
         return ""
 
-    def _arguments(self, values, parameters, context):
+    def _arguments(
+        self, values: dict[str, list[str]], parameters: dict[str, Any], context: QgsProcessingContext
+    ) -> list[str]:
         """The arguments of the command line, its name first; `values` has each parameter's :meth:`_values`."""
-        options, arguments = [], []
+        options: list[str] = []
+        arguments: list[str] = []
         for name, parameter in self.by_name.items():
             if not parameter.option.startswith("--"):
                 arguments += values[name]
@@ -161,7 +172,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
                 options += [f"{parameter.crs}={crs_text(crs)}"] if crs.isValid() else []
         return [*self.description.command.split(), *options, "--", *arguments]
 
-    def _values(self, parameter, parameters, context):
+    def _values(self, parameter: Parameter, parameters: dict[str, Any], context: QgsProcessingContext) -> list[str]:
         """A parameter's value as the command line takes it: one or several strings, none where it is not given."""
         name, kind = parameter.name, parameter.kind
         if kind == "flag":
@@ -184,7 +195,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             return [f"{point.x():.9f},{point.y():.9f}"] if parameters.get(name) else []
         return self._texts(parameter, parameters, context)
 
-    def _texts(self, parameter, parameters, context):
+    def _texts(self, parameter: Parameter, parameters: dict[str, Any], context: QgsProcessingContext) -> list[str]:
         """The values of a parameter that is text or a path."""
         name, kind = parameter.name, parameter.kind
         if parameter.layers:
@@ -205,20 +216,24 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             return list(dict.fromkeys(folders))
         return texts
 
-    def prepareAlgorithm(self, parameters, context, feedback):  # noqa: N802
+    def prepareAlgorithm(  # noqa: N802
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> bool:
         """Find or write the files of layers, in the thread of the project."""
         with_layers = [parameter for parameter in self.by_name.values() if parameter.layers]
         self.files = {p.name: layer_files(p, parameters.get(p.name), context, feedback) for p in with_layers}
         return True
 
-    def processAlgorithm(self, parameters, context, feedback):  # noqa: N802
+    def processAlgorithm(  # noqa: N802
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> dict[str, Any]:
         """Have the worker run the command, report its progress, return the outputs.
 
         Raises:
             QgsProcessingException: with the three lines of the error.
         """
         interpreter = find_interpreter()
-        if not is_usable(interpreter):
+        if interpreter is None or not is_usable(interpreter):
             raise QgsProcessingException(self.canExecute()[1])
         values = {name: self._values(each, parameters, context) for name, each in self.by_name.items()}
         arguments = self._arguments(values, parameters, context)
@@ -240,7 +255,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
                 load_when_done(context, path, translated(self.description.layer_group) or Path(path).parent.name)
         return self._outputs(answer, values)
 
-    def _outputs(self, answer, values):
+    def _outputs(self, answer: Any, values: dict[str, list[str]]) -> dict[str, Any]:
         """The files and folders that parameters name, and what the description takes from the answer."""
         named = [name for name, parameter in self.by_name.items() if parameter.kind.startswith("new ")]
         files = {name: values[name][0] if values[name] else None for name in named}
@@ -252,9 +267,11 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
 class RunAlgorithm(CommandAlgorithm):
     """`furrowmap run`, whose products open as a group of their own."""
 
-    folder = None
+    folder: str | None = None
 
-    def processAlgorithm(self, parameters, context, feedback):  # noqa: N802
+    def processAlgorithm(  # noqa: N802
+        self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> dict[str, Any]:
         """Remember what :meth:`postProcessAlgorithm` opens."""
         outputs = super().processAlgorithm(parameters, context, feedback)
         if self.parameterAsBool(parameters, OPEN, context):
@@ -262,29 +279,31 @@ class RunAlgorithm(CommandAlgorithm):
             self.open = open_preview if self.parameterAsBool(parameters, "PREVIEW", context) else open_results
         return outputs
 
-    def postProcessAlgorithm(self, context, feedback):  # noqa: N802
+    def postProcessAlgorithm(  # noqa: N802
+        self, context: QgsProcessingContext, feedback: QgsProcessingFeedback
+    ) -> dict[str, Any]:
         """Open the products, in the main thread."""
         if self.folder and not feedback.isCanceled() and context.project() is not None:
             self.open(self.folder, context.project())
         return {}
 
 
-def translated(text):
+def translated(text: str) -> str:
     """As :func:`tr`, for the texts of descriptions, which are no literals here."""
     return QCoreApplication.translate("Algorithms", text) if text else ""
 
 
-def crs_text(crs):
+def crs_text(crs: QgsCoordinateReferenceSystem) -> str:
     """A CRS as another program reads it: WKT for a user-defined one, whose code only this QGIS knows."""
     own = not crs.authid() or crs.authid().startswith("USER:")
     return crs.toWkt(QgsCoordinateReferenceSystem.WktVariant.WKT_PREFERRED) if own else crs.authid()
 
 
-def _stands_for_folder(text, parameter):
+def _stands_for_folder(text: str, parameter: Parameter) -> bool:
     return Path(text).is_file() and fnmatch(Path(text).name.lower(), parameter.folder_of)
 
 
-def _absent(parameter, values, context):
+def _absent(parameter: Parameter, values: Sequence[Any], context: QgsProcessingContext) -> str:
     """The first of the files in values that does not exist; "" if all do."""
     if parameter.kind not in ("file", "files"):
         return ""
@@ -293,7 +312,7 @@ def _absent(parameter, values, context):
     return next((path for path in values if path != parameter.if_absent and not Path(path).exists()), "")
 
 
-def _are_numbers(text, count):
+def _are_numbers(text: str, count: int | None) -> bool:
     parts = text.split(",")
     try:
         return all(math.isfinite(float(part)) for part in parts) and count in (None, len(parts))
@@ -301,23 +320,23 @@ def _are_numbers(text, count):
         return False
 
 
-def _html(text):
+def _html(text: str) -> str:
     return escape(text, quote=False)
 
 
 class _Listener:
     """Passes the worker's messages on to QGIS's feedback; a stage's share is the progress."""
 
-    def __init__(self, feedback):
+    def __init__(self, feedback: QgsProcessingFeedback) -> None:
         self.feedback = feedback
-        self.stage = None
+        self.stage: str | None = None
 
-    def __call__(self, message):
+    def __call__(self, message: dict[str, Any]) -> None:
         kind = message["type"]
         if kind == "progress":
             if message.get("stage") != self.stage:
                 self.stage = message.get("stage")
-                self.feedback.setProgressText(stage_name(self.stage))
+                self.feedback.setProgressText(stage_name(str(self.stage)))
             self.feedback.setProgress(100.0 * float(message.get("share", 0.0)))
         elif kind == "warning":
             self.feedback.pushWarning(str(message.get("text", "")))

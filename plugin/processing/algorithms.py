@@ -7,8 +7,12 @@ becomes of the command's JSON answer. Strings are translated where they are show
 them.
 """
 
+from __future__ import annotations
+
 import json
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from .description import DATABASE, Algorithm, Output, parameter
 
@@ -21,18 +25,18 @@ BOARDS = "frames_with_board"
 COLOUR_FIGURES = ("images", "points_coloured", "points_not_seen")
 CHECK_FIGURES = ("rmse_vertical_m", "rmse_horizontal_m", "rmse_3d_m")
 MET = "The output MET reports whether it is met."
-FIELD_LAYERS = ("trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events")
+RUN_LAYERS = ("trajectory", "passes", "coverage", "overlaps", "misses", "zones", "tool_path", "events")
 
 
-def as_json(answer):
+def as_json(answer: Any) -> str:
     """An answer or a part of it as text."""
     return json.dumps(answer, ensure_ascii=False, indent=1)
 
 
-def item(*keys):
+def item(*keys: str) -> Callable[[Any], Any]:
     """Takes a value out of an answer; None where there is none."""
 
-    def value(answer):
+    def value(answer: Any) -> Any:
         for key in keys:
             answer = (answer or {}).get(key)
         return answer
@@ -40,37 +44,37 @@ def item(*keys):
     return value
 
 
-def count(key):
+def count(key: str) -> Callable[[Any], int]:
     """Takes the length of a list in an answer."""
     return lambda answer: len(answer[key])
 
 
-def texts(key):
+def texts(key: str) -> Callable[[Any], str]:
     """Takes the texts of notices in an answer, one per line."""
     return lambda answer: "\n".join(notice["text"] for notice in answer[key])
 
 
-def numbers(names, *keys):
+def numbers(names: tuple[str, ...], *keys: str) -> tuple[Output, ...]:
     """Outputs for figures of an answer: the id is the figure's name in capitals."""
     return tuple(Output(name.upper(), "number", name, item(*keys, name)) for name in names)
 
 
-def product(name):
+def product(name: str) -> Callable[[Any], str | None]:
     """Takes the path of a file in the answer's folder; None where it was not written."""
     return lambda answer: str(Path(answer["folder"]) / name) if name in answer["products"] else None
 
 
-def products(*names):
+def products(*names: str) -> Callable[[Any], list[str]]:
     """Takes the paths of the files in the answer's folder that were written."""
     return lambda answer: [path for path in (product(name)(answer) for name in names) if path]
 
 
-def output(answer):
+def output(answer: Any) -> list[str]:
     """Takes the file that the command wrote."""
     return [answer["output"]]
 
 
-def json_of(key):
+def json_of(key: str) -> Callable[[Any], str]:
     """Takes a part of an answer as text."""
     return lambda answer: as_json(answer[key])
 
@@ -408,9 +412,7 @@ ALGORITHMS = (
             "--output": parameter(
                 help_text="By default beside the results. Formats with one layer per file need a folder.", name="TARGET"
             ),
-            "--layer": parameter(
-                help_text="By default all layers.", name="LAYERS", kind="choices", choices=FIELD_LAYERS
-            ),
+            "--layer": parameter(help_text="By default all layers.", name="LAYERS", kind="choices", choices=RUN_LAYERS),
         },
         outputs=(
             Output("WRITTEN", "text", "File or folder written", item("target")),

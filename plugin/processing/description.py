@@ -4,12 +4,17 @@
 Imports nothing of QGIS, so that scripts and tests can read the algorithms as well.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-COMMAND_OPTIONS = json.loads(Path(__file__).with_name("commands.json").read_text(encoding="utf-8"))
+COMMAND_OPTIONS: dict[str, dict[str, dict[str, Any]]] = json.loads(
+    Path(__file__).with_name("commands.json").read_text(encoding="utf-8")
+)
 """Command → argument's name or option → its facts. Written by `scripts/plugin_commands.py`."""
 TOOLBOX_GROUPS = {
     "session": ("Sessions", "init inspect run calibrate machine simulate frames"),
@@ -20,6 +25,8 @@ TOOLBOX_GROUPS = {
     "accuracy": ("Accuracy", "crs gnss check"),
 }
 """Id of a group in the toolbox → its title, and the first words of its commands."""
+Facts = tuple[dict[str, Any], ...]
+"""Of :func:`parameter`; one each of the parameters that give the same argument."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +60,11 @@ class Parameter:
     advanced: bool = False
     required: bool = False
     default: object = None
-    choices: tuple = ()
-    minimum: float = None
-    maximum: float = None
+    choices: tuple[str, ...] = ()
+    minimum: float | None = None
+    maximum: float | None = None
     unit: str = ""
-    count: int = None
+    count: int | None = None
     crs: str = ""
     filter: str = ""
     adds: bool = False
@@ -66,7 +73,7 @@ class Parameter:
     if_absent: str = ""
 
     @property
-    def optional(self):
+    def optional(self) -> bool:
         """Whether QGIS may leave it empty."""
         return not self.required and self.default is None
 
@@ -85,7 +92,7 @@ class Output:
     name: str
     kind: str
     label: str
-    value: Callable
+    value: Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
@@ -107,47 +114,47 @@ class Algorithm:
     command: str
     title: str
     summary: str
-    basic: tuple
-    facts: dict = field(default_factory=dict)
-    outputs: tuple = ()
-    layers: Callable = None
+    basic: tuple[str, ...]
+    facts: dict[str, Facts] = field(default_factory=dict)
+    outputs: tuple[Output, ...] = ()
+    layers: Callable[[Any], list[str]] | None = None
     layer_group: str = ""
 
     @property
-    def id(self):
+    def id(self) -> str:
         """Within the provider."""
         return self.command.replace(" ", "_")
 
     @property
-    def group(self):
+    def group(self) -> str:
         """Id of the group in the toolbox."""
         return next(group for group, (_, words) in TOOLBOX_GROUPS.items() if self.command.split()[0] in words.split())
 
     @property
-    def opens(self):
+    def opens(self) -> bool:
         """Whether the user may have the products opened; `run` opens them as a group of its own."""
         return self.layers is not None or self.command == "run"
 
     @property
-    def parameters(self):
+    def parameters(self) -> list[Parameter]:
         """Every :class:`Parameter`, the basic ones first."""
         options = COMMAND_OPTIONS[self.command]
-        facts = {**SHARED_FACTS, **self.facts}
+        facts, no_facts = {**SHARED_FACTS, **self.facts}, parameter()
         return [
             Parameter(**{**_derived(option), "advanced": option not in self.basic, **options[option], **either, **way})
             for option in (*self.basic, *(option for option in options if option not in self.basic))
-            for ways in [facts.get(option, ({},))]
+            for ways in [facts.get(option, no_facts)]
             for either in [{"required": False} if len(ways) > 1 else {}]
             for way in ways
         ]
 
 
-def parameter(label="", help_text="", **facts):
+def parameter(label: str = "", help_text: str = "", **facts: Any) -> Facts:
     """What only QGIS has to know of an argument or option: label, help and other facts that differ."""
     return ({**({"label": label} if label else {}), **({"help": help_text} if help_text else {}), **facts},)
 
 
-def _derived(option):
+def _derived(option: str) -> dict[str, str]:
     words = option.lstrip("-").replace("-", " ").replace("_", " ")
     return {"option": option, "name": words.upper().replace(" ", "_"), "label": words.capitalize()}
 

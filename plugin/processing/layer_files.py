@@ -5,11 +5,17 @@ QGIS's own layer parameters load every file that they are given; these take a pa
 formats that QGIS does not, and a point cloud is not indexed for nothing.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import Any
 
 from qgis.core import (
     QgsMapLayer,
     QgsProcessing,
+    QgsProcessingContext,
+    QgsProcessingFeedback,
+    QgsProcessingParameterDefinition,
     QgsProcessingParameterMapLayer,
     QgsProcessingParameterMultipleLayers,
     QgsProcessingParameterPointCloudLayer,
@@ -18,6 +24,8 @@ from qgis.core import (
     QgsProviderRegistry,
     QgsVectorLayer,
 )
+
+from .description import Parameter
 
 SOURCE_TYPES = QgsProcessing.SourceType
 LAYER_GEOMETRIES = {
@@ -37,7 +45,7 @@ READ_FORMATS = {
 class _TakesPaths:
     """Accepts any layer and any text: a path is checked as that of a file."""
 
-    def checkValueIsAcceptable(self, value, context=None):  # noqa: N802, ARG002 - the names are QGIS's
+    def checkValueIsAcceptable(self: Any, value: Any, context: QgsProcessingContext | None = None) -> bool:  # noqa: N802, ARG002 - the names are QGIS's
         """Whether it is a layer or a text, or a list of them."""
         values = value if isinstance(value, list | tuple) else [value]
         given = [each for each in values if each not in (None, "")]
@@ -61,7 +69,7 @@ class VectorOrFile(_TakesPaths, QgsProcessingParameterVectorLayer):
     """A vector layer."""
 
 
-def layer_parameter(parameter, given):
+def layer_parameter(parameter: Parameter, given: dict[str, Any]) -> QgsProcessingParameterDefinition:
     """The definition of a :class:`.description.Parameter` with `layers`.
 
     Args:
@@ -77,7 +85,9 @@ def layer_parameter(parameter, given):
     return VectorOrFile(**given, types=[LAYER_GEOMETRIES[parameter.layers]])
 
 
-def layer_files(parameter, value, context, feedback):
+def layer_files(
+    parameter: Parameter, value: Any, context: QgsProcessingContext, feedback: QgsProcessingFeedback
+) -> list[str]:
     """The files of a value: a path, a layer, its id, name or source, or a list of these.
 
     A vector layer that is not one whole file of :data:`READ_FORMATS` (a layer among others in a GeoPackage, a filter, a
@@ -86,30 +96,30 @@ def layer_files(parameter, value, context, feedback):
     return [_file(parameter, each, context, feedback) for each in _each(value)]
 
 
-def first_unknown(parameter, value, context):
+def first_unknown(parameter: Parameter, value: Any, context: QgsProcessingContext) -> str:
     """The first text of a value that is neither a file nor a layer; "" if there is none."""
     return next(
         (str(each) for each in _each(value) if _layer(parameter, each, context) is None and not _is_file(each)), ""
     )
 
 
-def _each(value):
+def _each(value: Any) -> list[Any]:
     values = value if isinstance(value, list | tuple) else [value]
     return [each for each in values if each not in (None, "")]
 
 
-def _is_file(value):
+def _is_file(value: Any) -> bool:
     return isinstance(value, str) and Path(value).exists()
 
 
-def _layer(parameter, value, context):
+def _layer(parameter: Parameter, value: Any, context: QgsProcessingContext) -> QgsMapLayer | None:
     """The layer of a value; None for a path. Only a vector's source that names a layer within a file is opened."""
     if isinstance(value, QgsMapLayer) or _is_file(value):
         return value if isinstance(value, QgsMapLayer) else None
     return QgsProcessingUtils.mapLayerFromString(value, context, parameter.layers in READ_FORMATS and "|" in value)
 
 
-def _file(parameter, value, context, feedback):
+def _file(parameter: Parameter, value: Any, context: QgsProcessingContext, feedback: QgsProcessingFeedback) -> Any:
     layer = _layer(parameter, value, context)
     if layer is None:
         return value

@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Products that QGIS opens as styled layers when an algorithm has finished."""
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from qgis.core import (
     Qgis,
     QgsColorRampShader,
+    QgsMapLayer,
     QgsPointCloudLayer,
     QgsProcessingContext,
+    QgsProcessingFeedback,
     QgsProcessingLayerPostProcessorInterface,
     QgsProcessingUtils,
     QgsProviderRegistry,
+    QgsRasterLayer,
     QgsStyle,
     QgsVectorLayer,
 )
@@ -20,12 +25,12 @@ from ..styles import set_colours, show_as_change, show_as_surface, show_by_class
 
 RASTER_SUFFIXES = (".tif", ".vrt")
 CLOUD_SUFFIXES = (".laz",)
-HEIGHT_RASTERS = ("dsm", "dsm_before", "dtm")
+RELIEF_RASTERS = ("dsm", "dsm_before", "dtm")
 RAMPS = {"height_above_ground": "Viridis", "slope": "Reds", "roughness": "Magma", "low_spots": "Blues"}
 SHARES, SAMPLED = (0.02, 0.98), 250_000
 
 
-def load_when_done(context, path, group):
+def load_when_done(context: QgsProcessingContext, path: str | Path, group: str) -> None:
     """Have QGIS open a file's layers when the algorithm has finished, if there is a project.
 
     Args:
@@ -46,7 +51,7 @@ def load_when_done(context, path, group):
         context.addLayerToLoadOnCompletion(source, details)
 
 
-def sources(path):
+def sources(path: str | Path) -> list[tuple[str, str]]:
     """Source and name of each layer in a file."""
     path = Path(path)
     if path.suffix.lower() in RASTER_SUFFIXES:
@@ -64,22 +69,27 @@ class _Style(QgsProcessingLayerPostProcessorInterface):
     QGIS deletes each object with its context, but does not keep its Python part alive until then: the class does.
     """
 
-    _kept = ()
+    _kept: tuple[_Style, ...] = ()
 
     @classmethod
-    def kept(cls):
+    def kept(cls) -> _Style:
         """A new object, for one layer."""
         style = cls()
         cls._kept = (*(other for other in cls._kept if not sip.isdeleted(other)), style)
         return style
 
-    def postProcessLayer(self, layer, context, feedback):  # noqa: N802, ARG002 - the names are QGIS's
+    def postProcessLayer(  # noqa: N802 - the names are QGIS's
+        self,
+        layer: QgsMapLayer,
+        context: QgsProcessingContext,  # noqa: ARG002
+        feedback: QgsProcessingFeedback,  # noqa: ARG002
+    ) -> None:
         """Set the style, in the main thread."""
         if isinstance(layer, QgsVectorLayer):
             layer.loadDefaultStyle()
         elif isinstance(layer, QgsPointCloudLayer):
             show_by_class(layer)
-        elif layer.name() in HEIGHT_RASTERS:
+        elif layer.name() in RELIEF_RASTERS:
             show_as_surface(layer)
         elif layer.name() == "change":
             show_as_change(layer)
@@ -87,7 +97,7 @@ class _Style(QgsProcessingLayerPostProcessorInterface):
             show_by_ramp(layer, RAMPS[layer.name()])
 
 
-def show_by_ramp(layer, name):
+def show_by_ramp(layer: QgsRasterLayer, name: str) -> None:
     """One of QGIS's colour ramps between the percentiles :data:`SHARES`, estimated from a sample of a large raster."""
     provider = layer.dataProvider()
     low, high = provider.cumulativeCut(1, *SHARES, layer.extent(), SAMPLED)

@@ -1,9 +1,14 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Descriptions of parameters and outputs as QGIS's own objects."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+
 from qgis.core import (
     QgsProcessing,
     QgsProcessingOutputBoolean,
+    QgsProcessingOutputDefinition,
     QgsProcessingOutputFile,
     QgsProcessingOutputFolder,
     QgsProcessingOutputMultipleLayers,
@@ -25,6 +30,7 @@ from qgis.core import (
     QgsProcessingParameterString,
 )
 
+from .description import Output, Parameter
 from .layer_files import layer_parameter
 
 OUTPUTS = {
@@ -38,12 +44,12 @@ OUTPUTS = {
 }
 
 
-def qgis_output(output, translate):
+def qgis_output(output: Output, translate: Callable[[str], str]) -> QgsProcessingOutputDefinition:
     """The definition of an :class:`.description.Output`; `translate` gives texts in the user's language."""
     return OUTPUTS[output.kind](output.name, translate(output.label))
 
 
-def qgis_parameter(parameter, translate):
+def qgis_parameter(parameter: Parameter, translate: Callable[[str], str]) -> QgsProcessingParameterDefinition:
     """The definition of a :class:`.description.Parameter`; `translate` gives texts in the user's language."""
     unit = f" ({parameter.unit})" if parameter.unit else ""
     definition = _definition(parameter, translate(parameter.label) + unit)
@@ -55,7 +61,7 @@ def qgis_parameter(parameter, translate):
     return definition
 
 
-def _definition(parameter, label):
+def _definition(parameter: Parameter, label: str) -> QgsProcessingParameterDefinition:
     name, kind, default = parameter.name, parameter.kind, parameter.default
     given = {"name": name, "description": label, "optional": parameter.optional}
     created = {"createByDefault": not parameter.optional}

@@ -13,19 +13,19 @@ from .algorithms import ALGORITHMS
 class FurrowmapProvider(QgsProcessingProvider):
     """One algorithm for each command; they are listed without a worker as well, and then say that it is missing."""
 
-    def id(self):
+    def id(self) -> str:
         """Never translated: models and scripts name it."""
         return "furrowmap"
 
-    def name(self):
+    def name(self) -> str:
         """As the toolbox shows it."""
         return "furrowmap"
 
-    def icon(self):
+    def icon(self) -> QIcon:
         """The plugin's icon."""
         return QIcon(str(Path(__file__).parents[1] / "icon.svg"))
 
-    def loadAlgorithms(self):  # noqa: N802 - the name is QGIS's
+    def loadAlgorithms(self) -> None:  # noqa: N802 - the name is QGIS's
         """Add each algorithm."""
         for description in ALGORITHMS:
             self.addAlgorithm((RunAlgorithm if description.command == "run" else CommandAlgorithm)(description))
