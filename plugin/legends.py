@@ -50,7 +50,7 @@ BAND_LABELS = {
     "density": QT_TRANSLATE_NOOP("Legends", "Points a square metre"),
     "strip_overlap": QT_TRANSLATE_NOOP("Legends", "Number of strips"),
 }
-LAYER_NAMES = {
+LAYER_LABELS = {
     "trajectory": QT_TRANSLATE_NOOP("Legends", "Positions of the vehicle"),
     "events": QT_TRANSLATE_NOOP("Legends", "Events of the drive"),
     "tool_path": QT_TRANSLATE_NOOP("Legends", "Cultivated path"),
@@ -87,14 +87,14 @@ LAYER_NAMES = {
 def name_node(node: QgsLayerTreeLayer) -> None:
     """Show a layer under its title in the layer panel."""
     layer = node.layer().name()
-    if layer in LAYER_NAMES:
+    if layer in LAYER_LABELS:
         node.setUseLayerName(False)
         node.setName(shown_name(layer))
 
 
 def shown_name(layer: str) -> str:
     """The title of a product's layer in the panel and in legends; other layers keep their names."""
-    return QCoreApplication.translate("Legends", LAYER_NAMES[layer]) if layer in LAYER_NAMES else layer
+    return QCoreApplication.translate("Legends", LAYER_LABELS[layer]) if layer in LAYER_LABELS else layer
 
 
 def translate_categories(layer: QgsVectorLayer) -> None:

@@ -342,6 +342,33 @@ def functions() -> list[tuple[str, ast.FunctionDef, set[str]]]:
     return found
 
 
+@cache
+def definitions() -> tuple[dict[str, set[str]], dict[str, dict[str, set[str]]]]:
+    """Class name → modules that define it; constant → its value as source → modules that define it so."""
+    classes: dict[str, set[str]] = {}
+    constants: dict[str, dict[str, set[str]]] = {}
+    for path in (p for part in (*PARTS, "plugin") for p in sorted((CHECKOUT / part).rglob("*.py"))):
+        module = path.relative_to(CHECKOUT).as_posix()
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ClassDef):
+                classes.setdefault(node.name, set()).add(module)
+        for node in tree.body:
+            targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+            value = getattr(node, "value", None)
+            if isinstance(targets[0], ast.Name) and targets[0].id.isupper() and value is not None:
+                constants.setdefault(targets[0].id, {}).setdefault(ast.unparse(value), set()).add(module)
+    return classes, constants
+
+
+def test_names__of_classes_have_one_meaning() -> None:
+    assert {name: modules for name, modules in definitions()[0].items() if len(modules) > 1} == {}
+
+
+def test_names__of_constants_have_one_value() -> None:
+    assert {name: values for name, values in definitions()[1].items() if len(values) > 1} == {}
+
+
 def test_functions__are_short() -> None:
     long = {name for name, node, _ in functions() if (node.end_lineno or 0) - node.lineno >= 80}
     assert long == set(), "no function over 80 lines but kernels"

@@ -29,7 +29,7 @@ from .pages import BatchPage, ResultPage, RunPage, StartPage
 from .replay import replay
 from .session_lines import NotSimpleError
 from .session_page import SessionPage
-from .tasks import DONE, END_MS, BatchRunner, CommandTask, Drive, Previewer, RunTask
+from .tasks import DONE, TASK_END_MS, BatchRunner, CommandTask, Drive, Previewer, RunTask
 
 NAME = "furrowmap"
 ZOOM_MARGIN = 1.3
@@ -396,7 +396,7 @@ class FurrowmapDock(QgsDockWidget):
             task.cancel()
         for ending in (drive, task):
             if ending is not None:
-                ending.waitForFinished(END_MS)
+                ending.waitForFinished(TASK_END_MS)
 
     # steps of a task
 

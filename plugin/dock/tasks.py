@@ -27,7 +27,7 @@ from .form_parts import FORM_CODES
 
 QUIET = QgsTask.Flag.CanCancel | QgsTask.Flag.Silent
 """The dock itself shows how its tasks end."""
-END_MS = 8000
+TASK_END_MS = 8000
 """A cancelled task has this long to end before the plugin is unloaded."""
 WAITING, RUNNING, DONE = "waiting", "running", "done"
 FAILED, TO_FILL_IN, CANCELLED = "failed", "to fill in", "cancelled"
@@ -154,7 +154,7 @@ class Previewer(QObject):
         """Cancel, and remove files and layers, before the plugin is unloaded."""
         task = self.cancel()
         if task is not None:
-            task.waitForFinished(END_MS)
+            task.waitForFinished(TASK_END_MS)
         for folder in self._folders:
             remove_previews(QgsProject.instance(), read_account(folder))
             shutil.rmtree(folder, ignore_errors=True)
