@@ -81,7 +81,7 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
         if whole.penetration is None:
             break
         chance = np.random.default_rng(len(soil)).standard_exponential(int(soil.sum()))
-        height_m = _extend_below(whole, height_m, soil, BARE_SIGMAS * noise_m, chance)
+        height_m = _extend_below(whole, height_m, soil, bare_m, chance)
         returns, *parts = pixel_halves(column, row, height_m, first, grid)
         whole = _estimate_top(returns, grid, net, noise_m)
     if whole.penetration is None:
@@ -91,7 +91,7 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
         return whole
     mean = float(whole.top_m[net].mean())
     extrapolated = mean - float(np.mean([half.top_m[net].mean() for half in halves]))
-    crop = net & (whole.top_m > BARE_SIGMAS * noise_m)
+    crop = net & (whole.top_m > bare_m)
     top = whole.top_m + np.where(crop, extrapolated * net.sum() / max(int(crop.sum()), 1), 0.0)
     return replace(whole, top_m=np.where(net, np.maximum(top, 0.0), np.nan), extrapolated_m=extrapolated)
 

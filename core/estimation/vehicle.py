@@ -202,11 +202,6 @@ class MotionPrior(Observation):
     turning: tuple[float, float, float] = (SWAY, SWAY, TURNING)
     linked: ClassVar[int] = 3
 
-    @classmethod
-    def with_measured_turns(cls) -> MotionPrior:
-        """The prior beside gyroscopes."""
-        return cls(turning=(MEASURED_TURN_FACTOR * SWAY, MEASURED_TURN_FACTOR * SWAY, MEASURED_TURN_FACTOR * TURNING))
-
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Six equations for each three knots."""
         every, size = knots.inner, state.layout.size
@@ -243,7 +238,8 @@ def wheeled_vehicle(
         aiding: observations of an IMU; none without one.
     """
     antenna = AntennaPositions.unweighted(positions, origin_m, lever_m)
-    motion = MotionPrior.with_measured_turns() if aiding else MotionPrior()
+    wider = MEASURED_TURN_FACTOR if aiding else 1.0
+    motion = MotionPrior(turning=(wider * SWAY, wider * SWAY, wider * TURNING))
     return (antenna, AntennaHeadings(positions), GnssDrift(positions), motion, WheelMotion(), Level(), *aiding)
 
 

@@ -124,9 +124,7 @@ def classify_features(
         (n,) records of :data:`POINT`.
 
     Raises:
-        InputError: as :func:`cleaned`.
-        RefusedError: likewise.
-        OSError: likewise.
+        InputError, RefusedError, OSError: as :func:`cleaned`.
     """
     with classified_spool(clouds, cleaning, folder, seen, progress) as spool, ThreadPoolExecutor(threads()) as pool:
         parts = blocks(spool, TILE_POINTS)

@@ -73,12 +73,6 @@ class PlanePiece:
         """Its outline on the map, with heights."""
         return shapely.transform(shapely.force_3d(self.outline), lambda c: self._place(c[:, :2]), include_z=True)
 
-    @property
-    def foot(self) -> shapely.Geometry:
-        """DetectedLine below a vertical plane, from end to end at its lowest height."""
-        low, at, high, _ = shapely.bounds(self.outline).tolist()
-        return shapely.LineString(self._place(np.array([[low, at], [high, at]])))
-
     def _place(self, flat: FloatArray) -> FloatArray:
         out: FloatArray = self.centre_m + flat @ np.vstack(axes_of(self.normal))
         return out
@@ -228,9 +222,10 @@ def line_objects(lines: Iterable[tuple[DetectedLine, int, float]]) -> list[LineO
 
 
 def plane_foot(plane: PlanePiece, kind: LineKind) -> LineObject:
-    """The foot of a vertical plane as a line."""
-    _, low, _, high = shapely.bounds(plane.outline).tolist()
-    return LineObject(kind, plane.foot, float(high - low), plane.points)
+    """The foot of a vertical plane as a line, from end to end at its lowest height."""
+    left, low, right, high = shapely.bounds(plane.outline).tolist()
+    foot = shapely.LineString(plane._place(np.array([[left, low], [right, low]])))
+    return LineObject(kind, foot, float(high - low), plane.points)
 
 
 def _is_same_plane(a: PlanePiece, b: PlanePiece) -> bool:

@@ -149,30 +149,7 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
         raise InputError("session-syntax", name=name, error=error) from None
     if data.get("furrowmap") != SESSION_SCHEMA:
         raise InputError("session-schema", name=name, data=data.get("furrowmap"), schema=SESSION_SCHEMA)
-    _check_keys(data, name)
-    data = apart(data)
-    recording = data.get("recording")
-    if isinstance(recording, dict) and isinstance(recording.get("date"), dt.date):
-        recording["date"] = str(recording["date"])  # an unquoted date is a date in TOML
-    try:
-        session = msgspec.convert(data, Session)
-    except msgspec.ValidationError as error:
-        raise _conversion_error(str(error), name) from None
-    fault = next(_faults(session), None)
-    if fault is not None:
-        raise InputError("session-value.check-values", name=name, fault=fault)
-    return session
-
-
-def _tables() -> dict[str, type[msgspec.Struct]]:
-    """The table names and their structs."""
-    fields = (field for field in msgspec.structs.fields(Session) if field.name != FURTHER)
-    kinds = ((field.name, (field.type, *get_args(field.type))) for field in fields)
-    return {name: kind for name, alternatives in kinds for kind in alternatives if is_struct_type(kind)}
-
-
-def _check_keys(data: dict[str, Any], name: str) -> None:
-    """Refuse unknown keys and suggest the nearest known one, which msgspec does not do."""
+    # Refuse unknown keys and suggest the nearest known one, which msgspec does not do.
     tables = tuple(key for key in Session.__struct_encode_fields__ if key != FURTHER)
     levels: list[tuple[str, dict[str, Any], tuple[str, ...]]] = [("", data, tables)]
     levels += [
@@ -195,6 +172,25 @@ def _check_keys(data: dict[str, Any], name: str) -> None:
                     near_first=near[0] if near else None,
                     known=", ".join(known) if not (near) else None,
                 )
+    data = apart(data)
+    recording = data.get("recording")
+    if isinstance(recording, dict) and isinstance(recording.get("date"), dt.date):
+        recording["date"] = str(recording["date"])  # an unquoted date is a date in TOML
+    try:
+        session = msgspec.convert(data, Session)
+    except msgspec.ValidationError as error:
+        raise _conversion_error(str(error), name) from None
+    fault = next(_faults(session), None)
+    if fault is not None:
+        raise InputError("session-value.check-values", name=name, fault=fault)
+    return session
+
+
+def _tables() -> dict[str, type[msgspec.Struct]]:
+    """The table names and their structs."""
+    fields = (field for field in msgspec.structs.fields(Session) if field.name != FURTHER)
+    kinds = ((field.name, (field.type, *get_args(field.type))) for field in fields)
+    return {name: kind for name, alternatives in kinds for kind in alternatives if is_struct_type(kind)}
 
 
 def _conversion_error(message: str, name: str) -> InputError:

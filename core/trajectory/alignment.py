@@ -106,7 +106,8 @@ def attitudes(
             end = min(2 * end, n)
             continue
         assert aligned is not None
-        rotation[begin:end], bias[begin:end] = _rotations(motion, aligned), aligned.bias
+        drift = Rotation.from_rotvec(-motion.swept_s @ aligned.bias[:3]).as_matrix()
+        rotation[begin:end], bias[begin:end] = aligned.rotation @ drift @ motion.turned, aligned.bias
         length_s = len(motion.turned) * KNOT_STEP_S
         lead = np.eye(9)
         lead[:3, 3:6] = -aligned.rotation @ motion.swept_s[-1]
@@ -116,13 +117,6 @@ def attitudes(
         misfit = max(misfit, aligned.misfit)
         begin, end = end, min(end + CHUNK_KNOTS, n)
     return Attitudes(rotation, bias, misfit)
-
-
-def _rotations(motion: ChunkMotion, aligned: Aligned) -> FloatArray:
-    """(m, 3, 3) vehicle to map at the knots."""
-    drift = Rotation.from_rotvec(-motion.swept_s @ aligned.bias[:3]).as_matrix()
-    out: FloatArray = aligned.rotation @ drift @ motion.turned
-    return out
 
 
 @dataclass(frozen=True)

@@ -131,7 +131,25 @@ def solve_path(
         _add_positions(equations, antenna, state, origin, weight)
         _add_drift(equations, chain, antenna.drift_m, antenna.drift_run, state, first=3, axes=2)
         _add_wheels(equations, chain, state)
-        _add_motion_prior(equations, chain, state)
+        # Within a stretch of motion, velocity and the path's curvature change as slowly as a heavy vehicle's do.
+        # Curvature and not yaw rate: a vehicle that drives off with its wheels turned starts to turn at once.
+        middle, before, after = _triples(chain)
+        span = 0.5 * (before + after)
+        design = _second_difference(before, after, _STATE)
+        for column in range(2):
+            value = state[:, column]
+            change = (value[middle + 1] - value[middle]) / after - (value[middle] - value[middle - 1]) / before
+            equations.add((middle - 1) * _STATE + column, design, -change, ACCELERATION_MPS2 * span)
+
+        way = np.hypot(*np.diff(state[:, :2], axis=0).T)
+        behind, ahead = way[middle - 1], way[middle]
+        mean = 0.5 * (behind + ahead) + CURVATURE_FLOOR_RAD
+        a, b = behind / mean, ahead / mean  # turn ahead · way behind = turn behind · way ahead
+        design = np.zeros((len(middle), 2 * _STATE + 1))
+        design[:, 0], design[:, _STATE], design[:, 2 * _STATE] = b, -a - b, a
+        turn = np.diff(state[:, 2])
+        sigma = CURVATURE_RATE * span * behind * ahead / mean + CURVATURE_FLOOR_RAD
+        equations.add((middle - 1) * _STATE + 2, design, b * turn[middle - 1] - a * turn[middle], sigma)
         solution = equations.solve()
         step = solution.values.reshape(n, _STATE)
         state += step
@@ -243,30 +261,6 @@ def _add_wheels(equations: NormalEquations, chain: PathEpochs, state: FloatArray
         equations.add(still * _STATE + column, pair[still], -step[still, column], np.full(len(still), STAND_STEP_M))
     every = np.arange(len(dt))
     equations.add(every * _STATE + 2, pair, -step[:, 2], turning)
-
-
-def _add_motion_prior(equations: NormalEquations, chain: PathEpochs, state: FloatArray) -> None:
-    """Within a stretch of motion, velocity and the path's curvature change as slowly as a heavy vehicle's do.
-
-    Curvature and not yaw rate: a vehicle that drives off with its wheels turned starts to turn at once.
-    """
-    middle, before, after = _triples(chain)
-    span = 0.5 * (before + after)
-    design = _second_difference(before, after, _STATE)
-    for column in range(2):
-        value = state[:, column]
-        change = (value[middle + 1] - value[middle]) / after - (value[middle] - value[middle - 1]) / before
-        equations.add((middle - 1) * _STATE + column, design, -change, ACCELERATION_MPS2 * span)
-
-    way = np.hypot(*np.diff(state[:, :2], axis=0).T)
-    behind, ahead = way[middle - 1], way[middle]
-    mean = 0.5 * (behind + ahead) + CURVATURE_FLOOR_RAD
-    a, b = behind / mean, ahead / mean  # turn ahead · way behind = turn behind · way ahead
-    design = np.zeros((len(middle), 2 * _STATE + 1))
-    design[:, 0], design[:, _STATE], design[:, 2 * _STATE] = b, -a - b, a
-    turn = np.diff(state[:, 2])
-    sigma = CURVATURE_RATE * span * behind * ahead / mean + CURVATURE_FLOOR_RAD
-    equations.add((middle - 1) * _STATE + 2, design, b * turn[middle - 1] - a * turn[middle], sigma)
 
 
 def _solve_height(chain: PathEpochs, antenna: EpochMeasurements) -> tuple[FloatArray, FloatArray]:

@@ -274,8 +274,7 @@ def located_without_lidar(
     """The trajectory; from the course alone where positions come too seldom to show which way the vehicle moves.
 
     Raises:
-        InputError: as :func:`locate`.
-        RefusedError: as :func:`locate`.
+        InputError, RefusedError: as :func:`locate`.
     """
     if session.trajectory is not None or beside != Companions() or not isinstance(positions, GivesTrack):
         return locate(positions, session, frame, beside)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, TypeVar
 
 import numba
 import numpy as np
@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.record_spool import square_keys
 
+Number = TypeVar("Number", np.float64, np.int32)
 MAX_RASTER_CELLS: Final = 1 << 24
 """Cells of a raster of the extent; beyond, keys are sorted."""
 
 
-def bounds(place_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+def bounds(place_m: NDArray[Number]) -> tuple[NDArray[Number], NDArray[Number]]:
     """Least and greatest coordinates (k,) of points (n, k), finite, at least one; in one pass, strided or not."""
     if not len(place_m):
         raise ValueError("no points have no bounds")

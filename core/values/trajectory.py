@@ -215,14 +215,9 @@ class ScanPoses:
 
     Attributes:
         scan: (n,) int64 index of the scan in its recording, strictly increasing.
-        t_s: (n,) UTC of the pose.
-        xyz_m: (n, 3) easting, northing, height in the map frame.
-        quaternion: (n, 4) (w, x, y, z), vehicle to map.
-        speed_mps: (n,) along the vehicle's x axis, negative in reverse; nan where unknown.
-        motion: (n,) int8, values of :class:`~furrowmap.core.values.trajectory.Motion`.
-        fix: (n,) int8, values of :class:`~furrowmap.core.values.gnss.Fix`; −1 for poses from a file.
-        sigma: (n, 6) in the order of :data:`~furrowmap.core.values.trajectory.SIGMA_NAMES`; nan where unknown.
         points: (n,) int64 number of points of the scan in the cloud; 0 if it was not placed.
+
+    The others are as in :class:`Trajectory`, of the middle of the scan.
     """
 
     scan: NDArray[np.int64]

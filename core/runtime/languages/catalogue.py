@@ -85,10 +85,6 @@ class Catalogue:
 
     tables: Mapping[str, Mapping[str, str]]
 
-    def of_code(self, code: str) -> Mapping[str, str]:
-        """The texts of a code, and those of any."""
-        return {**self.tables.get(_COMMON, {}), **self.tables.get(code, {})}
-
     @cached_property
     def exact(self) -> Mapping[str, str]:
         """The texts without holes, of all codes."""
@@ -193,7 +189,8 @@ def _sentences(sentences: list[str], language: str, code: str, depth: int) -> st
 def _whole(text: str, language: str, code: str, depth: int) -> str | None:
     """A text that is in the catalogue as a whole."""
     known = catalogue(language)
-    exact = known.of_code(code).get(text) or known.exact.get(text)
+    exact = next((table[text] for table in map(known.tables.get, (code, _COMMON)) if table and text in table), None)
+    exact = exact or known.exact.get(text)
     if exact is not None:
         return exact
     for template in known.templates(code):
