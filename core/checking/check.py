@@ -137,11 +137,7 @@ PRECISION_LABELS: Final = {
 
 @dataclass(frozen=True)
 class Check:
-    """Result of a comparison with surveyed points.
-
-    Attributes:
-        accuracy: from those that could be compared.
-    """
+    """Result of a comparison with surveyed points; `accuracy` is from those that could be compared."""
 
     kind: str
     crs: pyproj.CRS

@@ -113,10 +113,8 @@ def pairs_of_files(
 
 
 def paired(one: SurveyedPoints, other: SurveyedPoints, measured: Path, surveyed: Path) -> PairedPoints:
-    """The points of two tables that have one name, in the order of the survey.
-
-    Raises:
-        InputError: if a table names a point twice, or both have no name in common.
+    """The points of two tables with one name, in the order of the survey. Raises InputError if a name is there twice,
+    or none is in both.
     """
     for points, path in ((one, measured), (other, surveyed)):
         name, count = Counter(points.name).most_common(1)[0]

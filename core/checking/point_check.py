@@ -178,11 +178,7 @@ class PointCheck:
 
 @dataclass(frozen=True)
 class ProductAtPoints:
-    """A product at all surveyed points.
-
-    Attributes:
-        survey: the points, in that CRS.
-    """
+    """A product at all surveyed points; `survey` are the points in its CRS."""
 
     crs: pyproj.CRS
     points: tuple[PointCheck, ...]

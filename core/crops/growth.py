@@ -212,11 +212,7 @@ def _without_outliers(cells: SoilCells) -> SoilCells:
 
 
 def align_flights(days: Sequence[dt.date], flights: Sequence[ParcelPoints]) -> tuple[list[SoilCells], list[SoilChange]]:
-    """Bare soil of each flight, and its change from the first flight to each other.
-
-    Raises:
-        InputError: if a flight has too little bare soil in common with the first.
-    """
+    """Bare soil of each flight, and its change from the first. Raises InputError if they have too little in common."""
     cells, changes = [points.soil() for points in flights], []
     for day, other in zip(days[1:], cells[1:], strict=True):
         change = soil_change(cells[0], other, flights[0].parcels)

@@ -154,11 +154,7 @@ class ParcelPoints:
 
 
 class CellsNear(Mapping[str, SoilCells]):
-    """The cells of soil within reach of each parcel, by its id; they are gathered when they are asked for.
-
-    Args:
-        soil: cells of the site.
-    """
+    """The cells of the site's soil within reach of each parcel, by its id; gathered when they are asked for."""
 
     def __init__(self, parcels: Sequence[Parcel], soil: SoilCells) -> None:
         self._parcels = {parcel.id: parcel for parcel in parcels}

@@ -84,11 +84,7 @@ def read_parcels(
 
 
 def elsewhere_error(path: Path, points: int, box_m: tuple[float, float, float, float]) -> InputError:
-    """The error where no point lies in or around a parcel.
-
-    Args:
-        box_m: west, south, east, north of the parcels and what surrounds them.
-    """
+    """The error where no point lies in or around parcels, whose box is west, south, east, north."""
     within = ", ".join(f"{end:.1f}" for end in box_m)
     return InputError("parcels-elsewhere", path=path, points=points, within=within)
 

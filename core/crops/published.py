@@ -118,11 +118,7 @@ def voxels(xyz_m: FloatArray, size_m: tuple[float, float, float] = PAPER_VOXEL_M
 
 
 def highest_voxels(occupied: NDArray[np.int64], grid: Grid, height_m: float = PAPER_VOXEL_M[2]) -> FloatArray:
-    """Height of the middle of the highest voxel of each pixel (rows, columns); nan without one (section 3.5.1).
-
-    Args:
-        occupied: (m, 3) voxels as wide as the pixels of the grid.
-    """
+    """Height of the middle of the highest of voxels (m, 3) in each pixel as wide; nan without one (section 3.5.1)."""
     pixels = np.full(grid.shape, -np.inf)
     column, row = occupied[:, 0] - grid.west, grid.north - 1 - occupied[:, 1]
     inside = (column >= 0) & (column < grid.columns) & (row >= 0) & (row < grid.rows)

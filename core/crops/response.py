@@ -25,11 +25,7 @@ TRIALS: Final = 1999
 
 
 def dose_name(parcels: Sequence[Parcel], stated: str | None = None) -> str | None:
-    """The attribute that is the dose: the stated one, or the first number whose name says so; None if there is none.
-
-    Raises:
-        InputError: if no parcel has a number under the stated name.
-    """
+    """The attribute that is the dose: as stated, else the first so named. Raises InputError for no such number."""
     numbers = dict.fromkeys(
         name for each in parcels for name, value in each.attributes.items() if isinstance(value, float)
     )
@@ -142,11 +138,7 @@ class VarianceRow:
 
 @dataclass(frozen=True)
 class TreatmentMean:
-    """A treatment.
-
-    Attributes:
-        low, high: 95 % interval of the mean, with the residual variance of the whole trial.
-    """
+    """A treatment; its 95 % interval is with the residual variance of the whole trial."""
 
     treatment: str
     parcels: int
@@ -157,11 +149,7 @@ class TreatmentMean:
 
 @dataclass(frozen=True)
 class Variance:
-    """An analysis of variance.
-
-    Attributes:
-        means: of the treatments, in the order of their first parcels.
-    """
+    """An analysis of variance; the means are in the order of the treatments' first parcels."""
 
     rows: tuple[VarianceRow, ...]
     means: tuple[TreatmentMean, ...]

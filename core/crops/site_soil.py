@@ -250,11 +250,7 @@ class SiteSoil:
 
 
 def site_soil(points: ParcelPoints, source: SoilMethod | SoilRaster = "surface") -> SiteSoil:
-    """The soil of a site.
-
-    Args:
-        source: how the soil under the parcels follows from that around them, or the heights of another survey.
-    """
+    """The soil of a site, from that around its parcels by a method, or from the heights of another survey."""
     cells = points.soil()
     near = CellsNear(points.parcels, cells)
     soil = align_survey(source, points.parcels, near) if isinstance(source, SoilRaster) else soil_around(near, source)

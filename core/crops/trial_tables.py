@@ -36,11 +36,7 @@ _DAY: Final = re.compile(r"^(?P<what>.*?)[\s_]*(?P<day>\d{4}-\d{2}-\d{2})(?: 00:
 
 @dataclass(frozen=True)
 class Treatments:
-    """Attributes of parcels, or of treatments that parcels name.
-
-    Attributes:
-        by: "id", or "treatment" where the table describes treatments.
-    """
+    """Attributes of parcels (by "id"), or of treatments that parcels name (by "treatment")."""
 
     path: Path
     by: str

@@ -22,11 +22,7 @@ MAX_SLOPE: Final = 1.0
 
 @dataclass(frozen=True)
 class GroundPair:
-    """A piece of ground on two dates.
-
-    Attributes:
-        one, other: (rows, columns) float32 heights on both dates; nan where unknown, or touched by a tool since.
-    """
+    """A piece of ground on two dates: (rows, columns) float32 heights, nan where unknown or touched by a tool since."""
 
     west_m: float
     north_m: float

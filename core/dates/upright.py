@@ -83,11 +83,7 @@ def join_uprights(parts: Sequence[Upright]) -> Upright:
 
 
 def find_uprights(xyz_m: FloatArray, ground: NDArray[np.bool_]) -> Upright:
-    """Faces and posts among the points of a piece of a field.
-
-    Args:
-        xyz_m: (n, 3) points without those of the vehicle and its tool.
-    """
+    """Faces and posts among the points (n, 3) of a piece of a field, without those of the vehicle and its tool."""
     if not ground.any() or ground.all():
         return join_uprights([])
     corner = xyz_m[:, :2].min(axis=0)

@@ -59,12 +59,9 @@ class NormalEquations:
         return out
 
     def inverse(self) -> FloatArray:
-        """(n, n) the whole of N⁻¹.
+        """(n, n) the whole of N⁻¹. Raises LinAlgError if N is not positive definite.
 
         N is scaled to ones on its diagonal before, since its unknowns have different units.
-
-        Raises:
-            LinAlgError: if N is not positive definite.
         """
         dense = self.dense()
         lacking = np.flatnonzero(~(np.diag(dense) > 0.0))
@@ -116,11 +113,7 @@ class NormalEquations:
 
 @dataclass(frozen=True)
 class Solution:
-    """What solves normal equations.
-
-    Attributes:
-        factor: (width, n) banded Cholesky factor of the normal matrix, lower form.
-    """
+    """The solution of normal equations, and their banded Cholesky factor (width, n), lower form."""
 
     values: FloatArray
     factor: FloatArray

@@ -61,11 +61,7 @@ class Increments:
 def increments(
     t_s: FloatArray, rate_radps: FloatArray, force_mps2: FloatArray, begin_s: FloatArray, end_s: FloatArray
 ) -> Increments:
-    """Integrate samples, between which rate and force are linear, over intervals.
-
-    Args:
-        begin_s: (k,) begins of the intervals, increasing, within the times.
-    """
+    """Integrate samples, between which rate and force are linear, over intervals that begin (k,) within their times."""
     first = np.searchsorted(t_s, begin_s, side="right").astype(np.int64)
     arrays = (np.ascontiguousarray(a, np.float64) for a in (t_s, rate_radps, force_mps2, begin_s, end_s))
     return Increments(*_increments(*arrays, first))

@@ -110,11 +110,7 @@ class State:
 
 @dataclass(frozen=True)
 class Chain:
-    """Knots in equal steps of :data:`KNOT_STEP_S`, one after another without a pause.
-
-    Attributes:
-        first: index of its first knot among all knots.
-    """
+    """Knots in equal steps of :data:`KNOT_STEP_S` without a pause; `first` is an index among all knots."""
 
     first: int
     count: int

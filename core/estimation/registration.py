@@ -85,11 +85,7 @@ def _stored(found: Sequence[Patches]) -> Iterator[Patches]:
 
 
 def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: float, centre_m: FloatArray) -> None:
-    """Let the patches move: eliminate their twists from the equations of the coarse knots.
-
-    Args:
-        patches: of one surface; the same place in several of them is one patch.
-    """
+    """Let the patches of one surface move: eliminate their twists, one a place, from the coarse knots' equations."""
     place = np.concatenate([p.place for p in patches])
     if not len(place):
         return

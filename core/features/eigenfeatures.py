@@ -58,12 +58,9 @@ class Eigenfeatures:
 
 
 def neighbourhoods(xyz_m: FloatArray, places_m: FloatArray, radii_m: Sequence[float]) -> list[Eigenfeatures]:
-    """Eigenfeatures of the finite points (n, 3) of one tile within each of some radii of finite places (k, 3).
+    """Eigenfeatures of the finite points (n, 3) of one tile within increasing radii of finite places (k, 3).
 
     The neighbours within the largest radius are visited once.
-
-    Args:
-        radii_m: increasing.
     """
     count = np.zeros((len(radii_m), len(places_m)), np.int32)
     shape = np.full((len(radii_m), len(places_m), 9), np.nan, np.float32)

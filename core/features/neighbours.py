@@ -39,11 +39,7 @@ class PointColumns:
 
 
 def sort_into_columns(xyz_m: FloatArray, side_m: float) -> PointColumns:
-    """Sort points (n, 3), finite, at least one, into columns.
-
-    Raises:
-        ValueError: if they are spread over more than :data:`MAX_COLUMNS`: split them into tiles.
-    """
+    """Sort points (n, 3), finite, at least one, into columns. Raises ValueError for more than :data:`MAX_COLUMNS`."""
     points = np.ascontiguousarray(xyz_m, np.float64)
     corner, high = bounds(points)
     column, row = (int(number) + 1 for number in (high[:2] - corner[:2]) // side_m)

@@ -31,11 +31,7 @@ ROWS_AT_ONCE: Final = 1 << 15
 
 
 def scratch_file() -> IO[bytes]:
-    """A nameless file; the system takes it back when it is closed and no array maps it.
-
-    Raises:
-        OSError: if it cannot be made.
-    """
+    """A nameless file, taken back when it is closed and no array maps it. Raises OSError if it cannot be made."""
     return tempfile.TemporaryFile(prefix="furrowmap-", dir=settings().scratch_folder)
 
 

@@ -20,11 +20,7 @@ table of a machine that stands still 100."""
 
 
 def expect_growth(what: str | Path, packed_bytes: int, unpacked_bytes: int) -> None:
-    """Refuse content that is implausibly large for its file.
-
-    Raises:
-        RefusedError: if it is, and the user does not allow it.
-    """
+    """Raises RefusedError for content that is implausibly large for its file, unless the user allows it."""
     if unpacked_bytes > FREE_BYTES + MAX_GROWTH * packed_bytes and not allows("large"):
         raise RefusedError(
             "too-large", what=what, packed=_size(packed_bytes), unpacked=_size(unpacked_bytes), growth=MAX_GROWTH
@@ -32,11 +28,7 @@ def expect_growth(what: str | Path, packed_bytes: int, unpacked_bytes: int) -> N
 
 
 def expect_memory(what: str | Path, needed_bytes: int) -> None:
-    """Refuse content that takes more than half of the free memory.
-
-    Raises:
-        RefusedError: if it does, and the user does not allow it.
-    """
+    """Raises RefusedError for content that takes more than half of the free memory, unless the user allows it."""
     if needed_bytes > FREE_BYTES:
         free = free_memory_bytes()
         if needed_bytes > free // 2 and not allows("large"):
@@ -44,11 +36,7 @@ def expect_memory(what: str | Path, needed_bytes: int) -> None:
 
 
 def expect_disk(what: str | Path, folder: Path, needed_bytes: int) -> None:
-    """Refuse content that takes more than half of the free space of a disk.
-
-    Raises:
-        RefusedError: if it does, and the user does not allow it.
-    """
+    """Raises RefusedError for content that takes more than half of a disk's free space, unless the user allows it."""
     if needed_bytes > FREE_BYTES:
         free = shutil.disk_usage(folder).free
         if needed_bytes > free // 2 and not allows("large"):

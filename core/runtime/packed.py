@@ -49,11 +49,7 @@ def packed(value: object) -> Iterator[bytes | memoryview]:
 
 
 def unpacked(data: bytes | memoryview, kind: type[T]) -> T:
-    """The value of a type; large arrays are copied into scratch files.
-
-    Raises:
-        ValueError, TypeError: if the bytes hold something else.
-    """
+    """The value of a type, large arrays in scratch files. Raises ValueError or TypeError for bytes of anything else."""
     whole = memoryview(data)
     begin = _LENGTH + int.from_bytes(whole[:_LENGTH], "little")
     if begin > len(whole):

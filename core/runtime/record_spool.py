@@ -52,9 +52,6 @@ class RecordSpool:
     """A temporary file of blocks, removed when it is closed or the process ends; a context manager.
 
     One thread may append; after the last append any number of threads may read, and overwrite what no other reads.
-
-    Args:
-        folder: for the file; None for the default folder of temporary files.
     """
 
     def __init__(self, layout: np.dtype[Any], folder: Path | None) -> None:

@@ -118,10 +118,8 @@ def available_processors() -> int:
 def allows(what: Allowance) -> bool:
     """Whether the user allows large content ("large") or the undamaged parts of damaged files ("damaged").
 
-    By the settings in force, or by the environment variable FURROWMAP_ALLOW, words separated by commas.
-
-    Raises:
-        UsageError: if the environment variable has another word.
+    By the settings in force, or by the environment variable FURROWMAP_ALLOW, words separated by commas; others raise
+    UsageError.
     """
     stated = {word.strip() for word in os.environ.get(ALLOW_VARIABLE, "").split(",")} - {""}
     if not stated <= set(ALLOWANCES):

@@ -19,11 +19,7 @@ _WILD: Final = frozenset("*?[")
 
 
 def camera_of(source: CameraSource) -> Camera:
-    """The camera of the table `[camera]`.
-
-    Raises:
-        ValueError: if its size or its intrinsics are missing, or its model is not supported.
-    """
+    """The camera of the table `[camera]`. Raises ValueError if its size, intrinsics or a supported model is missing."""
     if source.width is None or source.height is None:
         raise ValueError("camera.width and camera.height, the size of the images in pixels, are missing")
     size = (source.width, source.height)
@@ -67,11 +63,7 @@ def camera_faults(source: CameraSource | None) -> Iterator[str]:
 
 
 def camera_table(session_file: Path, source: CameraSource | None) -> Path | None:
-    """The table that `[camera] table` names; None where there is none.
-
-    Raises:
-        InputError: if it lies outside the session's folder.
-    """
+    """The table that `[camera] table` names, if there is one. Raises InputError if it is outside the folder."""
     if source is None or source.table is None:
         return None
     folder = session_file.resolve().parent
@@ -85,11 +77,7 @@ def camera_table(session_file: Path, source: CameraSource | None) -> Path | None
 
 
 def camera_files(session_file: Path, source: CameraSource, notices: list[Notice]) -> tuple[Path, ...]:
-    """The files that `[camera] files` names, each once, in the order of their names within each pattern.
-
-    Raises:
-        InputError: if one lies outside the session's folder.
-    """
+    """The files of `[camera] files`, by name within each pattern. Raises InputError if one is outside the folder."""
     folder = session_file.resolve().parent
     found: dict[Path, None] = {}
     for named in source.files:

@@ -42,11 +42,7 @@ _PROFILE_HEAD: Final = """\
 
 @dataclass(frozen=True)
 class LearnedMounting:
-    """The mounting of a scanner as a recording shows it.
-
-    Attributes:
-        sigma_deg: standard deviations about the vehicle's axes; inf where the recording does not show an angle.
-    """
+    """The mounting of a scanner as a recording shows it; `sigma_deg` is inf for an angle that it does not show."""
 
     mounting: Mounting
     sigma_deg: tuple[float, float, float]
@@ -55,11 +51,7 @@ class LearnedMounting:
 
 
 def load_machine(path: Path) -> Machine:
-    """Load a machine's profile.
-
-    Raises:
-        InputError: if it cannot be read, is no profile, or has an unknown key or an invalid value.
-    """
+    """Load a machine's profile. Raises InputError if it is unreadable, or has an unknown key or an invalid value."""
     try:
         return parse_machine(path.read_text(encoding="utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:

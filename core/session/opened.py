@@ -52,11 +52,7 @@ _GIVES: Final = {
 
 @dataclass(frozen=True)
 class ToolInputs:
-    """The files that a session names of one implement.
-
-    Attributes:
-        learned: the implement as learned in an earlier session.
-    """
+    """The files of one implement: its states, and what was learned of it in an earlier session."""
 
     states: tuple[Path, ...] = ()
     learned: Path | None = None
@@ -95,11 +91,7 @@ class Inputs:
 
     @classmethod
     def find(cls, session_file: Path, session: Session) -> Inputs:
-        """The files that `session` names, relative to `session_file`.
-
-        Raises:
-            InputError: if a file is missing, or lies outside the session's folder.
-        """
+        """The files that a session names. Raises InputError if one is missing, or outside the session's folder."""
 
         def one(name: str | None) -> Path | None:
             return resolve(session_file, name) if name is not None else None
@@ -230,11 +222,7 @@ class OpenSession:
         return _open(self.inputs.positions, options, GivesTrack, "recording.gnss")
 
     def inertial(self, near_s: float) -> InertialReader:
-        """A reader of the IMU's measurements.
-
-        Args:
-            near_s: a time of the recording, for times that count from the start of a week.
-        """
+        """A reader of the IMU; `near_s` is a time of the recording, for times from the start of a week."""
         table = self.session.imu
         assert table is not None
         columns = {name: (column.quantity, column.unit, column.scale) for name, column in table.columns.items()}
@@ -244,22 +232,14 @@ class OpenSession:
         return cast("InertialReader", _open(self.inputs.inertial, options, GivesInertial, "imu.files"))
 
     def attitude(self, near_s: float) -> tuple[AttitudeReader, AttitudeReader]:
-        """Readers of roll and pitch, and of the heading.
-
-        Args:
-            near_s: as for :meth:`inertial`.
-        """
+        """Readers of roll and pitch, and of the heading; `near_s` as for :meth:`inertial`."""
         options, keys = ReadOptions(near_s=near_s), ("attitude.roll_pitch", "attitude.heading")
         files = zip(self.inputs.attitude, keys, strict=True)
         level, heading = (cast("AttitudeReader", _open([path], options, GivesAttitude, key)) for path, key in files)
         return level, heading
 
     def images(self, notices: list[Notice]) -> Images:
-        """The images of the camera, by the clock of the positions.
-
-        Raises:
-            InputError: if a file cannot be read.
-        """
+        """The images, by the clock of the positions. Raises InputError if a file cannot be read."""
         camera = self.session.camera
         assert camera is not None
         files = images_of(self.file, camera, notices)
@@ -270,11 +250,7 @@ class OpenSession:
         return joined([files, images.earlier_by(camera.minus_gnss_s)])
 
     def camera(self) -> Camera:
-        """The camera: as stated, else as the recording of its images says.
-
-        Raises:
-            InputError: if neither states its intrinsics.
-        """
+        """The camera: as stated, else as recorded. Raises InputError if neither has its intrinsics."""
         camera = self.session.camera
         assert camera is not None
         stated = camera.topic is None or camera.has_intrinsics
@@ -336,10 +312,7 @@ def _open(paths: Sequence[Path], options: ReadOptions, kind: type[object], key: 
 def resolve(session_file: Path, named: str) -> Path:
     """The path of a file that a session names, relative to the session file and inside its folder.
 
-    A folder is accepted if it is a ROS 2 bag or holds task data.
-
-    Raises:
-        InputError: if the file, or a file in such a folder, is outside the session's folder, or if it does not exist.
+    A folder is accepted if it is a ROS 2 bag or holds task data. Raises InputError for what is outside, or missing.
     """
     folder = session_file.resolve().parent
     try:

@@ -66,11 +66,7 @@ _FIELD_COMMENT: Final = """\
 
 @dataclass(frozen=True)
 class Proposal:
-    """A proposed session file.
-
-    Attributes:
-        missing: what a run needs or benefits from and the recordings do not show.
-    """
+    """A proposed session file: its text, what was found, and what a run needs and the recordings do not show."""
 
     text: str
     found: tuple[Notice, ...]
@@ -78,11 +74,7 @@ class Proposal:
 
 
 def common_folder(paths: Sequence[Path]) -> Path:
-    """The deepest folder that contains all files, where a session file that names them must be.
-
-    Raises:
-        InputError: if that is the root of a file system.
-    """
+    """The deepest folder that contains all files. Raises InputError if that is the root of a file system."""
     folders = {path.resolve().parent for path in paths}
     try:
         common = Path(os.path.commonpath(folders))

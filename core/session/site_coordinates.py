@@ -137,11 +137,7 @@ class SiteCoordinates:
 
 
 def site_coordinates(session_file: str | Path) -> SiteCoordinates:
-    """The coordinates of a session and their transformation.
-
-    Raises:
-        FurrowmapError: as in a run, if they cannot be transformed.
-    """
+    """The coordinates of a session and their transformation. Raises FurrowmapError if they cannot be transformed."""
     opened = open_session(Path(session_file))
     session, frame, reader = opened.session, opened.frame, opened.positions()
     if isinstance(reader, GivesPoses) and session.trajectory is not None:

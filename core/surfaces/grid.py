@@ -46,11 +46,7 @@ class Grid:
 
     @classmethod
     def of_bounds(cls, cell_m: float, bounds_m: tuple[float, float, float, float]) -> Self:
-        """The smallest grid that covers west, south, east, north, points on all bounds included.
-
-        Raises:
-            InputError: if the bounds or the grid are invalid.
-        """
+        """The smallest grid over west, south, east, north, included. Raises InputError if they or it are invalid."""
         west, south, east, north = bounds_m
         if not all(map(math.isfinite, bounds_m)) or east < west or north < south:
             raise InputError("bad-bounds", west=west, south=south, east=east, north=north)
@@ -115,11 +111,7 @@ class Grid:
         return type(self)(self.cell_m * factor, west, north, (north - south, east - west))
 
     def window_in(self, other: Grid) -> tuple[slice, slice]:
-        """Rows and columns of this grid within `other`.
-
-        Raises:
-            ValueError: if `other` has other cells or does not cover this grid.
-        """
+        """Rows and columns of this grid within `other`. Raises ValueError if that does not cover it cell by cell."""
         row, column = other.north - self.north, self.west - other.west
         fits = 0 <= row <= other.rows - self.rows and 0 <= column <= other.columns - self.columns
         if self.cell_m != other.cell_m or not fits:

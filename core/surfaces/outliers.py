@@ -35,11 +35,7 @@ STATISTICS_SQUARE_M: Final = 16.0
 
 
 def radius_outliers(xyz_m: ArrayLike, radius_m: float = 0.5, fewest: int = 3) -> NDArray[np.bool_]:
-    """Which points have fewer than `fewest` other points within `radius_m`.
-
-    Args:
-        xyz_m: (n, 3); points that are not finite are outliers.
-    """
+    """Which points (n, 3) have fewer than `fewest` others within `radius_m`; also those that are not finite."""
     distance_m = _neighbour_distances(np.asarray(xyz_m, np.float64), fewest, radius_m)
     out: NDArray[np.bool_] = ~(distance_m[:, -1] <= radius_m)
     return out
@@ -144,11 +140,7 @@ def _neighbour_distances(xyz_m: FloatArray, neighbours: int, reach_m: float, ask
 
 @dataclass(frozen=True)
 class FilteredTiles:
-    """Gives tiles without outliers.
-
-    Attributes:
-        usual: neighbour distances of all points, for "statistical".
-    """
+    """Gives tiles without outliers; "statistical" needs the usual neighbour distances of all points."""
 
     spool: PointSpool
     outliers: Outliers

@@ -127,22 +127,14 @@ class PointSpool:
 
     @property
     def grid(self) -> Grid | None:
-        """The smallest grid that covers all points; None without points.
-
-        Raises:
-            InputError: if it has more cells than any raster.
-        """
+        """The smallest grid over all points, if any. Raises InputError if it has more cells than any raster."""
         self._hand_over()
         self._wait()
         return self._covering() if self._records.counts else None
 
     @property
     def tiles(self) -> list[Square]:
-        """Column and row from the CRS origin of the tiles with points: north first, then west.
-
-        Raises:
-            InputError: as :attr:`grid`.
-        """
+        """Column and row from the CRS origin of the tiles with points: north first, then west; as :attr:`grid`."""
         squares = map(square_of, self._records.counts) if self.grid is not None else ()
         return sorted(squares, key=lambda square: (-square[1], square[0]))
 

@@ -89,10 +89,7 @@ class SwathSums:
 def block_differences(points: TilePoints) -> NDArray[np.float32]:
     """Mean height difference of swaths, later less earlier, in each block (rows, columns); nan where unknown.
 
-    Differences are taken cell by cell, so that relief between cells is excluded.
-
-    Args:
-        points: of ground that did not change, in order of time.
+    The points, in order of time, are of unchanged ground; cells are compared one by one, so that relief is excluded.
     """
     grid = points.grid
     rows, columns = -(-grid.rows // SWATH_BLOCK), -(-grid.columns // SWATH_BLOCK)

@@ -32,11 +32,7 @@ MIN_COURSE_POSITIONS: Final = 2
 
 @dataclass(frozen=True)
 class CourseTrajectory:
-    """A trajectory, the positions it uses, and notices.
-
-    Attributes:
-        used: (n,) whether each position of the track was used.
-    """
+    """A trajectory, whether each position of the track was used (n,), and notices."""
 
     trajectory: Trajectory
     used: NDArray[np.bool_]

@@ -60,11 +60,7 @@ _ALTERNATIVES: Final = (
 
 @dataclass(frozen=True)
 class MountedImu:
-    """An IMU on a vehicle.
-
-    Attributes:
-        track: its measurements in its own axes.
-    """
+    """An IMU on a vehicle, and its measurements in its own axes."""
 
     track: InertialTrack
     mounting: Mounting

@@ -271,11 +271,7 @@ def located_without_lidar(
     frame: MapFrame,
     beside: Companions = Companions(),
 ) -> Located:
-    """The trajectory; from the course alone where positions come too seldom to show which way the vehicle moves.
-
-    Raises:
-        InputError, RefusedError: as :func:`locate`.
-    """
+    """As :func:`locate`; from the course alone where positions come too seldom to show the direction of motion."""
     if session.trajectory is not None or beside != Companions() or not isinstance(positions, GivesTrack):
         return locate(positions, session, frame, beside)
     track = track_within(positions.track(), session.recording.span_s)

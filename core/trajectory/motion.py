@@ -96,11 +96,7 @@ def find_motion(
 
 
 def local_velocity(t_s: FloatArray, en_m: FloatArray, segment: IntArray, half_s: float) -> FloatArray:
-    """Velocities (n, 2) by straight-line fits to the positions within `half_s` of each one, not across gaps.
-
-    Args:
-        segment: (n,) parts without a gap; a fit stays inside one.
-    """
+    """Velocities (n, 2) by straight-line fits to the positions within `half_s` of each and in its segment (n,)."""
     n = len(t_s)
     sums = np.zeros((n, 7))  # 1, t, t², e, n, t·e, t·n relative to the position in the middle
     step_s = float(np.median(np.diff(t_s))) if n > 1 else 1.0
@@ -242,11 +238,7 @@ def _away_from_end(en_m: FloatArray, leg: tuple[int, int], end: int) -> int:
 
 
 def distance_and_standing(trajectory: Trajectory, begin_s: float, end_s: float) -> tuple[float, float]:
-    """Distance driven (m) and time at a standstill (s) within a span, without gaps.
-
-    Args:
-        trajectory: evaluated at its own knots, as scans may pause.
-    """
+    """Distance driven (m) and time at a standstill (s) within a span, at the trajectory's own knots, without gaps."""
     inside = (trajectory.t_s > begin_s) & (trajectory.t_s < end_s)
     t_s = np.concatenate([[begin_s], trajectory.t_s[inside], [end_s]])
     before, share, known = trajectory.interval(t_s)

@@ -28,11 +28,7 @@ class PoseErrors:
     covariance: FloatArray
 
     def sigma(self, rotation: FloatArray) -> FloatArray:
-        """(m, 6) standard deviations of easting, northing, height (m), roll, pitch, heading (rad).
-
-        Args:
-            rotation: (m, 3, 3) vehicle to map at the nodes.
-        """
+        """(m, 6) sigmas of easting, northing, height (m), roll, pitch, heading (rad) at rotations (m, 3, 3)."""
         m = len(self.t_s)
         own = self.covariance.reshape(m, POSE, m, POSE)[np.arange(m), :, np.arange(m)]
         turn = own[:, ROTATION:, ROTATION:]

@@ -195,11 +195,7 @@ def usable(track: GnssTrack, fixes: tuple[Fix, ...] | None, notices: list[Notice
 
 
 def judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
-    """Say so if positions are too far apart for a tractor's turns.
-
-    Raises:
-        RefusedError: if between two of them it might have turned round.
-    """
+    """Report positions that come seldom. Raises RefusedError if a tractor might have turned between two of them."""
     step_s = float(np.median(np.diff(track.t_s)))
     if step_s > MAX_POSITION_STEP_S:
         raise RefusedError("gnss-rate", source=track.source or "The GNSS log", step_s=step_s)

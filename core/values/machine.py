@@ -15,11 +15,7 @@ NOT_SHOWN_DEG: Final = 180.0
 
 
 class MachineImu(TomlTable, frozen=True, rename={"kind": "class"}):
-    """`[imu]`: place, axes and class of the IMU, as in a session.
-
-    Attributes:
-        kind: class of device or model; the key is `class`.
-    """
+    """`[imu]`: place, axes and class (`kind`) of the IMU, as in a session."""
 
     xyz_m: Vector3
     rpy_deg: Vector3

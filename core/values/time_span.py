@@ -75,11 +75,7 @@ class Interval(Protocol):
 
 
 def interval_numbers(intervals: Sequence[Interval], t_s: ArrayLike) -> NDArray[np.intp]:
-    """Number (n,) of the interval at times (n,), 1 for the first, its ends included; 0 between intervals.
-
-    Args:
-        intervals: in the order of time, apart from each other.
-    """
+    """Number (n,) from 1 of the interval, of several in order of time, at times (n,), ends included; 0 between them."""
     t = np.atleast_1d(np.asarray(t_s, np.float64))
     if not intervals:
         return np.zeros(len(t), np.intp)

@@ -37,11 +37,7 @@ _TWO_WORDS: Final = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}")
 
 @dataclass(frozen=True)
 class Template:
-    """A text with holes, and the same in another language.
-
-    Attributes:
-        target: {1} is what stands in the first hole.
-    """
+    """A text with holes, and the same in another language, where {1} is what stands in the first hole."""
 
     source: str
     target: str
@@ -77,11 +73,7 @@ class Template:
 
 @dataclass(frozen=True)
 class Catalogue:
-    """All templates of a language.
-
-    Attributes:
-        tables: English text → text, by code; "all" are those of any text.
-    """
+    """All templates of a language: English text → text, by code; "all" are those of any text."""
 
     tables: Mapping[str, Mapping[str, str]]
 
