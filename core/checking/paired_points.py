@@ -113,9 +113,7 @@ def pairs_of_files(
 
 
 def paired(one: SurveyedPoints, other: SurveyedPoints, measured: Path, surveyed: Path) -> PairedPoints:
-    """The points of two tables with one name, in the order of the survey. Raises InputError if a name is there twice,
-    or none is in both.
-    """
+    """Points of one name in both tables, in the survey's order. Raises InputError if one is there twice, or none is."""
     for points, path in ((one, measured), (other, surveyed)):
         name, count = Counter(points.name).most_common(1)[0]
         if count > 1:

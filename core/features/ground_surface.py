@@ -27,11 +27,8 @@ MIN_SLOPE_CELLS: Final = 16
 def heights_above_ground(xyz_m: FloatArray, ground: NDArray[np.bool_]) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Height (n,) of points (n, 3) above the ground, nan without any, and which of them are ground.
 
-    The ground is the median of its points in cells of 0.5 m. What the filter took for ground and stands out of it, such
-    as the foot of a post or low plants, is not.
-
-    Args:
-        ground: (n,) by the ground filter.
+    The ground is the median of the points (n,) of the ground filter in cells of 0.5 m. What the filter took for ground
+    and stands out of it, such as the foot of a post or low plants, is not.
     """
     if not ground.any():
         return np.full(len(xyz_m), np.nan), np.zeros(len(xyz_m), bool)

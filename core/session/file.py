@@ -121,11 +121,7 @@ def implement_faults(tools: Sequence[Implement | MachineImplement]) -> Iterator[
 
 
 def load_session(path: Path) -> Session:
-    """Load the session file `path`.
-
-    Raises:
-        InputError: if the file cannot be read, is not TOML, or has an unknown key or an invalid value.
-    """
+    """Load a session file. Raises InputError if it is unreadable, no TOML, or has an unknown key or invalid value."""
     try:
         with path.open("rb") as file:
             head = file.read(LOOKED_AT)

@@ -252,11 +252,7 @@ def jumps(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np
 def without_jumps(
     track: GnssTrack, en_m: FloatArray, unused: dict[str, int], notices: list[Notice]
 ) -> tuple[GnssTrack, FloatArray]:
-    """The positions (n,) and their map coordinates (n, 2) without those that no drive leads to, which are reported.
-
-    Raises:
-        InputError: if that is more than half of them.
-    """
+    """Positions (n,) and map coordinates (n, 2) without reported jumps. Raises InputError if most of them are."""
     sigma = sigmas_m(track)
     bad = strays(track.t_s, en_m, sigma[:, 0])
     rest = ~bad
