@@ -76,10 +76,7 @@ def _contrast(distance_m: FloatArray, brightness: FloatArray, radius_m: float) -
 
 
 def _centred(xy_m: FloatArray, brightness: FloatArray, middle: FloatArray, radius_m: float) -> FloatArray:
-    """Centre of the disc that best separates returns brighter and darker than the mean; the mean of equally good ones.
-
-    The edge determines the centre better than the mean of the returns does.
-    """
+    """Centre of the disc whose edge best parts brighter and darker returns; the mean of equally good ones."""
     distance = np.hypot(*(xy_m - middle).T)
     inside = float(np.median(brightness[distance < 0.8 * radius_m]))
     around = float(np.median(brightness[(distance > 1.2 * radius_m) & (distance < 2.0 * radius_m)]))
@@ -202,13 +199,7 @@ def _cells(xy_m: FloatArray, side_m: float, *, around: bool = False) -> NDArray[
 
 @dataclass(frozen=True)
 class _ReturnsAround:
-    """The returns around a point, n of them.
-
-    Attributes:
-        xyz_m: (n, 3) relative to the point.
-        light: (n,) brightness for disc detection; None where it is not requested or not available.
-        swath: (n,) swath number.
-    """
+    """Returns (n, 3) relative to a point, their brightness if discs are looked for and it is known, and swaths."""
 
     xyz_m: FloatArray
     light: FloatArray | None

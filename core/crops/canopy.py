@@ -36,7 +36,6 @@ class Canopy:
         net: (rows, columns) pixels whose middle lies in the net parcel.
         top_m: (rows, columns) height of the top above the soil; nan outside, and where nothing is known.
         seen: (rows, columns) net pixels with returns; the others are filled.
-        penetration: of the canopy; None with too few pixels.
         error_m: standard deviation of the top of one pixel by the model, on average.
         chance_m: how much wider than those of well-seen pixels chance spreads the tops.
         extrapolated_m: change of the mean height by extrapolation to many returns.
@@ -99,11 +98,8 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
 def _extend_below(
     canopy: Canopy, height_m: FloatArray, soil: BoolArray, bare_m: float, chance: FloatArray
 ) -> FloatArray:
-    """Heights (n,) in which pulses that met soil below crop go on as through a crop without end.
-
-    The law of the penetration knows no soil: of a low crop it would be too steep, with the top too high. What met soil
-    returns from deeper by an optical depth that the law draws (`chance`, (k,), of the k returns marked by `soil`).
-    """
+    """Heights (n,) in which the k pulses that met soil go on as through a crop without end, deeper by `chance` (k,)."""
+    # The law of the penetration knows no soil: of a low crop it would be too steep, with the top too high.
     found = canopy.penetration
     assert found is not None
     top = canopy.top_m[canopy.net]

@@ -215,10 +215,7 @@ def _outer(doses: FloatArray) -> FloatArray:
 
 
 def _narrowed(seen: Observations, outer: FloatArray, factor: float) -> tuple[FloatArray, float]:
-    """The box (2, 2) around the region of `factor` times the least sum of squares, and that limit.
-
-    A region smaller than a cell is first seen as one node: where it reaches the border of the box, the box grows.
-    """
+    """The box (2, 2) around the region of `factor` times the least sum of squares, a node at least, and that limit."""
     box, least = outer, np.inf
     for _ in range(12):
         nodes = _fit_nodes(seen, box, NODES)

@@ -87,7 +87,6 @@ class MeasuredParcel:
     """One parcel, measured.
 
     Attributes:
-        figures: of it, by the method asked for.
         published_height_m: mean height by the published method; nan where it was not computed.
     """
 

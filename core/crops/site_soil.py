@@ -51,7 +51,6 @@ class SoilAround:
         near: cells around each parcel by its id, with crop that stands on them.
         covariance: of the site.
         method: "surface" is by kriging; "plane" fits a plane by least squares.
-        trend: that the soil departs from.
     """
 
     near: Mapping[str, SoilCells]

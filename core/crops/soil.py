@@ -106,7 +106,6 @@ class PatchNodes:
 
     Attributes:
         corner_m: easting and northing of the first.
-        shape: rows and columns.
         xy_m: (rows * columns, 2) easting and northing.
         inside: (rows * columns,) whether they lie in the net parcel, or within half their distance of it.
     """

@@ -117,7 +117,6 @@ class InertialAttitudes(Observation):
     """Attitudes by GNSS and IMU, at knots so far apart that their errors are independent.
 
     Attributes:
-        t_s: (m,) increasing.
         rotation: (m, 3, 3) vehicle to map, by the stated mounting of the IMU.
         sigma_rad: (m, 3) about the map's axes; infinite where an axis takes no part.
     """

@@ -25,7 +25,6 @@ class CoarseGrid:
     Attributes:
         first: index of the chain's first coarse knot.
         every: knots from one coarse knot to the next; 0 where no patches are wanted.
-        patch_m: side of the patches.
     """
 
     first: int
@@ -38,7 +37,6 @@ class CoarseKnots:
     """The coarse knots of all chains.
 
     Attributes:
-        grids: one for each chain.
         before: (n,) coarse knot before each knot.
         share: (n,) of the interval to the next one.
     """

@@ -39,7 +39,6 @@ class AntennaPositions(Observation):
     Attributes:
         positions: (m,) of the antenna; those outside all chains take no part.
         origin_m: (3,) local origin.
-        lever_m: (3,) the antenna in the vehicle frame.
         weight: (m,) robust weights.
     """
 

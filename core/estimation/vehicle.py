@@ -230,13 +230,7 @@ def wheeled_vehicle(
     lever_m: NDArray[np.float64],
     aiding: tuple[Observation, ...] = (),
 ) -> tuple[Observation, ...]:
-    """Positions and headings of the antennas with their drift, the motion prior, wheels and level, and an IMU's.
-
-    Args:
-        origin_m: (3,) local origin.
-        lever_m: (3,) the antenna in the vehicle frame.
-        aiding: observations of an IMU; none without one.
-    """
+    """Positions and headings of the antennas with their drift, the motion prior, wheels and level, and an IMU's."""
     antenna = AntennaPositions.unweighted(positions, origin_m, lever_m)
     wider = MEASURED_TURN_FACTOR if aiding else 1.0
     motion = MotionPrior(turning=(wider * SWAY, wider * SWAY, wider * TURNING))

@@ -85,7 +85,6 @@ class LineObject:
     Attributes:
         kind: pole (posts and trunks as well), wire (rails as well), fence, wall (foot of a vertical plane); in the
             ground ditch, ridge, edge (of a bank).
-        shape: line on the map, with heights.
         height_m: of a pole, fence or wall from its lowest point to its highest; of a wire above the ground; depth of a
             ditch, height of a ridge; nan for an edge.
         points: number of points, of lines in the ground of cells.

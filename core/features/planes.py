@@ -141,10 +141,7 @@ def _measure_plane(
     scale_m: tuple[float, float],
     fill: tuple[float, float],
 ) -> Plane | None:
-    """The plane of a region of sorted voxels; None where it is small, or too open or filled.
-
-    `scale_m` are the size of the voxels and the tolerance.
-    """
+    """The plane of a region of sorted voxels of a size, with a tolerance; None if small, too open or filled."""
     (cell_m, tolerance_m), (centre_m, normal, rms_m) = scale_m, fit
     axes, centre = np.stack([*axes_of(normal), normal]), centre_m - sorted_m.corner_m
     own = sorted_m.xyz_m[region]

@@ -52,10 +52,7 @@ def voxels(xyz_m: FloatArray, cell_m: float) -> Voxels:
 
 @numba.njit(cache=True, nogil=True)
 def _group(xyz_m, cell_m, low, across):  # type: ignore[no-untyped-def]
-    """Voxel of each point, sum of the points of each voxel less the corner of all, and their number.
-
-    A hash table with open addressing; it doubles as it fills.
-    """
+    """Voxel of each point, sum of each voxel's points less the corner of all, and their number, by a hash table."""
     n = len(xyz_m)
     bits = 10
     table = np.full(1 << bits, -1, np.int64)

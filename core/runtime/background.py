@@ -111,10 +111,7 @@ def behind(sink: Callable[[Item], None], depth: int) -> Iterator[Callable[[Item]
 
 
 def _wait_for(thread: threading.Thread) -> None:
-    """Wait for its end, but not while the interpreter shuts down: threads do not run any more then.
-
-    This happens when iterators that an interrupted caller left behind are closed.
-    """
+    """Wait for its end, but not while the interpreter shuts down: threads do not run any more then."""
     if not sys.is_finalizing():
         thread.join()
 

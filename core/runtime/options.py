@@ -29,8 +29,6 @@ class Option:
         default: of the value.
         choices: of the value; a mapping has what each sets, the default first.
         minimum, above, maximum: limits of a number; `above` is an exclusive minimum.
-        required: whether it has to be given.
-        multiple: whether it can be repeated.
     """
 
     name: str

@@ -37,12 +37,7 @@ def square_of(key: int) -> Square:
 
 @dataclass
 class _Block:
-    """Records sorted by key, contiguous in the file.
-
-    Attributes:
-        keys: (k,) increasing.
-        starts: (k + 1,) first record of each key counted from the start of the file, and the end of the block.
-    """
+    """Increasing keys (k,) of records contiguous in the file, and the first record of each and the end (k + 1,)."""
 
     keys: IntArray
     starts: IntArray

@@ -68,7 +68,6 @@ class Inputs:
 
     Attributes:
         positions: GNSS logs, or the files of an external trajectory, in time order.
-        tools: of each implement, in the order of :attr:`Session.implements`.
     """
 
     lidar: tuple[Path, ...]

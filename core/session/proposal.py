@@ -156,12 +156,7 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
 
 @dataclass(frozen=True)
 class _Beginning:
-    """Where and when a recording begins.
-
-    Attributes:
-        date: of the first position (UTC).
-        fault: why both are unknown, or "".
-    """
+    """CRS and date of the first position of a recording, or why both are unknown."""
 
     crs: CrsChoice | None = None
     date: str | None = None
@@ -195,10 +190,7 @@ def _beginning(recording: Examined, near_s: float | None) -> _Beginning:
 
 
 def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginning:
-    """The CRS of eastings and northings, if their file also holds longitude and latitude.
-
-    A CRS in which the coordinates differ is not proposed, because the trajectory would be interpreted in it.
-    """
+    """The CRS of eastings and northings, if longitude and latitude in the same file lead to them."""
     place = recording.inspection.facts.get("place")
     if place is None:
         return _Beginning()

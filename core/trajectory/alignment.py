@@ -121,12 +121,7 @@ def attitudes(
 
 @dataclass(frozen=True)
 class _ObservedMotion:
-    """What is known of the motion of a chunk.
-
-    Attributes:
-        middle: (m,) knots in the chunk about which second differences are taken.
-        seen: (m, 3) those of the antenna, without gravity.
-    """
+    """Second differences (m, 3) of the antenna without gravity, about knots (m,) of a chunk, and a heading hint."""
 
     middle: NDArray[np.intp]
     seen: FloatArray

@@ -91,10 +91,7 @@ def _expect_some(track: GnssTrack, used: NDArray[np.bool_]) -> None:
 
 
 def _course(t_s: FloatArray, en_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Heading (n,) in degrees clockwise from grid north, and speed (n,), along a smooth path without the gaps.
-
-    At a stand the heading is that of the course before and behind it.
-    """
+    """Heading (n,) in degrees from grid north, at a stand that around it, and speed (n,), along a smooth path."""
     heading, speed = np.zeros(len(t_s)), np.zeros(len(t_s))
     for part in np.split(np.arange(len(t_s)), 1 + np.flatnonzero(np.diff(t_s) > MAX_COURSE_GAP_S)):
         if len(part) < MIN_COURSE_POSITIONS:

@@ -235,10 +235,7 @@ def _speed(
 
 
 def _with_tilt(sigma: FloatArray, lever_m: tuple[float, float, float]) -> FloatArray:
-    """Sigmas (m, 6) of a level vehicle's pose from those (m, 4) of easting, northing, height and yaw.
-
-    The antenna's lever arm turns the unknown tilt into an error of position.
-    """
+    """Sigmas (m, 6) of a level vehicle's pose from those (m, 4) of e, n, h, yaw: the lever arm turns with its tilt."""
     tilt = np.radians(TILT_SIGMA_DEG)
     out = np.empty((len(sigma), 6))
     out[:, :2] = np.hypot(sigma[:, :2], tilt * lever_m[2])

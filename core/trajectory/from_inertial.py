@@ -106,7 +106,6 @@ class InertialAdjustment:
 
     Attributes:
         sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
-        variance_factor: squared residuals over their expected ones.
     """
 
     problem: InertialProblem

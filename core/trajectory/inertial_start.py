@@ -116,12 +116,7 @@ NO_HINTS: Final = Hints()
 
 @dataclass(frozen=True)
 class InertialProblem:
-    """Input of the adjustment.
-
-    Attributes:
-        lever_m: (3,) the antenna in the vehicle frame.
-        origin_m: (3,) local origin.
-    """
+    """Input of the adjustment."""
 
     positions: Positions
     links: InertialLinks

@@ -162,10 +162,7 @@ def _runs(label: IntArray, keep: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _split_at_cusps(velocity: FloatArray, speed: FloatArray, run: tuple[int, int]) -> list[tuple[int, int]]:
-    """Cut a moving run where the vehicle turns back without having been seen to stand.
-
-    At a cusp the speed has a minimum and the velocity, before and after, points apart by more than a right angle.
-    """
+    """Cut a moving run at minima of the speed where the velocity turns by more than a right angle without a stand."""
     first, last = run
     fast = np.flatnonzero(speed[first : last + 1] > 2 * STANDING_MPS) + first
     back = np.flatnonzero(np.einsum("ij,ij->i", velocity[fast[:-1]], velocity[fast[1:]]) < 0)

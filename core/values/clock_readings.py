@@ -28,8 +28,6 @@ class ClockReading:
     """The readings of one clock in a file.
 
     Attributes:
-        first_s: its first reading as UTC.
-        last_s: its last reading as UTC.
         note: its source, and its difference from other clocks.
     """
 

@@ -57,7 +57,6 @@ class GnssTrack:
         course_deg: (n,) over ground, clockwise from true north.
         heading_deg: (n,) of the vehicle from two antennas, clockwise from true north.
         satellites: (n,) int16, number of satellites used; −1 if unknown.
-        hdop: (n,) horizontal dilution of precision.
         age_s: (n,) age of the corrections.
         source: the name of the file or topic, for messages.
         service: correction service, if the file shows it: "rtk", "clas", "madoca", "ppp", "ppp-rtk", "sbas"; "" if

@@ -22,7 +22,6 @@ class RawLayout:
     """How the bytes of an image without a file format lie.
 
     Attributes:
-        width, height: in pixels.
         step: bytes of a row.
         encoding: as ROS names it.
     """
@@ -64,7 +63,6 @@ class Images:
     """Images in the order of time.
 
     Attributes:
-        paths: of the files, or the images themselves where they are in a recording.
         t_s: (n,) UTC that is stated for each, not decreasing.
         lon_lat_h: (n, 3) float64 longitude and latitude in degrees and height in metres, as the files state them; nan
             where they do not.

@@ -22,7 +22,6 @@ class InertialTrack:
         t_s: (n,) UTC, strictly increasing.
         rate_radps: (n, 3) angular rate against inertial space.
         force_mps2: (n, 3) specific force: at rest it points up.
-        source: the name of the file or topic, for messages.
     """
 
     t_s: FloatArray

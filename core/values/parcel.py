@@ -20,10 +20,8 @@ class Parcel:
     """A parcel on the map.
 
     Attributes:
-        id: its name, unique in its set.
         gross: the sown area, in map coordinates (m).
         net: the part of it that figures are of, in map coordinates (m).
-        block: the block (replicate) that it belongs to; None where none is stated.
         attributes: what else is known of it, such as its treatment, by name.
     """
 

@@ -31,7 +31,6 @@ class PoseTrack:
         heading_deg: (n,) clockwise from north.
         true_north: whether `heading_deg` counts from true north instead of grid north.
         sigma: (n, 6) standard deviations (e, n, h in metres; roll, pitch, heading in degrees); nan where unstated.
-        source: the name of the file, for messages.
     """
 
     t_s: NDArray[np.float64]
@@ -84,7 +83,6 @@ class AttitudeTrack:
         pitch_deg: (n,) positive nose up.
         heading_deg: (n,) clockwise from north.
         north: "true", "grid", "magnetic", or "" if the file does not state it.
-        source: the name of the file or topic, for messages.
     """
 
     t_s: FloatArray

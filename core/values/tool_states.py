@@ -38,7 +38,6 @@ class ToolStates:
         state: (n,) int8, values of :class:`ToolState`.
         confidence: (n,) float64, probability of `state`, 0 to 1.
         begin_sigma_s: (n,) float64 standard deviation of `begin_s`; nan where unknown.
-        end_sigma_s: (n,) float64 standard deviation of `end_s`; nan where unknown.
         common_share: share of the transitions' variance with a common cause, such as a wrong working position: it makes
             all intervals of `down` longer, or all shorter.
     """
