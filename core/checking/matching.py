@@ -113,7 +113,15 @@ def match(
     """
     if max_gap_s is None:
         max_gap_s = GAP_INTERVALS * float(np.median(np.diff(reference.t_s))) if len(reference) > 1 else 1.0
-    test_xyz, reference_xyz = _cartesian(test, reference)
+    # Earth-centred coordinates about the middle of the reference; unknown heights are the median.
+    known = np.concatenate([reference.height_m, test.height_m])
+    height = float(np.median(known[np.isfinite(known)])) if np.isfinite(known).any() else 0.0
+    test_xyz, reference_xyz = (
+        earth_centred_m(track.lon_deg, track.lat_deg, np.where(np.isfinite(track.height_m), track.height_m, height))
+        for track in (test, reference)
+    )
+    centre = np.median(reference_xyz, axis=0)
+    test_xyz, reference_xyz = test_xyz - centre, reference_xyz - centre
     curve = _Curve(reference.t_s, reference_xyz, max_gap_s)
     covered, inside = curve.covers(test.t_s)
     outside, in_gaps = int(np.sum(~inside)), int(np.sum(inside & ~covered))
@@ -160,18 +168,6 @@ def match(
         max_gap_s=max_gap_s,
         interpolation_m=curve.interpolation_error(),
     )
-
-
-def _cartesian(test: GnssTrack, reference: GnssTrack) -> tuple[FloatArray, FloatArray]:
-    """Earth-centred coordinates of both tracks about the middle of the reference; unknown heights are the median."""
-    known = np.concatenate([reference.height_m, test.height_m])
-    height = float(np.median(known[np.isfinite(known)])) if np.isfinite(known).any() else 0.0
-    test_xyz, reference_xyz = (
-        earth_centred_m(track.lon_deg, track.lat_deg, np.where(np.isfinite(track.height_m), track.height_m, height))
-        for track in (test, reference)
-    )
-    centre = np.median(reference_xyz, axis=0)
-    return test_xyz - centre, reference_xyz - centre
 
 
 def _directions(reference: GnssTrack, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -179,7 +179,15 @@ def trajectory_from_inertial(
     trajectory = _trajectory(adjusted)
     notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)
     if adjusted.variance_factor > MAX_VARIANCE_FACTOR:
-        adjusted = _adjust_noise(adjusted, notices)
+        # Adjust again with a noise of the specific force at which IMU and positions agree as their sigmas say.
+        stated = adjusted.problem.links.noise.force
+        for _ in range(NOISE_ROUNDS):
+            links = adjusted.problem.links
+            noise = replace(links.noise, force=links.noise.force * float(np.sqrt(adjusted.variance_factor)))
+            adjusted = _adjust(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state)
+            if adjusted.variance_factor < MAX_VARIANCE_FACTOR:
+                break
+        notices.append(Notice("imu-noisier", times=adjusted.problem.links.noise.force / stated))
         trajectory = _trajectory(adjusted)
     used = quality_words(gated.fix)
     figures = _figures(adjusted, imu)
@@ -211,19 +219,6 @@ def _beside(problem: InertialProblem) -> tuple[Observation, ...]:
     """The observations beside the positions."""
     hints = problem.hints.observations(problem.links.track, problem.positions)
     return GnssDrift(problem.positions), problem.links, *hints
-
-
-def _adjust_noise(adjusted: InertialAdjustment, notices: list[Notice]) -> InertialAdjustment:
-    """Adjust again with a noise of the specific force at which IMU and positions agree as their sigmas say."""
-    stated = adjusted.problem.links.noise.force
-    for _ in range(NOISE_ROUNDS):
-        links = adjusted.problem.links
-        noise = replace(links.noise, force=links.noise.force * float(np.sqrt(adjusted.variance_factor)))
-        adjusted = _adjust(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state)
-        if adjusted.variance_factor < MAX_VARIANCE_FACTOR:
-            break
-    notices.append(Notice("imu-noisier", times=adjusted.problem.links.noise.force / stated))
-    return adjusted
 
 
 def _trajectory(adjusted: InertialAdjustment) -> Trajectory:
