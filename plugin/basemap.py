@@ -22,8 +22,7 @@ from .map_service import ServiceLayer
 
 tr = partial(QCoreApplication.translate, "BaseMap")
 
-CHOICE_KEY, OWN_KEY = "furrowmap/basemap", "furrowmap/basemapOwn"
-OWN_ATTRIBUTION_KEY = "furrowmap/basemapOwnAttribution"
+OWN_KEY, OWN_ATTRIBUTION_KEY = "furrowmap/basemapOwn", "furrowmap/basemapOwnAttribution"
 NO_BASE_MAP, OWN_BASE_MAP = "none", "own"
 BASE_MAP_PROPERTY = "furrowmap/basemap"
 """Property of a layer: the key of the base map."""
@@ -90,9 +89,8 @@ def attribution_of(layers: Sequence[QgsMapLayer]) -> str:
     return " · ".join(dict.fromkeys(text for text in texts if text))
 
 
-def remember(key: str, own: str, attribution: str) -> None:
-    """Store the choice for the next project."""
-    QgsSettings().setValue(CHOICE_KEY, key)
+def remember(own: str, attribution: str) -> None:
+    """Store the user's own map and its attribution for the next project."""
     QgsSettings().setValue(OWN_KEY, own)
     QgsSettings().setValue(OWN_ATTRIBUTION_KEY, attribution)
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NoReturn
 from urllib.parse import parse_qsl, quote, urlencode, urlsplit, urlunsplit
@@ -93,14 +93,13 @@ def _wms(root: ET.Element, url: str, wanted_crs: str) -> list[ServiceLayer]:
     found: list[ServiceLayer] = []
 
     def walk(node: ET.Element, codes: list[str], attribution: str) -> None:
-        codes = codes + [
-            code for key in ("CRS", "SRS") for each in _all(node, key) for code in (each.text or "").split()
-        ]
+        own_codes = [each.text or "" for key in ("CRS", "SRS") for each in _all(node, key)]
+        codes = codes + " ".join(own_codes).split()
         attribution = _text(_child(node, "Attribution"), "Title") or attribution
         name = _text(node, "Name")
         if name and codes:
             source = {"layers": name, "styles": "", "url": base}
-            found.append(_layer(name, _text(node, "Title"), attribution, codes, formats, wanted_crs, source))
+            found.append(_layer(_text(node, "Title"), attribution, codes, formats, wanted_crs, source))
         for below in _all(node, "Layer"):
             walk(below, codes, attribution)
 
@@ -115,7 +114,6 @@ def _wmts(root: ET.Element, url: str, wanted_crs: str) -> list[ServiceLayer]:
     provider = _text(_child(root, "ServiceProvider"), "ProviderName")
     found = []
     for node in _all(contents, "Layer"):
-        name = _text(node, "Identifier")
         matrix_sets = [_text(link, "TileMatrixSet") for link in _all(node, "TileMatrixSetLink")]
         sets = {crs_of.get(each): each for each in matrix_sets}
         if not sets:
@@ -123,29 +121,27 @@ def _wmts(root: ET.Element, url: str, wanted_crs: str) -> list[ServiceLayer]:
         styles = sorted(_all(node, "Style"), key=lambda style: style.get("isDefault") != "true")
         style = _text(styles[0], "Identifier") if styles else ""
         codes = [code for code in sets if code]
-        source = {"layers": name, "styles": style, "tileMatrixSet": sets[_chosen(codes, wanted_crs)]}
+        source = {
+            "layers": _text(node, "Identifier"),
+            "styles": style,
+            "tileMatrixSet": sets[_chosen(codes, wanted_crs)],
+        }
         source["url"] = capabilities_url(url)
         formats = [each.text or "" for each in _all(node, "Format")]
-        found.append(_layer(name, _text(node, "Title"), provider, codes, formats, wanted_crs, source))
+        found.append(_layer(_text(node, "Title"), provider, codes, formats, wanted_crs, source))
     return found
 
 
 def _layer(
-    name: str,
-    title: str,
-    attribution: str,
-    codes: Sequence[str],
-    formats: Sequence[str],
-    wanted_crs: str,
-    source: dict[str, str],
+    title: str, attribution: str, codes: list[str], formats: list[str], wanted_crs: str, source: dict[str, str]
 ) -> ServiceLayer:
     offered = [known for known in PREFERRED_FORMATS if known in formats] or formats or list(PREFERRED_FORMATS)
     items = {"contextualWMSLegend": "0", "crs": _chosen(codes, wanted_crs), "format": offered[0], **source}
     text = "&".join(f"{key}={quote(value, safe='' if key == 'url' else ':/')}" for key, value in items.items())
-    return ServiceLayer(name, title or name, attribution, text)
+    return ServiceLayer(source["layers"], title or source["layers"], attribution, text)
 
 
-def _chosen(codes: Sequence[str], wanted_crs: str) -> str:
+def _chosen(codes: list[str], wanted_crs: str) -> str:
     return next((code for code in (wanted_crs, FALLBACK_CRS) if code in codes), codes[0])
 
 

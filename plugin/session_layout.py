@@ -6,16 +6,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from html import escape
-from pathlib import Path
 from typing import Any
 
 from qgis.core import (
     Qgis,
     QgsCoordinateTransform,
-    QgsFeedback,
     QgsLayerTreeGroup,
     QgsLayout,
-    QgsLayoutExporter,
     QgsLayoutItem,
     QgsLayoutItemLabel,
     QgsLayoutItemLegend,
@@ -79,47 +76,27 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     _label(layout, title, (MAP_MM[0], 8.0, 277.0, 10.0), size=16.0)
     _label(layout, _figures(report, passes), (*SIDE_MM, FIGURES_MM), rich=True)
     _legend(layout, page_map, [layer for layer in session if layer.name() in LEGEND_LAYERS])
-    _scale(layout, page_map)
+    bar = QgsLayoutItemScaleBar(layout)
+    layout.addLayoutItem(bar)
+    bar.setId("scale")
+    bar.setStyle("Single Box")
+    bar.setLinkedMap(page_map)
+    bar.applyDefaultSize(Qgis.DistanceUnit.Meters)
+    bar.attemptMove(QgsLayoutPoint(SIDE_MM[0], SCALE_AT_MM, Qgis.LayoutUnit.Millimeters))
     _label(layout, tr("▲ north"), NORTH_MM)
     _label(layout, attribution_of(shown), (MAP_MM[0], 200.0, MAP_MM[2], 6.0), size=7.0)
     if passes is not None and passes.featureCount():
-        _atlas(layout, page_map, passes)
+        atlas = layout.atlas()
+        atlas.setCoverageLayer(passes)
+        atlas.setPageNameExpression(f"'{tr('pass')} ' || \"pass\"")
+        atlas.setSortFeatures(True)
+        atlas.setSortExpression('"pass"')
+        page_map.setAtlasDriven(True)
+        page_map.setAtlasScalingMode(QgsLayoutItemMap.AtlasScalingMode.Auto)
+        page_map.setAtlasMargin(ATLAS_MARGIN)
+        atlas.setEnabled(False)  # the layout opens with the overview; *Preview Atlas* shows the pages
     manager.addLayout(layout)
     return layout
-
-
-def export_pdf(layout: QgsPrintLayout, path: str | Path) -> None:
-    """Write the overview page as PDF.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
-    _check(QgsLayoutExporter(layout).exportToPdf(str(path), _settings()), path)
-
-
-def export_atlas(layout: QgsPrintLayout, path: str | Path, feedback: QgsFeedback | None = None) -> None:
-    """Write the atlas, a page per pass, as one PDF.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
-    atlas = layout.atlas()
-    atlas.setEnabled(True)
-    atlas.beginRender()
-    result, words = QgsLayoutExporter.exportToPdf(atlas, str(path), _settings(), feedback)
-    atlas.endRender()
-    _check(result, f"{path} {words}".strip())
-
-
-def _settings() -> QgsLayoutExporter.PdfExportSettings:
-    settings = QgsLayoutExporter.PdfExportSettings()
-    settings.textRenderFormat = Qgis.TextRenderFormat.AlwaysText  # which can be searched and copied
-    return settings
-
-
-def _check(result: QgsLayoutExporter.ExportResult, path: str | Path) -> None:
-    if result != QgsLayoutExporter.ExportResult.Success:
-        raise OSError(tr("{path} cannot be written.").format(path=path))
 
 
 def _extent(project: QgsProject, group: QgsLayerTreeGroup) -> QgsRectangle:
@@ -218,29 +195,6 @@ def _literal(text: str) -> str:
     """A text within an expression within a label."""
     plain = text.replace("\\", "\\\\").replace("'", "''").replace("%]", "% ]")
     return f"'{plain}'"
-
-
-def _scale(layout: QgsLayout, page_map: QgsLayoutItemMap) -> None:
-    bar = QgsLayoutItemScaleBar(layout)
-    layout.addLayoutItem(bar)
-    bar.setId("scale")
-    bar.setStyle("Single Box")
-    bar.setLinkedMap(page_map)
-    bar.applyDefaultSize(Qgis.DistanceUnit.Meters)
-    bar.attemptMove(QgsLayoutPoint(SIDE_MM[0], SCALE_AT_MM, Qgis.LayoutUnit.Millimeters))
-
-
-def _atlas(layout: QgsPrintLayout, page_map: QgsLayoutItemMap, passes: QgsVectorLayer) -> None:
-    """An atlas page per pass: the map follows, and the title names the pass."""
-    atlas = layout.atlas()
-    atlas.setCoverageLayer(passes)
-    atlas.setPageNameExpression(f"'{tr('pass')} ' || \"pass\"")
-    atlas.setSortFeatures(True)
-    atlas.setSortExpression('"pass"')
-    page_map.setAtlasDriven(True)
-    page_map.setAtlasScalingMode(QgsLayoutItemMap.AtlasScalingMode.Auto)
-    page_map.setAtlasMargin(ATLAS_MARGIN)
-    atlas.setEnabled(False)  # the layout opens with the overview; *Preview Atlas* shows the pages
 
 
 def _label(layout: QgsLayout, text: str, box_mm: Sequence[float], size: float = 10.0, *, rich: bool = False) -> None:

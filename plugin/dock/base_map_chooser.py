@@ -13,7 +13,6 @@ from qgis.PyQt.QtWidgets import (
     QComboBox,
     QFileDialog,
     QFormLayout,
-    QHBoxLayout,
     QInputDialog,
     QLabel,
     QLineEdit,
@@ -37,6 +36,7 @@ from ..basemap import (
     show_base_map,
 )
 from ..map_service import capabilities_url, service_layers
+from .form_parts import below, side_by_side
 
 HTTP_REFUSALS = (401, 403)
 """Status of a host that answers, but gives no map; so are those from 500 on."""
@@ -61,18 +61,6 @@ class BaseMapChooser(QWidget):
             self.box.addItem(base.name, base.key)
         self.box.addItem(self.tr("other map…"), OWN_BASE_MAP)
         form.addRow(QLabel(self.tr("Base map")), self.box)
-        self.inputs = self._own_inputs()
-        form.addRow(self.inputs)
-        self.box.activated.connect(self._show_choice)
-        QgsProject.instance().readProject.connect(self.follow_project)
-        QgsProject.instance().layerTreeRoot().visibilityChanged.connect(self._try_shown_in)
-        self.follow_project()
-
-    def _own_inputs(self) -> QWidget:
-        """Address or file of the user's own map, and its attribution."""
-        inputs = QWidget()
-        form = QFormLayout(inputs)
-        form.setContentsMargins(0, 0, 0, 0)
         self.own = QLineEdit(remembered()[0], objectName="furrowmapOwnBaseMap")
         self.own.setPlaceholderText(self.tr("Address or file"))
         self.own.setToolTip(
@@ -83,16 +71,16 @@ class BaseMapChooser(QWidget):
         )
         browse = QToolButton(text="…")
         browse.clicked.connect(self._browse)
-        row = QHBoxLayout()
-        row.addWidget(self.own, 1)
-        row.addWidget(browse)
         self.attribution = QLineEdit(remembered()[1], objectName="furrowmapOwnAttribution")
         self.attribution.setPlaceholderText(self.tr("Attribution, if the map states none itself"))
-        form.addRow(row)
-        form.addRow(self.attribution)
         for field in (self.own, self.attribution):
             field.returnPressed.connect(self._apply)
-        return inputs
+        self.inputs = below(side_by_side(self.own, browse), self.attribution)
+        form.addRow(self.inputs)
+        self.box.activated.connect(self._show_choice)
+        QgsProject.instance().readProject.connect(self.follow_project)
+        QgsProject.instance().layerTreeRoot().visibilityChanged.connect(self._try_shown_in)
+        self.follow_project()
 
     def follow_project(self, *_: object) -> None:
         """Show the project's base map, and say if it cannot be reached."""
@@ -162,7 +150,7 @@ class BaseMapChooser(QWidget):
 
     def _show(self, layer: QgsMapLayer | None, key: str, own: str, attribution: str) -> None:
         show_base_map(layer, key)
-        remember(key, own, attribution)
+        remember(own, attribution)
         if layer is not None:
             self.attribution.setToolTip(attribution_of([layer]))
             self._try(layer)

@@ -74,7 +74,7 @@ class SessionPage(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.path = Path()
-        self._lines: SessionLines | None = None
+        self._lines = SessionLines("")
         self._found: dict[str, Any] | None = None
         self._files: list[str] = []
         inside = QWidget()
@@ -172,16 +172,11 @@ class SessionPage(QWidget):
 
     def use_places(self, places: Places) -> None:
         """Fill in the places of a machine; what it does not have stays as it is, and so do several implements."""
-        kept = "implement" if self._session_lines.several("implement") else ""
+        kept = "implement" if self._lines.several("implement") else ""
         known = {place: value for place, value in places.items() if value not in (None, "") and place[0] != kept}
         self._fill_places({**self.places(), **known})
         self._draw()
         self.findings.setText(findings_html(self._found, self.missing()))
-
-    @property
-    def _session_lines(self) -> SessionLines:
-        assert self._lines is not None  # a session is shown before anything of it is asked for
-        return self._lines
 
     def show_machines(self, chosen: str = "") -> None:
         """List the saved machines; the one with the form's places is selected unless another one is chosen."""
@@ -211,8 +206,8 @@ class SessionPage(QWidget):
     def missing(self) -> list[str]:
         """Codes of what is still to be filled in, as `furrowmap init` has them."""
         needed = {
-            "no-lidar": FILL_IN in texts_of(self._session_lines.get("recording", "lidar")),
-            "no-positions": FILL_IN in texts_of(self._session_lines.get("recording", "gnss")),
+            "no-lidar": FILL_IN in texts_of(self._lines.get("recording", "lidar")),
+            "no-positions": FILL_IN in texts_of(self._lines.get("recording", "gnss")),
             "no-crs": not self.crs.crs().isValid(),
             "no-mounting": self._without_mounting(),
             "no-antenna": self._without_antenna(),
@@ -221,15 +216,15 @@ class SessionPage(QWidget):
         return [code for code, wanted in needed.items() if wanted]
 
     def _without_mounting(self) -> bool:
-        lines = self._session_lines
+        lines = self._lines
         stated = None not in (lines.get("lidar", "xyz_m"), lines.get("lidar", "rpy_deg"))
         scans = bool(texts_of(lines.get("recording", "lidar")))
         return scans and not stated and not any(values_of(self.lidar_xyz))
 
     def _without_antenna(self) -> bool:
-        if self._session_lines.has("trajectory"):
+        if self._lines.has("trajectory"):
             return False
-        stated = self._session_lines.get("antenna", "xyz_m") is not None
+        stated = self._lines.get("antenna", "xyz_m") is not None
         return not (self.antenna_group.isChecked() and (stated or any(values_of(self.antenna))))
 
     def show_error(self, text: str, *, may_replace: bool) -> None:
@@ -284,7 +279,7 @@ class SessionPage(QWidget):
         Raises:
             OSError: if the file cannot be written.
         """
-        lines = self._session_lines
+        lines = self._lines
         lines.set("", "name", self.name.text())
         if self.crs.crs().isValid():
             lines.set("crs", "map", self.crs.crs().authid() or self.crs.crs().toWkt())
@@ -366,13 +361,12 @@ class SessionPage(QWidget):
             self._show_fault(self.tr("The machine {name} cannot be read.").format(name=name))
 
     def _save_machine(self, signal: Any) -> None:
-        name = self.machine.currentText().strip()
+        name, fault = self.machine.currentText().strip(), ""
         if not name:
-            self._show_fault(self.tr("Type a name for the machine."))
+            fault = self.tr("Type a name for the machine.")
         elif set(PLACES_ASKED) & set(self.missing()):
-            self._show_fault(self.tr("Fill in the positions of antenna and scanner first."))
-        else:
-            self._save_and(signal, name)
+            fault = self.tr("Fill in the positions of antenna and scanner first.")
+        self._save_and(signal, name, fault=fault)
 
     def _calibrate(self) -> None:
         fault = self.fault()
@@ -384,10 +378,7 @@ class SessionPage(QWidget):
                 "No machine {name} is saved. Press 'Save as machine' first, or clear the name to calibrate the session "
                 "alone."
             ).format(name=name)
-        if fault:
-            self._show_fault(fault)
-        else:
-            self._save_and(self.calibration_wanted, name)
+        self._save_and(self.calibration_wanted, name, fault=fault)
 
     def _session_group(self) -> QGroupBox:
         group, form = group_box(self.tr("Session"))
@@ -454,8 +445,11 @@ class SessionPage(QWidget):
         form.addRow(small_text(text=self.tr("Optional: a polygon in the session's folder, to find missed ground.")))
         return group
 
-    def _save_and(self, signal: Any, *words: str) -> None:
-        """Save, and emit a signal with the file; if the file cannot be written, show why."""
+    def _save_and(self, signal: Any, *words: str, fault: str = "") -> None:
+        """Save, and emit a signal with the file; show the fault, if there is one, or why the file cannot be written."""
+        if fault:
+            self._show_fault(fault)
+            return
         try:
             self.save()
         except OSError as error:
@@ -465,30 +459,23 @@ class SessionPage(QWidget):
         signal.emit(self.path, *words)
 
     def _save_and_preview(self) -> None:
-        fault = self.fault_of_preview()
-        if fault:
-            self._show_fault(fault)
-        else:
-            self._save_and(self.preview_wanted)
+        self._save_and(self.preview_wanted, fault=self.fault_of_preview())
 
     def _save_and_run(self) -> None:
         fault, missing = self.fault(), [code for code in self.missing() if code in PLACES_ASKED]
-        if fault:
-            self._show_fault(fault)
-        elif missing:  # ask first
+        if missing and not fault:  # ask first
             self._show_above(findings_html(None, missing))
             self.anyway.show()
         else:
-            self._save_and(self.run_wanted)
+            self._save_and(self.run_wanted, fault=fault)
 
     def _show_fault(self, fault: str) -> None:
         self.findings.setText(f"<b>{escaped(fault)}</b>")
         self._scroll.ensureWidgetVisible(self.findings)
 
     def _draw(self, *_: object) -> None:
-        if self._lines is not None:
-            self._mark(self.antenna_group, self.tr("GNSS antenna"), missing=self._without_antenna())
-            self._mark(self.lidar_group, self.tr("Scanner"), missing=self._without_mounting())
+        self._mark(self.antenna_group, self.tr("GNSS antenna"), missing=self._without_antenna())
+        self._mark(self.lidar_group, self.tr("Scanner"), missing=self._without_mounting())
         checked = self.implement_group.isChecked()
         self.vehicle.show_places(
             VehiclePlaces(

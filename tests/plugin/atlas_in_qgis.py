@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from qgis.core import QgsApplication, QgsProject, QgsVectorLayer
+from qgis.core import Qgis, QgsApplication, QgsLayoutExporter, QgsProject, QgsVectorLayer
 from qgis.PyQt.QtCore import Qt
 
 HATCHED = Qt.BrushStyle.BDiagPattern
@@ -28,8 +28,12 @@ for name in ("trajectory", "passes", "coverage"):
     group.addLayer(layer)
     project.setCrs(layer.crs())
 layout = printing.session_layout(project, group, json.loads((result / "report.json").read_text(encoding="utf-8")))
-printing.export_pdf(layout, out / "page.pdf")
-printing.export_atlas(layout, out / "atlas.pdf")
+settings = QgsLayoutExporter.PdfExportSettings()
+settings.textRenderFormat = Qgis.TextRenderFormat.AlwaysText
+written = [QgsLayoutExporter(layout).exportToPdf(str(out / "page.pdf"), settings)]
+layout.atlas().setEnabled(True)
+written.append(QgsLayoutExporter.exportToPdf(layout.atlas(), str(out / "atlas.pdf"), settings)[0])
+assert written == [QgsLayoutExporter.ExportResult.Success] * 2, written
 passes = project.mapLayersByName("passes")[0]
 passes.loadDefaultStyle()
 importlib.import_module("furrowmap.styles").hatch(passes)

@@ -18,7 +18,15 @@ from pathlib import Path
 from typing import Any
 
 import qgis.utils
-from qgis.core import Qgis, QgsApplication, QgsFeedback, QgsLocatorContext, QgsProject, QgsSettings
+from qgis.core import (
+    Qgis,
+    QgsApplication,
+    QgsFeedback,
+    QgsLayoutExporter,
+    QgsLocatorContext,
+    QgsProject,
+    QgsSettings,
+)
 from qgis.PyQt.QtCore import QEvent, QMimeData, QPoint, QPointF, Qt, QTimer, QUrl
 from qgis.PyQt.QtGui import QDragEnterEvent, QDropEvent
 from qgis.PyQt.QtTest import QTest
@@ -368,7 +376,7 @@ def on_the_map() -> Iterator[Any]:
     from furrowmap.basemap import base_map_layers, base_maps, known_layer, show_base_map
     from furrowmap.dock.replay import las_time_s
     from furrowmap.results import groups_of, read_report
-    from furrowmap.session_layout import export_atlas, export_pdf, session_layout
+    from furrowmap.session_layout import session_layout
 
     found: list[Any] = []
     locator = plugin().locator.clone()
@@ -384,8 +392,12 @@ def on_the_map() -> Iterator[Any]:
     project = QgsProject.instance()
     folder = plugin().dock._folder
     layout = session_layout(project, groups_of(project)[0], read_report(folder))
-    export_pdf(layout, f"{OUT}/page.pdf")
-    export_atlas(layout, f"{OUT}/atlas.pdf")
+    settings = QgsLayoutExporter.PdfExportSettings()
+    settings.textRenderFormat = Qgis.TextRenderFormat.AlwaysText
+    written = [QgsLayoutExporter(layout).exportToPdf(f"{OUT}/page.pdf", settings)]
+    layout.atlas().setEnabled(True)
+    written.append(QgsLayoutExporter.exportToPdf(layout.atlas(), f"{OUT}/atlas.pdf", settings)[0])
+    assert written == [QgsLayoutExporter.ExportResult.Success] * 2, written
     yield
     click("furrowmapDo_replay")
     controller = iface.mapCanvas().temporalController()  # noqa: F821
