@@ -23,7 +23,7 @@ class ServiceLayer:
 
     Attributes:
         name: by which requests name it.
-        title: for people.
+        title: to show.
         attribution: that the service asks for; "" if it names none.
         source: for QGIS's provider "wms".
     """

@@ -56,15 +56,23 @@ def below(*widgets: QWidget) -> QWidget:
     return column
 
 
-def group_box(title: str, on_toggle: Callable[..., None] | None = None) -> tuple[QGroupBox, QFormLayout]:
-    """A titled group with a form; it can be unchecked if there is an `on_toggle` to call."""
-    group = QGroupBox(title)
+def group_box(
+    title: str,
+    rows: Sequence[tuple[str, QWidget] | QWidget],
+    hint: str = "",
+    on_toggle: Callable[..., None] | None = None,
+    name: str = "",
+) -> QGroupBox:
+    """A titled group with a form and a hint below it; it can be unchecked if there is an `on_toggle` to call."""
+    group = QGroupBox(title, objectName=name)
     if on_toggle is not None:
         group.setCheckable(True)
         group.toggled.connect(on_toggle)
     form = QFormLayout(group)
     form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
-    return group, form
+    for row in (*rows, small_text(text=hint)) if hint else rows:
+        form.addRow(*(row if isinstance(row, tuple) else (row,)))
+    return group
 
 
 def row_of(text: str, boxes: Sequence[QDoubleSpinBox]) -> QWidget:

@@ -337,21 +337,17 @@ class SessionPage(QWidget):
         return self.error
 
     def _machine_group(self) -> QGroupBox:
-        group, form = group_box(self.tr("Machine"))
         self.machine = QComboBox(objectName="furrowmapMachine", editable=True)
         self.machine.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
         self.machine.lineEdit().setPlaceholderText(self.tr("Choose a saved machine, or type a name"))
         self.machine.activated.connect(self._use_machine)
         tip = self.tr("Find the scanner's angles in the recording; write them into the session and the chosen machine.")
         save = partial(self._save_machine, self.machine_wanted)
-        form.addRow(self.machine)
-        form.addRow(
-            side_by_side(
-                button("furrowmapSaveMachine", self.tr("Save as machine"), save),
-                button("furrowmapCalibrate", self.tr("Calibrate"), self._calibrate, tip),
-            )
+        buttons = side_by_side(
+            button("furrowmapSaveMachine", self.tr("Save as machine"), save),
+            button("furrowmapCalibrate", self.tr("Calibrate"), self._calibrate, tip),
         )
-        return group
+        return group_box(self.tr("Machine"), [self.machine, buttons])
 
     def _use_machine(self, *_: object) -> None:
         name = self.machine.currentText()
@@ -381,47 +377,38 @@ class SessionPage(QWidget):
         self._save_and(self.calibration_wanted, name, fault=fault)
 
     def _session_group(self) -> QGroupBox:
-        group, form = group_box(self.tr("Session"))
         self.name = QLineEdit(objectName="furrowmapName")
         self.recordings = QLabel(objectName="furrowmapRecordings", wordWrap=True)
         self.crs = QgsProjectionSelectionWidget(objectName="furrowmapCrs")
         self.crs.setOptionVisible(QgsProjectionSelectionWidget.CrsOption.CrsNotSet, True)  # noqa: FBT003
         self.crs.setNotSetText(self.tr("Not known: choose it"))
         self.crs.crsChanged.connect(self._draw)
-        form.addRow(self.tr("Name"), self.name)
-        form.addRow(self.tr("Recordings"), self.recordings)
-        form.addRow(self.tr("CRS"), self.crs)
-        form.addRow(small_text(text=self.tr("A projected CRS in metres, for computation and output.")))
-        return group
+        rows = [(self.tr("Name"), self.name), (self.tr("Recordings"), self.recordings), (self.tr("CRS"), self.crs)]
+        hint = self.tr("A projected CRS in metres, for computation and output.")
+        return group_box(self.tr("Session"), rows, hint)
 
     def _antenna_group(self) -> QGroupBox:
-        self.antenna_group, form = group_box(self.tr("GNSS antenna"), self._draw)
-        self.antenna_group.setObjectName("furrowmapAntennaGroup")
         self.antenna = self._metre_boxes("furrowmapAntenna", 3)
         hint = self.tr(
             "Phase centre of the antenna, from the point on the ground below the middle of the rear axle: "
             "forward, left, up. A centimetre is accurate enough. Unchecked: not known."
         )
-        form.addRow(row_of(self.tr("x, y, z"), self.antenna))
-        form.addRow(small_text(text=hint))
+        rows = [row_of(self.tr("x, y, z"), self.antenna)]
+        self.antenna_group = group_box(self.tr("GNSS antenna"), rows, hint, self._draw, "furrowmapAntennaGroup")
         return self.antenna_group
 
     def _lidar_group(self) -> QGroupBox:
-        self.lidar_group, form = group_box(self.tr("Scanner"))
         self.lidar_xyz = self._metre_boxes("furrowmapLidar", 3)
         self.lidar_rpy = [self._number_box(f"furrowmapLidarTurn{k}", 360.0, "°", 3, 1.0) for k in range(3)]
         hint = self.tr(
             "Position, and rotation from level with the cable to the rear. A scanner that faces backwards and "
             "is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough."
         )
-        form.addRow(row_of(self.tr("x, y, z"), self.lidar_xyz))
-        form.addRow(row_of(self.tr("roll, pitch, yaw"), self.lidar_rpy))
-        form.addRow(small_text(text=hint))
+        rows = [row_of(self.tr("x, y, z"), self.lidar_xyz), row_of(self.tr("roll, pitch, yaw"), self.lidar_rpy)]
+        self.lidar_group = group_box(self.tr("Scanner"), rows, hint)
         return self.lidar_group
 
     def _implement_group(self) -> QGroupBox:
-        self.implement_group, form = group_box(self.tr("Implement"), self._draw)
-        self.implement_group.setObjectName("furrowmapImplementGroup")
         self.kind = QLineEdit(objectName="furrowmapKind")
         self.width_m = self._number_box("furrowmapWidth", MAX_OFFSET_M, " m", 2, 0.05, low=0.0)
         self.implement_xy = self._metre_boxes("furrowmapImplementXy", 2)
@@ -430,20 +417,20 @@ class SessionPage(QWidget):
             "Working width, and the middle of the working line relative to the rear axle; x is negative behind "
             "it. Depth 0 means unknown. Unchecked: no worked ground is computed."
         )
-        form.addRow(self.tr("Kind"), self.kind)
-        form.addRow(self.tr("Width"), self.width_m)
-        form.addRow(row_of(self.tr("x, y"), self.implement_xy))
-        form.addRow(self.tr("Depth"), self.depth_m)
-        form.addRow(small_text(text=hint))
+        rows = [
+            (self.tr("Kind"), self.kind),
+            (self.tr("Width"), self.width_m),
+            row_of(self.tr("x, y"), self.implement_xy),
+            (self.tr("Depth"), self.depth_m),
+        ]
+        self.implement_group = group_box(self.tr("Implement"), rows, hint, self._draw, "furrowmapImplementGroup")
         return self.implement_group
 
     def _field_group(self) -> QGroupBox:
-        group, form = group_box(self.tr("Field"))
         self.boundary = QgsFileWidget(objectName="furrowmapBoundary")
         self.boundary.setFilter(self.tr("Polygons (*.geojson *.gpkg *.shp *.kml)"))
-        form.addRow(self.tr("Boundary"), self.boundary)
-        form.addRow(small_text(text=self.tr("Optional: a polygon in the session's folder, to find missed ground.")))
-        return group
+        hint = self.tr("Optional: a polygon in the session's folder, to find missed ground.")
+        return group_box(self.tr("Field"), [(self.tr("Boundary"), self.boundary)], hint)
 
     def _save_and(self, signal: Any, *words: str, fault: str = "") -> None:
         """Save, and emit a signal with the file; show the fault, if there is one, or why the file cannot be written."""
