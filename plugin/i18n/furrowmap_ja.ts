@@ -729,7 +729,6 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Width</source><translation>幅</translation></message>
   <message><source>pass</source><translation>行程</translation></message>
   <message><source>unknown</source><translation>不明</translation></message>
-  <message><source>{path} cannot be written.</source><translation>{path} に書き込めません。</translation></message>
   <message><source>▲ north</source><translation>▲ 北</translation></message>
 </context>
 <context>
