@@ -83,12 +83,7 @@ class Component:
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Accuracy of a product.
-
-    Attributes:
-        vertical: None where no point could be compared.
-        easting, northing: None where no target was found.
-    """
+    """Accuracy of a product; `vertical` is None without a comparison, the horizontal components without targets."""
 
     vertical: Component | None
     easting: Component | None

@@ -93,12 +93,7 @@ def sample_surroundings(surroundings: Sequence[SoilCells], least: int) -> list[S
 
 @dataclass(frozen=True)
 class SoilRaster:
-    """An open raster of heights.
-
-    Attributes:
-        dataset: of rasterio; its first band is heights.
-        change: from the map to the CRS of the raster; None where they agree.
-    """
+    """An open raster whose first band is heights; `change` is from the map to its CRS, None where they agree."""
 
     path: Path
     dataset: Any

@@ -20,12 +20,7 @@ from furrowmap.core.runtime.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class CoarseGrid:
-    """How the coarse knots of a chain lie.
-
-    Attributes:
-        first: index of the chain's first coarse knot.
-        every: knots from one coarse knot to the next; 0 where no patches are wanted.
-    """
+    """The coarse knots of a chain: the first one's index, and the knots between two, 0 where no patches are wanted."""
 
     first: int
     every: int
@@ -34,12 +29,7 @@ class CoarseGrid:
 
 @dataclass(frozen=True)
 class CoarseKnots:
-    """The coarse knots of all chains.
-
-    Attributes:
-        before: (n,) coarse knot before each knot.
-        share: (n,) of the interval to the next one.
-    """
+    """The coarse knots of all chains: the one before each knot (n,), and the share (n,) of the interval to the next."""
 
     grids: tuple[CoarseGrid, ...]
     count: int

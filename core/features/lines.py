@@ -58,12 +58,7 @@ class DetectedLine:
 
 
 def find_lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, cell_m: float) -> list[DetectedLine]:
-    """Lines in voxels (n, 3) that are neither ground nor on planes.
-
-    Args:
-        linearity: (n,) of their neighbourhoods, nan for none.
-        direction: (n, 3) of the neighbourhoods.
-    """
+    """Lines in voxels (n, 3), neither ground nor on planes, by linearity (n,), nan for none, and direction (n, 3)."""
     linear = np.flatnonzero(linearity >= MIN_LINEARITY)
     if len(linear) < 3:
         return []

@@ -15,12 +15,7 @@ from furrowmap.core.values.extents import bounds
 
 @dataclass(frozen=True)
 class Voxels:
-    """Points by voxel.
-
-    Attributes:
-        of_point: (n,) voxel of each point.
-        mean_m: (m, 3) mean of the points of each voxel.
-    """
+    """Points by voxel: the voxel of each point (n,), and the mean (m, 3) and number (m,) of each voxel's points."""
 
     of_point: IntArray
     mean_m: FloatArray

@@ -60,12 +60,7 @@ class FrameTree:
         return found
 
     def between(self, source: str, target: str) -> Mounting:
-        """Origin and axes of the frame `source` in the frame `target`.
-
-        Raises:
-            KeyError: if there is no such frame.
-            ValueError: if a frame between them moves.
-        """
+        """Axes of one frame in another. Raises KeyError without such a frame, ValueError if one between moves."""
         relative = np.linalg.inv(self._in_root(target)) @ self._in_root(source)
         x, y, z = relative[:3, 3].tolist()
         return Mounting.from_rotation((x, y, z), relative[:3, :3])

@@ -54,12 +54,7 @@ class Coverage:
 
 
 def coverage(points: TilePoints, strips: Sequence[Interval]) -> Coverage:
-    """Points by blocks and strips.
-
-    Args:
-        points: of a tile whose sides are a multiple of COVERAGE_BLOCK cells.
-        strips: of the flight, in the order of time.
-    """
+    """Points of a tile of whole blocks (COVERAGE_BLOCK cells a side) by blocks and strips, in the order of time."""
     grid = points.grid.coarser(COVERAGE_BLOCK)
     ends_s = np.array([(strip.begin_s, strip.end_s) for strip in strips], np.float64).reshape(-1, 2) - points.begin_s
     blocks = grid.rows * grid.columns

@@ -44,9 +44,7 @@ def hillshade(
 ) -> NDArray[np.uint8]:
     """Hillshade of heights (rows, columns), north up, from 1 to 255 as `gdaldem hillshade`; 0 without a slope.
 
-    Args:
-        azimuth_deg: of the light, clockwise from grid north.
-        altitude_deg: of the light above the horizon.
+    The light comes from an azimuth clockwise from grid north, at an altitude above the horizon.
     """
     east, north = gradient(height_m, cell_m)
     azimuth, altitude = math.radians(azimuth_deg), math.radians(altitude_deg)

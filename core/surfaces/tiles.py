@@ -15,24 +15,14 @@ _BESIDE: Final = [(i, j) for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0) if 
 
 @dataclass(frozen=True)
 class PointTile:
-    """A square of the map.
-
-    Attributes:
-        own: (m,) indices of its points.
-        members: (k,) these, followed by the indices of points in the margin.
-    """
+    """A square of the map: the indices of its points (m,), and these followed by those in the margin (k,)."""
 
     own: NDArray[np.intp]
     members: NDArray[np.intp]
 
 
 def tiles(xyz_m: NDArray[np.float64], tile_m: float, margin_m: float) -> Iterator[PointTile]:
-    """The squares that hold points.
-
-    Args:
-        xyz_m: (n, 2 or 3) finite easting, northing.
-        margin_m: around it, at most `tile_m`.
-    """
+    """The squares that hold finite points (n, 2 or 3), each with the points in a margin of at most its side."""
     if not 0.0 <= margin_m <= tile_m:
         raise ValueError(f"a margin of {margin_m} m round squares of {tile_m} m")
     if not len(xyz_m):

@@ -62,12 +62,7 @@ class ChunkMotion:
 
 @dataclass(frozen=True)
 class HintRows:
-    """Linear observations of a chunk's attitude and biases.
-
-    Attributes:
-        design: (k, 9) derivatives by the rotation vector in the map's axes and by the biases.
-        weight: (k,) inverse variances.
-    """
+    """Observations of a chunk's rotation vector in the map's axes and biases (k, 9), and inverse variances (k,)."""
 
     design: FloatArray
     residual: FloatArray

@@ -114,12 +114,7 @@ def offsets(track: GnssTrack, en_m: FloatArray, notices: list[Notice]) -> Offset
 def positions_of(
     track: GnssTrack, en_m: FloatArray, white_m: FloatArray, heading_deg: FloatArray, steps: Offsets
 ) -> Positions:
-    """The positions of a track with their errors split into what changes from epoch to epoch and what stays.
-
-    Args:
-        en_m: (m, 2) easting and northing.
-        heading_deg: (m,) grid heading of two antennas, nan where there is none.
-    """
+    """Positions en_m (m, 2) with errors split into what changes and what stays, and grid headings (m,), nan without."""
     sigma = sigmas_m(track)
     # Differences from one epoch to the next do not show what multipath does to heights within seconds: the usual share
     # of their sigma is the least.
@@ -229,12 +224,7 @@ def white_noise_m(track: GnssTrack, axes_m: FloatArray, sigma_m: FloatArray) -> 
 
 
 def jumps(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[np.bool_]:
-    """Positions (n,) that no drive leads to from the median of their neighbours, on the map or in height.
-
-    Args:
-        xyz_m: (n, 3) positions; heights may be nan.
-        sigma_m: (n, 2) standard deviations of a horizontal axis and of the height.
-    """
+    """Positions (n, 3) that no drive leads to from the median of their neighbours, by sigmas (n, 2), map and height."""
     n = len(t_s)
     if n < 7:
         return np.zeros(n, bool)

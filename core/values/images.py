@@ -19,12 +19,7 @@ RAW: Final = ".raw"
 
 @dataclass(frozen=True)
 class RawLayout:
-    """How the bytes of an image without a file format lie.
-
-    Attributes:
-        step: bytes of a row.
-        encoding: as ROS names it.
-    """
+    """How the bytes of an image without a file format lie: bytes of a row (`step`), encoding as ROS names it."""
 
     width: int
     height: int
@@ -35,12 +30,7 @@ class RawLayout:
 
 @dataclass(frozen=True, eq=False)
 class StoredImage:
-    """An image of a recording, in a scratch file.
-
-    Attributes:
-        data: its bytes: a JPEG or PNG file, or raw.
-        layout: of raw bytes; None for a file.
-    """
+    """An image of a recording, in a scratch file: a JPEG or PNG file, or raw bytes of a layout."""
 
     name: str
     data: memoryview

@@ -103,12 +103,7 @@ class PointClass(IntEnum):
 
 @dataclass(frozen=True)
 class LaserRanges:
-    """Constants of the lasers.
-
-    Attributes:
-        offset_m: (256,) by which each laser's ranges are too long, 0 where the ground does not show it.
-        sigma_m: (256,) standard deviations, nan where the ground does not show it.
-    """
+    """By how much ranges of each laser (256,) are too long, with sigmas; 0 and nan where the ground shows nothing."""
 
     offset_m: FloatArray
     sigma_m: FloatArray
