@@ -176,23 +176,23 @@ class BaseMapChooser(QWidget):
         """Get a file in the background; a failure is reported."""
         self.end()
         fetcher = self._fetcher = QgsNetworkContentFetcher()
-        fetcher.finished.connect(lambda: self._take_answer(fetcher, url, on_text))
-        fetcher.fetchContent(QUrl(url))
 
-    def _take_answer(self, fetcher: QgsNetworkContentFetcher, url: str, on_text: Callable[[str], None]) -> None:
-        if fetcher is not self._fetcher:
-            return  # another map was chosen meanwhile
-        self._fetcher = None
-        reply = fetcher.reply()
-        status = reply.attribute(QNetworkRequest.Attribute.HttpStatusCodeAttribute)
-        failed = reply.error() != QNetworkReply.NetworkError.NoError
-        if failed and (status is None or status in HTTP_REFUSALS or status >= 500):
-            self._report(
-                self.tr(
+        def finished() -> None:
+            if fetcher is not self._fetcher:
+                return  # another map was chosen meanwhile
+            self._fetcher = None
+            reply = fetcher.reply()
+            status = reply.attribute(QNetworkRequest.Attribute.HttpStatusCodeAttribute)
+            failed = reply.error() != QNetworkReply.NetworkError.NoError
+            if failed and (status is None or status in HTTP_REFUSALS or status >= 500):
+                text = self.tr(
                     "The map of {host} cannot be reached: {reason}.\nThe other layers do not need it. Check the "
                     "address and the network, or choose a map from a file."
-                ).format(host=QUrl(url).host(), reason=reply.errorString().rstrip("."))
-            )
-        else:
-            on_text(fetcher.contentAsString())
-        fetcher.deleteLater()
+                )
+                self._report(text.format(host=QUrl(url).host(), reason=reply.errorString().rstrip(".")))
+            else:
+                on_text(fetcher.contentAsString())
+            fetcher.deleteLater()
+
+        fetcher.finished.connect(finished)
+        fetcher.fetchContent(QUrl(url))

@@ -257,9 +257,7 @@ class FurrowmapDock(QgsDockWidget):
         self._session = session
 
         def saved(_answer: object) -> None:
-            self._back_to_session()
-            self.session.show_machines(name)
-            self.report(self.tr("Saved the machine {name}.").format(name=name), Qgis.MessageLevel.Success)
+            self._back_with_machine(name, self.tr("Saved the machine {name}.").format(name=name))
 
         words = ["machine", "save", str(session), name, *(["--overwrite"] if overwrite else [])]
         self._command(self.tr("Saving the machine"), words, saved, partial(self._back_with_error, machine=name))
@@ -270,17 +268,20 @@ class FurrowmapDock(QgsDockWidget):
         self._session = session
 
         def found(answer: dict[str, Any]) -> None:
-            self._back_to_session()
-            self.session.show_machines(machine)
             text = self.tr("Calibrated: the recording shows no other angles than the session states.")
             if answer.get("written"):
                 text = self.tr("Calibrated: the session has the angles that the recording shows.")
             if answer.get("machine"):
                 text += " " + self.tr("The machine {name} has them for its next sessions.").format(name=machine)
-            self.report(text, Qgis.MessageLevel.Success)
+            self._back_with_machine(machine, text)
 
         words = ["calibrate", str(session), "--write", *(["--machine", machine] if machine else [])]
         self._command(self.tr("Calibrating"), words, found, partial(self._back_with_error, machine=machine))
+
+    def _back_with_machine(self, machine: str, text: str) -> None:
+        self._back_to_session()
+        self.session.show_machines(machine)
+        self.report(text, Qgis.MessageLevel.Success)
 
     def _back_with_error(self, text: str, code: str = "", machine: str = "") -> None:
         self._back_to_session()
