@@ -38,21 +38,21 @@ MIN_IMAGES: Final = 3
 MIN_CONTROL_POINTS: Final = 3
 """Control points that place a block without the positions."""
 MIN_TIE_POINTS: Final = 100
-LEAST_RAD: Final = np.radians(2.0)
+MIN_MEETING_ANGLE_RAD: Final = np.radians(2.0)
 """Rays that meet at a smaller angle do not show where a point is."""
 END_MARGIN_S: Final = 0.5
 """Images nearer to an end of the trajectory are left out: the delay of the shutter may lead out of it."""
-LEAST_USED: Final = 0.5
+MIN_USED_SHARE: Final = 0.5
 """Share of the observations that must fit the poses together."""
-MOST_NOISE_PX: Final = 2.0
+MAX_RESIDUAL_PX: Final = 2.0
 """Matches with larger residuals are not of this camera or this trajectory."""
-TOLD_PX: Final = 1.0
-"""Residuals of good intrinsics are below half a pixel; beyond this it is told."""
-TOLD_TENSION: Final = 2.0
+WARN_RESIDUAL_PX: Final = 1.0
+"""Residuals of good intrinsics are below half a pixel; beyond this there is a warning."""
+WARN_TENSION: Final = 2.0
 """Of a flight whose camera is as stated it is 0.8 to 1.3."""
-TOLD_SIGMAS: Final = 2.0
-"""Mounting and delay that are so many of their standard deviations off what is stated are told."""
-MOST_TENSION: Final = 3.0
+WARN_SIGMAS: Final = 2.0
+"""Mounting and delay that differ from the stated ones by more of their standard deviations give a warning."""
+MAX_TENSION: Final = 3.0
 """Errors found in the poses, in standard deviations of what GNSS and IMU leave open, beyond which they contradict."""
 
 
@@ -197,8 +197,8 @@ def aided_by_images(
     notices += misstated(adjusted, camera)
     aid = _aid(block, adjusted, known)
     after = PoseErrors(adjusted.found.t_s, np.zeros_like(adjusted.found.value), adjusted.found.covariance)
-    told = notices_beside(located.notices, known)
-    return replace(located, trajectory=aid.trajectory, notices=told, pose_errors=lambda _: after), aid
+    kept = notices_beside(located.notices, known)
+    return replace(located, trajectory=aid.trajectory, notices=kept, pose_errors=lambda _: after), aid
 
 
 def notices_beside(notices: tuple[Notice, ...], known: Known) -> tuple[Notice, ...]:
@@ -222,15 +222,15 @@ def misstated(adjusted: AdjustedBlock, stated: Camera) -> list[Notice]:
     """What of the table `[camera]` the images show to be wrong, though they can be used."""
     found = []
     late_s = adjusted.camera.shutter_delay_s - stated.shutter_delay_s
-    if abs(late_s) > TOLD_SIGMAS * CAMERA_SIGMAS[3]:
+    if abs(late_s) > WARN_SIGMAS * CAMERA_SIGMAS[3]:
         found.append(Notice("camera-times-off", late_s=abs(late_s), is_late_s=late_s > 0.0))
     off_deg = float(np.linalg.norm(adjusted.correction_deg))
-    if off_deg > np.degrees(TOLD_SIGMAS * CAMERA_SIGMAS[0]):
+    if off_deg > np.degrees(WARN_SIGMAS * CAMERA_SIGMAS[0]):
         angles = ", ".join(f"{angle:.2f}" for angle in adjusted.camera.rpy_deg)
         found.append(Notice("camera-mounting-off", off_deg=off_deg, angles=angles))
-    if adjusted.tension > TOLD_TENSION:
+    if adjusted.tension > WARN_TENSION:
         found.append(Notice("camera-tension", tension=adjusted.tension))
-    if adjusted.sigma_px > TOLD_PX:
+    if adjusted.sigma_px > WARN_RESIDUAL_PX:
         found.append(Notice("camera-residuals", sigma_px=adjusted.sigma_px))
     return found
 
@@ -293,7 +293,7 @@ def _well_met(block: ImageBlock, ties: Ties) -> Ties:
     if not len(ties):
         return ties
     poses = frame_poses(block.trajectory, block.camera, block.t_s, block.scale)
-    return ties.chosen((meeting_angles(poses, block.camera, ties) > LEAST_RAD)[ties.point])
+    return ties.chosen((meeting_angles(poses, block.camera, ties) > MIN_MEETING_ANGLE_RAD)[ties.point])
 
 
 def with_control(
@@ -311,12 +311,12 @@ def with_control(
 def doubtful(adjusted: AdjustedBlock) -> str | None:
     """Why an adjustment is not to be used; None where it is."""
     share = float(adjusted.used.mean())
-    if share < LEAST_USED or adjusted.sigma_px > MOST_NOISE_PX:
+    if share < MIN_USED_SHARE or adjusted.sigma_px > MAX_RESIDUAL_PX:
         return (
             f"their points do not fit its poses together ({share:.0%} of the observations, residuals of "
             f"{adjusted.sigma_px:.1f} pixels). Check times, intrinsics and mounting in `[camera]`"
         )
-    if adjusted.tension > MOST_TENSION:
+    if adjusted.tension > MAX_TENSION:
         return (
             f"they contradict GNSS and IMU (errors {adjusted.tension:.1f} times as large as these leave open). Check "
             "times, intrinsics and mounting in `[camera]`, and the coordinates of control points"

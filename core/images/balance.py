@@ -73,13 +73,13 @@ def balanced(
     frame, logs = frame[good], np.log(levels[good])
     square = radius[good] ** 2
     powers = np.column_stack([square, square**2, square**3])
-    shared = _fitted(which, frame, count, logs.mean(axis=1), powers)
+    shared = _fit(which, frame, count, logs.mean(axis=1), powers)
     left = logs - (powers @ shared[count:])[:, None]
-    gain = np.column_stack([_fitted(which, frame, count, left[:, c], None)[:count] for c in range(3)])
+    gain = np.column_stack([_fit(which, frame, count, left[:, c], None)[:count] for c in range(3)])
     return Balance(np.ascontiguousarray(gain), np.ascontiguousarray(shared[count:]))
 
 
-def _fitted(
+def _fit(
     point: NDArray[np.intp], frame: NDArray[np.int32], count: int, logs: FloatArray, powers: FloatArray | None
 ) -> FloatArray:
     """Gains (count,) and coefficients of the powers (k,), the brightness of each point eliminated."""

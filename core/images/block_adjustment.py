@@ -31,9 +31,8 @@ from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
 
-TURN: Final = 0
-"""First column of the boresight: rotation vector about the vehicle's axes."""
 DELAY: Final = 3
+"""Column behind the boresight, a rotation vector about the vehicle's axes."""
 CAMERA_UNKNOWNS: Final = 4
 """Unknowns beside the errors of the poses."""
 CAMERA_SIGMAS: Final = np.array([*np.radians([5.0, 5.0, 5.0]), 0.1])
@@ -45,9 +44,9 @@ CONVERGED_PX: Final = 3e-3
 """The adjustment ends when residuals change by less, in pixels."""
 DELAY_STEP_S: Final = 0.005
 """Time on both sides over which the motion of the camera is differentiated."""
-LEAST_PLACED: Final = 1e-5
+MIN_PLACED_RATIO: Final = 1e-5
 """Square of the ratio of a point's accuracies across the view and along it, below which its distance is unknown."""
-WILD: Final = 5.0
+MAX_RESIDUAL_SIGMAS: Final = 5.0
 """Observations with larger residuals, in standard deviations, are left out."""
 
 
@@ -123,15 +122,12 @@ class AdjustedBlock:
 
 @dataclass(frozen=True)
 class _BlockState:
-    """Unknowns: boresight and delay (4,), errors of the poses at the nodes (6 m,), points (p, 3).
+    """The unknowns."""
 
-    Those but the points also in units of the root of their covariance before: `z`.
-    """
-
-    fixed: FloatArray
-    error: FloatArray
-    xyz_m: FloatArray
-    z: FloatArray
+    fixed: FloatArray  # (4,) boresight and delay
+    error: FloatArray  # (6 m,) errors of the poses at the nodes
+    xyz_m: FloatArray  # (p, 3) points
+    z: FloatArray  # (4 + 6 m,) all but the points in units of the root of their covariance before
 
 
 def adjusted_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) -> AdjustedBlock:
@@ -159,9 +155,9 @@ def adjusted_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) 
         sigma_px = ties.sigma_px * np.where(held, 1.0, factor)
         length = np.hypot(*rows.residual.T) / sigma_px
         robust = huber_weight(length / loose)
-        trusted = rows.usable * ((length < WILD) | held | (number <= len(LOOSE) + 1))
+        trusted = rows.usable * ((length < MAX_RESIDUAL_SIGMAS) | held | (number <= len(LOOSE) + 1))
         weight = trusted * robust / sigma_px**2
-        state, covariance, left = _stepped(state, ties, rows, weight, root, known)
+        state, covariance, left = _step(state, ties, rows, weight, root, known)
         rows = _rows(block, state, ties)
         if number >= len(LOOSE):
             factor = _noise(rows, ties, known)
@@ -169,49 +165,32 @@ def adjusted_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) 
         before = np.hypot(*rows.residual.T)
         if number > len(LOOSE) + 2 and float(np.quantile(moved, 0.9)) < CONVERGED_PX:
             break
-    told = float((1.0 - left).sum())
-    tension = float(np.sqrt((state.z**2).sum() / max(told, 1.0)))
+    determined = float((1.0 - left).sum())
+    tension = float(np.sqrt((state.z**2).sum() / max(determined, 1.0)))
     return _result(block, state, covariance, ties, rows, weight, (float(np.median(sigma_px)), tension))
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Linearised observations.
+    """Linearised observations."""
 
-    Attributes:
-        residual: (o, 2) seen minus computed, pixels.
-        first: (o,) first column of the two nodes beside the exposure.
-        design: (o, 2, FIXED + 12) derivatives of the computed pixel by boresight, delay, and errors at both nodes.
-        by_point: (o, 2, 3) by the place of the point.
-        usable: (o,) 1 where the point is in front of the camera, else 0.
-    """
-
-    residual: FloatArray
-    first: IntArray
-    design: FloatArray
-    by_point: FloatArray
-    usable: FloatArray
+    residual: FloatArray  # (o, 2) seen minus computed, pixels
+    first: IntArray  # (o,) first column of the two nodes beside the exposure
+    design: FloatArray  # (o, 2, 4 + 12) derivatives of the computed pixel by boresight, delay, and errors at both nodes
+    by_point: FloatArray  # (o, 2, 3) by the place of the point
+    usable: FloatArray  # (o,) 1 where the point is in front of the camera, else 0
 
 
 @dataclass(frozen=True)
 class _Exposures:
-    """Poses of the vehicle when the images were taken, without the errors found so far.
+    """Poses of the vehicle when the images were taken, without the errors found so far."""
 
-    Attributes:
-        xyz_m: (n, 3) of its origin.
-        rotation: (n, 3, 3) vehicle to map.
-        velocity_mps: (n, 3) in the map frame.
-        rate_radps: (n, 3) angular rate in the map's axes.
-        node: (n,) node before.
-        share: (n,) of the way to the next one.
-    """
-
-    xyz_m: FloatArray
-    rotation: FloatArray
-    velocity_mps: FloatArray
-    rate_radps: FloatArray
-    node: IntArray
-    share: FloatArray
+    xyz_m: FloatArray  # (n, 3) of its origin
+    rotation: FloatArray  # (n, 3, 3) vehicle to map
+    velocity_mps: FloatArray  # (n, 3) in the map frame
+    rate_radps: FloatArray  # (n, 3) angular rate in the map's axes
+    node: IntArray  # (n,) node before
+    share: FloatArray  # (n,) of the way to the next one
 
 
 def _exposures(block: ImageBlock, state: _BlockState) -> _Exposures:
@@ -329,7 +308,7 @@ def _poses(block: ImageBlock, state: _BlockState) -> FramePoses:
     return FramePoses(exposed_s, e.xyz_m + lever, e.rotation @ mount, block.scale)
 
 
-def _stepped(
+def _step(
     state: _BlockState, ties: Ties, rows: _Rows, weight: FloatArray, root: FloatArray, known: Known
 ) -> tuple[_BlockState, FloatArray, FloatArray]:
     """The state after a round, the covariance of boresight, delay and errors, and how much of each axis is open."""
@@ -337,28 +316,22 @@ def _stepped(
     held, pull = np.zeros((ties.points, 3)), np.zeros((ties.points, 3))
     held[known.point] = 1.0 / known.sigma_m**2
     pull[known.point] = (known.xyz_m - state.xyz_m[known.point]) / known.sigma_m**2
-    weight = weight * _placed(ends, weight, rows.by_point, held)[ties.point]
+    # Points that their observations do not place would spoil the equations by rounding.
+    own = np.einsum("o,oak,oam->okm", weight, rows.by_point, rows.by_point)
+    values = np.linalg.eigvalsh(np.add.reduceat(own, ends[:-1]) + held[:, :, None] * np.eye(3))
+    weight = weight * (values[:, 0] > MIN_PLACED_RATIO * values[:, 2])[ties.point]
     observed = ends, rows.residual, weight, rows.design, rows.first, rows.by_point
-    normal, right, inverse = _reduced(*observed, held, pull, len(root))
+    normal, right, inverse = _reduce(*observed, held, pull, len(root))
     normal += np.tril(normal, -1).T
     step, covariance, left = solved(normal, right, root, state.z)
-    moved = _points_moved(*observed, inverse, pull, root @ step)
+    moved = _move_points(*observed, inverse, pull, root @ step)
     z = state.z + step
     unknowns = root @ z
     return _BlockState(unknowns[:CAMERA_UNKNOWNS], unknowns[CAMERA_UNKNOWNS:], state.xyz_m + moved, z), covariance, left
 
 
-def _placed(ends: NDArray[np.intp], weight: FloatArray, by_point: FloatArray, held: FloatArray) -> NDArray[np.bool_]:
-    """(p,) which points their observations place: others would spoil the equations by rounding."""
-    own = np.einsum("o,oak,oam->okm", weight, by_point, by_point)
-    normal = np.add.reduceat(own, ends[:-1]) + held[:, :, None] * np.eye(3)
-    values = np.linalg.eigvalsh(normal)
-    placed: NDArray[np.bool_] = values[:, 0] > LEAST_PLACED * values[:, 2]
-    return placed
-
-
 @numba.njit(cache=True, nogil=True)
-def _reduced(ends, residual, weight, design, first, by_point, held, pull, unknowns):  # type: ignore[no-untyped-def]
+def _reduce(ends, residual, weight, design, first, by_point, held, pull, unknowns):  # type: ignore[no-untyped-def]
     """Lower triangle of the normal matrix and the right side without the points; the inverses (p, 3, 3) of theirs."""
     normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
     inverse = np.zeros((len(ends) - 1, 3, 3))
@@ -410,7 +383,7 @@ def _reduced(ends, residual, weight, design, first, by_point, held, pull, unknow
 
 
 @numba.njit(cache=True, nogil=True)
-def _points_moved(ends, residual, weight, design, first, by_point, inverse, pull, step):  # type: ignore[no-untyped-def]
+def _move_points(ends, residual, weight, design, first, by_point, inverse, pull, step):  # type: ignore[no-untyped-def]
     """(p, 3) steps of the points, those of the other unknowns known."""
     out = np.zeros((len(ends) - 1, 3))
     width = design.shape[2]
@@ -428,15 +401,12 @@ def _points_moved(ends, residual, weight, design, first, by_point, inverse, pull
 
 
 def _noise(rows: _Rows, ties: Ties, known: Known) -> float:
-    """Factor of the standard deviations by which the residuals of ties are as large as expected.
-
-    A point takes three of the residuals' degrees of freedom, the poses few of all.
-    """
+    """Factor of the standard deviations by which the residuals of ties are as large as expected."""
     of_tie = ~np.isin(ties.point, known.point) & (rows.usable > 0)
     if not of_tie.any():
         return 1.0
     seen = np.bincount(ties.point, minlength=ties.points)[ties.point]
-    # NMAD of residuals, each enlarged by what its point took.
+    # NMAD of residuals; a point takes three of their degrees of freedom, the poses few of all.
     share = np.sqrt(2.0 * seen / (2.0 * seen - 3.0))
     length = np.abs(rows.residual[of_tie]) * (share / ties.sigma_px)[of_tie, None]
     return max(float(1.4826 * np.median(length)), 1e-3)

@@ -20,9 +20,9 @@ PIVOT_ITERATIONS: Final = 12
 PIVOT_STEP_M: Final = 1e-5
 """For slopes of the projection."""
 MIN_PIVOT_FRAMES: Final = 4
-"""Frames, with which a pivot is looked for."""
-WORSE: Final = 1.3
-"""Where corners fit so many times worse with a pivot than without one, there is none."""
+"""With fewer frames no pivot is estimated."""
+MAX_PIVOT_RMS_RATIO: Final = 1.3
+"""Where the residuals of corners grow by more with a pivot, there is none."""
 PRIOR_M: Final = 10.0
 """Standard deviation of the pivot's place, for mounts that hardly turn."""
 
@@ -107,12 +107,12 @@ ON_BODY, ON_MOUNT = "body", "mount"
 """Where the board is; the camera is on the other."""
 MIN_BOARDS: Final = 3
 """Frames with the board, from which a camera can be estimated."""
-MOST_FOR_CAMERA: Final = 40
-UNSURE: Final = 2.0
-"""Of the two poses that a plane may have, the better one is taken where the other fits so many times worse."""
+MAX_CAMERA_FRAMES: Final = 40
+AMBIGUOUS_RMS_RATIO: Final = 2.0
+"""Of the two poses that a plane may have, the better one is taken where the other's residuals are this much larger."""
 CORNER_WINDOW: Final = 0.4
-LARGEST_WINDOW_PX: Final = 20
-"""Half the side of the window in which a corner is refined: a share of the distance to the next, at most so much."""
+MAX_CORNER_WINDOW_PX: Final = 20
+"""Half the side of the window in which a corner is refined: a share of the distance to the next one, and the most."""
 
 
 @dataclass(frozen=True)
@@ -184,21 +184,15 @@ def found_corners(image: NDArray[np.uint8], board: Board) -> FloatArray | None:
         return None
     grid = np.asarray(corners, np.float32).reshape(board.rows, board.columns, 2)
     apart = min(float(np.linalg.norm(np.diff(grid, axis=k), axis=2).min()) for k in (0, 1))
-    half = max(2, min(LARGEST_WINDOW_PX, int(CORNER_WINDOW * apart)))
+    half = max(2, min(MAX_CORNER_WINDOW_PX, int(CORNER_WINDOW * apart)))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
     refined = cv2.cornerSubPix(grey, grid.reshape(-1, 1, 2), (half, half), (-1, -1), criteria)
     out: FloatArray = np.asarray(refined, np.float64).reshape(-1, 2)
-    if (board.columns + board.rows) % 2 and _first_is_white(grey, out, board):
-        out = out[::-1].copy()
-    return out
-
-
-def _first_is_white(grey: NDArray[np.uint8], corners: FloatArray, board: Board) -> bool:
-    """Whether the square inside the first corner is brighter than its neighbour in the row."""
-    grid = corners.reshape(board.rows, board.columns, 2)
-    first, second = (grid[:2, k : k + 2].reshape(4, 2).mean(axis=0) for k in (0, 1))
-    levels = [float(grey[round(at[1]), round(at[0])]) for at in (first, second)]
-    return levels[0] > levels[1]
+    grid = out.reshape(board.rows, board.columns, 2)
+    squares = [grid[:2, k : k + 2].reshape(4, 2).mean(axis=0) for k in (0, 1)]
+    first, second = (float(grey[round(at[1]), round(at[0])]) for at in squares)
+    # The square inside the first corner is the black one.
+    return out[::-1].copy() if (board.columns + board.rows) % 2 and first > second else out
 
 
 def board_poses(
@@ -225,7 +219,7 @@ def board_poses(
         raise RefusedError(
             "board-not-found", columns=board.columns, rows=board.rows, shown=len(shown), corners=len(corners)
         )
-    used = camera if camera is not None else _estimated(shown, board, size)
+    used = camera if camera is not None else _estimate_camera(shown, board, size)
     poses: list[_Pose] = []
     for found in shown:
         poses.append(_pose(found, board, used, poses[-1].rotation if poses else None))
@@ -233,7 +227,7 @@ def board_poses(
     if len(poses) >= MIN_PIVOT_FRAMES:
         place, ordered = np.array([pose.place_m for pose in poses]), np.array([pose.corners for pose in poses])
         turned = about_pivot(rotation, place, ordered, board.corners_m, used)
-        if np.sqrt((turned.rms_px**2).mean()) < WORSE * np.sqrt((rms**2).mean()):
+        if np.sqrt((turned.rms_px**2).mean()) < MAX_PIVOT_RMS_RATIO * np.sqrt((rms**2).mean()):
             rotation, rms, sigma = turned.rotation, turned.rms_px, turned.sigma_deg
             return BoardPoses(frame, rotation, rms, sigma, used, camera is None, has_pivot=True)
     sigma = np.array([pose.sigma_deg for pose in poses])
@@ -251,11 +245,11 @@ class _Pose:
     sigma_deg: float
 
 
-def _estimated(shown: Sequence[FloatArray], board: Board, size: tuple[int, int]) -> Camera:
+def _estimate_camera(shown: Sequence[FloatArray], board: Board, size: tuple[int, int]) -> Camera:
     """The camera by Zhang's method."""
     import cv2
 
-    some = [shown[k] for k in np.unique(np.linspace(0, len(shown) - 1, MOST_FOR_CAMERA).astype(int))]
+    some = [shown[k] for k in np.unique(np.linspace(0, len(shown) - 1, MAX_CAMERA_FRAMES).astype(int))]
     points = [board.corners_m.astype(np.float32)] * len(some)
     flags = cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     _, matrix, bent, _, _ = cv2.calibrateCamera(
@@ -284,7 +278,7 @@ def _pose(corners: FloatArray, board: Board, camera: Camera, before: FloatArray 
             sigma_deg = float(np.degrees(np.sqrt(np.diag(covariance)[:3].max())))
             tried.append((apart, _Pose(rotation, np.asarray(at, np.float64).ravel(), each, error, sigma_deg)))
     least = min(pose.rms_px for _, pose in tried)
-    likely = [one for one in tried if one[1].rms_px <= UNSURE * least]
+    likely = [one for one in tried if one[1].rms_px <= AMBIGUOUS_RMS_RATIO * least]
     return min(likely, key=lambda one: (one[0], one[1].rms_px))[1]
 
 

@@ -24,7 +24,7 @@ from furrowmap.core.values.camera import Camera
 
 BALANCE_SAMPLES: Final = 8_000
 """Points from whose colours in several frames these are balanced."""
-MOST_OBSERVATIONS: Final = 400_000
+MAX_OBSERVATIONS: Final = 400_000
 
 
 class ColourMaker:
@@ -62,19 +62,15 @@ class ColourMaker:
             OSError: if the disk has no room for the images.
         """
         visibility = self._visibility.finish()
-        pixels = decoded(self._frames, notices, progress)
+        pixels = decode_frames(self._frames, notices, progress)
         samples = np.concatenate([np.zeros((0, 3)), *self._samples])
-        return Colours(visibility, pixels, _balance(visibility, pixels, samples), self._frames.poses.t_s)
-
-
-def _balance(visibility: Visibility, pixels: FramePixels, samples: FloatArray) -> Balance:
-    """The balance of the frames from points that several of them see."""
-    count = len(visibility.slack)
-    plain = Colours(visibility, pixels, Balance.none(count), np.zeros(count))
-    point, frame, at_px, levels = observations(samples, *plain.arguments[:-2], MOST_OBSERVATIONS)
-    middle = 0.5 * (visibility.view.size - 1.0)
-    radius = np.linalg.norm(at_px - middle, axis=1) / (0.5 * np.linalg.norm(visibility.view.size))
-    return balanced(count, point, frame, radius, levels)
+        count = len(visibility.slack)
+        plain = Colours(visibility, pixels, Balance.none(count), np.zeros(count))
+        point, frame, at_px, levels = observations(samples, *plain.arguments[:-2], MAX_OBSERVATIONS)
+        middle = 0.5 * (visibility.view.size - 1.0)
+        radius = np.linalg.norm(at_px - middle, axis=1) / (0.5 * np.linalg.norm(visibility.view.size))
+        balance = balanced(count, point, frame, radius, levels)
+        return Colours(visibility, pixels, balance, self._frames.poses.t_s)
 
 
 MAX_PIXEL_BYTES: Final = 6_000_000_000
@@ -98,7 +94,7 @@ class FramePixels:
     reduction: int
 
 
-def decoded(frames: Frames, notices: list[Notice], progress: Progress = silent) -> FramePixels:
+def decode_frames(frames: Frames, notices: list[Notice], progress: Progress = silent) -> FramePixels:
     """Decode all frames.
 
     Args:

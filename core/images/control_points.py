@@ -14,7 +14,6 @@ from furrowmap.core.images.projection import inside, project
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.readers.exif import read_pixels
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.images import ImageFile
 
 RADII_PX: Final = (4, 6, 9)
@@ -22,7 +21,7 @@ RADII_PX: Final = (4, 6, 9)
 PLATE_SAMPLES: Final = 16
 MIN_PLATE_SHARE: Final = 0.65
 """Of the grey levels' variance on a circle that has two periods a turn: 0.81 for four equal quadrants."""
-LEAST_CONTRAST: Final = 35.0
+MIN_PLATE_CONTRAST: Final = 35.0
 """Half the difference between white and black, in grey levels of 255."""
 REFINED_PX: Final = 6
 """Half the width of the window in which the middle is refined."""
@@ -77,7 +76,7 @@ def _score(grey: NDArray[np.float32], first: NDArray[np.int_], last: NDArray[np.
         power = (ring**2).mean(axis=0)
         twice = np.tensordot(turn, ring, axes=1) * (2.0 / PLATE_SAMPLES)
         share = 0.5 * np.abs(twice) ** 2 / np.maximum(power, 1e-6)
-        clear = (share >= MIN_PLATE_SHARE) & (power >= LEAST_CONTRAST**2)
+        clear = (share >= MIN_PLATE_SHARE) & (power >= MIN_PLATE_CONTRAST**2)
         out = np.minimum(out, np.where(clear, share * np.sqrt(power), 0.0))
         phases.append(twice)
     for other in phases[1:]:
@@ -88,14 +87,14 @@ def _score(grey: NDArray[np.float32], first: NDArray[np.int_], last: NDArray[np.
 
 SIGMA_M: Final = 0.005
 """Standard deviation of a surveyed point whose table states none."""
-PIXEL: Final = 0.15
+PLATE_SIGMA_PX: Final = 0.15
 """Standard deviation of the middle of a plate in an image, pixels."""
 CONTROL_SIGMAS: Final = 3.0
 """A plate is looked for within so many standard deviations of its place in the image."""
-LEAST_REACH_PX: Final = 12.0
-MOST_REACH_PX: Final = 250.0
+MIN_REACH_PX: Final = 12.0
+MAX_REACH_PX: Final = 250.0
 LUMA: Final = np.array([0.299, 0.587, 0.114])
-AGREEING_PX: Final = 3.0
+MAX_DISAGREEMENT_PX: Final = 3.0
 """Views of a point that are further from the others are of something else."""
 
 
@@ -117,21 +116,6 @@ class ControlPoints:
     seen: tuple[tuple[str, int, float, float], ...] = ()
 
 
-@dataclass(frozen=True)
-class ControlViews:
-    """Views of surveyed points.
-
-    Attributes:
-        frame: (v,) number of the image.
-        number: (v,) of the point.
-        pixel: (v, 2) column and row.
-    """
-
-    frame: NDArray[np.int64]
-    number: NDArray[np.int64]
-    pixel: FloatArray
-
-
 def control_views(
     points: ControlPoints, block: ImageBlock, adjusted: AdjustedBlock, paths: Sequence[ImageFile]
 ) -> tuple[Ties, Known] | None:
@@ -143,11 +127,15 @@ def control_views(
         adjusted: by ties alone.
         paths: of the images.
     """
-    views = _stated(points, paths) if points.seen else _found(points, block, adjusted, paths)
-    order = np.lexsort((views.frame, views.number))
-    views = ControlViews(views.frame[order], views.number[order], views.pixel[order])
-    kept, point = np.unique(views.number, return_inverse=True)
-    ties = Ties(views.frame, point.astype(np.int64), views.pixel, np.full(len(views.frame), PIXEL))
+    if points.seen:
+        frames = {path.name: k for k, path in enumerate(paths)}
+        views = [(frames[name], k, u, v) for name, k, u, v in points.seen if name in frames]
+    else:
+        views = _find_plates(points, block, adjusted, paths)
+    table = np.array(views, np.float64).reshape(-1, 4)
+    table = table[np.lexsort((table[:, 0], table[:, 1]))]
+    kept, point = np.unique(table[:, 1].astype(np.int64), return_inverse=True)
+    ties = Ties(table[:, 0].astype(np.int64), point.astype(np.int64), table[:, 2:], np.full(len(table), PLATE_SIGMA_PX))
     agreeing = _agreeing(block, adjusted, ties)
     chosen = ties.chosen(agreeing)
     if not len(chosen):
@@ -158,20 +146,14 @@ def control_views(
     return chosen, Known(np.arange(len(number)), points.xyz_m[number], sigma, tuple(points.name[k] for k in number))
 
 
-def _stated(points: ControlPoints, paths: Sequence[ImageFile]) -> ControlViews:
-    frames = {path.name: k for k, path in enumerate(paths)}
-    rows = [(frames[name], k, u, v) for name, k, u, v in points.seen if name in frames]
-    table = np.array(rows, np.float64).reshape(-1, 4)
-    return ControlViews(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:])
-
-
-def _found(
+def _find_plates(
     points: ControlPoints, block: ImageBlock, adjusted: AdjustedBlock, paths: Sequence[ImageFile]
-) -> ControlViews:
-    """Look for the plates where the adjusted poses expect them."""
+) -> list[tuple[int, int, float, float]]:
+    """Number of the image, number of the point, column and row of the plates where the adjusted poses expect them."""
     poses, camera = adjusted_poses(block, adjusted), adjusted.camera
-    reach_m = CONTROL_SIGMAS * float(np.sqrt(_shift_variance(adjusted.found).max())) + CONTROL_SIGMAS * SIGMA_M
-    rows = []
+    variances: FloatArray = np.diag(adjusted.found.covariance).reshape(-1, 6)[:, :3]
+    reach_m = CONTROL_SIGMAS * float(np.sqrt(variances.max())) + CONTROL_SIGMAS * SIGMA_M
+    found = []
     for k, path in enumerate(paths):
         place = poses.in_frame(k, points.xyz_m)
         pixel = project(camera, place)
@@ -181,32 +163,16 @@ def _found(
             )
         if not len(near):
             continue
-        grey = _grey(path)
-        if grey is None:
+        try:
+            grey: NDArray[np.uint8] = np.round(read_pixels(path, 1) @ LUMA).astype(np.uint8)
+        except ValueError:
             continue
         for number in near.tolist():
-            reach = np.clip(camera.fx * reach_m / place[number, 2], LEAST_REACH_PX, MOST_REACH_PX)
+            reach = np.clip(camera.fx * reach_m / place[number, 2], MIN_REACH_PX, MAX_REACH_PX)
             middle = plate_middle(grey, pixel[number], float(reach))
             if middle is not None:
-                rows.append((k, number, *middle.tolist()))
-    table = np.array(rows, np.float64).reshape(-1, 4)
-    return ControlViews(table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:])
-
-
-def _shift_variance(found: PoseErrors) -> FloatArray:
-    """(m, 3) variances of the places at the nodes."""
-    variances: FloatArray = np.diag(found.covariance).reshape(-1, 6)[:, :3]
-    return variances
-
-
-def _grey(path: ImageFile) -> NDArray[np.uint8] | None:
-    """Grey levels (rows, columns) of an image; None if it cannot be read."""
-    try:
-        pixels = read_pixels(path, 1)
-    except ValueError:
-        return None
-    grey: NDArray[np.uint8] = np.round(pixels @ LUMA).astype(np.uint8)
-    return grey
+                found.append((k, number, float(middle[0]), float(middle[1])))
+    return found
 
 
 def _agreeing(block: ImageBlock, adjusted: AdjustedBlock, ties: Ties) -> NDArray[np.bool_]:
@@ -225,7 +191,7 @@ def _agreeing(block: ImageBlock, adjusted: AdjustedBlock, ties: Ties) -> NDArray
                 ]
             )
             worst = int(np.argmax(np.nan_to_num(off, nan=np.inf)))
-            if off[worst] <= AGREEING_PX:
+            if off[worst] <= MAX_DISAGREEMENT_PX:
                 break
             own = np.delete(own, worst)
         if len(own) < 2:

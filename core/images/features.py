@@ -26,7 +26,7 @@ Pair = tuple[int, int]
 
 MAX_IMAGE_FEATURES: Final = 2000
 """Of an image; those of the largest scales are kept."""
-LEAST_MATCHES: Final = 15
+MIN_MATCHES: Final = 15
 """Two images with fewer are not linked."""
 OF_SCALE: Final = 0.06
 """Standard deviation of a feature's place in units of its scale, before residuals show it."""
@@ -114,11 +114,11 @@ class FeatureStore:
         database = self._colmap.Database.open(self._database)
         try:
             number = {image.image_id: int(Path(image.name).stem) for image in database.read_all_images()}
-            keypoints = {number[k]: _measured(database.read_keypoints(k)) for k in number}
+            keypoints = {number[k]: _places_and_sigmas(database.read_keypoints(k)) for k in number}
             matches = {}
             for key, geometry in zip(*database.read_two_view_geometries(), strict=True):
                 a, b = (number[k] for k in self._colmap.pair_id_to_image_pair(key))
-                if len(geometry.inlier_matches) >= LEAST_MATCHES:
+                if len(geometry.inlier_matches) >= MIN_MATCHES:
                     matches[a, b] = geometry.inlier_matches.astype(np.int64)
         finally:
             database.close()
@@ -143,7 +143,7 @@ def _put(image: ImageFile, name: Path) -> None:
         shutil.copyfile(image, name)
 
 
-def _measured(keypoints: NDArray[np.float32]) -> FloatArray:
+def _places_and_sigmas(keypoints: NDArray[np.float32]) -> FloatArray:
     """(k, 3) of COLMAP's keypoints: a place and a 2 × 2 shape each."""
     out = np.empty((len(keypoints), 3))
     if len(keypoints):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,10 @@ class FramePoses:
         """(n,) which have a pose."""
         known: NDArray[np.bool_] = np.isfinite(self.xyz_m[:, 0])
         return known
+
+    def selected(self, index: NDArray[np.intp] | NDArray[np.bool_]) -> FramePoses:
+        """Some of the poses, by a mask (n,) or their indices."""
+        return FramePoses(self.t_s[index], self.xyz_m[index], self.rotation[index], self.scale)
 
     def in_frame(self, k: int, xyz_m: FloatArray) -> FloatArray:
         """Map coordinates (m, 3) in the optical frame of an image."""
@@ -93,13 +97,7 @@ class Frames:
     def selected(self, which: NDArray[np.bool_] | Sequence[int]) -> Frames:
         """Some of the frames, by a mask (n,) or their increasing indices."""
         index = np.arange(len(self))[np.asarray(which)]
-        poses = replace(
-            self.poses,
-            t_s=self.poses.t_s[index],
-            xyz_m=self.poses.xyz_m[index],
-            rotation=self.poses.rotation[index],
-        )
-        return Frames(tuple(self.paths[k] for k in index), self.camera, poses)
+        return Frames(tuple(self.paths[k] for k in index), self.camera, self.poses.selected(index))
 
 
 def frames_along(
@@ -132,5 +130,4 @@ def frames_along(
         )
     if not known.any():
         return None
-    kept = replace(poses, t_s=poses.t_s[known], xyz_m=poses.xyz_m[known], rotation=poses.rotation[known])
-    return Frames(tuple(path for path, has in zip(images.paths, known, strict=True) if has), camera, kept)
+    return Frames(tuple(images.paths[k] for k in np.flatnonzero(known)), camera, poses.selected(known))

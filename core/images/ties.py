@@ -18,7 +18,7 @@ from furrowmap.core.values.camera import Camera
 
 OVERLAP_GRID: Final = (9, 7)
 """Pixels of an image, in columns and rows, that are looked for in another one."""
-LEAST_OVERLAP: Final = 0.1
+MIN_OVERLAP: Final = 0.1
 MAX_NEIGHBOURS: Final = 10
 """Other images with which one is matched: those that show most of the same."""
 
@@ -46,11 +46,11 @@ def overlapping(poses: FramePoses, camera: Camera, depth_m: float) -> list[tuple
         ground = poses.xyz_m[a] + stretch * (rays @ poses.rotation[a].T)
         seen = project(camera, poses.in_frame(b, ground))
         shares[k] = inside(camera, np.nan_to_num(seen, nan=-1.0)).mean()
-    kept = shares >= LEAST_OVERLAP
-    return _most_shared(near[kept], shares[kept], len(poses))
+    kept = shares >= MIN_OVERLAP
+    return _best_pairs(near[kept], shares[kept], len(poses))
 
 
-def _most_shared(pairs: NDArray[np.intp], shares: FloatArray, count: int) -> list[tuple[int, int]]:
+def _best_pairs(pairs: NDArray[np.intp], shares: FloatArray, count: int) -> list[tuple[int, int]]:
     """The pairs that are among the MOST of either image."""
     met, out = np.zeros(count, np.int64), []
     for a, b in pairs[np.argsort(-shares, kind="stable")].tolist():
@@ -63,7 +63,7 @@ def _most_shared(pairs: NDArray[np.intp], shares: FloatArray, count: int) -> lis
 
 TIE_GRID: Final = (12, 9)
 """Cells of an image over which ties are spread, in columns and rows."""
-PER_CELL: Final = 3
+MAX_TIES_PER_CELL: Final = 3
 """Points of a cell that are enough: more add little, as their errors go together."""
 
 
@@ -138,7 +138,7 @@ def thinned(ties: Ties, size: tuple[int, int]) -> Ties:
     begin = np.searchsorted(ties.point, np.arange(ties.points + 1))
     place = np.clip((ties.pixel / np.array(size) * TIE_GRID).astype(np.int64), 0, np.array(TIE_GRID) - 1)
     cell = (ties.frame * TIE_GRID[0] + place[:, 0]) * TIE_GRID[1] + place[:, 1]
-    return ties.chosen(_spread(order, begin, cell, PER_CELL)[ties.point])
+    return ties.chosen(_spread(order, begin, cell, MAX_TIES_PER_CELL)[ties.point])
 
 
 @numba.njit("boolean[::1](int64[::1], int64[::1], int64[::1], int64)", cache=True, nogil=True)

@@ -25,7 +25,7 @@ MAX_DEPTH_CELLS: Final = 256
 """Cells across an image; those of larger images have more pixels."""
 POINTS_PER_CELL: Final = 6.0
 """Mean number of points in a cell with any, from which on surfaces are taken to be closed."""
-MOST_POOLED: Final = 16
+MAX_POOLED_CELLS: Final = 16
 MAX_DISTANCE_M: Final = 150.0
 """Points farther from the camera are not looked at."""
 MIN_DISTANCE_M: Final = 0.2
@@ -167,8 +167,10 @@ class VisibilityMaker:
         """The visibility of all points; the maker cannot be used any more."""
         slack = np.empty(len(self._points))
         for k, points in enumerate(self._points.tolist()):
-            pooled = _pooling(self._depth[k], points)
-            self._depth[k] = closed(self._depth[k], pooled)
+            depth, pooled = self._depth[k], 1
+            while pooled < MAX_POOLED_CELLS and points < POINTS_PER_CELL * np.isfinite(_least(depth, pooled)).sum():
+                pooled *= 2
+            self._depth[k] = closed(depth, pooled)
             slack[k] = SLACK_CELLS * pooled * self._cell_px / self.view.intrinsics[0]
         return Visibility(self.view, self._depth, slack, self._cell_px, self._index())
 
@@ -183,14 +185,6 @@ class VisibilityMaker:
             parts.append(frame.astype(np.int32))
         frames = np.concatenate([np.zeros(0, np.int32), *parts])
         return PlaceIndex(self._corner_m, self._cell_m, self._shape[1], np.cumsum(start), frames)
-
-
-def _pooling(depth: NDArray[np.float32], points: int) -> int:
-    """Cells to be taken together, so that those with any points have enough."""
-    pooled = 1
-    while pooled < MOST_POOLED and points < POINTS_PER_CELL * np.isfinite(_least(depth, pooled)).sum():
-        pooled *= 2
-    return pooled
 
 
 def _least(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -17,10 +16,10 @@ from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.session import Session
 from furrowmap.core.values.trajectory import ScanPoses, Trajectory
 
-OUTAGE_S: Final = 2.0
-"""Time without positions that is told."""
-NOT_FIXED: Final = 0.05
-"""Share of the time without a fixed solution that is told."""
+MIN_OUTAGE_S: Final = 2.0
+"""Shorter times without positions give no warning."""
+MIN_NOT_FIXED_SHARE: Final = 0.05
+"""A smaller share of the time without a fixed solution gives no warning."""
 _GOOD: Final = (Fix.FIXED, Fix.SIMULATED, -1)
 """Quality of fixed solutions; poses from a file have none."""
 
@@ -32,7 +31,20 @@ def position_notices(placement: Placement, located: Located) -> list[Notice]:
         placement: the scans and their poses.
         located: the trajectory.
     """
-    return [*_gaps(placement, located), *quality_notices(placement.poses)]
+    gaps = located.trajectory.gaps_s
+    inside = gaps[(gaps[:, 0] < placement.last_s) & (gaps[:, 1] > placement.first_s)]
+    if not len(inside):
+        return quality_notices(placement.poses)
+    length = inside[:, 1] - inside[:, 0]
+    longest = int(np.argmax(length))
+    notice = Notice(
+        "gaps",
+        length=length.sum(),
+        inside=len(inside),
+        length_2=length[longest],
+        inside_2=iso_utc(float(inside[longest, 0])),
+    )
+    return [notice, *quality_notices(placement.poses)]
 
 
 def quality_notices(poses: ScanPoses) -> list[Notice]:
@@ -55,40 +67,21 @@ def fix_shares(poses: ScanPoses) -> dict[str, float]:
     return {names[i]: round(float(counts[i]) / len(poses), 4) for i in order.tolist()}
 
 
-def _gaps(placement: Placement, located: Located) -> list[Notice]:
-    """Gaps of the trajectory during the scans."""
-    gaps = located.trajectory.gaps_s
-    inside = gaps[(gaps[:, 0] < placement.last_s) & (gaps[:, 1] > placement.first_s)]
-    if not len(inside):
-        return []
-    length = inside[:, 1] - inside[:, 0]
-    longest = int(np.argmax(length))
-    return [
-        Notice(
-            "gaps",
-            length=length.sum(),
-            inside=len(inside),
-            length_2=length[longest],
-            inside_2=iso_utc(float(inside[longest, 0])),
-        )
-    ]
-
-
 def _outages(poses: ScanPoses) -> list[Notice]:
     """Times with poses, but without positions."""
     without = poses.fix == Fix.NONE
     edges = np.flatnonzero(np.diff(without, prepend=False, append=False)).reshape(-1, 2)
     begin, end = poses.t_s[np.maximum(edges[:, 0] - 1, 0)], poses.t_s[np.minimum(edges[:, 1], len(poses) - 1)]
     length = end - begin
-    told = length >= OUTAGE_S
-    if not told.any():
+    long = length >= MIN_OUTAGE_S
+    if not long.any():
         return []
     longest = int(np.argmax(length))
     return [
         Notice(
             "gnss-outage",
-            length=length[told].sum(),
-            told=int(told.sum()),
+            length=length[long].sum(),
+            told=int(long.sum()),
             length_2=length[longest],
             begin=iso_utc(float(begin[longest])),
         )
@@ -99,22 +92,16 @@ def _not_fixed(poses: ScanPoses) -> list[Notice]:
     """Time with positions that are no fixed solutions, where others are."""
     fixed = np.isin(poses.fix, _GOOD)
     others = ~fixed & (poses.fix != Fix.NONE)
-    if not fixed.any() or others.mean() < NOT_FIXED:
+    if not fixed.any() or others.mean() < MIN_NOT_FIXED_SHARE:
         return []
-    seconds = _duration_s(poses.t_s)
+    # A pause counts as a usual step. There are two poses at least: a fixed one and another.
+    step = np.diff(poses.t_s)
+    usual = float(np.median(step))
+    seconds = np.append(np.where(step > 3.0 * usual, usual, step), usual)
     kinds = [Fix(code) for code in np.unique(poses.fix[others]).tolist()]
     words = ", ".join(f"{kind.label} {seconds[poses.fix == kind].sum():.1f} s" for kind in kinds)
     first = iso_utc(float(poses.t_s[np.argmax(others)]))
     return [Notice("gnss-not-fixed", others=others.mean(), words=words, first=first)]
-
-
-def _duration_s(t_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Time (n,) that each of the times stands for; a pause counts as a usual step."""
-    if len(t_s) < 2:
-        return np.zeros(len(t_s))
-    step = np.diff(t_s)
-    usual = float(np.median(step))
-    return np.append(np.where(step > 3.0 * usual, usual, step), usual)
 
 
 POSE_SAMPLES: Final = 100
@@ -134,21 +121,17 @@ def refuse_empty(placement: Placement, trajectory: Trajectory, session: Session)
     if placement.scans_standing:
         raise InputError("only-standing", scans_standing=placement.scans_standing)
     scans = ClockReading(Clock.SENSOR, placement.first_s, placement.last_s)
-    if session.mount is not None and _has_poses(trajectory, scans):
-        raise InputError(
-            "no-common-time",
-            attitude=session.mount.attitude,
-            first_s=iso_utc(scans.first_s),
-            last_s=iso_utc(scans.last_s),
-        )
+    if session.mount is not None:
+        begin_s, end_s = max(trajectory.span_s[0], scans.first_s), min(trajectory.span_s[1], scans.last_s)
+        poses = trajectory.at(np.linspace(begin_s, end_s, POSE_SAMPLES))
+        if begin_s <= end_s and np.isfinite(poses.quaternion).any():
+            raise InputError(
+                "no-common-time",
+                attitude=session.mount.attitude,
+                first_s=iso_utc(scans.first_s),
+                last_s=iso_utc(scans.last_s),
+            )
     raise _no_common_time(scans, trajectory, session.recording.lidar_minus_gnss_s)
-
-
-def _has_poses(trajectory: Trajectory, scans: ClockReading) -> bool:
-    """Whether the vehicle has poses at times of the scans."""
-    begin_s, end_s = max(trajectory.span_s[0], scans.first_s), min(trajectory.span_s[1], scans.last_s)
-    times = np.linspace(begin_s, end_s, POSE_SAMPLES)
-    return begin_s <= end_s and bool(np.isfinite(trajectory.at(times).quaternion).any())
 
 
 def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float) -> InputError:

@@ -143,7 +143,10 @@ def run(
     if not any(notice.code == CONTRADICTING for notice in image_notices):
         frames = _camera_frames(opened, located.trajectory, aid, image_notices)
     sink = open_sink(frame, placer.origin_m, frames)
-    moving = ahead(implement.following(_correct_ranges(lidar, matched)), SCANS_AHEAD)
+    corrected = lidar.scans()
+    if matched is not None and matched.ranges is not None:
+        corrected = map(matched.ranges.corrected, corrected)
+    moving = ahead(implement.following(corrected), SCANS_AHEAD)
     scans = watched(moving, lidar, progress, "placing points")
     with behind(sink, SCANS_AHEAD) as add:
         placement = _place(opened, scans, placer, add, classifier(machine))
@@ -221,8 +224,8 @@ def _read_external_states(opened: OpenSession, trajectory: Trajectory) -> tuple[
     states: list[ToolStates | None] = []
     notices: list[Notice] = []
     for tool, files in zip(opened.session.implements, opened.inputs.tools, strict=True):
-        told, about = external_states(files.states, tool, task, trajectory)
-        states.append(told)
+        found, about = external_states(files.states, tool, task, trajectory)
+        states.append(found)
         notices += about
     return states, notices
 
@@ -330,7 +333,10 @@ def _match(
         located, matched = match_to_ground(guess, lidar, session, implement.add_scan, progress)
         if checkpoint is not None:
             checkpoint.save(MatchedSession(located.trajectory, located.notices, matched))
-    turned = matched is not None and _yaw_differs(matched.mounting, session.lidar.mounting)
+    # The yaw ambiguity of the mounting may be resolved otherwise than stated.
+    forward = session.lidar.mounting.rotation[:, 0]
+    cosine = np.cos(np.radians(MIN_YAW_CHANGE_DEG))
+    turned = matched is not None and bool(matched.mounting.rotation[:, 0] @ forward < cosine)
     late = matched is not None and matched.clock_used_s != 0.0
     if matched is not None and (turned or late):
         # The implement was looked for on another side of the vehicle, or at other times.
@@ -389,13 +395,6 @@ def _correct_clock(lidar: LidarRecording, matched: Matched | None) -> LidarRecor
     return lidar.ahead_by(matched.clock_used_s) if matched is not None else lidar
 
 
-def _correct_ranges(lidar: LidarRecording, matched: Matched | None) -> Iterator[Scan]:
-    """The scans without the range offsets of their lasers, where matching found these."""
-    if matched is None or matched.ranges is None:
-        return lidar.scans()
-    return map(matched.ranges.corrected, lidar.scans())
-
-
 def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     """The ground worked in a session that names no scanner's recording."""
     session, watch = opened.session, _StopWatch()
@@ -410,8 +409,8 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     progress("work", 0.0)
     tools = session.implements or (None,)
     known = [
-        FieldWork(boundary=boundary, external=told, tool=tool.name if tool is not None else "")
-        for tool, told in zip_longest(tools, states)
+        FieldWork(boundary=boundary, external=external, tool=tool.name if tool is not None else "")
+        for tool, external in zip_longest(tools, states)
     ]
     work = with_grounds(known, located.trajectory, opened.frame, tools)
     watch.lap("work")
@@ -486,12 +485,6 @@ def placer_of(located: Located, mounting: Mounting, carrier: Trajectory | None =
     middle = np.median(located.trajectory.xyz_m, axis=0)
     e, n, h = (np.round(middle / ORIGIN_STEP_M) * ORIGIN_STEP_M).tolist()
     return Placer(located.trajectory, mounting, (e, n, h), carrier, scale)
-
-
-def _yaw_differs(used: Mounting, stated: Mounting) -> bool:
-    """Whether the yaw ambiguity of the mounting was resolved otherwise than stated."""
-    forward = np.array([used.rotation[:, 0], stated.rotation[:, 0]])
-    return bool(forward[0] @ forward[1] < np.cos(np.radians(MIN_YAW_CHANGE_DEG)))
 
 
 def _run_result(

@@ -39,22 +39,15 @@ def aided_session(
     source = opened.session.camera
     if source is None or not source.aid:
         return located, None
-    missing = [name for name in EXTRA if find_spec(name) is None]
-    if missing:
+    if not all(map(find_spec, EXTRA)):
         notices.append(unused('the extra is not installed: pip install "furrowmap[photo]"'))
         return located, None
-    control = _control(opened)
+    inputs, control = opened.inputs, None
+    if inputs.control_points is not None:
+        points = read_points(inputs.control_points, opened.frame.whole_crs)
+        seen = () if inputs.control_pixels is None else read_pixels(inputs.control_pixels, points.name)
+        control = ControlPoints(points.name, points.xyz_m, points.sigma_m, seen)
     return aided_by_images(located, opened.images(notices), opened.camera(), scale, control, notices, progress)
-
-
-def _control(opened: OpenSession) -> ControlPoints | None:
-    """The control points of a session; None without."""
-    inputs = opened.inputs
-    if inputs.control_points is None:
-        return None
-    points = read_points(inputs.control_points, opened.frame.whole_crs)
-    seen = () if inputs.control_pixels is None else read_pixels(inputs.control_pixels, points.name)
-    return ControlPoints(points.name, points.xyz_m, points.sigma_m, seen)
 
 
 def read_pixels(path: Path, names: tuple[str, ...]) -> tuple[tuple[str, int, float, float], ...]:

@@ -135,7 +135,9 @@ def cleaned(
         usual = NeighbourStatistics()
         if cleaning.outliers == "statistical":
             for square in squares:
-                _add_few(spool.read_squares([square]), square, few)
+                records = spool.read_squares([square])
+                some = thin_points(records["xyz_m"][~records["noise"]])  # neighbours of isolated points
+                few.add(some, np.repeat(few.keys([square]), len(some)))
         if cleaning.outliers != "none":
             for number, block in enumerate(parts, 1):
                 _measure(spool, few, block, cleaning.outliers, cleaning.voxel_m or 0.0, usual)
@@ -307,12 +309,6 @@ def _measure(
     spool.overwrite(spool.keys(block), records)
 
 
-def _add_few(records: RecordArray, square: Square, few: SquareSpool) -> None:
-    """Store the thinned points of a square, as neighbours of isolated points."""
-    some = thin_points(records["xyz_m"][~records["noise"]])
-    few.add(some, np.repeat(few.keys([square]), len(some)))
-
-
 def _with_outliers(records: RecordArray, usual: NeighbourStatistics) -> RecordArray:
     """The records with outliers set to noise."""
     known = ~records["noise"]
@@ -324,7 +320,7 @@ def _with_outliers(records: RecordArray, usual: NeighbourStatistics) -> RecordAr
 
 def _add_lows(records: RecordArray, square: Square, lows: SquareSpool) -> None:
     """Store the lowest points of the cells of a square, as surroundings of blocks for the ground filter."""
-    xyz = _ground_like(records)
+    xyz: FloatArray = records["xyz_m"][~(records["noise"] | records["machine"])]
     if not len(xyz):
         return
     lowest = xyz[_lowest(xyz, SMRF.cell_m, *bounds(xyz))]
@@ -343,12 +339,6 @@ def _lowest(xyz_m, cell_m, low, high):  # type: ignore[no-untyped-def]
         if out[cell] < 0 or xyz_m[i, 2] < xyz_m[out[cell], 2]:
             out[cell] = i
     return out[out >= 0]
-
-
-def _ground_like(records: RecordArray) -> FloatArray:
-    """Positions of points that can be ground."""
-    xyz: FloatArray = records["xyz_m"][~(records["noise"] | records["machine"])]
-    return xyz
 
 
 def _classify_ground(records: RecordArray, block: list[Square], lows: SquareSpool, method: GroundMethod) -> None:

@@ -178,11 +178,15 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
             metres.
         RefusedError: if PROJ has no exact transformation to `dst_crs`.
     """
-    _refuse_twice(paths)
+    given: dict[Path, Path] = {}
+    for path in paths:
+        first = given.setdefault(path.resolve(), path)
+        if first is not path:
+            raise UsageError("cloud-twice", path=path, first=first)
     files = tuple(open_cloud(path) for path in paths)
     source = _common_crs(files, crs)
     flat, height = _parts(source)
-    flat = _identified(flat, _place(files))
+    flat = _identify_crs(flat, _place(files))
     notices = [notice for file in files for notice in file.notices]
     change = None
     if dst_crs is not None:
@@ -194,7 +198,9 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
     else:
         _require_metres(flat, str(files[0].path), files, source)
         target = flat
-    unit_m = _height_unit_m(flat, height)
+    unit_m = 1.0  # without a vertical CRS heights have the unit of the horizontal one, as is usual in LAS files
+    if height is not None or flat.is_projected:
+        unit_m = float((height or flat).axis_info[0].unit_conversion_factor)
     if unit_m != 1.0:
         notices.append(Notice("heights-in-feet", unit_m=unit_m))
     whole = target
@@ -240,15 +246,6 @@ def no_points_error(clouds: Clouds, box: Box | None) -> InputError:
     )
 
 
-def _refuse_twice(paths: Sequence[Path]) -> None:
-    """Raises UsageError where a file is given twice."""
-    seen: dict[Path, Path] = {}
-    for path in paths:
-        first = seen.setdefault(path.resolve(), path)
-        if first is not path:
-            raise UsageError("cloud-twice", path=path, first=first)
-
-
 def _within(batch: CloudBatch, box: Box | None) -> CloudBatch:
     if box is None:
         return batch
@@ -262,7 +259,11 @@ def _common_crs(files: Sequence[CloudFile], crs: pyproj.CRS | None) -> pyproj.CR
     for file in files:
         stated = file.crs or crs
         if stated is None:
-            raise InputError("crs-missing", file=file.path, is_file=bool(_unreadable(file)))
+            raise InputError(
+                "crs-missing",
+                file=file.path,
+                is_file=any(notice.code == "crs-unreadable" for notice in file.notices),
+            )
         found.append((file, stated))
     first_file, first = found[0]
     for file, other in found[1:]:
@@ -285,11 +286,9 @@ def _parts(crs: pyproj.CRS) -> tuple[pyproj.CRS, pyproj.CRS | None]:
     return crs.to_2d(), None
 
 
-def _identified(flat: pyproj.CRS, place: Box) -> pyproj.CRS:
-    """The EPSG definition of a CRS that files give as WKT 1 only, where it is the same; else the CRS itself.
-
-    WKT 1 has no axis order and no conversion names, so that equal CRS do not compare as equal.
-    """
+def _identify_crs(flat: pyproj.CRS, place: Box) -> pyproj.CRS:
+    """The EPSG definition of a CRS that files give as WKT 1 only, where it is the same; else the CRS itself."""
+    # WKT 1 has no axis order and no conversion names, so that equal CRS do not compare as equal.
     code = flat.to_epsg(min_confidence=20) if flat.to_epsg() is None else None
     if code is None:
         return flat
@@ -297,13 +296,6 @@ def _identified(flat: pyproj.CRS, place: Box) -> pyproj.CRS:
     x, y = 0.5 * (place[0] + place[2]), 0.5 * (place[1] + place[3])
     there = pyproj.Transformer.from_crs(flat, known, always_xy=True).transform(x, y)
     return known if known.name == flat.name and math.dist((x, y), there) < SAME_PLACE_M else flat
-
-
-def _height_unit_m(flat: pyproj.CRS, height: pyproj.CRS | None) -> float:
-    """Unit of the heights; without a vertical CRS that of the horizontal one, as is usual in LAS files."""
-    if height is not None:
-        return float(height.axis_info[0].unit_conversion_factor)
-    return float(flat.axis_info[0].unit_conversion_factor) if flat.is_projected else 1.0
 
 
 def _require_metres(flat: pyproj.CRS, stated_by: str, files: Sequence[CloudFile], source: pyproj.CRS) -> None:
@@ -335,7 +327,3 @@ def _place(files: Sequence[CloudFile]) -> Box:
             (west, south), (east, north) = batch.xyz_m[:, :2].min(axis=0), batch.xyz_m[:, :2].max(axis=0)
             return float(west), float(south), float(east), float(north)
     return 0.0, 0.0, 0.0, 0.0
-
-
-def _unreadable(file: CloudFile) -> bool:
-    return any(notice.code == "crs-unreadable" for notice in file.notices)

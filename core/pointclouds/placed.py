@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -153,7 +154,7 @@ class PlacedScan:
         return kept
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Placement:
     """Counts of a recording's scans and points, and the poses of its scans.
 
@@ -173,16 +174,16 @@ class Placement:
         poses: of the scans that have one.
     """
 
-    scans: int
-    scans_whole: int
-    scans_without_pose: int
-    scans_standing: int
-    points_read: int
-    points: int
-    points_without_pose: int
-    points_outside: int
-    points_standing: int
-    points_elsewhere: int
+    scans: int = 0
+    scans_whole: int = 0
+    scans_without_pose: int = 0
+    scans_standing: int = 0
+    points_read: int = 0
+    points: int = 0
+    points_without_pose: int = 0
+    points_outside: int = 0
+    points_standing: int = 0
+    points_elsewhere: int = 0
     first_s: float
     last_s: float
     poses: ScanPoses
@@ -191,7 +192,7 @@ class Placement:
     def without_scans(cls, trajectory: Trajectory) -> Placement:
         """No scans, and the poses of a trajectory's knots."""
         first_s, last_s = trajectory.span_s
-        return cls(0, 0, 0, 0, 0, 0, 0, 0, 0, 0, first_s, last_s, ScanPoses.at_knots(trajectory))
+        return cls(first_s=first_s, last_s=last_s, poses=ScanPoses.at_knots(trajectory))
 
 
 def unclassified(scan: Scan) -> NDArray[np.uint8]:
@@ -221,113 +222,52 @@ def place_scans(
     Raises:
         InputError: if time runs back from one scan to the next.
     """
-    counts = _ScanCounts(placer.trajectory)
+    trajectory, counts = placer.trajectory, Counter[str]()
+    begin_s, end_s = trajectory.span_s
+    first_s = last_s = float("nan")
+    placed: list[tuple[int, float, int]] = []
     for scan in scans:
-        counts.read(scan)
+        counts.update(scans=1, scans_whole=int(scan.whole), points_read=len(scan))
         if not len(scan):
             continue
+        scan_s = float(scan.t_s[0])
+        if scan_s < last_s - DISORDER_S:
+            raise InputError("scans-not-in-order", number=scan.number, at_s=iso_utc(scan_s), last_s=iso_utc(last_s))
+        first_s, last_s = first_s if np.isfinite(first_s) else scan_s, float(scan.t_s[-1])
         xyz, known = placer.place(scan)
         classification = classify(scan)
         count = int(np.count_nonzero(known))
         if count < len(scan):
-            counts.without_pose(scan, count)
+            outside = int(np.count_nonzero((scan.t_s < begin_s) | (scan.t_s > end_s)))
+            counts.update(
+                scans_without_pose=int(not count), points_without_pose=len(scan) - count, points_outside=outside
+            )
             scan, xyz, classification = scan[known], xyz[known], classification[known]
         if not count:
             continue
-        middle_s = _middle_s(scan.t_s, placer.trajectory)
-        if not standing and _nearest_motion(placer.trajectory, middle_s) == Motion.STANDING:
-            counts.standing(scan, middle_s)
+        # Where a gap lies in the middle of a scan's time, the time of its middle point, which has a pose.
+        middle_s = 0.5 * float(scan.t_s[0] + scan.t_s[-1])
+        if not trajectory.interval(middle_s)[2][0]:
+            middle_s = float(scan.t_s[len(scan) // 2])
+        before, share, _ = trajectory.interval(middle_s)
+        if not standing and trajectory.motion[before[0] + int(share[0] > 0.5)] == Motion.STANDING:
+            counts.update(scans_standing=1, points_standing=len(scan))
+            placed.append((scan.number, middle_s, 0))
             continue
         if within is not None:
             inside = within.contains(xyz + placer.origin_m)
-            counts.elsewhere(len(scan) - int(np.count_nonzero(inside)))
+            counts["points_elsewhere"] += len(scan) - int(np.count_nonzero(inside))
             scan, xyz, classification = scan[inside], xyz[inside], classification[inside]
-        counts.placed(scan, middle_s)
+        counts["points"] += len(scan)
+        placed.append((scan.number, middle_s, len(scan)))
         if len(scan):
             sink(PlacedScan(scan, xyz, classification))
-    return counts.placement()
+    return Placement(**counts, first_s=first_s, last_s=last_s, poses=_poses(trajectory, placed))
 
 
-class _ScanCounts:
-    """Counts scans and points while they are placed."""
-
-    def __init__(self, trajectory: Trajectory) -> None:
-        self._trajectory = trajectory
-        self._scans = self._whole = self._scans_lost = self._scans_standing = 0
-        self._read = self._lost = self._outside = self._standing = self._elsewhere = 0
-        self._first_s = self._last_s = float("nan")
-        self._number: list[int] = []
-        self._middle_s: list[float] = []
-        self._points: list[int] = []
-
-    def read(self, scan: Scan) -> None:
-        self._scans += 1
-        self._whole += scan.whole
-        self._read += len(scan)
-        if not len(scan):
-            return
-        begin_s = float(scan.t_s[0])
-        if begin_s < self._last_s - DISORDER_S:
-            raise _runs_back(scan.number, begin_s, self._last_s)
-        self._first_s = self._first_s if np.isfinite(self._first_s) else begin_s
-        self._last_s = float(scan.t_s[-1])
-
-    def without_pose(self, scan: Scan, known: int) -> None:
-        begin_s, end_s = self._trajectory.span_s
-        self._lost += len(scan) - known
-        self._outside += int(np.count_nonzero((scan.t_s < begin_s) | (scan.t_s > end_s)))
-        self._scans_lost += not known
-
-    def standing(self, scan: Scan, middle_s: float) -> None:
-        self._scans_standing += 1
-        self._standing += len(scan)
-        self._pose(scan.number, middle_s, 0)
-
-    def elsewhere(self, points: int) -> None:
-        self._elsewhere += points
-
-    def placed(self, scan: Scan, middle_s: float) -> None:
-        self._pose(scan.number, middle_s, len(scan))
-
-    def _pose(self, number: int, middle_s: float, points: int) -> None:
-        self._number.append(number)
-        self._middle_s.append(middle_s)
-        self._points.append(points)
-
-    def placement(self) -> Placement:
-        return Placement(
-            scans=self._scans,
-            scans_whole=self._whole,
-            scans_without_pose=self._scans_lost,
-            scans_standing=self._scans_standing,
-            points_read=self._read,
-            points=sum(self._points),
-            points_without_pose=self._lost,
-            points_outside=self._outside,
-            points_standing=self._standing,
-            points_elsewhere=self._elsewhere,
-            first_s=self._first_s,
-            last_s=self._last_s,
-            poses=_poses(self._trajectory, self._number, self._middle_s, self._points),
-        )
-
-
-def _runs_back(number: int, at_s: float, last_s: float) -> InputError:
-    return InputError("scans-not-in-order", number=number, at_s=iso_utc(at_s), last_s=iso_utc(last_s))
-
-
-def _middle_s(t_s: NDArray[np.float64], trajectory: Trajectory) -> float:
-    """The middle of a scan's time; where a gap lies there, the time of its middle point, which has a pose."""
-    middle = 0.5 * float(t_s[0] + t_s[-1])
-    return middle if bool(trajectory.interval(middle)[2][0]) else float(t_s[len(t_s) // 2])
-
-
-def _nearest_motion(trajectory: Trajectory, t_s: float) -> int:
-    k, share, _ = trajectory.interval(t_s)
-    return int(trajectory.motion[k[0] + int(share[0] > 0.5)])
-
-
-def _poses(trajectory: Trajectory, number: list[int], t_s: list[float], points: list[int]) -> ScanPoses:
+def _poses(trajectory: Trajectory, placed: Sequence[tuple[int, float, int]]) -> ScanPoses:
+    """Poses of scans, each given with its number, time and points in the cloud."""
+    number, t_s, points = zip(*placed, strict=True) if placed else ((), (), ())
     t = np.asarray(t_s, np.float64)
     k, share, _ = trajectory.interval(t) if len(t) else (np.zeros(0, np.intp), np.zeros(0), None)
     nearest = k + (share > 0.5)

@@ -78,9 +78,13 @@ def cloud_tiles(
     """
     if method == "csf":
         require_cloth()
-        _refuse_coarse(spooled.points.cell_m)
+        if spooled.points.cell_m > GROUND_CELL_M:
+            raise InputError("cells-too-coarse", cell_m=spooled.points.cell_m, ground_cell_m=GROUND_CELL_M)
     keys = spooled.points.tiles
-    blocks = _blocks(keys, spooled.points.cell_m)
+    across = _across(spooled.points.cell_m)
+    blocks: dict[Key, list[Key]] = {}
+    for column, row in keys:
+        blocks.setdefault((column // across, row // across), []).append((column, row))
     source = spooled.ground if method == "class" else spooled.points
     lows = _Lows(source, set(source.tiles))
     done = 0
@@ -89,7 +93,7 @@ def cloud_tiles(
             filter_tiles(spool, outliers, pool, lambda share: progress("looking for noise", share))
             for spool in (spooled.points, spooled.ground)
         )
-        for block in blocks:
+        for _, block in sorted(blocks.items(), key=lambda item: (-item[0][1], item[0][0])):  # north first, then west
             ground = _ground(block, lows, method) if method != "none" else None
             yield from pool.map(
                 lambda key, ground=ground: _tile(points, of_ground, key, ground, method, statistic), block
@@ -99,28 +103,15 @@ def cloud_tiles(
             progress("making surfaces", done / len(keys))
 
 
-def _refuse_coarse(cell_m: float) -> None:
-    if cell_m > GROUND_CELL_M:
-        raise InputError("cells-too-coarse", cell_m=cell_m, ground_cell_m=GROUND_CELL_M)
-
-
 @dataclass(frozen=True)
 class _Ground:
-    """The ground of a block in coarse cells from the CRS origin, row 0 the southernmost.
+    """The ground of a block in coarse cells from the CRS origin, row 0 the southernmost."""
 
-    Attributes:
-        cells: fine cells a side of a coarse one.
-        corner: column and row of the first coarse cell.
-        height_m: (rows, columns) with gaps filled.
-        limit_m: greatest distance of ground points.
-        far: cells farther than 10 m from observed ground.
-    """
-
-    cells: int
-    corner: Key
-    height_m: FloatArray
-    limit_m: FloatArray
-    far: NDArray[np.bool_]
+    cells: int  # fine cells a side of a coarse one
+    corner: Key  # column and row of the first coarse cell
+    height_m: FloatArray  # (rows, columns) with gaps filled
+    limit_m: FloatArray  # greatest distance of ground points
+    far: NDArray[np.bool_]  # cells farther than 10 m from observed ground
 
 
 @dataclass
@@ -171,15 +162,6 @@ def _margin(cell_m: float) -> int:
     return math.ceil(2.0 * SMRF.window_m / (SPOOL_TILE * cell_m))
 
 
-def _blocks(keys: list[Key], cell_m: float) -> list[list[Key]]:
-    """Tiles by block, north first, then west."""
-    across = _across(cell_m)
-    blocks: dict[Key, list[Key]] = {}
-    for column, row in keys:
-        blocks.setdefault((column // across, row // across), []).append((column, row))
-    return [blocks[block] for block in sorted(blocks, key=lambda block: (-block[1], block[0]))]
-
-
 def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | None:
     """The ground of a block; None where there is none."""
     cell_m = lows.spool.cell_m
@@ -195,15 +177,11 @@ def _ground(block: list[Key], lows: _Lows, method: GroundMethod) -> _Ground | No
         return None
     n = lows.cells
     parts = [lows.of(key) for key in near]
-    ends = [key[k] * SPOOL_TILE // n for key in block for k in (0, 1)]
-    west = min([first[0] for first, _ in parts] + ends[::2])
-    south = min([first[1] for first, _ in parts] + ends[1::2])
-    east = max(
-        [first[0] + low.shape[1] for first, low in parts] + [(key[0] + 1) * SPOOL_TILE // n + 1 for key in block]
-    )
-    north = max(
-        [first[1] + low.shape[0] for first, low in parts] + [(key[1] + 1) * SPOOL_TILE // n + 1 for key in block]
-    )
+    tiles = np.array(block) * SPOOL_TILE
+    first = np.array([corner for corner, _ in parts])
+    behind = first + [low.shape[::-1] for _, low in parts]
+    west, south = np.minimum(first.min(axis=0), tiles.min(axis=0) // n).tolist()
+    east, north = np.maximum(behind.max(axis=0), (tiles.max(axis=0) + SPOOL_TILE) // n + 1).tolist()
     lowest = np.full((north - south, east - west), np.nan)
     for (column, row), low in parts:
         there = lowest[row - south : row - south + low.shape[0], column - west : column - west + low.shape[1]]

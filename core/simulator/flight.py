@@ -15,7 +15,7 @@ from furrowmap.core.simulator.flight_scenario import Flight
 from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.noise import band_noise
 from furrowmap.core.simulator.scenario import Scenario
-from furrowmap.core.simulator.site import check_size
+from furrowmap.core.simulator.site import lay_round
 
 FloatArray = NDArray[np.float64]
 
@@ -23,7 +23,6 @@ GRAVITY_MPS2: Final = 9.81
 """Against which the aircraft tilts; the IMU measures the normal gravity of the place."""
 TILT_S: Final = 0.15
 """An aircraft follows the acceleration that is asked of it this slowly."""
-MAX_FLIGHT_S: Final = 3600.0
 
 
 def laid_out_flight(scenario: Scenario, flight: Flight) -> Scenario:
@@ -32,17 +31,8 @@ def laid_out_flight(scenario: Scenario, flight: Flight) -> Scenario:
     Raises:
         InputError: the ground would be too large to hold.
     """
-    e, n = _turned(waypoints(flight), flight.heading_deg).T
-    margin = scenario.field.margin_m
-    size = tuple(
-        math.ceil(np.ptp(values) + 2.0 * margin) if math.isnan(stated) else stated
-        for values, stated in ((e, scenario.field.size_e_m), (n, scenario.field.size_n_m))
-    )
-    start = tuple(
-        round(0.5 * whole - 0.5 * float(values.min() + values.max()), 3) if math.isnan(stated) else stated
-        for values, whole, stated in zip((e, n), size, flight.start_xy_m, strict=True)
-    )
-    check_size(size[0], size[1])
+    e, n = _turn(waypoints(flight), flight.heading_deg).T
+    size, start = lay_round(scenario.field, flight.start_xy_m, e, n)
     replace = msgspec.structs.replace
     return replace(
         scenario,
@@ -120,7 +110,7 @@ def fly(scenario: Scenario, flight: Flight, scale: float, rng: np.random.Generat
 
 def _along(t_s: FloatArray, flight: Flight) -> tuple[FloatArray, FloatArray]:
     """The path (n, 2) from its start, towards east and north, and the heading of the nose (n,) as yaw."""
-    corners = _turned(waypoints(flight), flight.heading_deg)
+    corners = _turn(waypoints(flight), flight.heading_deg)
     legs = np.diff(corners, axis=0)
     length = np.hypot(*legs.T)
     legs, length = legs[length > 0.0], length[length > 0.0]
@@ -137,7 +127,7 @@ def _along(t_s: FloatArray, flight: Flight) -> tuple[FloatArray, FloatArray]:
     return smooth, gaussian_filter1d(course[leg], width, mode="nearest", truncate=6.0)
 
 
-def _turned(uv_m: FloatArray, heading_deg: float) -> FloatArray:
+def _turn(uv_m: FloatArray, heading_deg: float) -> FloatArray:
     """Along and left of a heading, as east and north."""
     yaw = math.radians(90.0 - heading_deg)
     u, v = uv_m.T

@@ -17,6 +17,7 @@ from furrowmap.core.simulator.recording import World
 from furrowmap.core.simulator.scenario import Scenario, ScenarioLidar
 from furrowmap.core.simulator.site import CELL_M, CROP_CELL_M, SimulatedSite
 from furrowmap.core.simulator.soil import Ground, ground_height
+from furrowmap.core.simulator.truth import quarters
 
 FloatArray = NDArray[np.float64]
 Float32Array = NDArray[np.float32]
@@ -83,20 +84,16 @@ def write_mounting(file: Path, lidar: ScenarioLidar) -> None:
 def write_ground(folder: Path, world: World, plots: NDArray[np.int16] | None) -> dict[str, Any]:
     """surface.npz, parcels_truth.csv and the check points; their figures."""
     scenario, site, ground = world.scenario, world.site, world.ground
-    rows, cols = (2 * math.floor(m / TRUTH_PIXEL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
-
-    def quarters(fine: NDArray[Any]) -> NDArray[Any]:
-        return fine[:rows, :cols].reshape(rows // 2, 2, cols // 2, 2).swapaxes(1, 2).reshape(rows // 2, cols // 2, 4)
-
-    e, n = ((np.arange(k) + 0.5) * CROP_CELL_M for k in (cols, rows))
-    soil = np.empty((rows // 2, cols // 2))
+    rows, cols = (math.floor(m / TRUTH_PIXEL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
+    e, n = ((np.arange(2 * k) + 0.5) * CROP_CELL_M for k in (cols, rows))
+    soil = np.empty((rows, cols))
     for row, north in enumerate(n.reshape(-1, 2)):
         place = np.meshgrid(e, north)
-        height = ground_height(ground, place[0].ravel(), place[1].ravel(), np.zeros(2 * cols))
-        soil[row] = height.reshape(2, cols // 2, 2).mean(axis=(0, 2))
+        height = ground_height(ground, place[0].ravel(), place[1].ravel(), np.zeros(4 * cols))
+        soil[row] = height.reshape(2, cols, 2).mean(axis=(0, 2))
     canopy, parcel = np.zeros(soil.shape, np.float32), np.zeros(soil.shape, np.int16)
     if world.crop is not None and plots is not None:
-        canopy, parcel = quarters(world.crop).max(axis=2), quarters(plots).max(axis=2)
+        canopy, parcel = (quarters(fine, rows, cols).max(axis=2) for fine in (world.crop, plots))
     np.savez_compressed(
         folder / "truth" / "surface.npz",
         soil=soil.astype(np.float32), canopy_height=canopy.astype(np.float32), parcel=parcel,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import math
 from dataclasses import dataclass
 from typing import Any, Final
@@ -101,7 +100,7 @@ def sentences(fixes: Fixes, site: SimulatedSite, station: str) -> str:
     course = _true_course(fixes.enh_m, fixes.velocity_mps, site)
     lines = []
     for i, t_s in enumerate(fixes.t_s):
-        now = _utc(site, float(t_s))
+        now = site.utc(float(t_s))
         time = f"{now:%H%M%S}.{now.microsecond // 10000:02d}"
         where = f"{degrees_minutes(float(lat[i]), 2, 8, 'NS')},{degrees_minutes(float(lon[i]), 3, 8, 'EW')}"
         fixed = fixes.quality[i] == FIXED_QUALITY
@@ -129,7 +128,7 @@ def gprmc(motion: SimulatedMotion, antenna_m: Vector3, site: SimulatedSite, t_s:
     velocity = (enh[2:] - enh[:1])[:, :2] / max(float(around[2] - around[0]), 1e-3)
     lon, lat = (float(a[0]) for a in site.geographic(enh[1:2, 0], enh[1:2, 1]))
     course = float(_true_course(enh[1:2], velocity, site)[0])
-    now = _utc(site, whole_s + clock_offset_s)
+    now = site.utc(whole_s + clock_offset_s)
     return sentence(
         f"GPRMC,{now:%H%M%S},A,{degrees_minutes(lat, 2, 4, 'NS')},{degrees_minutes(lon, 3, 4, 'EW')},"
         f"{float(np.hypot(*velocity[0])) / KNOT_MPS:05.1f},{course:05.1f},{now:%d%m%y},,,D"
@@ -178,7 +177,3 @@ def _true_course(enh_m: FloatArray, velocity_mps: FloatArray, site: SimulatedSit
     grid = np.degrees(np.arctan2(velocity_mps[:, 0], velocity_mps[:, 1]))
     course: FloatArray = (grid + site.convergence_deg(enh_m[:, 0], enh_m[:, 1])) % 360.0
     return np.where(course >= 359.995, 0.0, course)
-
-
-def _utc(site: SimulatedSite, t_s: float) -> dt.datetime:
-    return dt.datetime(1970, 1, 1, tzinfo=dt.UTC) + dt.timedelta(microseconds=site.t0_us + round(t_s * 1e6))

@@ -96,7 +96,10 @@ def exact(
     p = [place - p0 for place, _ in rest]
     velocity = (p[0] - 8.0 * p[1] + 8.0 * p[2] - p[3]) / (12.0 * GRID_STEP_S)
     acceleration = (-p[0] + 16.0 * p[1] + 16.0 * p[2] - p[3]) / (12.0 * GRID_STEP_S**2)
-    wide, near = (_turned(rest[a][1], rest[b][1]) for a, b in ((0, 3), (1, 2)))
+    wide, near = (
+        np.asarray(Rotation.from_matrix(rest[a][1].transpose(0, 2, 1) @ rest[b][1]).as_rotvec(), np.float64)
+        for a, b in ((0, 3), (1, 2))
+    )
     turning = (8.0 * near - wide) / (12.0 * GRID_STEP_S)
     spin = np.array([0.0, 0.0, EARTH_RADPS])
     up = by_axis(t_s).reshape(-1, 3, 3)[:, :, 2]
@@ -130,8 +133,3 @@ def write_biases(file: Path, log: SimulatedImuLog, imu: ScenarioImu, site: Simul
     i = slice(None, None, max(1, imu.rate_hz // 10))
     table = np.column_stack([site.t0_s + log.t_s[i], log.bias[i]])
     np.savetxt(file, table, fmt="%.4f" + ",%.6f" * 6, header=f"time_unix_s,{_RATE},{_FORCE}", comments="")
-
-
-def _turned(before: FloatArray, after: FloatArray) -> FloatArray:
-    """(n, 3) rotation vectors from axes to later axes, in the axes between."""
-    return np.asarray(Rotation.from_matrix(before.transpose(0, 2, 1) @ after).as_rotvec(), np.float64)

@@ -74,7 +74,7 @@ def plan_path(drive: ScenarioDrive, rng: np.random.Generator) -> DrivenPath:
         line.passes.append((begin, line.length_m))
         line.stops += [(begin + at_m, stand_s) for i, at_m, stand_s in drive.stops if i == number]
         line.drive(_straight(drive.run_out_m), drive.speed_turn_mps, 0.0)
-    return _wandering(line.whole(), drive.wander_m, rng)
+    return _wander(line.whole(), drive.wander_m, rng)
 
 
 class _Line:
@@ -191,7 +191,7 @@ def _bisect(f: Callable[[float], float], low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
-def _wandering(path: DrivenPath, wander_m: float, rng: np.random.Generator) -> DrivenPath:
+def _wander(path: DrivenPath, wander_m: float, rng: np.random.Generator) -> DrivenPath:
     """`path` with smooth deviations to the sides, none where the machine starts, ends or changes its direction."""
     n = len(path.distance_m)
     if wander_m == 0.0:
@@ -201,17 +201,12 @@ def _wandering(path: DrivenPath, wander_m: float, rng: np.random.Generator) -> D
     side = np.fft.irfft(np.fft.rfft(rng.standard_normal(n)) * shape, n)
     side *= wander_m / max(float(side.std()), 1e-12)
     fixed = [path.distance_m[0], path.distance_m[-1], *path.distance_m[1:][np.diff(path.gear) != 0]]
-    x = np.clip(_nearest(path.distance_m, fixed) / 1.5, 0.0, 1.0)
+    ordered = np.sort(np.array(fixed))
+    i = np.searchsorted(ordered, path.distance_m).clip(1, len(ordered) - 1)
+    nearest_m = np.minimum(np.abs(path.distance_m - ordered[i - 1]), np.abs(ordered[i] - path.distance_m))
+    x = np.clip(nearest_m / 1.5, 0.0, 1.0)
     side *= x * x * (3.0 - 2.0 * x)
     turn = np.arctan(np.gradient(side, path.distance_m)) * path.gear
     u = path.u_m - side * np.sin(path.yaw_rad)
     v = path.v_m + side * np.cos(path.yaw_rad)
     return DrivenPath(path.distance_m, u, v, path.yaw_rad + turn, path.gear, path.limit_mps, path.stops, path.passes)
-
-
-def _nearest(distance_m: FloatArray, marks: list[float]) -> FloatArray:
-    """Distance of each way to the nearest of the sorted marks."""
-    ordered = np.sort(np.array(marks))
-    i = np.searchsorted(ordered, distance_m).clip(1, len(ordered) - 1)
-    distance: FloatArray = np.minimum(np.abs(distance_m - ordered[i - 1]), np.abs(ordered[i] - distance_m))
-    return distance

@@ -178,7 +178,9 @@ def make_scene(scenario: Scenario, ground: Ground, crop: NDArray[np.float32] | N
     soil, flight = scenario.soil, scenario.flight
     body = scenario.tractor.body_boxes_m if flight is None else flight.body_boxes_m
     if crop is not None:
-        ground = ground._replace(ceiling=ceiling_of(ground.before + _highest_near(crop, *ground.before.shape)))
+        row, col = (np.floor((np.arange(k) + 0.5) * (CELL / CROP_CELL)).astype(np.int64) for k in ground.before.shape)
+        highest: NDArray[np.float32] = maximum_filter(crop, 3, mode="wrap")[row[:, None], col]
+        ground = ground._replace(ceiling=ceiling_of(ground.before + highest))
     return Scene(
         ground,
         np.array([soil.straw_share, soil.straw_height_m, soil.straw_hit, *_crop_rows(scenario)]),
@@ -197,13 +199,6 @@ def _tool(implement: ScenarioImplement, column: int) -> FloatArray:
     x, y = implement.xy_m
     boxes = np.array(implement.boxes_m).reshape(-1, 6) + np.array([x, x, y, y, 0.0, 0.0])
     return np.column_stack([boxes, np.full(len(boxes), float(column))])
-
-
-def _highest_near(crop: NDArray[np.float32], rows: int, cols: int) -> NDArray[np.float32]:
-    """The highest crop in and around each cell of the ground."""
-    row, col = (np.floor((np.arange(k) + 0.5) * (CELL / CROP_CELL)).astype(np.int64) for k in (rows, cols))
-    highest: NDArray[np.float32] = maximum_filter(crop, 3, mode="wrap")[row[:, None], col]
-    return highest
 
 
 def _crop_rows(scenario: Scenario) -> tuple[float, float, float]:
@@ -258,7 +253,7 @@ def cast(scene: Scene, optics: Optics, firings: Firings) -> Returns:
 
 
 @njit(cache=True, nogil=True)
-def _mixed(x):  # type: ignore[no-untyped-def]
+def _mix(x):  # type: ignore[no-untyped-def]
     """The next value of SplitMix64 from the state `x`."""
     z = np.uint64(x)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -270,7 +265,7 @@ def _mixed(x):  # type: ignore[no-untyped-def]
 def _chance(seed, ray, draw):  # type: ignore[no-untyped-def]
     """A number from (0, 1) for a ray and a purpose."""
     state = np.uint64(seed) + np.uint64(ray * 16 + draw + 1) * np.uint64(0x9E3779B97F4A7C15)
-    return (np.float64(_mixed(state) >> np.uint64(11)) + 0.5) * (1.0 / 9007199254740992.0)
+    return (np.float64(_mix(state) >> np.uint64(11)) + 0.5) * (1.0 / 9007199254740992.0)
 
 
 @njit(cache=True, nogil=True)
@@ -322,7 +317,7 @@ def _meet_post(x, y, z, dx, dy, dz, post):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _wrapped(i, n):  # type: ignore[no-untyped-def]
+def _wrap(i, n):  # type: ignore[no-untyped-def]
     """The row or column of the ground that stands for `i`, the ground repeating itself beyond its edges."""
     return i if 0 <= i < n else i % n
 
@@ -348,7 +343,7 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
         if abs(dy) > 1e-9:
             leave = min(leave, ((i + 1 if dy > 0.0 else i) * block - y) / dy)
         leave = max(leave, within)
-        ceiling = ground.ceiling[_wrapped(i, block_rows), _wrapped(j, block_cols)]
+        ceiling = ground.ceiling[_wrap(i, block_rows), _wrap(j, block_cols)]
         if z + leave * dz > ceiling + straw[1]:
             s = leave
             continue
@@ -366,10 +361,10 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
                         high = middle
                 return 0.5 * (low + high), _SOIL
             row, col = math.floor(n / CELL), math.floor(e / CELL)
-            place = _wrapped(row, rows) * cols + _wrapped(col, cols)
+            place = _wrap(row, rows) * cols + _wrap(col, cols)
             if len(crop) and height < ceiling:
                 crop_row, crop_col = math.floor(n / CROP_CELL), math.floor(e / CROP_CELL)
-                stand = crop[_wrapped(crop_row, crop.shape[0]), _wrapped(crop_col, crop.shape[1])]
+                stand = crop[_wrap(crop_row, crop.shape[0]), _wrap(crop_col, crop.shape[1])]
                 within = (stand + relief_at(ground, e, n, t) - height) if stand > 0.0 else 0.0
                 if within > 0.0:
                     depth -= scene.extinction * min(step, within / max(-dz, 1e-9))

@@ -98,34 +98,36 @@ def record(file: Path, world: World, spin: Spin, progress: Progress) -> tuple[di
     rng = random_for(scenario.seed, "computer")
     counts, seen, clock_us, position_packets = _ReturnCounts(), SeenAfter(scenario, ground), 0, 0
     reported = 1 if scenario.lidar.return_mode == "last" else 0
-    with _written(file, compress=scenario.lidar.gzip) as out:
+    with _open_capture(file, compress=scenario.lidar.gzip) as out:
         out.write(FILE_HEADER)
-        for first, firings, returns in _cast_packets(scene, optics, spin, world):
+        batches = (
+            (first, _firings(spin, first, min(_FIRINGS_PER_BATCH, spin.packets - first), world))
+            for first in range(0, spin.packets, _FIRINGS_PER_BATCH)
+        )
+        for first, firings, returns in cast_in_order(scene, optics, batches):
             counts.add(returns, scenario.lidar.return_mode)
             seen.add(returns.cell[reported].ravel(), np.repeat(firings.t_s, VLP16_LASERS))
             payload = data_packets(scenario, site, spin, first, returns)
             sent_s = spin.time_s((first + 1 + np.arange(len(payload))) * spin.firings_a_packet)
-            stamp_us = np.maximum(np.maximum.accumulate(_computer_us(scenario, site, sent_s, rng)), clock_us)
+            late = np.abs(rng.standard_normal(len(sent_s))) * scenario.clock.jitter_s
+            computer_s = sent_s + late + scenario.clock.computer_minus_utc_s
+            computer_us = site.t0_us + np.round(computer_s * 1e6).astype(np.int64)
+            stamp_us = np.maximum(np.maximum.accumulate(computer_us), clock_us)
             clock_us = int(stamp_us[-1])
             data = records(stamp_us, payload, DATA_PORT, 1000 + first)
             begin = 0
             for t_s in _position_times(scenario, spin, first, len(payload)):
                 end = int(np.searchsorted(sent_s, t_s, side="right"))
                 beside_us = stamp_us[max(end - 1, 0) : max(end, 1)]
-                position = _position(scenario, site, motion, t_s)
+                offset_s = scenario.clock.true_lidar_minus_gnss_s
+                said = gprmc(motion, scenario.antenna.xyz_m, site, t_s, offset_s)
+                position = position_packet(scenario, site, t_s, said)
                 out.write(data[begin:end].tobytes())
                 out.write(records(beside_us, position, POSITION_PORT, 50_000 + position_packets).tobytes())
                 begin, position_packets = end, position_packets + 1
             out.write(data[begin:].tobytes())
             progress("lidar", (first + len(payload)) / spin.packets)
     return _figures(site, spin, counts, optics, position_packets), seen.image
-
-
-def _cast_packets(scene: Scene, optics: Optics, spin: Spin, world: World) -> Iterator[tuple[int, Firings, Returns]]:
-    """(first packet, firings, returns) batch by batch."""
-    firsts = range(0, spin.packets, _FIRINGS_PER_BATCH)
-    batches = ((first, _firings(spin, first, min(_FIRINGS_PER_BATCH, spin.packets - first), world)) for first in firsts)
-    yield from cast_in_order(scene, optics, batches)
 
 
 def cast_in_order(
@@ -166,11 +168,6 @@ def _firings(spin: Spin, first: int, packets: int, world: World) -> Firings:
     )
 
 
-def _position(scenario: Scenario, site: SimulatedSite, motion: SimulatedMotion, t_s: float) -> NDArray[np.uint8]:
-    offset_s = scenario.clock.true_lidar_minus_gnss_s
-    return position_packet(scenario, site, t_s, gprmc(motion, scenario.antenna.xyz_m, site, t_s, offset_s))
-
-
 def _position_times(scenario: Scenario, spin: Spin, first: int, packets: int) -> list[float]:
     """When position packets are sent while the data packets from `first` on are."""
     if not scenario.lidar.position_packets:
@@ -181,15 +178,8 @@ def _position_times(scenario: Scenario, spin: Spin, first: int, packets: int) ->
     return [spin.start_s + float(s) for s in since[(since >= begin) & (since < end)]]
 
 
-def _computer_us(
-    scenario: Scenario, site: SimulatedSite, sent_s: NDArray[np.float64], rng: np.random.Generator
-) -> NDArray[np.int64]:
-    late = np.abs(rng.standard_normal(len(sent_s))) * scenario.clock.jitter_s
-    return site.t0_us + np.round((sent_s + late + scenario.clock.computer_minus_utc_s) * 1e6).astype(np.int64)
-
-
 @contextmanager
-def _written(file: Path, *, compress: bool) -> Iterator[SupportsWrite]:
+def _open_capture(file: Path, *, compress: bool) -> Iterator[SupportsWrite]:
     with file.open("wb") as raw:
         if compress:  # without name and time of writing: the same scenario gives the same bytes
             with gzip.GzipFile("", "wb", 6, raw, mtime=0) as packed:

@@ -110,7 +110,11 @@ def _value_error(error: Exception, name: str) -> InputError:
         what = re.sub(r" - at `.*`", "", text)
         return InputError("scenario-value", name=name, table=table or None, what=what[:1].lower() + what[1:])
     key = unknown.group(1)
-    known = _keys_of(table)
+    kind: Any = Scenario
+    for part in filter(None, table.split(".")):
+        hint = typing.get_type_hints(kind)[part]
+        kind = next((k for k in typing.get_args(hint) if k is not type(None)), hint)
+    known = list(kind.__struct_fields__)
     near = difflib.get_close_matches(key, known, 1, 0.5)
     return InputError(
         "scenario-unknown-key",
@@ -120,12 +124,3 @@ def _value_error(error: Exception, name: str) -> InputError:
         near_first=near[0] if near else None,
         known=", ".join(sorted(known)) if not (near) else None,
     )
-
-
-def _keys_of(table: str) -> list[str]:
-    """The keys of a table named as in TOML ("gnss.clas")."""
-    kind: Any = Scenario
-    for part in filter(None, table.split(".")):
-        hint = typing.get_type_hints(kind)[part]
-        kind = next((k for k in typing.get_args(hint) if k is not type(None)), hint)  # a table that may be left out
-    return list(kind.__struct_fields__)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import functools
 import math
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.simulator.path import DrivenPath
-from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.scenario import Scenario, ScenarioField
 
 if TYPE_CHECKING:
     from pyproj import Transformer
@@ -37,41 +38,43 @@ def laid_out(scenario: Scenario, path: DrivenPath) -> Scenario:
     lane = math.radians(90.0 - scenario.drive.lane_heading_deg)
     east = path.u_m * math.cos(lane) - path.v_m * math.sin(lane)
     north = path.u_m * math.sin(lane) + path.v_m * math.cos(lane)
-    margin = scenario.field.margin_m
-    size = tuple(
-        math.ceil(np.ptp(values) + 2.0 * margin) if math.isnan(stated) else stated
-        for values, stated in ((east, scenario.field.size_e_m), (north, scenario.field.size_n_m))
-    )
-    start = tuple(
-        round(0.5 * whole - 0.5 * float(values.min() + values.max()), 3) if math.isnan(stated) else stated
-        for values, whole, stated in zip((east, north), size, scenario.drive.start_xy_m, strict=True)
-    )
+    size, start = lay_round(scenario.field, scenario.drive.start_xy_m, east, north)
     half = 0.5 * scenario.implement.width_m + 0.8
     round_the_drive = (path.u_m.min() - half, path.u_m.max() + half, path.v_m.min() - half, path.v_m.max() + half)
     boundary = tuple(
         round(float(value), 1) if math.isnan(stated) else stated
         for value, stated in zip(round_the_drive, scenario.field.boundary_uv_m, strict=True)
     )
-    check_size(size[0], size[1])
     replace = msgspec.structs.replace
     field = replace(scenario.field, size_e_m=size[0], size_n_m=size[1], boundary_uv_m=boundary)
     return replace(scenario, field=field, drive=replace(scenario.drive, start_xy_m=start))
 
 
-def check_size(east_m: float, north_m: float) -> None:
-    """Refuse a ground that cannot be held.
+def lay_round(
+    field: ScenarioField, start_xy_m: tuple[float, float], east: FloatArray, north: FloatArray
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Size of the ground, and the start on it, as stated or laid round a way from the start, (n,) east and north.
 
     Raises:
-        InputError: it is too large.
+        InputError: the ground would be too large to hold.
     """
-    if east_m * north_m / CELL_M**2 > MAX_SITE_CELLS:
+    size = tuple(
+        math.ceil(np.ptp(values) + 2.0 * field.margin_m) if math.isnan(stated) else stated
+        for values, stated in ((east, field.size_e_m), (north, field.size_n_m))
+    )
+    start = tuple(
+        round(0.5 * whole - 0.5 * float(values.min() + values.max()), 3) if math.isnan(stated) else stated
+        for values, whole, stated in zip((east, north), size, start_xy_m, strict=True)
+    )
+    if size[0] * size[1] / CELL_M**2 > MAX_SITE_CELLS:
         raise InputError(
             "scenario-too-large",
-            east_m=east_m,
-            north_m=north_m,
+            east_m=size[0],
+            north_m=size[1],
             cell_m=CELL_M,
             most_cells=MAX_SITE_CELLS * CELL_M**2 / 10000.0,
         )
+    return size, start
 
 
 @dataclass(frozen=True)
@@ -97,6 +100,10 @@ class SimulatedSite:
     def t0_s(self) -> float:
         """Local time's origin in seconds of UTC since 1970."""
         return self.t0_us / 1e6
+
+    def utc(self, t_s: float) -> dt.datetime:
+        """UTC of a local time."""
+        return dt.datetime(1970, 1, 1, tzinfo=dt.UTC) + dt.timedelta(microseconds=self.t0_us + round(t_s * 1e6))
 
     def geographic(self, e_m: FloatArray, n_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(longitude, latitude) in degrees of local positions, in the map CRS's own datum."""

@@ -95,7 +95,7 @@ def find_sweeps(track: SimulatedTrack, xy_m: tuple[float, float]) -> list[ToolSw
 def make_ground(scenario: Scenario, sweeps: list[ToolSweep]) -> Ground:
     """The ground of a scenario that is laid out, worked by its earlier drives and then by `sweeps` in their order."""
     soil = scenario.soil
-    before, waves = _found(scenario)
+    before, waves = _first_ground(scenario)
     shape = before.shape
     worked_earlier = np.zeros(shape, np.bool_)
     for drive in scenario.earlier:
@@ -128,7 +128,7 @@ def earlier_sweeps(earlier: EarlierDrive) -> list[ToolSweep]:
     return find_sweeps(track, earlier.implement.xy_m)
 
 
-def _found(scenario: Scenario) -> tuple[Float32Array, Float32Array]:
+def _first_ground(scenario: Scenario) -> tuple[Float32Array, Float32Array]:
     """Relief of the ground as the first drive found it, and its waves alone; rows lie along the first drive's lanes."""
     soil, drive = scenario.soil, scenario.earlier[0].drive if scenario.earlier else scenario.drive
     rows = NOISE_BLOCK * math.ceil(scenario.field.size_n_m / (CELL_M * NOISE_BLOCK))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 from pathlib import Path
 from typing import Any, Final
 
@@ -51,24 +50,24 @@ def write_implement(file: Path, track: SimulatedTrack, site: SimulatedSite) -> N
     file.write_text("time_unix_s,tool_height_m,state\n" + "".join(lines), encoding="utf-8")
 
 
+def quarters(fine: NDArray[Any], rows: int, cols: int) -> NDArray[Any]:
+    """(rows, cols, 4) the fine cells of each cell of twice their size."""
+    return fine[: 2 * rows, : 2 * cols].reshape(rows, 2, cols, 2).swapaxes(1, 2).reshape(rows, cols, 4)
+
+
 def coarse_surface(scenario: Scenario, ground: Ground) -> dict[str, FloatArray]:
     """The ground on the truth's cells: before, after (means), worked_time, reworked_time (nan: never)."""
-    rows, cols = (2 * round(m / TRUTH_CELL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
-
-    def quarters(fine: NDArray[np.float32]) -> NDArray[np.float32]:
-        return fine[:rows, :cols].reshape(rows // 2, 2, cols // 2, 2).swapaxes(1, 2).reshape(rows // 2, cols // 2, 4)
-
-    e = (np.arange(cols // 2) + 0.5) * TRUTH_CELL_M
-    n = (np.arange(rows // 2) + 0.5) * TRUTH_CELL_M
+    rows, cols = (round(m / TRUTH_CELL_M) for m in (scenario.field.size_n_m, scenario.field.size_e_m))
+    e, n = ((np.arange(k) + 0.5) * TRUTH_CELL_M for k in (cols, rows))
     plane = ground.slope_e * e[None, :] + ground.slope_n * n[:, None]
-    first, last = quarters(ground.first_s), quarters(ground.last_s)
+    first, last = quarters(ground.first_s, rows, cols), quarters(ground.last_s, rows, cols)
     worked = np.isfinite(first)
     count = worked.sum(axis=2)
     whole = (count > 2) | ((count == 2) & worked[..., 0])  # a cell is worked if the larger part of it is
     again = np.where(worked & (first < last), last, -np.inf).max(axis=2)
     return {
-        "before": quarters(ground.before).mean(axis=2, dtype=np.float64) + plane,
-        "after": quarters(ground.after).mean(axis=2, dtype=np.float64) + plane,
+        "before": quarters(ground.before, rows, cols).mean(axis=2, dtype=np.float64) + plane,
+        "after": quarters(ground.after, rows, cols).mean(axis=2, dtype=np.float64) + plane,
         "worked_time": np.where(whole, np.where(worked, first, np.inf).min(axis=2), np.nan),
         "reworked_time": np.where(whole & np.isfinite(again), again, np.nan),
     }
@@ -232,5 +231,4 @@ def _multi(shape: shapely.Geometry) -> shapely.MultiPolygon:
 
 
 def _iso(site: SimulatedSite, t_s: float) -> str:
-    now = dt.datetime(1970, 1, 1, tzinfo=dt.UTC) + dt.timedelta(microseconds=site.t0_us + round(t_s * 1e6))
-    return now.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    return site.utc(t_s).isoformat(timespec="milliseconds").replace("+00:00", "Z")

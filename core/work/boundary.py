@@ -18,7 +18,7 @@ from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
 MIN_BOUNDARY_SHARE: Final = 0.01
 """A field in which the vehicle is for less of the time is passed by or crossed."""
-MOST_NAMES: Final = 10
+MAX_NAMES: Final = 10
 
 
 def field_boundary(
@@ -41,7 +41,9 @@ def field_boundary(
     if name is not None:
         wanted = [field for field in fields if name.casefold().strip() in map(str.casefold, field.names)]
         if not wanted:
-            raise _unknown(file, name, fields)
+            known = [" / ".join(field.names[:3]) for field in fields if field.names]
+            shown = ", ".join(known[:MAX_NAMES]) + (" and others" if len(known) > MAX_NAMES else "")
+            raise InputError("field-unknown", file=file, fields=len(fields), name=name, known=bool(known), shown=shown)
         return boundary_on_map(_union(wanted), frame), []
     if len(fields) == 1:
         return boundary_on_map(fields[0].outline, frame), []
@@ -51,7 +53,7 @@ def field_boundary(
     boundary = shapely.union_all([on_map[k] for k in chosen])
     if len(chosen) == len(fields):
         return boundary, []
-    names = ", ".join(" / ".join(fields[k].names[:3]) or "without a name" for k in chosen[:MOST_NAMES])
+    names = ", ".join(" / ".join(fields[k].names[:3]) or "without a name" for k in chosen[:MAX_NAMES])
     return boundary, [Notice("field-chosen", file=file, fields=len(fields), chosen=len(chosen), names=names)]
 
 
@@ -68,12 +70,6 @@ def ground_to_map(file: Path, frame: MapFrame) -> Area:
 
 def _union(fields: Sequence[FieldOutline]) -> BaseGeometry:
     return shapely.union_all([field.outline for field in fields])
-
-
-def _unknown(file: Path, name: str, fields: Sequence[FieldOutline]) -> InputError:
-    known = [" / ".join(field.names[:3]) for field in fields if field.names]
-    shown = ", ".join(known[:MOST_NAMES]) + (" and others" if len(known) > MOST_NAMES else "")
-    return InputError("field-unknown", file=file, fields=len(fields), name=name, known=bool(known), shown=shown)
 
 
 def boundary_on_map(boundary: BaseGeometry, frame: MapFrame) -> BaseGeometry:

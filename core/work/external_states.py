@@ -22,8 +22,8 @@ from furrowmap.core.values.trajectory import Trajectory
 
 NEAR_S: Final = 0.5
 """Shorter differences come from different thresholds of a transition."""
-MOST_LISTED: Final = 5
-GOOD_SHARE: Final = 0.98
+MAX_LISTED: Final = 5
+MIN_AGREEING_SHARE: Final = 0.98
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class StateComparison:
     def notices(self, *, replaced: bool) -> list[Notice]:
         """Notices where states differ for longer than a transition; `replaced`: external states were used."""
         if not self.compared_s:
-            return [Notice("states-not-compared", replaced=bool(replaced))]
+            return [Notice("states-not-compared", replaced=replaced)]
         length_s = self.differing_s[:, 1] - self.differing_s[:, 0]
         long = np.flatnonzero(length_s > NEAR_S)
-        if not len(long) and self.share >= GOOD_SHARE:
+        if not len(long) and self.share >= MIN_AGREEING_SHARE:
             return []
-        longest = sorted(long[np.argsort(-length_s[long], kind="stable")][:MOST_LISTED].tolist())
+        longest = sorted(long[np.argsort(-length_s[long], kind="stable")][:MAX_LISTED].tolist())
         places = "; ".join(
             f"{iso_utc(float(self.differing_s[k, 0]))} for {length_s[k]:.1f} s (seen "
             f"{'down' if self.seen_down[k] else 'up'})"
@@ -61,7 +61,7 @@ class StateComparison:
                 "states-differ",
                 share=self.share,
                 compared_s=self.compared_s,
-                replaced=bool(replaced),
+                replaced=replaced,
                 near_s=NEAR_S,
                 long=len(long),
                 places=places or None,
@@ -114,22 +114,16 @@ def external_states(
     open_end = ~np.isfinite(end_s)
     end_s = np.where(open_end, np.maximum(trajectory.t_s[-1], np.nextafter(begin_s, np.inf)), end_s)
     states = replace(states, begin_s=begin_s, end_s=end_s)
-    _expect_common_time(paths[0], states, trajectory, ahead_s)
-    return states, tuple(reader.notices)
-
-
-def _expect_common_time(path: Path, states: ToolStates, trajectory: Trajectory, ahead_s: float) -> None:
-    """Refuse states of another time."""
     first_s, last_s = trajectory.span_s
     if not len(states):
-        raise InputError("no-states", path=path)
+        raise InputError("no-states", path=paths[0])
     if states.begin_s[0] < last_s and states.end_s[-1] > first_s:
-        return
+        return states, tuple(reader.notices)
     stated = ClockReading(Clock.GNSS, float(states.begin_s[0]), float(states.end_s[-1]))
     likely = likely_offset(stated, ClockReading(Clock.GNSS, first_s, last_s))
     raise InputError(
         "no-common-time.expect-common-time",
-        path=path,
+        path=paths[0],
         first_s=iso_utc(stated.first_s),
         last_s=iso_utc(stated.last_s),
         first_s_2=iso_utc(first_s),

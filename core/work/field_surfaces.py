@@ -18,7 +18,7 @@ from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.coverage import Coverage, coverage
 from furrowmap.core.surfaces.grid import Grid, Surface
-from furrowmap.core.surfaces.passage import LinePassage, LineTrack, Passages
+from furrowmap.core.surfaces.passage import LineTrack, Passages
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic, cell_surface
 from furrowmap.core.surfaces.visits import block_differences
@@ -39,11 +39,10 @@ CLEAR_M: Final = 0.3
 """Returns higher above worked ground are dust or the machine."""
 BLOCK: Final = 8
 """Cells a side of the blocks whose low quantile is the soil."""
-ENOUGH: Final = 100_000
+MAX_SOIL_POINTS: Final = 100_000
 """Returns of a tile used for that, a hundred a block."""
 LOWER: Final = Statistic.parse("p10")
-AT_ONCE: Final = 16
-"""Tiles computed ahead."""
+TILES_AHEAD: Final = 16
 
 
 @dataclass(frozen=True)
@@ -136,8 +135,8 @@ class FieldPoints:
             return
         keys = spool.tiles
         with ThreadPoolExecutor(threads()) as pool:
-            for first in range(0, len(keys), AT_ONCE):
-                some = keys[first : first + AT_ONCE]
+            for first in range(0, len(keys), TILES_AHEAD):
+                some = keys[first : first + TILES_AHEAD]
                 yield from pool.map(lambda key: field_tile(spool.tile(key), passages, statistic, strips), some)
 
 
@@ -165,10 +164,11 @@ def field_tile(
         return FieldTile(grid, surface, surface, nothing, nothing, near.number, block_differences(points), covered)
     points = points.part(_low(points, near.passed))
     tool = passages.over(grid)
-    windows = before_and_after(
-        points.cell, points.t_s, *_seconds(tool, points.begin_s), *_seconds(near, points.begin_s), np.float32(SETTLE_S)
-    )
-    after, before, both = windows
+    limits_s = [
+        (passage_s - points.begin_s).ravel().astype(np.float32)
+        for passage_s in (tool.first_s, tool.last_s, near.first_s, near.last_s)
+    ]
+    after, before, both = before_and_after(points.cell, points.t_s, *limits_s, np.float32(SETTLE_S))
     left = points.part(after)
     later, earlier = left.surface(statistic), points.part(before).surface(statistic)
     compared = both.reshape(grid.shape)
@@ -184,7 +184,7 @@ def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     blocks = Grid(grid.cell_m * BLOCK, 0, 0, (rows, columns))
     row, column = np.divmod(np.arange(grid.rows * grid.columns), grid.columns)
     block = (row // BLOCK * columns + column // BLOCK).astype(np.uint16)
-    some = slice(None, None, max(1, len(points.cell) // ENOUGH))
+    some = slice(None, None, max(1, len(points.cell) // MAX_SOIL_POINTS))
     heights = np.ascontiguousarray(points.height_m[some])
     low = cell_surface(blocks, block[points.cell[some]], heights, 0.0, LOWER).height_m
     around = np.lib.stride_tricks.sliding_window_view(np.pad(low, 1, constant_values=np.nan), (3, 3))
@@ -194,12 +194,6 @@ def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     limit = np.where(where.ravel(), soil.ravel()[block] + np.float32(CLEAR_M), np.float32(np.inf))
     kept: NDArray[np.bool_] = points.height_m <= limit[points.cell]
     return kept
-
-
-def _seconds(passage: LinePassage, begin_s: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """First and last passage of each cell in seconds after `begin_s`, flat."""
-    first, last = (passage.first_s - begin_s).ravel(), (passage.last_s - begin_s).ravel()
-    return first.astype(np.float32), last.astype(np.float32)
 
 
 @numba.njit("boolean[::1](float32[:, ::1], boolean[::1], float64)", cache=True, nogil=True)

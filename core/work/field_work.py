@@ -32,8 +32,6 @@ from furrowmap.core.work.sweep import PassTimes, pass_times
 from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
 
 _NO_MACHINE = Notice("machine-not-known")
-_NO_WIDTH = Notice("implement-not-stated")
-_FROM_EARLIER = Notice("implement-from-earlier")
 
 
 @dataclass(frozen=True)
@@ -105,7 +103,7 @@ class _ImplementTracking:
         """Find it in scans of the first reading."""
         self.learned = learn_implement(scans, self.hint)
         if self.learned.implement is None and self._earlier is not None:
-            self.learned = Learned(self._earlier, (_FROM_EARLIER,))
+            self.learned = Learned(self._earlier, (Notice("implement-from-earlier"),))
         if self.learned.implement is not None:
             self.heights = ToolHeightTracker(mounting, self.learned.implement, self._depth_m)
 
@@ -165,7 +163,9 @@ class ImplementTracker:
             tool.learn(near, mounting)
         begin_s = np.array([scan.begin_s for scan in near])
         seen = [tool.learned.implement for tool in self._tools if tool.learned.implement is not None]
-        machine = learn_machine(near, _moving(trajectory, begin_s), mounting, seen)
+        before, share, known = trajectory.interval(begin_s)
+        moving: NDArray[np.bool_] = known & (trajectory.motion[before + (share > 0.5)] != Motion.STANDING)
+        machine = learn_machine(near, moving, mounting, seen)
         if machine is None:
             self._notices = (_NO_MACHINE,)
         return machine
@@ -195,9 +195,9 @@ class ImplementTracker:
         """
         pairs = list(zip_longest(self._tools, external[: len(self._tools)]))
         from_scans = [
-            tool for tool, told in pairs if tool.stated and (told is None or tool.stated.states_use != REPLACE)
+            tool for tool, states in pairs if tool.stated and (states is None or tool.stated.states_use != REPLACE)
         ]
-        found = [tool.found(boundary, told) for tool, told in pairs]
+        found = [tool.found(boundary, states) for tool, states in pairs]
         found[0] = replace(found[0], notices=(*found[0].notices, *self._notices))
         work = with_grounds(found, trajectory, frame, [tool.stated for tool in self._tools])
         return replace(work, notices=(*work.notices, *_not_separated(from_scans)))
@@ -249,10 +249,10 @@ def with_external_states(found: FieldWork, external: ToolStates, implement: Impl
 def with_ground(found: FieldWork, implement: Implement | None, trajectory: Trajectory, frame: MapFrame) -> FieldWork:
     """The work with the ground that its states make; as it was where no state is known, or not the tool's width."""
     states, history = found.states, found.history
-    if states is None or not _known(states):
+    if states is None or not (states.state != ToolState.UNKNOWN).any():
         return found
     if implement is None:
-        return replace(found, notices=(*found.notices, _NO_WIDTH))
+        return replace(found, notices=(*found.notices, Notice("implement-not-stated")))
     ground = worked_ground(trajectory, states, implement, frame, found.boundary)
     nothing = np.zeros(0)
     heights = (history.t_s, history.tool_height_m, history.soil_height_m) if history is not None else (nothing,) * 3
@@ -263,15 +263,3 @@ def with_ground(found: FieldWork, implement: Implement | None, trajectory: Traje
         paths=tuple(tool_paths(trajectory, states, implement)),
         events=tuple(events(trajectory, states, implement)),
     )
-
-
-def _moving(trajectory: Trajectory, t_s: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether the vehicle was on the move at times (n,); False where that is not known."""
-    before, share, known = trajectory.interval(t_s)
-    moving: NDArray[np.bool_] = known & (trajectory.motion[before + (share > 0.5)] != Motion.STANDING)
-    return moving
-
-
-def _known(states: ToolStates) -> bool:
-    """Whether any state is."""
-    return bool((states.state != ToolState.UNKNOWN).any())

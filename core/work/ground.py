@@ -257,7 +257,9 @@ def worked_ground(
     shared = overlapping([(number, pieces) for number, (_, pieces) in runs])
     gaps_s = trajectory.gaps_s
     unplaced = [_unplaced_ground(trajectory, gaps_s, when, implement) for when in times]
-    doubtful = shapely.union_all([_unknown_ground(trajectory, states, implement), *unplaced])
+    unknown = [sweep for when in unknown_times(states) for sweep in sweeps(trajectory, when, implement)]
+    swept_unknown = shapely.union_all([ribbon.polygon for sweep in unknown for ribbon in ribbons(sweep)])
+    doubtful = shapely.union_all([swept_unknown, *unplaced])
     strips = missed(coverage, doubtful, implement.width_m, boundary)
     left = unworked(coverage, doubtful, strips, boundary)
     areas = _Areas(frame, OutlineErrors(trajectory, [run for _, run in runs], states.common_share))
@@ -295,18 +297,6 @@ def worked_ground(
 
 def _all(places: Sequence[tuple[str, shapely.Polygon]]) -> shapely.MultiPolygon:
     return shapely.MultiPolygon([ground for _, ground in places])
-
-
-def _unknown_ground(trajectory: Trajectory, states: ToolStates, implement: Implement) -> BaseGeometry:
-    """Ground driven over while the tool's state was unknown."""
-    return shapely.union_all(
-        [
-            ribbon.polygon
-            for when in unknown_times(states)
-            for sweep in sweeps(trajectory, when, implement)
-            for ribbon in ribbons(sweep)
-        ]
-    )
 
 
 def _unplaced_ground(
@@ -384,17 +374,12 @@ class _Areas:
         )
 
     def _on_ellipsoid(self, shapes: Sequence[BaseGeometry]) -> FloatArray:
-        """Areas (n,) on the ellipsoid: each polygon's by the map's areal scale at its centroid.
-
-        Along a polygon the scale is linear to a part in 10⁸ per kilometre squared, so its value at the centroid is the
-        mean.
-        """
+        """Areas (n,) on the ellipsoid: each polygon's by the map's areal scale at its centroid."""
+        # Along a polygon the scale is linear to a part in 10⁸ per kilometre squared: that at the centroid is the mean.
         pieces, shape = shapely.get_parts(np.asarray(shapes, object), return_index=True)
         middle = shapely.get_coordinates(shapely.centroid(pieces))
         scale = np.ones(len(pieces))
         if len(pieces):
             factors = Proj(self._frame.crs).get_factors(*self._frame.to_lon_lat(*middle.T))
             scale = np.asarray(factors.areal_scale, np.float64)
-        total: FloatArray = np.zeros(len(shapes))
-        np.add.at(total, shape, shapely.area(pieces) / scale)
-        return total
+        return np.bincount(shape, shapely.area(pieces) / scale, len(shapes))

@@ -24,7 +24,7 @@ _BESIDE_M: Final = 0.8
 _SOIL_M: Final = 0.3
 """Greatest distance of soil from the ground plane."""
 _SOIL_BIN_M: Final = 0.01
-_FEWEST_SOIL: Final = 20
+_MIN_SOIL_POINTS: Final = 20
 
 
 @dataclass(frozen=True)
@@ -123,12 +123,12 @@ class ToolHeightTracker:
         looked, seen = self._times[0]
         if looked[0]:
             points, total_s = seen if seen[0] >= FEWEST_POINTS else looked
-            self._turns.extend((total_s / points, *self._measured(self._views[0]), whole, _median(self._soil[0])))
+            self._turns.extend((total_s / points, *self._measure(self._views[0]), whole, _median(self._soil[0])))
         for parts in (self._views, self._soil, self._times):
             parts[0] = parts[1]
             parts[1] = 0
 
-    def _measured(self, view: NDArray[np.float32]) -> tuple[float, float, float]:
+    def _measure(self, view: NDArray[np.float32]) -> tuple[float, float, float]:
         """Height, share of points seen, contrast."""
         implement = self._implement
         low_m = implement.working_m - _BEYOND_M
@@ -150,7 +150,7 @@ class ToolHeightTracker:
 def _median(counts: NDArray[np.int64]) -> float:
     """Median soil height from the histogram."""
     total = int(counts.sum())
-    if total < _FEWEST_SOIL:
+    if total < _MIN_SOIL_POINTS:
         return float("nan")
     sums = np.cumsum(counts)
     k = int(np.searchsorted(sums, 0.5 * total))

@@ -72,7 +72,11 @@ def describe_implement(found: Found, lift_m: float) -> SeenImplement:
     """The implement; `lift_m` applies where its working position is out of view, if larger than the observed lift."""
     outcome, levels = found.outcome, found.levels
     shows, own = _shows(found)
-    first, count = _arc(np.flatnonzero(shows.any(axis=0)))
+    at = np.flatnonzero(shows.any(axis=0))
+    # The shortest arc that contains these columns.
+    gaps = np.diff(np.append(at, at[0] + IMAGE_COLUMNS))
+    widest = int(np.argmax(gaps))
+    first, count = int(at[(widest + 1) % len(at)]), IMAGE_COLUMNS - int(gaps[widest]) + 1
     shown = (first - 2 * _MARGIN + np.arange(min(count + 4 * _MARGIN, IMAGE_COLUMNS))) % IMAGE_COLUMNS
     down, up = (
         median_image(np.stack([outcome.views.images[k][:, shown] for k in _showing(found, state)]))
@@ -124,13 +128,6 @@ def _region(outcome: Outcome, first: int, count: int) -> Region:
     )
 
 
-def _arc(at: NDArray[np.intp]) -> tuple[int, int]:
-    """First column and length of the shortest arc that contains the sorted columns `at`."""
-    gaps = np.diff(np.append(at, at[0] + IMAGE_COLUMNS))
-    widest = int(np.argmax(gaps))
-    return int(at[(widest + 1) % len(at)]), IMAGE_COLUMNS - int(gaps[widest]) + 1
-
-
 def _showing(found: Found, state: ToolState) -> list[int]:
     """Indices of a few scans with the implement in a state."""
     heights, levels = found.outcome.heights, found.levels
@@ -147,7 +144,7 @@ _CALM_M: Final = 0.03
 """Greatest difference in range of one pixel, or in height, between successive scans of a static object."""
 _ALIKE: Final = 0.3
 """With a smaller share of differing points, two scans show the tool at the same height."""
-_CHOSEN: Final = 24
+_SAMPLED_PAIRS: Final = 24
 """Pairs of scans chosen for their dissimilarity, and as many evenly spread."""
 _REFERENCES: Final = 6
 _LEARNING_ROUNDS: Final = 2
@@ -182,8 +179,17 @@ def _find(views: Views) -> Found | None:
     pairs = views.pairs[views.pairs[:, 0] % 2 == 0] if len(views) else views.pairs
     if len(pairs) < MIN_LEVEL_SCANS:
         return None
-    unlike = _unlike(views, pairs[:, 0])
-    evenly = np.linspace(0, len(pairs) - 1, min(_CHOSEN, len(pairs))).astype(np.intp)
+    # Dissimilar scans, so that rare positions are represented: farthest-point sampling (Gonzalez 1985, Clustering to
+    # minimize the maximum intercluster distance).
+    numbers = pairs[:, 0]
+    coarse = np.array([_coarse(views.side(number, None)) for number in numbers.tolist()])
+    distance = np.full(len(numbers), np.inf)
+    chosen = [len(numbers) // 2]
+    while len(chosen) < min(_SAMPLED_PAIRS, len(numbers)):
+        distance = np.minimum(distance, np.square(coarse - coarse[chosen[-1]]).sum(axis=1))
+        chosen.append(int(np.argmax(distance)))
+    unlike = np.array(chosen, np.intp)
+    evenly = np.linspace(0, len(pairs) - 1, min(_SAMPLED_PAIRS, len(pairs))).astype(np.intp)
     some = np.unique(pairs[np.unique(np.append(unlike, evenly))])
     starts = pairs[np.append(unlike[: _REFERENCES // 2], evenly[:: 1 + 2 * len(evenly) // _REFERENCES]), 0]
     few = views.of(some)
@@ -193,7 +199,7 @@ def _find(views: Views) -> Found | None:
     )
     for outcome in likeliest:
         heights = views.heights(outcome.template, outcome.still_m)
-        better = _improved(views, outcome.image, heights.height_m, heights.sure)
+        better = _refine(views, outcome.image, heights.height_m, heights.sure)
         levels = find_positions(views, better.heights) if better is not None else None
         if better is not None and levels is not None:
             found = Found(better, levels)
@@ -226,7 +232,7 @@ def _by_travel(found: Found) -> Found | None:
     if worth[best] < _BETTER * _worth(views, sides, lower, upper, levels, 0):
         return None
     moved = height + np.where(at_high, (int(travels[best]) - step) * CELL_Z_M, 0.0)
-    better = _improved(views, outcome.image, moved, at_low | at_high)
+    better = _refine(views, outcome.image, moved, at_low | at_high)
     levels_there = find_positions(views, better.heights) if better is not None else None
     return Found(better, levels_there) if better is not None and levels_there is not None else None
 
@@ -241,21 +247,6 @@ def _worth(
     low_m, high_m = levels.low_m - _BEYOND_M, levels.high_m + rows * CELL_Z_M + _BEYOND_M
     gains = [fit_height(side, template, low_m, high_m)[0].gain / max(float(side.sum()), 1.0) for side in sides]
     return float(np.mean(gains))
-
-
-def _unlike(views: Views, numbers: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Indices in `numbers` of dissimilar scans, so that rare positions are represented.
-
-    Farthest-point sampling of coarse side views (Gonzalez 1985, Clustering to minimize the maximum intercluster
-    distance).
-    """
-    coarse = np.array([_coarse(views.side(number, None)) for number in numbers.tolist()])
-    distance = np.full(len(numbers), np.inf)
-    chosen = [len(numbers) // 2]
-    while len(chosen) < min(_CHOSEN, len(numbers)):
-        distance = np.minimum(distance, np.square(coarse - coarse[chosen[-1]]).sum(axis=1))
-        chosen.append(int(np.argmax(distance)))
-    return np.array(chosen, np.intp)
 
 
 def _coarse(side: NDArray[np.float32]) -> FloatArray:
@@ -283,33 +274,27 @@ def _from_reference(views: Views, reference: int) -> Outcome | None:
     outcome = None
     for _ in range(_LEARNING_ROUNDS):
         known[reference] = True
-        outcome = _improved(views, image, height, known)
+        outcome = _refine(views, image, height, known)
         if outcome is None:
             return None
         known, height = outcome.heights.sure, outcome.heights.height_m
     return outcome
 
 
-def _improved(views: Views, image: NDArray[np.float32], height: FloatArray, known: NDArray[np.bool_]) -> Outcome | None:
+def _refine(views: Views, image: NDArray[np.float32], height: FloatArray, known: NDArray[np.bool_]) -> Outcome | None:
     """Static pixels, template and heights, refined from known heights; None if all are of one position."""
     middle = float(np.quantile(height[known], (0.02, 0.98)).mean())
     sides = [known & (height > middle), known & ~(height > middle)]
     if not all(side.any() for side in sides):
         return None
     still = views.still(image, sides)
-    steady = _steady(views, height)
-    upper, lower = (_mean_side(views, side & steady, height, still) for side in sides)
-    template = SideTemplate.of(views.grid, upper + lower)
-    return Outcome(views, image, template, still, views.heights(template, still))
-
-
-def _steady(views: Views, height: FloatArray) -> NDArray[np.bool_]:
-    """(scans,) whether an adjacent scan has the tool at the same height."""
-    steady = np.zeros(len(height), bool)
+    steady = np.zeros(len(height), bool)  # whether an adjacent scan has the tool at the same height
     first, second = views.pairs.T
     alike = np.abs(height[second] - height[first]) < _CALM_M
     steady[first[alike]] = steady[second[alike]] = True
-    return steady
+    upper, lower = (_mean_side(views, side & steady, height, still) for side in sides)
+    template = SideTemplate.of(views.grid, upper + lower)
+    return Outcome(views, image, template, still, views.heights(template, still))
 
 
 def _mean_side(views: Views, chosen: NDArray[np.bool_], height: FloatArray, still: NDArray[np.float32]) -> FloatArray:

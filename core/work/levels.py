@@ -23,9 +23,9 @@ _LEFT_M: Final = 0.03
 """Tolerance of a position."""
 _AWAY_SHARE: Final = 0.3
 """With a smaller share of the usual points the tool is out of view, not only occluded."""
-_FEWEST_SHARE: Final = 0.02
-_FEWEST_LEAVING: Final = 2
-_MOST_AWAY: Final = 0.7
+_MIN_STATE_SHARE: Final = 0.02
+_MIN_LEAVING_SCANS: Final = 2
+_MAX_AWAY_SHARE: Final = 0.7
 """Greatest share of time out of view of a tool that is seen in both positions."""
 
 
@@ -49,7 +49,7 @@ def _seen_to_move(views: Views, heights: Heights) -> Levels | None:
         return None
     sigma_low, sigma_high = _sigma(views, height, lower), _sigma(views, height, upper)
     limit = min(_NOISE_M, (high - low) / 8.0)
-    if sigma_low < limit and sigma_high < limit and away < _MOST_AWAY * len(sure):
+    if sigma_low < limit and sigma_high < limit and away < _MAX_AWAY_SHARE * len(sure):
         return Levels(low, high, ToolState.UNKNOWN, min(sigma_low, sigma_high), max(sigma_low, sigma_high))
     # out of view in one state: the few heights on that side are of the moving tool
     if sigma_high < limit and away > below and below < above:
@@ -68,7 +68,7 @@ def _seen_to_leave(views: Views, heights: Heights) -> Levels | None:
     there = sure & (np.abs(height - level) < _LEFT_M)
     away = ~sure & (heights.there < _AWAY_SHARE * heights.usual[0])
     sigma = _sigma(views, height, there)
-    fewest = max(2 * MIN_LEVEL_SCANS, _FEWEST_SHARE * len(sure))
+    fewest = max(2 * MIN_LEVEL_SCANS, _MIN_STATE_SHARE * len(sure))
     if min(np.count_nonzero(there), np.count_nonzero(away)) < fewest or np.count_nonzero(there | away) < 0.8 * len(
         sure
     ):
@@ -77,9 +77,9 @@ def _seen_to_leave(views: Views, heights: Heights) -> Levels | None:
         return None
     below, above = sure & (height < level - _LEFT_M), sure & (height > level + _LEFT_M)
     lower, higher = int(np.count_nonzero(below)), int(np.count_nonzero(above))
-    if lower >= _FEWEST_LEAVING and lower > 2 * higher:
+    if lower >= _MIN_LEAVING_SCANS and lower > 2 * higher:
         return Levels(float(height[below].min()), level, ToolState.DOWN, sigma, sigma)
-    if higher >= _FEWEST_LEAVING and higher > 2 * lower:
+    if higher >= _MIN_LEAVING_SCANS and higher > 2 * lower:
         return Levels(level, float(height[above].max()), ToolState.UP, sigma, sigma)
     return None
 

@@ -139,7 +139,7 @@ class MachineVoxels:
     def classify(self, scan: Scan) -> NDArray[np.uint8]:
         """The class (n,) uint8 of each point: VEHICLE, IMPLEMENT or OTHER."""
         xyz = np.ascontiguousarray(scan.xyz_m, np.float32)
-        classes: NDArray[np.uint8] = _looked_up(xyz, self._to_voxels, self.classes)
+        classes: NDArray[np.uint8] = _look_up(xyz, self._to_voxels, self.classes)
         return classes
 
 
@@ -220,11 +220,11 @@ def _tool(scans: Sequence[NearScan], implement: SeenImplement, shape: tuple[int,
     own = counts.often(IMPLEMENT_SHARE)
     swept = np.zeros(shape, bool)
     for rows in range(low, high + 1):
-        swept |= _raised(own, rows)
+        swept |= _raise(own, rows)
     return swept
 
 
-def _raised(voxels: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
+def _raise(voxels: NDArray[np.bool_], rows: int) -> NDArray[np.bool_]:
     """The voxels shifted up."""
     out = np.zeros_like(voxels)
     height = voxels.shape[2]
@@ -257,7 +257,7 @@ def _count(xyz_m, ground, lowered_m, number, last, count):  # type: ignore[no-un
 
 
 @numba.njit(cache=True, nogil=True)
-def _looked_up(xyz_m, to_voxels, classes):  # type: ignore[no-untyped-def]
+def _look_up(xyz_m, to_voxels, classes):  # type: ignore[no-untyped-def]
     """Class of the voxel of each point in the lidar frame; OTHER outside."""
     n = len(xyz_m)
     out = np.empty(n, np.uint8)

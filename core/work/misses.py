@@ -10,9 +10,9 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.work.shapes import areal, closed, grown, parts
 
-THINNEST_M: Final = 0.02
+MIN_STRIP_WIDTH_M: Final = 0.02
 """Narrower strips are ignored."""
-SMALLEST_M2: Final = 0.01
+MIN_STRIP_AREA_M2: Final = 0.01
 TOUCHES_M: Final = 0.005
 
 
@@ -39,8 +39,13 @@ def missed(
     if boundary is not None:
         strips = areal(strips.intersection(boundary))
     strips = areal(strips.difference(coverage.union(doubtful)))
-    wide = grown(grown(strips, -0.5 * THINNEST_M), 0.5 * THINNEST_M).intersection(strips)
-    return [(_kind(strip, boundary), strip) for strip in parts(wide) if strip.area >= SMALLEST_M2]
+    wide = grown(grown(strips, -0.5 * MIN_STRIP_WIDTH_M), 0.5 * MIN_STRIP_WIDTH_M).intersection(strips)
+    found = []
+    for strip in parts(wide):
+        at_boundary = boundary is not None and strip.distance(boundary.boundary) < TOUCHES_M
+        if strip.area >= MIN_STRIP_AREA_M2:
+            found.append(("boundary" if at_boundary else "between passes", strip))
+    return found
 
 
 def unworked(
@@ -60,10 +65,5 @@ def unworked(
     if boundary is None:
         return []
     rest = boundary.difference(shapely.union_all([coverage, doubtful, *(strip for _, strip in strips)]))
-    wide = areal(grown(grown(rest, -0.5 * THINNEST_M), 0.5 * THINNEST_M).intersection(rest))
-    return [("not worked", place) for place in parts(wide) if place.area >= SMALLEST_M2]
-
-
-def _kind(strip: shapely.Polygon, boundary: BaseGeometry | None) -> str:
-    at_boundary = boundary is not None and strip.distance(boundary.boundary) < TOUCHES_M
-    return "boundary" if at_boundary else "between passes"
+    wide = areal(grown(grown(rest, -0.5 * MIN_STRIP_WIDTH_M), 0.5 * MIN_STRIP_WIDTH_M).intersection(rest))
+    return [("not worked", place) for place in parts(wide) if place.area >= MIN_STRIP_AREA_M2]

@@ -46,10 +46,8 @@ def median_image(images: NDArray[np.float32]) -> NDArray[np.float32]:
     return out
 
 
-MOST_SCANS: Final = 320
-"""Most scans kept."""
-MOST_POINTS: Final = 16_384
-"""Most points kept of a scan."""
+MAX_NEAR_SCANS: Final = 320
+MAX_NEAR_POINTS: Final = 16_384
 _NEAR_M: Final = np.array([[-9.0, 4.0], [-4.5, 4.5], [-4.0, 4.0]])
 """Where an implement may be: range along x, y and z of the vehicle frame."""
 FRONT_M: Final = 4.0
@@ -88,7 +86,7 @@ class NearScan:
 
 
 class NearScans:
-    """Keeps at most :data:`MOST_SCANS` scans, evenly spread over a recording of unknown length.
+    """Keeps at most :data:`MAX_NEAR_SCANS` scans, evenly spread over a recording of unknown length.
 
     They are kept in pairs of successive complete scans, to separate noise from motion. When full, every other pair is
     dropped and the stride doubles.
@@ -111,7 +109,7 @@ class NearScans:
         """Add a scan; in a long recording most are skipped at no cost."""
         if not scan.whole or not len(scan):
             return
-        if len(self.scans) == MOST_SCANS:
+        if len(self.scans) == MAX_NEAR_SCANS:
             self._stride *= 2
             self.scans = [kept for kept in self.scans if kept.index % self._stride < 2]
         if self._count % self._stride < 2:
@@ -126,8 +124,8 @@ class NearScans:
             self._lever_m,
             self._near_m,
         )
-        if len(xyz) > MOST_POINTS:
-            kept = np.linspace(0, len(xyz) - 1, MOST_POINTS).astype(np.intp)
+        if len(xyz) > MAX_NEAR_POINTS:
+            kept = np.linspace(0, len(xyz) - 1, MAX_NEAR_POINTS).astype(np.intp)
             xyz, distance, laser, column = xyz[kept], distance[kept], laser[kept], column[kept]
         return NearScan(self._count, float(scan.t_s[0]), float(scan.t_s[-1]), rising >= 0, xyz, distance, laser, column)
 

@@ -19,8 +19,8 @@ IntArray = NDArray[np.intp]
 TOLERANCE_M: Final = 0.005
 """Sides have as many vertices as chords so near to the path need (Douglas and Peucker's rule): half as far as the best
 positions are from the truth."""
-LONGEST_M: Final = 25.0
-LARGEST_TURN_RAD: Final = np.radians(45.0)
+MAX_RIBBON_M: Final = 25.0
+MAX_RIBBON_TURN_RAD: Final = np.radians(45.0)
 """Within a ribbon so short and so straight the line does not come back to ground that it has swept."""
 
 
@@ -46,24 +46,24 @@ def ribbons(sweep: Sweep) -> list[Ribbon]:
     right = np.column_stack([sweep.middle_m[:, :2] - sweep.half_m, since_s])
     found = []
     for piece in _pieces(sweep):
-        sides = [_simplified(side[piece]) for side in (left, right)]
+        sides = [_simplify(side[piece]) for side in (left, right)]
         polygon: BaseGeometry = shapely.Polygon(np.concatenate([sides[0], sides[1][::-1]])[:, :2])
         if not polygon.is_valid:
-            polygon = _folded(left[piece, :2], right[piece, :2])
+            polygon = _union_of_steps(left[piece, :2], right[piece, :2])
         found.append(Ribbon(polygon, *sides))
     return found
 
 
 def _pieces(sweep: Sweep) -> list[slice]:
-    """Where a sweep is cut, so that no piece is longer than :data:`LONGEST_M` or turns by more than 45°."""
+    """Where a sweep is cut, so that no piece is longer than :data:`MAX_RIBBON_M` or turns by more than 45°."""
     yaw = np.unwrap(np.arctan2(-sweep.half_m[:, 0], sweep.half_m[:, 1]))
     last = len(yaw) - 1
     pieces, begin = [], 0
     while begin < last:
         rest_m = float(sweep.distance_m[-1] - sweep.distance_m[begin])
-        length_m = rest_m / math.ceil(rest_m / LONGEST_M)  # equal pieces, none of them a stub
+        length_m = rest_m / math.ceil(rest_m / MAX_RIBBON_M)  # equal pieces, none of them a stub
         reach = int(np.searchsorted(sweep.distance_m, sweep.distance_m[begin] + length_m, side="right"))
-        turned = np.abs(yaw[begin:reach] - yaw[begin]) > LARGEST_TURN_RAD
+        turned = np.abs(yaw[begin:reach] - yaw[begin]) > MAX_RIBBON_TURN_RAD
         end = begin + int(np.argmax(turned)) if turned.any() else reach - 1
         end = min(max(end, begin + 1), last)
         pieces.append(slice(begin, end + 1))
@@ -71,7 +71,7 @@ def _pieces(sweep: Sweep) -> list[slice]:
     return pieces
 
 
-def _simplified(side: FloatArray) -> FloatArray:
+def _simplify(side: FloatArray) -> FloatArray:
     """A side (n, 3) with few vertices (k, 3), its ends among them, that keeps the ground on either side of it.
 
     Douglas and Peucker's rule chooses the vertices; a polyline with these vertices is then fitted to the side by least
@@ -79,11 +79,7 @@ def _simplified(side: FloatArray) -> FloatArray:
     outside of bends.
     """
     line = shapely.simplify(shapely.LineString(side), TOLERANCE_M, preserve_topology=False)
-    return _fitted(side, np.searchsorted(side[:, 2], shapely.get_coordinates(line, include_z=True)[:, 2]))
-
-
-def _fitted(side: FloatArray, chosen: IntArray) -> FloatArray:
-    """The rows `chosen` of a side, moved so that lines between them fit all its rows best; first and last stay."""
+    chosen = np.searchsorted(side[:, 2], shapely.get_coordinates(line, include_z=True)[:, 2])
     vertices = side[chosen]
     if len(chosen) > 2:
         row = np.arange(len(side), dtype=np.float64)
@@ -93,7 +89,7 @@ def _fitted(side: FloatArray, chosen: IntArray) -> FloatArray:
     return vertices
 
 
-def _folded(left: FloatArray, right: FloatArray) -> BaseGeometry:
+def _union_of_steps(left: FloatArray, right: FloatArray) -> BaseGeometry:
     """The ground under each step of the line, one end of which goes backwards."""
     steps = shapely.polygons(np.stack([left[:-1], left[1:], right[1:], right[:-1]], axis=1))
     return shapely.union_all(shapely.make_valid(steps))

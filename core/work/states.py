@@ -82,7 +82,7 @@ def tool_history(heights: ToolHeights, implement: SeenImplement, working_depth_m
         working_depth_m: from the session.
     """
     threshold = implement.threshold_m(working_depth_m)
-    height = _without_strays(heights.height_m, heights.whole)
+    height = _remove_strays(heights.height_m, heights.whole)
     level = _working_level(height[height < threshold]) if implement.levels.hidden != ToolState.DOWN else 0.0
     height = height - level
     confidence = _confidence(heights, height, threshold, implement)
@@ -93,12 +93,12 @@ def tool_history(heights: ToolHeights, implement: SeenImplement, working_depth_m
     t = 0.5 * (heights.scan_begin_s + heights.scan_end_s)
     state, sure = states.at(t)
     reach_s = 4.0 * implement.region.turn_s
-    now = _interpolated(t, heights.t_s, np.where(confidence > 0.0, confidence, np.nan), reach_s)
+    now = _interpolate(t, heights.t_s, np.where(confidence > 0.0, confidence, np.nan), reach_s)
     return ToolHistory(
         scan=heights.scan,
         t_s=t,
-        tool_height_m=_interpolated(t, heights.t_s, height, reach_s),
-        soil_height_m=_interpolated(t, heights.t_s, heights.soil_m, reach_s),
+        tool_height_m=_interpolate(t, heights.t_s, height, reach_s),
+        soil_height_m=_interpolate(t, heights.t_s, heights.soil_m, reach_s),
         state=state,
         confidence=np.where(np.isfinite(now), np.minimum(sure, now), _COVERED * sure),
         states=states,
@@ -121,7 +121,7 @@ def _working_level(down: FloatArray) -> float:
     return level
 
 
-def _without_strays(height: FloatArray, whole: NDArray[np.bool_]) -> FloatArray:
+def _remove_strays(height: FloatArray, whole: NDArray[np.bool_]) -> FloatArray:
     """Heights without those that differ from two equal neighbours; for truncated revolutions from one neighbour."""
     known = np.flatnonzero(np.isfinite(height))
     out = height.copy()
@@ -166,7 +166,8 @@ def _states(
     rows: list[_Interval] = []
     first = int(known[0])
     for a, b in pairwise(known.tolist()):
-        lost = _longest_gap(t, height, beyond, a, b) > _GAP_S
+        seen = np.isfinite(height[a : b + 1]) | (beyond[a : b + 1] != ToolState.UNKNOWN)
+        lost = float(np.diff(t[a : b + 1][seen]).max()) > _GAP_S
         if beyond[a] == beyond[b] and not lost:
             continue
         passage = None if lost else _passage(t, height, a, b, threshold, implement)
@@ -230,13 +231,6 @@ def _tool_states(intervals: Sequence[_Interval]) -> ToolStates:
     )
 
 
-def _longest_gap(t: FloatArray, height: FloatArray, beyond: NDArray[np.int8], a: int, b: int) -> float:
-    """The longest time without heights between revolutions a and b."""
-    inner = np.arange(a, b + 1)
-    known = inner[np.isfinite(height[a : b + 1]) | (beyond[a : b + 1] != ToolState.UNKNOWN)]
-    return float(np.diff(t[known]).max())
-
-
 def _passage(t: FloatArray, height: FloatArray, a: int, b: int, threshold: float, implement: SeenImplement) -> _End:
     """Time of the crossing between revolutions a and b, with standard deviation."""
     if np.isnan(height[a]) or np.isnan(height[b]):
@@ -291,7 +285,7 @@ def _passage_out_of_view(t: FloatArray, height: FloatArray, a: int, b: int, thre
     return _End(at, float(np.hypot(_LIFT_SIGMA_M / speed, half_turn_s)))
 
 
-def _interpolated(t_s: FloatArray, known_s: FloatArray, values: FloatArray, reach_s: float) -> FloatArray:
+def _interpolate(t_s: FloatArray, known_s: FloatArray, values: FloatArray, reach_s: float) -> FloatArray:
     """`values` at times `t_s`; nan where the known ones around are farther apart than `reach_s`."""
     known = np.isfinite(values)
     if not known.any():

@@ -18,7 +18,7 @@ from furrowmap.core.values.time_span import Interval, interval_numbers
 
 Numbers = NDArray[np.int64]
 
-MOST_ROWS: Final = 20_000
+MAX_DIFFERENCES: Final = 20_000
 """Cells are joined by fours until there are no more rows."""
 
 
@@ -113,7 +113,7 @@ def strip_differences(
         return None
     a, b = chosen[first], chosen[second]
     sigma = np.sqrt(variance[first] / after.count[a] + variance[second] / after.count[b])
-    earlier = _looked_up(before, after, a), _looked_up(before, after, b)
+    earlier = _look_up(before, after, a), _look_up(before, after, b)
     found = StripDifferences(
         STRIP_CELL_M,
         (after.place[a] + 0.5) * STRIP_CELL_M + returns.local_m[:2],
@@ -123,8 +123,8 @@ def strip_differences(
         after.height_m[b] - after.height_m[a],
         sigma,
     )
-    while len(found) > MOST_ROWS:
-        found = _coarser(found)
+    while len(found) > MAX_DIFFERENCES:
+        found = _coarsen(found)
     return found
 
 
@@ -140,7 +140,7 @@ def _pairs(cell: Numbers) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.concatenate(firsts), np.concatenate(seconds)
 
 
-def _looked_up(before: CellHeights, after: CellHeights, groups: NDArray[np.intp]) -> FloatArray:
+def _look_up(before: CellHeights, after: CellHeights, groups: NDArray[np.intp]) -> FloatArray:
     """Heights of the same cells and strips in another placement of the returns; nan where there are too few."""
     keys = [_keys(heights.place, heights.window) for heights in (before, after)]
     order = np.argsort(keys[0])
@@ -154,7 +154,7 @@ def _keys(place: Numbers, number: Numbers) -> Numbers:
     return ((place[:, 0] + (1 << 20) << 21) + place[:, 1] + (1 << 20) << 16) + number
 
 
-def _coarser(fine: StripDifferences) -> StripDifferences:
+def _coarsen(fine: StripDifferences) -> StripDifferences:
     """Means over cells of twice the sides."""
     size_m = 2.0 * fine.cell_m
     place = np.floor(fine.centre_m / size_m).astype(np.int64)

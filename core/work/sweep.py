@@ -107,7 +107,7 @@ class _Path:
         yaw = np.unwrap(np.arctan2(-left[:, 0], left[:, 1]))
         self._origin = middle[0]
         self._t0 = float(t[0])
-        table = _averaged(np.column_stack([t - self._t0, middle - self._origin, yaw, side]), KNOT_EVERY_S)
+        table = _average(np.column_stack([t - self._t0, middle - self._origin, yaw, side]), KNOT_EVERY_S)
         self._knots = table[:, 0]
         self._place = smooth_path(table[:, 0], table[:, 1:3])
         self._yaw = smooth_path(table[:, 0], table[:, 4:5])
@@ -169,7 +169,7 @@ def tool_line(trajectory: Trajectory, knots: slice, implement: Implement) -> tup
     return trajectory.xyz_m[knots] + rotation.apply([x_m, y_m, 0.0]), rotation.apply([0.0, 1.0, 0.0])
 
 
-def _averaged(table: FloatArray, every_s: float) -> FloatArray:
+def _average(table: FloatArray, every_s: float) -> FloatArray:
     """Means of the rows (t_s, ...) of each `every_s`, the first and last row as they are."""
     if len(table) < 3 or float(np.median(np.diff(table[:, 0]))) > 0.5 * every_s:
         return table

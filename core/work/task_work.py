@@ -102,7 +102,10 @@ def task_works(
         raise InputError("no-positions.task-works", path=path, tasks=len(content.tasks))
     frame = _frame(placed, crs)
     width = width_m if width_m is not None else whole_width_m(placed)
-    _expect_width(path, width)
+    if not np.isfinite(width) or width <= 0.0:
+        raise InputError("width-unknown", path=path)
+    if width > MAX_IMPLEMENT_WIDTH_M:
+        raise InputError("width-implausible.expect-width", width_m=width, widest_m=MAX_IMPLEMENT_WIDTH_M)
     implement = Implement(width_m=width, xy_m=(0.0, 0.0))
     works = []
     for k, task in enumerate(placed):
@@ -115,13 +118,6 @@ def task_works(
             notices.append(Notice("task-left-out", id=task.id, task=task.name, lines=error.lines[0]))
     progress("tasks", 1.0)
     return TaskWorks(tuple(works), frame, tuple(dict.fromkeys(notices)))
-
-
-def _expect_width(path: Path, width_m: float) -> None:
-    if not np.isfinite(width_m) or width_m <= 0.0:
-        raise InputError("width-unknown", path=path)
-    if width_m > MAX_IMPLEMENT_WIDTH_M:
-        raise InputError("width-implausible.expect-width", width_m=width_m, widest_m=MAX_IMPLEMENT_WIDTH_M)
 
 
 def _frame(tasks: Sequence[LoggedTask], crs: str | None) -> MapFrame:
@@ -150,13 +146,13 @@ def _boundary(task: LoggedTask, frame: MapFrame) -> tuple[BaseGeometry | None, f
     outline = task.field.boundary if task.field is not None else None
     if outline is None:
         return None, float("nan")
-    area_m2 = sum(abs(WGS84.geometry_area_perimeter(shapely.orient_polygons(part))[0]) for part in _polygons(outline))
+    area_m2 = sum(
+        abs(WGS84.geometry_area_perimeter(shapely.orient_polygons(part))[0])
+        for part in shapely.get_parts(outline)
+        if isinstance(part, shapely.Polygon)
+    )
     on_map = shapely.transform(outline, lambda xy: np.column_stack(frame.project(*xy.T)))
     return on_map, area_m2
-
-
-def _polygons(shape: BaseGeometry) -> list[BaseGeometry]:
-    return [part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)]
 
 
 def _logged_swept(task: LoggedTask, course: CourseTrajectory, implement: Implement) -> tuple[float, list[Notice]]:

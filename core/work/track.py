@@ -18,6 +18,7 @@ from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
 from furrowmap.core.work.sweep import pass_times
 
+MOTION_EVENTS: Final = {Motion.STANDING: "stop", Motion.FORWARD: "start", Motion.REVERSE: "reverse"}
 LINE_TOLERANCE_M: Final = 0.02
 """A line that shows where the tool was has as few vertices as leave it this near to its way."""
 
@@ -84,7 +85,10 @@ def tool_paths(trajectory: Trajectory, states: ToolStates, implement: Implement)
 
 def events(trajectory: Trajectory, states: ToolStates, implement: Implement) -> list[Event]:
     """What happened, in the order of time."""
-    found = [*_transitions(states), *_motion_changes(trajectory)]
+    found = [*_transitions(states)]
+    changed = 1 + np.flatnonzero(np.diff(trajectory.motion))
+    motions, changed_s = trajectory.motion[changed].tolist(), trajectory.t_s[changed].tolist()
+    found += [(MOTION_EVENTS[Motion(k)], t_s, float("nan")) for k, t_s in zip(motions, changed_s, strict=True)]
     found += [("gap", float(begin_s), float("nan")) for begin_s in trajectory.gaps_s[:, 0]]
     found.sort(key=lambda event: event[1])
     times = np.array([t_s for _, t_s, _ in found])
@@ -129,10 +133,3 @@ def _transitions(states: ToolStates) -> Iterator[tuple[str, float, float]]:
         if last is not None and state is not last:
             yield state.label, float(states.begin_s[k]), float(states.begin_sigma_s[k])
         last = state
-
-
-def _motion_changes(trajectory: Trajectory) -> Iterator[tuple[str, float, float]]:
-    """(kind, t_s, sigma_s) where the vehicle stopped, started, or began to go backwards."""
-    kinds = {Motion.STANDING: "stop", Motion.FORWARD: "start", Motion.REVERSE: "reverse"}
-    for k in 1 + np.flatnonzero(np.diff(trajectory.motion)):
-        yield kinds[Motion(int(trajectory.motion[k]))], float(trajectory.t_s[k]), float("nan")

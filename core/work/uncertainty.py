@@ -30,7 +30,7 @@ HEADING_CORRELATION_S: Final = 3.0
 """Time over which the error of the heading changes, measured on trajectories of the sample recordings."""
 STEP_M: Final = 3.0
 """Bits of an outline that move as one."""
-MOST_BITS: Final = 1_000_000
+MAX_BITS: Final = 1_000_000
 """Of longer outlines than these bits make, the bits are longer."""
 TOUCHING_M: Final = 0.01
 """What of an outline lies further from the tool's way was not drawn by it: a boundary, taken as exact."""
@@ -139,7 +139,7 @@ def _outward(sweep: Sweep, k: int) -> FloatArray:
 def _outlines(shapes: Sequence[BaseGeometry]) -> tuple[IntArray, FloatArray, FloatArray]:
     """Bits of the outlines: (n,) which shape, (n, 2) middle, (n, 2) normal times length, outward."""
     pieces, shape = shapely.get_parts(np.asarray(shapes, object), return_index=True)
-    step_m = max(STEP_M, float(shapely.length(pieces).sum()) / MOST_BITS)
+    step_m = max(STEP_M, float(shapely.length(pieces).sum()) / MAX_BITS)
     rings, piece = shapely.get_rings(shapely.segmentize(pieces, step_m), return_index=True)
     xy, ring = shapely.get_coordinates(rings, return_index=True)
     same = ring[1:] == ring[:-1]

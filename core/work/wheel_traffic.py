@@ -43,7 +43,14 @@ def wheel_passages(
     offsets = np.concatenate([sides, -sides[:, ::-1]])  # left and right edge of the left wheel, then of the right one
     for path in paths_m:
         for piece in _smooth_pieces(path - (west, north, 0.0)):
-            across = _across(piece[:, :2])
+            steps = np.diff(piece[:, :2], axis=0)
+            along = steps / np.hypot(*steps.T)[:, np.newaxis]
+            before, after = np.concatenate([along[:1], along]), np.concatenate([along, along[-1:]])
+            middle = before + after
+            length = np.hypot(*middle.T)
+            # The bisector, longer by 1 / cos of half the turn; length = 2 cos of half the turn.
+            middle *= (2.0 / length**2)[:, np.newaxis]
+            across = np.column_stack([-middle[:, 1], middle[:, 0]])
             edges = piece[:, :2] + offsets[:, :, np.newaxis, np.newaxis] * across
             _roll(counts, last, edges, np.ascontiguousarray(piece[:, 2]), grid.cell_m, AGAIN_M)
     return counts
@@ -69,18 +76,6 @@ def _apart(x, y, step):  # type: ignore[no-untyped-def]
             kept[i] = True
             k = i
     return kept
-
-
-def _across(path: FloatArray) -> FloatArray:
-    """Vectors (n, 2) to the left of a path so long that parallels of it through them are its distance away."""
-    steps = np.diff(path, axis=0)
-    along = steps / np.hypot(*steps.T)[:, np.newaxis]
-    before, after = np.concatenate([along[:1], along]), np.concatenate([along, along[-1:]])
-    middle = before + after
-    length = np.hypot(*middle.T)
-    # The bisector, longer by 1 / cos of half the turn; length = 2 cos of half the turn.
-    middle *= (2.0 / length**2)[:, np.newaxis]
-    return np.column_stack([-middle[:, 1], middle[:, 0]])
 
 
 @numba.njit(

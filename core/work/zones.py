@@ -46,7 +46,11 @@ def zones(
     """
     turning = shapely.union_all(list(_turns(trajectory, [runs for runs in passes if runs], implement)))
     pieces = np.array([r.polygon for runs in passes for _, ribbons in runs for r in ribbons], object)
-    on_turns = _area_on(pieces, shapely.get_parts(turning)) > INSIDE_SHARE * shapely.area(pieces)
+    places = shapely.get_parts(turning)
+    piece, place = shapely.STRtree(places).query(pieces, predicate="intersects")
+    shared_m2 = shapely.area(shapely.intersection(pieces[piece], places[place]))
+    on_turn_m2 = np.bincount(piece, shared_m2, len(pieces))
+    on_turns = on_turn_m2 > INSIDE_SHARE * shapely.area(pieces)
     width_m = implement.width_m
     body = closed(shapely.union_all(pieces[~on_turns]), width_m)
     headland = closed(shapely.union_all([turning, *pieces[on_turns]]), width_m).difference(body)
@@ -62,7 +66,8 @@ def _turns(
     reach_m = max(HEADLAND_REACH_M, REACH_WIDTHS * implement.width_m)
     for before, after in pairwise(passes):
         leaving, coming = before[-1][0], after[0][0]
-        turn = np.arctan2(*_cross_and_dot(leaving.half_m[-1], coming.half_m[0]))
+        a, b = leaving.half_m[-1], coming.half_m[0]
+        turn = np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)
         if abs(turn) < TURN_RAD:
             continue
         knots = slice(*np.searchsorted(trajectory.t_s, [leaving.t_s[-1], coming.t_s[0]]).tolist())
@@ -75,15 +80,3 @@ def _turns(
             near = [near[0] | near[1]]
         for part in near:
             yield shapely.MultiPoint(np.concatenate([(way + half)[part], (way - half)[part]])).convex_hull
-
-
-def _area_on(pieces: NDArray[np.object_], places: NDArray[np.object_]) -> FloatArray:
-    """How much (n,) of each piece lies on places that do not overlap each other."""
-    piece, place = shapely.STRtree(places).query(pieces, predicate="intersects")
-    total: FloatArray = np.zeros(len(pieces))
-    np.add.at(total, piece, shapely.area(shapely.intersection(pieces[piece], places[place])))
-    return total
-
-
-def _cross_and_dot(a: FloatArray, b: FloatArray) -> tuple[float, float]:
-    return float(a[0] * b[1] - a[1] * b[0]), float(a @ b)

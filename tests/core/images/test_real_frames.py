@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, decoded
+from furrowmap.core.images.colouring import NO_FRAME, ColourMaker, decode_frames
 from furrowmap.core.images.frames import frames_along
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.pipeline.pipeline import ground_scale
@@ -72,7 +72,7 @@ def test_colours__of_soil_are_those_of_a_frame_that_was_held_out(shared_data: Pa
     use = bare & np.isfinite(pixel[:, 0]) & (frame != NO_FRAME)
     use[use] &= inside(camera, pixel[use])
     assert use.sum() > 3000
-    held, given = decoded(frames, []).rgb[HELD], rgb[:, use].T / 257.0
+    held, given = decode_frames(frames, []).rgb[HELD], rgb[:, use].T / 257.0
     square = ((pixel[use] - 0.5 * np.array([799, 599])) ** 2).sum(axis=1) / (400.0**2 + 300.0**2)
     design = np.column_stack([np.ones(len(square)), square, square**2])
 

@@ -18,7 +18,7 @@ from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.work import learning
 from furrowmap.core.work.learning import Found
 from furrowmap.core.work.model import CELL_Z_M, Hint, SideTemplate, SideViewGrid, fit_height
-from furrowmap.core.work.near_scans import IMAGE_COLUMNS, MOST_SCANS, NearScans, column_of, median_image
+from furrowmap.core.work.near_scans import IMAGE_COLUMNS, MAX_NEAR_SCANS, NearScans, column_of, median_image
 from tests.core.work.conftest import HINT, Scene
 
 GRID = SideViewGrid(-3.0, 0.15, 20, 150)
@@ -53,14 +53,14 @@ def _scan(number: int) -> Scan:
     return Scan(number, t_s, xyz, ones, ones, ones.astype(np.uint16), ones, ones)
 
 
-@given(st.integers(0, 6 * MOST_SCANS))
+@given(st.integers(0, 6 * MAX_NEAR_SCANS))
 def test_near_scans__keep_pairs_spread_over_any_recording(count: int) -> None:
     near = NearScans(Mounting((0.0, 0.0, 2.0)))
     for number in range(count):
         near.add(_scan(number))
     index = np.array([scan.index for scan in near.scans])
-    assert len(index) <= MOST_SCANS
-    assert len(index) >= min(count, MOST_SCANS // 2)
+    assert len(index) <= MAX_NEAR_SCANS
+    assert len(index) >= min(count, MAX_NEAR_SCANS // 2)
     assert np.all(np.diff(index) > 0)
     if count:
         stride = np.diff(index[::2])

@@ -85,7 +85,7 @@ def test_differences__are_the_lift_after_and_the_roll_before() -> None:
 
 
 def test_many_cells__are_joined_with_the_same_mean(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("furrowmap.core.work.strip_differences.MOST_ROWS", MOST)
+    monkeypatch.setattr("furrowmap.core.work.strip_differences.MAX_DIFFERENCES", MOST)
     found = strip_differences(two_strips(5.0, 20.0, 200_000), STRIPS, Mounting(), Mounting())
     assert found is not None
     assert found.cell_m == 0.5
