@@ -25,7 +25,7 @@ from scipy.spatial.transform import Rotation
 
 import furrowmap
 from furrowmap.core.runtime.errors import FurrowmapError
-from furrowmap.core.simulator.flight import laid_out_flight
+from furrowmap.core.simulator.flight import lay_out_flight
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.simulate import simulate
@@ -97,7 +97,7 @@ def simulated(name: str, keys: Mapping[str, object], number: int, *, scans: bool
         scenario = replace(scenario, seed=scenario.seed + 1000 * number, lidar=never)
         folder = CACHE / f"{name}_trajectory_{number}"
     there = folder / "scenario.toml"
-    if not there.exists() or there.read_text(encoding="utf-8") != as_toml(laid_out_flight(scenario, scenario.flight)):
+    if not there.exists() or there.read_text(encoding="utf-8") != as_toml(lay_out_flight(scenario, scenario.flight)):
         shutil.rmtree(folder, ignore_errors=True)
         simulate(scenario, folder)
         if not scans:

@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from furrowmap.core.pipeline.pipeline import companions, ground_scale
-from furrowmap.core.pipeline.session_aid import aided_session
+from furrowmap.core.pipeline.session_aid import aid_session
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.session.opened import open_session
@@ -51,7 +51,7 @@ def main(session: Path) -> None:
     notices: list[Notice] = []
     begin, used = perf_counter(), resource.getrusage(resource.RUSAGE_SELF).ru_utime
     scale = ground_scale(opened.frame, located.trajectory)
-    located, aid = aided_session(opened, located, scale, notices, silent)
+    located, aid = aid_session(opened, located, scale, notices, silent)
     used = resource.getrusage(resource.RUSAGE_SELF).ru_utime - used
     for notice in notices:
         print(notice.text)

@@ -17,7 +17,7 @@ import numpy as np
 from image_adjustment import errors
 
 from furrowmap.core.pipeline.pipeline import companions, ground_scale
-from furrowmap.core.pipeline.session_aid import aided_session
+from furrowmap.core.pipeline.session_aid import aid_session
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.session.opened import OpenSession, open_session
@@ -67,7 +67,7 @@ def main(session: Path, first: int | None, last: int | None) -> None:
         opened = Chosen(stated.file, changed, stated.inputs, stated.frame)
         notices: list[Notice] = []
         begin = process_time()
-        adjusted, aid = aided_session(opened, replace(located), scale, notices, silent)
+        adjusted, aid = aid_session(opened, replace(located), scale, notices, silent)
         print(f"{name}: {'used' if aid is not None else 'not used'}, {process_time() - begin:.0f} s of the processor")
         for notice in notices:
             print("   ", notice.code, notice.text)

@@ -27,7 +27,7 @@ from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.simulate import simulate
-from furrowmap.core.simulator.site import laid_out
+from furrowmap.core.simulator.site import lay_out
 
 FloatArray = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def simulated(name: str, keys: Mapping[str, object]) -> Path:
     scenario = msgspec.convert({"name": name, **keys}, Scenario)
     folder = CACHE / "sessions" / name
     there = folder / "scenario.toml"
-    wanted = as_toml(laid_out(scenario, plan_path(scenario.drive, random_for(scenario.seed, "driver"))))
+    wanted = as_toml(lay_out(scenario, plan_path(scenario.drive, random_for(scenario.seed, "driver"))))
     if not there.exists() or there.read_text(encoding="utf-8") != wanted:
         print(f"simulating {name}, once …", file=sys.stderr)
         simulate(scenario, folder)

@@ -15,15 +15,15 @@ from furrowmap.core.images.block_adjustment import (
     AdjustedBlock,
     ImageBlock,
     Known,
-    adjusted_block,
+    adjust_block,
     adjusted_poses,
     meeting_angles,
-    triangulated,
+    triangulate,
 )
-from furrowmap.core.images.control_points import ControlPoints, control_views, joined_views
+from furrowmap.core.images.control_points import ControlPoints, control_views, join_views
 from furrowmap.core.images.features import consecutive, feature_store, without
 from furrowmap.core.images.frames import frame_poses
-from furrowmap.core.images.ties import Ties, overlapping, thinned, tracks
+from furrowmap.core.images.ties import Ties, overlapping, thin_ties, tracks
 from furrowmap.core.readers.exif import image_size
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
@@ -148,7 +148,7 @@ class ImageAid:
         }
 
 
-def aided_by_images(
+def aid_by_images(
     located: Located,
     images: Images,
     camera: Camera,
@@ -183,7 +183,7 @@ def aided_by_images(
             notices.append(ties)
             return located, None
         progress("adjusting images", 0.0)
-        adjusted, known = adjusted_block(block, ties), NOTHING_KNOWN
+        adjusted, known = adjust_block(block, ties), NOTHING_KNOWN
         if control is not None and doubtful(adjusted) is None:
             adjusted, known = with_control(block, adjusted, control, images, notices)
     except (np.linalg.LinAlgError, RuntimeError, ValueError) as error:
@@ -194,7 +194,7 @@ def aided_by_images(
     if doubt is not None:
         notices.append(contradicting(doubt))
         return located, None
-    notices += misstated(adjusted, camera)
+    notices += camera_notices(adjusted, camera)
     aid = _aid(block, adjusted, known)
     after = PoseErrors(adjusted.found.t_s, np.zeros_like(adjusted.found.value), adjusted.found.covariance)
     kept = notices_beside(located.notices, known)
@@ -218,7 +218,7 @@ def contradicting(why: str) -> Notice:
     return Notice(CONTRADICTING, why=why)
 
 
-def misstated(adjusted: AdjustedBlock, stated: Camera) -> list[Notice]:
+def camera_notices(adjusted: AdjustedBlock, stated: Camera) -> list[Notice]:
     """What of the table `[camera]` the images show to be wrong, though they can be used."""
     found = []
     late_s = adjusted.camera.shutter_delay_s - stated.shutter_delay_s
@@ -276,13 +276,13 @@ def _ties(block: ImageBlock, images: Images, progress: Progress) -> Ties | Notic
         depth = np.einsum(
             "oi,oi->o",
             poses.rotation[first.frame][:, :, 2],
-            triangulated(poses, block.camera, first)[first.point] - poses.xyz_m[first.frame],
+            triangulate(poses, block.camera, first)[first.point] - poses.xyz_m[first.frame],
         )
         ahead = depth[depth > 0.0]
         if len(ahead) < MIN_TIE_POINTS:
             return contradicting("the points that they have in common are behind the camera. Check [camera] rpy_deg")
         store.match(without(overlapping(poses, block.camera, float(np.median(ahead))), following), progress)
-        ties = thinned(_well_met(block, tracks(*store.found())), size)
+        ties = thin_ties(_well_met(block, tracks(*store.found())), size)
     if ties.points < MIN_TIE_POINTS:
         return unused(f"they have {ties.points} points in common")
     return ties
@@ -304,8 +304,8 @@ def with_control(
     if views is None:
         notices.append(Notice("control-points-unseen", control=len(control.name)))
         return adjusted, NOTHING_KNOWN
-    ties, known = joined_views(adjusted.ties, *views)
-    return adjusted_block(block, ties, known), known
+    ties, known = join_views(adjusted.ties, *views)
+    return adjust_block(block, ties, known), known
 
 
 def doubtful(adjusted: AdjustedBlock) -> str | None:

@@ -52,7 +52,7 @@ class Balance:
         return float(1.0 - np.exp(self.vignetting.sum()))
 
 
-def balanced(
+def balance_frames(
     count: int, point: NDArray[np.int32], frame: NDArray[np.int32], radius: FloatArray, levels: FloatArray
 ) -> Balance:
     """Gains and vignetting by robust least squares.

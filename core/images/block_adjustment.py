@@ -130,7 +130,7 @@ class _BlockState:
     z: FloatArray  # (4 + 6 m,) all but the points in units of the root of their covariance before
 
 
-def adjusted_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) -> AdjustedBlock:
+def adjust_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) -> AdjustedBlock:
     """Poses, boresight, delay and points at which the points appear where they were seen.
 
     Args:
@@ -144,7 +144,7 @@ def adjusted_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) 
     root = root_of(CAMERA_SIGMAS, block.errors.covariance)
     unknowns = np.zeros(len(root))
     start = _BlockState(unknowns[:CAMERA_UNKNOWNS], unknowns[CAMERA_UNKNOWNS:], np.zeros((ties.points, 3)), unknowns)
-    places = triangulated(_poses(block, start), block.camera, ties)
+    places = triangulate(_poses(block, start), block.camera, ties)
     places[known.point] = known.xyz_m
     start = replace(start, xyz_m=places)
     state, factor = start, 1.0
@@ -258,7 +258,7 @@ def _by_view(camera: Camera, seen: FloatArray) -> FloatArray:
     return out
 
 
-def triangulated(poses: FramePoses, camera: Camera, ties: Ties) -> FloatArray:
+def triangulate(poses: FramePoses, camera: Camera, ties: Ties) -> FloatArray:
     """(p, 3) where the rays of each point meet best.
 
     Args:

@@ -173,7 +173,7 @@ def expect_opencv() -> None:
         raise InputError("extra-missing.expect-opencv")
 
 
-def found_corners(image: NDArray[np.uint8], board: Board) -> FloatArray | None:
+def find_corners(image: NDArray[np.uint8], board: Board) -> FloatArray | None:
     """Inner corners (n, 2) of the board in an image (height, width, 3), row by row; None if they are not all found."""
     import cv2
 

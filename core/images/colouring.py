@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.images.balance import Balance, balanced
+from furrowmap.core.images.balance import Balance, balance_frames
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.images.projection import pixel_of
 from furrowmap.core.images.visibility import MIN_DISTANCE_M, SLACK_M, Visibility, VisibilityMaker
@@ -69,7 +69,7 @@ class ColourMaker:
         point, frame, at_px, levels = observations(samples, *plain.arguments[:-2], MAX_OBSERVATIONS)
         middle = 0.5 * (visibility.view.size - 1.0)
         radius = np.linalg.norm(at_px - middle, axis=1) / (0.5 * np.linalg.norm(visibility.view.size))
-        balance = balanced(count, point, frame, radius, levels)
+        balance = balance_frames(count, point, frame, radius, levels)
         return Colours(visibility, pixels, balance, self._frames.poses.t_s)
 
 

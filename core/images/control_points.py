@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.images.block_adjustment import AdjustedBlock, ImageBlock, Known, adjusted_poses, triangulated
+from furrowmap.core.images.block_adjustment import AdjustedBlock, ImageBlock, Known, adjusted_poses, triangulate
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.readers.exif import read_pixels
@@ -183,7 +183,7 @@ def _agreeing(block: ImageBlock, adjusted: AdjustedBlock, ties: Ties) -> NDArray
         own = np.flatnonzero(ties.point == number)
         while len(own) >= 2:
             part = Ties(ties.frame[own], np.zeros(len(own), np.int64), ties.pixel[own], ties.sigma_px[own])
-            place = triangulated(poses, adjusted.camera, part)
+            place = triangulate(poses, adjusted.camera, part)
             off = np.array(
                 [
                     np.linalg.norm(project(adjusted.camera, poses.in_frame(f, place))[0] - pixel)
@@ -201,7 +201,7 @@ def _agreeing(block: ImageBlock, adjusted: AdjustedBlock, ties: Ties) -> NDArray
     return kept
 
 
-def joined_views(ties: Ties, control: Ties, known: Known) -> tuple[Ties, Known]:
+def join_views(ties: Ties, control: Ties, known: Known) -> tuple[Ties, Known]:
     """Ties with views of surveyed points behind them."""
     first = ties.points
     both = Ties(

@@ -126,7 +126,7 @@ def tracks(keypoints: Mapping[int, FloatArray], matches: Mapping[tuple[int, int]
     return Ties(owner[order], point.astype(np.int64), np.ascontiguousarray(seen[:, :2]), seen[:, 2].copy())
 
 
-def thinned(ties: Ties, size: tuple[int, int]) -> Ties:
+def thin_ties(ties: Ties, size: tuple[int, int]) -> Ties:
     """Ties spread evenly over the images: of each cell the points that most images show, the sharpest of these.
 
     Args:

@@ -60,7 +60,7 @@ class FrameView:
     size: FloatArray
 
     @classmethod
-    def of(cls, frames: Frames, origin_m: tuple[float, float, float]) -> FrameView:
+    def from_frames(cls, frames: Frames, origin_m: tuple[float, float, float]) -> FrameView:
         """The view of frames."""
         from furrowmap.core.images.projection import unproject
 
@@ -131,7 +131,7 @@ class VisibilityMaker:
     """
 
     def __init__(self, frames: Frames, origin_m: tuple[float, float, float]) -> None:
-        camera, self.view = frames.camera, FrameView.of(frames, origin_m)
+        camera, self.view = frames.camera, FrameView.from_frames(frames, origin_m)
         self._cell_px = max(CELL_PX, -(-max(camera.width, camera.height) // MAX_DEPTH_CELLS))
         rows, columns = -(-camera.height // self._cell_px), -(-camera.width // self._cell_px)
         self._depth: NDArray[np.float32] = arrays.full((len(frames), rows, columns), np.inf, np.float32)
@@ -170,7 +170,7 @@ class VisibilityMaker:
             depth, pooled = self._depth[k], 1
             while pooled < MAX_POOLED_CELLS and points < POINTS_PER_CELL * np.isfinite(_least(depth, pooled)).sum():
                 pooled *= 2
-            self._depth[k] = closed(depth, pooled)
+            self._depth[k] = widen_depth(depth, pooled)
             slack[k] = SLACK_CELLS * pooled * self._cell_px / self.view.intrinsics[0]
         return Visibility(self.view, self._depth, slack, self._cell_px, self._index())
 
@@ -198,7 +198,7 @@ def _least(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:
     return out
 
 
-def closed(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:
+def widen_depth(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:
     """A depth map of the same size: in each cell the least depth of its pooled cell and of the eight around that."""
     least = minimum_filter(_least(depth, pooled), size=3, mode="nearest")
     wide = np.repeat(np.repeat(least, pooled, axis=0), pooled, axis=1)

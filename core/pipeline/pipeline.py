@@ -187,9 +187,9 @@ def _aid_by_images(
     """The trajectory aided by the images of the session's camera, where it has one."""
     if opened.session.camera is None:
         return located, None
-    from furrowmap.core.pipeline.session_aid import aided_session
+    from furrowmap.core.pipeline.session_aid import aid_session
 
-    return aided_session(opened, located, ground_scale(opened.frame, located.trajectory), notices, progress)
+    return aid_session(opened, located, ground_scale(opened.frame, located.trajectory), notices, progress)
 
 
 def _camera_frames(

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.images.aiding import ImageAid, aided_by_images, unused
+from furrowmap.core.images.aiding import ImageAid, aid_by_images, unused
 from furrowmap.core.images.control_points import ControlPoints
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.readers.text_table import read_table
@@ -22,7 +22,7 @@ EXTRA: Final = ("pycolmap", "cv2", "PIL")
 _COLUMNS: Final = ("file", "name", "u", "v")
 
 
-def aided_session(
+def aid_session(
     opened: OpenSession, located: Located, scale: float, notices: list[Notice], progress: Progress
 ) -> tuple[Located, ImageAid | None]:
     """The trajectory of a session aided by the images that it names; as it was where they do not serve.
@@ -47,7 +47,7 @@ def aided_session(
         points = read_points(inputs.control_points, opened.frame.whole_crs)
         seen = () if inputs.control_pixels is None else read_pixels(inputs.control_pixels, points.name)
         control = ControlPoints(points.name, points.xyz_m, points.sigma_m, seen)
-    return aided_by_images(located, opened.images(notices), opened.camera(), scale, control, notices, progress)
+    return aid_by_images(located, opened.images(notices), opened.camera(), scale, control, notices, progress)
 
 
 def read_pixels(path: Path, names: tuple[str, ...]) -> tuple[tuple[str, int, float, float], ...]:

@@ -94,7 +94,7 @@ class SquareSpool(RecordSpool):
         return self.read(self.keys(squares))
 
 
-def cleaned(
+def clean_points(
     clouds: Clouds,
     cleaning: Cleaning,
     folder: Path,
@@ -172,11 +172,11 @@ def classified_spool(
     Args:
         cleaning: of its steps, those that need no neighbours, and the ground.
         folder: for temporary files.
-        seen: as in :func:`cleaned`.
+        seen: as in :func:`clean_points`.
         progress: receives the stages "reading clouds" and "cleaning clouds".
 
     Raises:
-        InputError: as :func:`cleaned`.
+        InputError: as :func:`clean_points`.
         RefusedError: likewise.
         OSError: likewise.
     """

@@ -209,7 +209,7 @@ def open_clouds(paths: Sequence[Path], crs: pyproj.CRS | None = None, dst_crs: p
     return Clouds(files, whole, change, unit_m, tuple(notices))
 
 
-def clipped(clouds: Clouds, polygons: Path | None) -> Clouds:
+def clip_clouds(clouds: Clouds, polygons: Path | None) -> Clouds:
     """Clouds without the points outside the polygons of a file (:func:`~furrowmap.core.readers.areas.area.read_area`).
 
     Raises:

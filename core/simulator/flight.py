@@ -25,7 +25,7 @@ TILT_S: Final = 0.15
 """An aircraft follows the acceleration that is asked of it this slowly."""
 
 
-def laid_out_flight(scenario: Scenario, flight: Flight) -> Scenario:
+def lay_out_flight(scenario: Scenario, flight: Flight) -> Scenario:
     """`scenario` with the ground and the start laid round the path where they are not stated.
 
     Raises:

@@ -29,7 +29,7 @@ class SimulatedMountMotion:
     phase_rad: FloatArray
 
     @classmethod
-    def of(cls, mount: MovingMount, seed: int) -> SimulatedMountMotion:
+    def with_random_phases(cls, mount: MovingMount, seed: int) -> SimulatedMountMotion:
         """With phases by chance."""
         return cls(mount, random_for(seed, "mount").uniform(0.0, 2.0 * np.pi, 3))
 

@@ -20,7 +20,7 @@ from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.sensor import make_spin
 from furrowmap.core.simulator.simulate_flight import Written, moving, session_head, write_flight, write_sensors
-from furrowmap.core.simulator.site import SimulatedSite, find_site, laid_out
+from furrowmap.core.simulator.site import SimulatedSite, find_site, lay_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground
 from furrowmap.core.simulator.truth import (
     coarse_surface,
@@ -76,7 +76,7 @@ def simulate(scenario: Scenario, folder: Path, progress: Progress = silent) -> S
 def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Written:
     """The recording of a tractor, and its truth."""
     path = plan_path(scenario.drive, random_for(scenario.seed, "driver"))
-    scenario = laid_out(scenario, path)
+    scenario = lay_out(scenario, path)
     site = find_site(scenario)
     track = drive_path(path, scenario.drive, scenario.implement, random_for(scenario.seed, "tool"))
     sweeps = find_sweeps(track, scenario.implement.xy_m)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.simulator.flight import duration_s, fly, laid_out_flight
+from furrowmap.core.simulator.flight import duration_s, fly, lay_out_flight
 from furrowmap.core.simulator.flight_scenario import Flight, ScenarioImu
 from furrowmap.core.simulator.flight_truth import make_crop, write_flight_trajectory, write_ground, write_mounting
 from furrowmap.core.simulator.gnss import receive, report, sentences
@@ -47,7 +47,7 @@ def write_flight(folder: Path, scenario: Scenario, flight: Flight, progress: Pro
     Raises:
         InputError: the scenario describes no possible place, or too much ground.
     """
-    scenario = laid_out_flight(scenario, flight)
+    scenario = lay_out_flight(scenario, flight)
     assert scenario.flight is not None
     flight, site, ground = scenario.flight, find_site(scenario), make_ground(scenario, [])
     middle = np.array([0.5 * scenario.field.size_e_m, 0.5 * scenario.field.size_n_m, flight.height_m])
@@ -84,7 +84,9 @@ def write_flight(folder: Path, scenario: Scenario, flight: Flight, progress: Pro
 
 def moving(scenario: Scenario) -> SimulatedMountMotion | None:
     """The motion of the mount; None where it is rigid."""
-    return SimulatedMountMotion.of(scenario.mount, scenario.seed) if scenario.mount is not None else None
+    return (
+        SimulatedMountMotion.with_random_phases(scenario.mount, scenario.seed) if scenario.mount is not None else None
+    )
 
 
 def write_sensors(folder: Path, world: World, end_s: float) -> None:

@@ -29,7 +29,7 @@ MAX_SITE_CELLS = 80_000_000
 """Five hectares; the ground takes about 40 bytes per cell during its computation."""
 
 
-def laid_out(scenario: Scenario, path: DrivenPath) -> Scenario:
+def lay_out(scenario: Scenario, path: DrivenPath) -> Scenario:
     """`scenario` with the ground, the start and the boundary laid round the drive where they are not stated.
 
     Raises:

@@ -16,9 +16,9 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import Motion, Trajectory
-from furrowmap.core.work.misses import missed, unworked
+from furrowmap.core.work.misses import missed_strips, unworked_places
 from furrowmap.core.work.ribbon import Ribbon, ribbons
-from furrowmap.core.work.shapes import joined, parts
+from furrowmap.core.work.shapes import join, parts
 from furrowmap.core.work.sweep import PassTimes, Sweep, pass_times, sweeps, tool_line, unknown_times
 from furrowmap.core.work.uncertainty import OutlineErrors
 from furrowmap.core.work.zones import zones
@@ -252,31 +252,31 @@ def worked_ground(
     times = pass_times(states)
     work = [[(sweep, ribbons(sweep)) for sweep in sweeps(trajectory, when, implement)] for when in times]
     runs = [(number, run) for number, pass_ in enumerate(work, start=1) for run in pass_]
-    grounds = [joined(r.polygon for _, pieces in pass_ for r in pieces) for pass_ in work]
-    coverage = joined(grounds)
+    grounds = [join(r.polygon for _, pieces in pass_ for r in pieces) for pass_ in work]
+    coverage = join(grounds)
     shared = overlapping([(number, pieces) for number, (_, pieces) in runs])
     gaps_s = trajectory.gaps_s
     unplaced = [_unplaced_ground(trajectory, gaps_s, when, implement) for when in times]
     unknown = [sweep for when in unknown_times(states) for sweep in sweeps(trajectory, when, implement)]
     swept_unknown = shapely.union_all([ribbon.polygon for sweep in unknown for ribbon in ribbons(sweep)])
     doubtful = shapely.union_all([swept_unknown, *unplaced])
-    strips = missed(coverage, doubtful, implement.width_m, boundary)
-    left = unworked(coverage, doubtful, strips, boundary)
+    strips = missed_strips(coverage, doubtful, implement.width_m, boundary)
+    left = unworked_places(coverage, doubtful, strips, boundary)
     areas = _Areas(frame, OutlineErrors(trajectory, [run for _, run in runs], states.common_share))
-    parts = zip(times, work, grounds, areas.of(grounds, unplaced), strict=True)
+    parts = zip(times, work, grounds, areas.measure(grounds, unplaced), strict=True)
     passes = tuple(_pass(number, *part, implement) for number, part in enumerate(parts, start=1))
     pairs = [(pair, place) for pair, places in shared.items() for place in places]
     spent = hours(trajectory, states, times[0].begin_s, times[-1].end_s) if times else Hours(0, 0, 0, 0, 0, 0)
-    (worked,) = areas.of([coverage], [doubtful])
+    (worked,) = areas.measure([coverage], [doubtful])
     shared_all = shapely.GeometryCollection([place for _, place in pairs])
-    overlap, missing = areas.of([shared_all, _all(strips)])
+    overlap, missing = areas.measure([shared_all, _all(strips)])
     length_m, moving_s = sum(p.length_m for p in passes), sum(sweep.moving_s for _, (sweep, _) in runs)
     figures = WorkFigures(
         worked=worked,
         swept_m2=sum(p.swept_m2 for p in passes),
         overlap=overlap,
         missed=missing,
-        field=areas.of_field(boundary, coverage, _all(left), doubtful) if boundary is not None else None,
+        field=areas.measure_field(boundary, coverage, _all(left), doubtful) if boundary is not None else None,
         passes=len(passes),
         length_m=length_m,
         speed_mps=length_m / moving_s if moving_s else float("nan"),
@@ -341,7 +341,9 @@ class _Areas:
         self._frame = frame
         self._errors = errors
 
-    def of(self, shapes: Sequence[BaseGeometry], doubtful: Sequence[BaseGeometry] | None = None) -> list[AreaFigure]:
+    def measure(
+        self, shapes: Sequence[BaseGeometry], doubtful: Sequence[BaseGeometry] | None = None
+    ) -> list[AreaFigure]:
         """The areas of `shapes`, each with the ground in `doubtful` that may belong to it but is not counted.
 
         Any part of such ground is as likely as any other: a third of its square is added to the variance.
@@ -353,24 +355,24 @@ class _Areas:
         columns = (grid, self._on_ellipsoid(shapes), sigma)
         return [AreaFigure(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
 
-    def of_field(
+    def measure_field(
         self, boundary: BaseGeometry, coverage: BaseGeometry, left: BaseGeometry, doubtful: BaseGeometry
     ) -> FieldFigures:
         """How much of the ground inside `boundary` was worked; `left` is what was not."""
-        (area,), (unworked_area,) = self.of([boundary]), self.of([left], [doubtful])
+        (area,), (unworked_area,) = self.measure([boundary]), self.measure([left], [doubtful])
         share = coverage.intersection(boundary).area / boundary.area
         return FieldFigures(replace(area, sigma_m2=0.0), share, unworked_area)
 
     def overlaps(self, shared: Sequence[tuple[tuple[int, int], shapely.Polygon]]) -> tuple[Overlap, ...]:
         """The places shared by pairs of passes."""
-        found = self.of([place for _, place in shared])
+        found = self.measure([place for _, place in shared])
         return tuple(Overlap(*pair, place, area) for (pair, place), area in zip(shared, found, strict=True))
 
     def places(self, shapes: Sequence[tuple[str, shapely.Polygon]]) -> tuple[FieldPlace, ...]:
         """The places of `shapes`, each given with its kind."""
         return tuple(
             FieldPlace(kind, ground, area)
-            for (kind, ground), area in zip(shapes, self.of([ground for _, ground in shapes]), strict=True)
+            for (kind, ground), area in zip(shapes, self.measure([ground for _, ground in shapes]), strict=True)
         )
 
     def _on_ellipsoid(self, shapes: Sequence[BaseGeometry]) -> FloatArray:

@@ -192,7 +192,7 @@ def _find(views: Views) -> Found | None:
     evenly = np.linspace(0, len(pairs) - 1, min(_SAMPLED_PAIRS, len(pairs))).astype(np.intp)
     some = np.unique(pairs[np.unique(np.append(unlike, evenly))])
     starts = pairs[np.append(unlike[: _REFERENCES // 2], evenly[:: 1 + 2 * len(evenly) // _REFERENCES]), 0]
-    few = views.of(some)
+    few = views.subset(some)
     outcomes = [_from_reference(few, k) for k in np.flatnonzero(np.isin(some, starts)).tolist()]
     likeliest = sorted(
         filter(None, outcomes), key=lambda outcome: -float(outcome.heights.gain[outcome.heights.sure].sum())
@@ -243,7 +243,7 @@ def _worth(
     """Log-likelihood per point of scans of the moving tool for a travel larger by `rows`."""
     moved = np.zeros_like(upper)
     moved[:, max(0, -rows) : upper.shape[1] - max(0, rows)] = upper[:, max(0, rows) : upper.shape[1] - max(0, -rows)]
-    template = SideTemplate.of(views.grid, lower + moved)
+    template = SideTemplate.from_views(views.grid, lower + moved)
     low_m, high_m = levels.low_m - _BEYOND_M, levels.high_m + rows * CELL_Z_M + _BEYOND_M
     gains = [fit_height(side, template, low_m, high_m)[0].gain / max(float(side.sum()), 1.0) for side in sides]
     return float(np.mean(gains))
@@ -263,7 +263,7 @@ def _from_reference(views: Views, reference: int) -> Outcome | None:
     beside = views.images[reference + 1 if reference % 2 == 0 else reference - 1]
     if not len(view) or view.differs(beside, _CALM_M).mean() > 0.5:
         return None
-    template = SideTemplate.of(views.grid, views.side(reference, None).astype(np.float64))
+    template = SideTemplate.from_views(views.grid, views.side(reference, None).astype(np.float64))
     heights = views.heights(template, image)
     known = heights.sure & (np.abs(heights.height_m) > MOVED_M)
     if not known.any():
@@ -293,7 +293,7 @@ def _refine(views: Views, image: NDArray[np.float32], height: FloatArray, known:
     alike = np.abs(height[second] - height[first]) < _CALM_M
     steady[first[alike]] = steady[second[alike]] = True
     upper, lower = (_mean_side(views, side & steady, height, still) for side in sides)
-    template = SideTemplate.of(views.grid, upper + lower)
+    template = SideTemplate.from_views(views.grid, upper + lower)
     return Outcome(views, image, template, still, views.heights(template, still))
 
 

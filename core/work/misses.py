@@ -8,7 +8,7 @@ from typing import Final
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.work.shapes import areal, closed, grown, parts
+from furrowmap.core.work.shapes import areal, close_gaps, grow, parts
 
 MIN_STRIP_WIDTH_M: Final = 0.02
 """Narrower strips are ignored."""
@@ -16,7 +16,7 @@ MIN_STRIP_AREA_M2: Final = 0.01
 TOUCHES_M: Final = 0.005
 
 
-def missed(
+def missed_strips(
     coverage: shapely.MultiPolygon, doubtful: BaseGeometry, width_m: float, boundary: BaseGeometry | None
 ) -> list[tuple[str, shapely.Polygon]]:
     """The strips missed, each with its kind: `between passes`, or `boundary` where the field's boundary is one side.
@@ -35,11 +35,11 @@ def missed(
     if boundary is not None:
         box = shapely.box(*shapely.union(coverage, boundary).bounds).buffer(2.0 * width_m, join_style="mitre")
         taken = coverage.union(box.difference(boundary))
-    strips = closed(taken, width_m)
+    strips = close_gaps(taken, width_m)
     if boundary is not None:
         strips = areal(strips.intersection(boundary))
     strips = areal(strips.difference(coverage.union(doubtful)))
-    wide = grown(grown(strips, -0.5 * MIN_STRIP_WIDTH_M), 0.5 * MIN_STRIP_WIDTH_M).intersection(strips)
+    wide = grow(grow(strips, -0.5 * MIN_STRIP_WIDTH_M), 0.5 * MIN_STRIP_WIDTH_M).intersection(strips)
     found = []
     for strip in parts(wide):
         at_boundary = boundary is not None and strip.distance(boundary.boundary) < TOUCHES_M
@@ -48,7 +48,7 @@ def missed(
     return found
 
 
-def unworked(
+def unworked_places(
     coverage: shapely.MultiPolygon,
     doubtful: BaseGeometry,
     strips: Sequence[tuple[str, shapely.Polygon]],
@@ -59,11 +59,11 @@ def unworked(
     Args:
         coverage: all ground worked.
         doubtful: ground of which it is not known whether it was worked; no part of it is counted.
-        strips: those of :func:`missed`.
+        strips: those of :func:`missed_strips`.
         boundary: the field, if known; without it there is no such ground.
     """
     if boundary is None:
         return []
     rest = boundary.difference(shapely.union_all([coverage, doubtful, *(strip for _, strip in strips)]))
-    wide = areal(grown(grown(rest, -0.5 * MIN_STRIP_WIDTH_M), 0.5 * MIN_STRIP_WIDTH_M).intersection(rest))
+    wide = areal(grow(grow(rest, -0.5 * MIN_STRIP_WIDTH_M), 0.5 * MIN_STRIP_WIDTH_M).intersection(rest))
     return [("not worked", place) for place in parts(wide) if place.area >= MIN_STRIP_AREA_M2]

@@ -59,7 +59,7 @@ class SideTemplate:
     odds: NDArray[np.float32]
 
     @classmethod
-    def of(cls, grid: SideViewGrid, views: NDArray[np.float64]) -> SideTemplate:
+    def from_views(cls, grid: SideViewGrid, views: NDArray[np.float64]) -> SideTemplate:
         """The template from weights (columns, rows) of the points of the tool."""
         total = float(views.sum())
         if total <= 0.0:

@@ -15,14 +15,14 @@ MITRE_LIMIT: Final = 2.0
 """Corners down to 60° stay corners when shapes grow or shrink."""
 
 
-def grown(shape: BaseGeometry, by_m: float) -> BaseGeometry:
+def grow(shape: BaseGeometry, by_m: float) -> BaseGeometry:
     """The shape made wider (or, below 0, narrower) all round, its corners kept."""
     return shapely.buffer(shape, by_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
 
 
-def closed(shape: BaseGeometry, width_m: float) -> BaseGeometry:
+def close_gaps(shape: BaseGeometry, width_m: float) -> BaseGeometry:
     """The shape with all gaps filled that are narrower than `width_m`: a morphological closing."""
-    return grown(grown(shape, 0.5 * width_m), -0.5 * width_m)
+    return grow(grow(shape, 0.5 * width_m), -0.5 * width_m)
 
 
 def mean_width_m(polygon: shapely.Polygon) -> float:
@@ -50,7 +50,7 @@ def areal(shape: BaseGeometry) -> BaseGeometry:
     return shapely.MultiPolygon([part for part in shapely.get_parts(shape) if isinstance(part, shapely.Polygon)])
 
 
-def joined(shapes: Iterable[BaseGeometry]) -> shapely.MultiPolygon:
+def join(shapes: Iterable[BaseGeometry]) -> shapely.MultiPolygon:
     """The union of polygons, without slivers."""
     return shapely.MultiPolygon(parts(shapely.union_all(list(shapes))))
 

@@ -115,7 +115,7 @@ class Views:
     def __len__(self) -> int:
         return len(self.scans)
 
-    def of(self, numbers: NDArray[np.intp]) -> Views:
+    def subset(self, numbers: NDArray[np.intp]) -> Views:
         """A subset of the scans."""
         chosen = numbers.tolist()
         scans, images, views = ([values[k] for k in chosen] for values in (self.scans, self.images, self.views))

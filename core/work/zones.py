@@ -16,7 +16,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.ribbon import Ribbon
-from furrowmap.core.work.shapes import areal, closed, parts
+from furrowmap.core.work.shapes import areal, close_gaps, parts
 from furrowmap.core.work.sweep import Sweep, tool_line
 
 TURN_RAD: Final = np.radians(60.0)
@@ -52,8 +52,8 @@ def zones(
     on_turn_m2 = np.bincount(piece, shared_m2, len(pieces))
     on_turns = on_turn_m2 > INSIDE_SHARE * shapely.area(pieces)
     width_m = implement.width_m
-    body = closed(shapely.union_all(pieces[~on_turns]), width_m)
-    headland = closed(shapely.union_all([turning, *pieces[on_turns]]), width_m).difference(body)
+    body = close_gaps(shapely.union_all(pieces[~on_turns]), width_m)
+    headland = close_gaps(shapely.union_all([turning, *pieces[on_turns]]), width_m).difference(body)
     if boundary is not None:
         body, headland = areal(body.intersection(boundary)), areal(headland.intersection(boundary))
     return [("body", part) for part in parts(body)] + [("headland", part) for part in parts(headland)]

@@ -15,7 +15,7 @@ from furrowmap.core.images.board import (
     board_notices,
     board_poses,
     expect_opencv,
-    found_corners,
+    find_corners,
     mount_attitude,
 )
 from furrowmap.core.readers.exif import exif_images, expect_pillow, read_pixels
@@ -159,7 +159,7 @@ def _corners(images: Images, board: Board, progress: Progress) -> tuple[list[Flo
         except ValueError:
             return None
         sizes[k] = (pixels.shape[1], pixels.shape[0])
-        return found_corners(pixels, board)
+        return find_corners(pixels, board)
 
     found = []
     with ThreadPoolExecutor(threads()) as pool:

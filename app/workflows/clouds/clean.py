@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.pointclouds.cleaning import cleaned
+from furrowmap.core.pointclouds.cleaning import clean_points
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error
 from furrowmap.core.readers.las.cloud import Box
@@ -77,7 +77,7 @@ def clean(
     inputs = input_records(opened, progress)
     target.parent.mkdir(parents=True, exist_ok=True)
     parameters, surveys = _parameters(cleaning, opened), list[Survey]()
-    with closing(cleaned(opened, cleaning, target.parent, surveys.append, progress)) as points:
+    with closing(clean_points(opened, cleaning, target.parent, surveys.append, progress)) as points:
         origin = ("points of clouds, cleaned", [*inputs, *area_records(opened)], parameters)
         summary, lost = write_records(opened, points, target, box, origin, progress)
     notices = [notice for survey in surveys for notice in survey.notices()]

@@ -12,8 +12,8 @@ import numpy as np
 
 from furrowmap.core.images.frames import Frames, frames_along
 from furrowmap.core.pipeline.pipeline import companions, ground_scale
-from furrowmap.core.pipeline.session_aid import aided_session
-from furrowmap.core.pointclouds.cleaning import cleaned
+from furrowmap.core.pipeline.session_aid import aid_session
+from furrowmap.core.pointclouds.cleaning import clean_points
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.readers.exif import expect_pillow
@@ -82,7 +82,7 @@ def _frames(opened: OpenSession, notices: list[Notice], progress: Progress) -> F
     images = opened.images(notices)
     located = locate(opened.positions(), opened.session, opened.frame, companions(opened))
     scale = ground_scale(opened.frame, located.trajectory)
-    located, aid = aided_session(opened, located, scale, notices, progress)
+    located, aid = aid_session(opened, located, scale, notices, progress)
     contradicting = next((notice for notice in notices if notice.code == CONTRADICTING), None)
     if contradicting is not None:
         raise RefusedError(f"{CONTRADICTING}.colour", file=opened.file, contradiction=contradicting.text)
@@ -125,5 +125,5 @@ def _write(clouds: Clouds, frames: Frames, target: Path, progress: Progress) -> 
 
 def _points(clouds: Clouds, folder: Path, progress: Progress) -> Iterator[RecordArray]:
     """The points in batches."""
-    with closing(cleaned(clouds, Cleaning(), folder, None, progress)) as points:
+    with closing(clean_points(clouds, Cleaning(), folder, None, progress)) as points:
         yield from (records for records in points if len(records))

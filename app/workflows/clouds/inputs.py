@@ -10,7 +10,7 @@ from typing import Any
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import optional_crs
-from furrowmap.core.pointclouds.clouds import Clouds, box_in, clipped, open_clouds
+from furrowmap.core.pointclouds.clouds import Clouds, box_in, clip_clouds, open_clouds
 from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import Notice
@@ -33,7 +33,7 @@ def open_inputs(clouds: Sequence[str | Path], settings: CloudSettings) -> Clouds
     """The clouds in the CRS that settings state, without the points outside their polygons."""
     opened = open_clouds([Path(path) for path in clouds], optional_crs(settings.crs), optional_crs(settings.dst_crs))
     within = getattr(settings, "within", None)
-    return clipped(opened, Path(within) if within is not None else None)
+    return clip_clouds(opened, Path(within) if within is not None else None)
 
 
 def box_to_use(

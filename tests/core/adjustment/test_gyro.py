@@ -32,7 +32,7 @@ from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import Scenario, ScenarioDrive, ScenarioField
-from furrowmap.core.simulator.site import laid_out
+from furrowmap.core.simulator.site import lay_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground
 from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.inertial import inertial_noise
@@ -56,7 +56,7 @@ LOOP = Scenario(
 def driven() -> Trajectory:
     """The true drive of a tractor over rough ground, at 100 Hz."""
     path = plan_path(LOOP.drive, random_for(LOOP.seed, "driver"))
-    scenario = laid_out(LOOP, path)
+    scenario = lay_out(LOOP, path)
     track = drive_path(path, scenario.drive, scenario.implement, random_for(LOOP.seed, "tool"))
     ground = make_ground(scenario, find_sweeps(track, scenario.implement.xy_m))
     motion = stand_on(ground, track, scenario.tractor, scenario.sway, random_for(LOOP.seed, "sway"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.images.block_adjustment import ImageBlock, Known, adjusted_block, adjusted_poses
+from furrowmap.core.images.block_adjustment import ImageBlock, Known, adjust_block, adjusted_poses
 from furrowmap.core.images.frames import FramePoses, frame_poses
 from furrowmap.core.images.projection import inside, project
 from furrowmap.core.images.ties import Ties
@@ -94,7 +94,7 @@ class Flight:
 @pytest.mark.parametrize("seed", [1, 2])
 def test_boresight_delay_and_shape__are_found_within_their_sigmas(seed: int) -> None:
     flight = Flight(seed)
-    found = adjusted_block(flight.block, flight.ties)
+    found = adjust_block(flight.block, flight.ties)
     off_deg = np.array(found.correction_deg) - np.degrees(TRUE_TURN)
     assert (np.abs(off_deg) < 4.0 * np.array(found.sigma_deg) + 0.003).all()
     assert abs(found.camera.shutter_delay_s - DELAY_S) < 4.0 * found.delay_sigma_s < 0.001
@@ -108,7 +108,7 @@ def test_boresight_delay_and_shape__are_found_within_their_sigmas(seed: int) -> 
 
 def test_control_points__place_the_block() -> None:
     flight = Flight(3, control=4)
-    found = adjusted_block(flight.block, flight.ties, flight.known)
+    found = adjust_block(flight.block, flight.ties, flight.known)
     off = adjusted_poses(flight.block, found).xyz_m - frame_poses(flight.truth, true_camera(), T_S, SCALE).xyz_m
     assert np.sqrt((off**2).mean(axis=0)).max() < 0.012
     sigma = np.sqrt(np.diag(found.found.covariance)).reshape(-1, 6)[1:-1, :3]
@@ -121,7 +121,7 @@ def test_wrong_matches__are_left_out() -> None:
     pixel = flight.ties.pixel.copy()
     wrong = np.arange(0, len(pixel), 40)
     pixel[wrong] += 60.0
-    found = adjusted_block(flight.block, replace(flight.ties, pixel=pixel))
+    found = adjust_block(flight.block, replace(flight.ties, pixel=pixel))
     assert not found.used[wrong].any()
     assert found.used.mean() > 0.9
     assert (np.abs(np.array(found.correction_deg) - np.degrees(TRUE_TURN)) < 5.0 * np.array(found.sigma_deg)).all()

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from furrowmap.core.images.aiding import ImageAid, aided_by_images
+from furrowmap.core.images.aiding import ImageAid, aid_by_images
 from furrowmap.core.images.control_points import ControlPoints
 from furrowmap.core.images.frames import frame_poses
 from furrowmap.core.images.projection import unproject
@@ -91,7 +91,7 @@ def surveyed() -> ControlPoints:
 def aided(images: Images) -> tuple[Located, ImageAid]:
     notices: list[Notice] = []
     stages: list[tuple[str, float]] = []
-    after, aid = aided_by_images(
+    after, aid = aid_by_images(
         located(), images, small(STATED), SCALE, surveyed(), notices, lambda *stage: stages.append(stage)
     )
     assert notices == []
@@ -163,7 +163,7 @@ def test_a_camera_that_looks_up__is_a_contradiction(images: Images) -> None:
     up = replace(small(STATED), rpy_deg=(0.0, 0.0, -90.0))
     few = Images.sorted(list(images.paths[:4]), T_S[:4])
     before = located()
-    assert aided_by_images(before, few, up, SCALE, None, notices, silent) == (before, None)
+    assert aid_by_images(before, few, up, SCALE, None, notices, silent) == (before, None)
     (notice,) = notices
     assert notice.code == "images-contradict"
     assert "behind the camera. Check [camera] rpy_deg" in notice.text

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from furrowmap.core.images.ties import Ties, thinned, tracks
+from furrowmap.core.images.ties import Ties, thin_ties, tracks
 
 SIZE = (800, 600)
 
@@ -45,6 +45,6 @@ def test_thinning__keeps_some_points_in_each_part_of_the_images() -> None:
     lonely = np.array([[700.0, 500.0]])
     pixel = np.repeat(np.concatenate([crowd, lonely]), 2, axis=0)
     ties = Ties(np.tile([0, 1], 501), np.repeat(np.arange(501), 2), pixel, np.full(1002, 0.1))
-    kept = thinned(ties, SIZE)
+    kept = thin_ties(ties, SIZE)
     assert (kept.pixel == lonely).all(axis=1).sum() == 2
     assert kept.points < 20

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.images.balance import MIN_OBSERVATIONS, balanced
+from furrowmap.core.images.balance import MIN_OBSERVATIONS, balance_frames
 from furrowmap.core.images.frames import FramePoses, Frames
 from furrowmap.core.images.projection import project
-from furrowmap.core.images.visibility import CELL_PX, SLACK_CELLS, Visibility, VisibilityMaker, closed
+from furrowmap.core.images.visibility import CELL_PX, SLACK_CELLS, Visibility, VisibilityMaker, widen_depth
 
 from .scenes import CAMERA, HEIGHT_M
 
@@ -39,7 +39,7 @@ def test_closed__is_the_least_of_a_pooled_cell_and_its_neighbours(pooled: int) -
     """Against a loop, for a map that the pooled cells do not divide."""
     rng = np.random.default_rng(pooled)
     depth = np.where(rng.random((11, 13)) < 0.2, rng.uniform(1.0, 9.0, (11, 13)), np.inf).astype(np.float32)
-    found = closed(depth, pooled)
+    found = widen_depth(depth, pooled)
     for row in range(11):
         for column in range(13):
             low, left = (max((at // pooled - 1) * pooled, 0) for at in (row, column))
@@ -144,15 +144,15 @@ def views(points: int) -> tuple[np.ndarray, ...]:
 
 def test_balance__of_too_few_views_is_none() -> None:
     point, frame, radius, levels = views(MIN_OBSERVATIONS // 2)
-    known = balanced(2, point, frame, radius, levels).gain
+    known = balance_frames(2, point, frame, radius, levels).gain
     assert known[1] - known[0] == pytest.approx(np.full(3, np.log(1.2)), abs=0.01)
-    few = balanced(2, point[2:], frame[2:], radius[2:], levels[2:])
+    few = balance_frames(2, point[2:], frame[2:], radius[2:], levels[2:])
     assert not few.gain.any()
     assert few.corner == 0.0
     for cut_off in (3.0, 252.0):  # levels that are mostly noise or saturated do not count
         spoiled = levels.copy()
         spoiled[0] = cut_off
-        assert not balanced(2, point, frame, radius, spoiled).gain.any()
+        assert not balance_frames(2, point, frame, radius, spoiled).gain.any()
     alone = point.copy()
     alone[-1] += 1  # seen once
-    assert not balanced(2, alone, frame, radius, levels).gain.any()
+    assert not balance_frames(2, alone, frame, radius, levels).gain.any()

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from furrowmap.core.images.aiding import (
-    aided_by_images,
+    aid_by_images,
+    camera_notices,
     contradicting,
     doubtful,
-    misstated,
     notices_beside,
     with_control,
 )
@@ -22,7 +22,7 @@ from furrowmap.core.images.block_adjustment import (
     AdjustedBlock,
     ImageBlock,
     Known,
-    adjusted_block,
+    adjust_block,
     adjusted_poses,
 )
 from furrowmap.core.images.control_points import ControlPoints, control_views
@@ -50,7 +50,7 @@ def located() -> Located:
 
 def told(images: Images, place: Located) -> str:
     notices: list[Notice] = []
-    after, aid = aided_by_images(place, images, STATED, SCALE, None, notices, silent)
+    after, aid = aid_by_images(place, images, STATED, SCALE, None, notices, silent)
     assert aid is None
     assert after is place
     return " | ".join(f"{notice.code}: {notice.text}" for notice in notices)
@@ -100,7 +100,7 @@ def test_pixels_of_control_points__are_read_or_refused(tmp_path: Path) -> None:
 
 def test_views_of_control_points__that_disagree_are_left_out() -> None:
     flight = Flight(5)
-    adjusted = adjusted_block(flight.block, flight.ties)
+    adjusted = adjust_block(flight.block, flight.ties)
     many = int(np.argmax(np.bincount(flight.ties.point)))
     own = np.flatnonzero(flight.ties.point == many)
     paths = [Path(f"{k}.jpg") for k in range(len(T_S))]
@@ -137,7 +137,7 @@ def adjusted_with(camera: Camera, late_s: float = 0.0) -> tuple[Flight, Adjusted
     """The adjustment of a flight whose camera or times are stated otherwise than they are."""
     flight = Flight(1, places=300)
     block = ImageBlock(flight.block.trajectory, flight.block.errors, camera, T_S + late_s, SCALE)
-    return flight, adjusted_block(block, flight.ties)
+    return flight, adjust_block(block, flight.ties)
 
 
 @pytest.mark.parametrize(
@@ -160,11 +160,11 @@ def test_wrong_focal_length_or_sign__is_a_contradiction(changed: dict[str, Any],
 def test_times_a_second_off__are_found_told_and_put_right() -> None:
     flight, adjusted = adjusted_with(STATED, late_s=1.0)
     assert doubtful(adjusted) is None
-    (notice,) = misstated(adjusted, STATED)
+    (notice,) = camera_notices(adjusted, STATED)
     assert notice.code == "camera-times-off"
     assert "taken 0.980 s before the times stated" in notice.text
     _, right = adjusted_with(STATED)
-    assert misstated(right, STATED) == []
+    assert camera_notices(right, STATED) == []
     truth = frame_poses(flight.truth, true_camera(), T_S, SCALE).xyz_m
     for found, late_s in ((adjusted, 1.0), (right, 0.0)):
         block = replace(flight.block, t_s=T_S + late_s)
@@ -174,13 +174,13 @@ def test_times_a_second_off__are_found_told_and_put_right() -> None:
 
 def test_mounting_and_intrinsics_that_are_off__are_told() -> None:
     _, adjusted = adjusted_with(replace(STATED, rpy_deg=(180.0, 20.0, -90.0)))
-    (turned,) = misstated(adjusted, STATED)
+    (turned,) = camera_notices(adjusted, STATED)
     assert (turned.code, doubtful(adjusted)) == ("camera-mounting-off", None)
     _, adjusted = adjusted_with(replace(STATED, k1=0.0, k2=0.0))
     assert doubtful(adjusted) is None
-    assert "camera-residuals" in {notice.code for notice in misstated(adjusted, STATED)}
+    assert "camera-residuals" in {notice.code for notice in camera_notices(adjusted, STATED)}
     _, adjusted = adjusted_with(replace(STATED, fx=1.044 * STATED.fx, fy=1.044 * STATED.fy))
-    (strained,) = misstated(adjusted, STATED)
+    (strained,) = camera_notices(adjusted, STATED)
     assert (strained.code, doubtful(adjusted)) == ("camera-tension", None)
 
 

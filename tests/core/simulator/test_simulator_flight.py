@@ -14,7 +14,7 @@ from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.simulator.flight import duration_s, fly, laid_out_flight, waypoints
+from furrowmap.core.simulator.flight import duration_s, fly, lay_out_flight, waypoints
 from furrowmap.core.simulator.flight_truth import make_crop
 from furrowmap.core.simulator.inertial import exact, measure
 from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
@@ -69,7 +69,7 @@ body_boxes_m = []
 def flown(text: str = DOWN) -> tuple[Scenario, SimulatedSite, SimulatedMotion]:
     scenario = scenario_from(text, "test")
     assert scenario.flight is not None
-    scenario = laid_out_flight(scenario, scenario.flight)
+    scenario = lay_out_flight(scenario, scenario.flight)
     assert scenario.flight is not None
     site = find_site(scenario)
     motion = fly(scenario, scenario.flight, site.map_scale(np.zeros(3)), random_for(1, "flight"))
@@ -232,4 +232,4 @@ def test_scenario__of_a_flight_is_written_whole_and_checked() -> None:
     with pytest.raises(InputError, match="too large"):
         huge = scenario_from("[flight]\nstrip_m = 4000.0\n", "big")
         assert huge.flight is not None
-        laid_out_flight(huge, huge.flight)
+        lay_out_flight(huge, huge.flight)

@@ -204,11 +204,11 @@ def test_simulate__returns_are_distributed_as_in_the_sample(shared_data: Path, t
 def test_simulate__defaults_are_a_session_of_a_minute() -> None:
     from furrowmap.core.simulator.drive import drive_path
     from furrowmap.core.simulator.path import plan_path
-    from furrowmap.core.simulator.site import laid_out
+    from furrowmap.core.simulator.site import lay_out
 
     rng = np.random.default_rng(0)
     path = plan_path(Scenario().drive, rng)
-    scenario = laid_out(Scenario(), path)
+    scenario = lay_out(Scenario(), path)
     track = drive_path(path, scenario.drive, scenario.implement, rng)
     assert 50.0 < track.duration_s < 75.0
     assert (track.e_m > 10.0).all()

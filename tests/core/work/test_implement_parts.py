@@ -84,7 +84,7 @@ def _tool(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 @given(st.floats(-0.3, 1.0), st.integers(0, 50))
 def test_fit__finds_by_how_much_a_tool_was_lifted(lifted_m: float, seed: int) -> None:
-    template = SideTemplate.of(GRID, GRID.side_view(*_tool(1000)).astype(np.float64))
+    template = SideTemplate.from_views(GRID, GRID.side_view(*_tool(1000)).astype(np.float64))
     x, z = _tool(seed)
     dust = np.random.default_rng(seed).uniform((-3.0, 0.2), (-1.0, 2.0), (150, 2)).astype(np.float32)
     view = GRID.side_view(np.append(x, dust[:, 0]), np.append(z + np.float32(lifted_m), dust[:, 1]))
@@ -96,10 +96,10 @@ def test_fit__finds_by_how_much_a_tool_was_lifted(lifted_m: float, seed: int) ->
 
 
 def test_fit__of_nothing_is_none() -> None:
-    template = SideTemplate.of(GRID, GRID.side_view(*_tool(1)).astype(np.float64))
+    template = SideTemplate.from_views(GRID, GRID.side_view(*_tool(1)).astype(np.float64))
     nothing = np.zeros((GRID.columns, GRID.rows), np.float32)
     assert np.isnan(fit_height(nothing, template, -0.4, 1.2)[0].height_m)
-    empty = SideTemplate.of(GRID, nothing.astype(np.float64))
+    empty = SideTemplate.from_views(GRID, nothing.astype(np.float64))
     assert np.isnan(fit_height(GRID.side_view(*_tool(1)), empty, -0.4, 1.2)[0].height_m)
 
 

@@ -14,7 +14,7 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.session import Crs, Implement
 from furrowmap.core.work.boundary import boundary_on_map
 from furrowmap.core.work.ground import worked_ground
-from furrowmap.core.work.misses import missed, unworked
+from furrowmap.core.work.misses import missed_strips, unworked_places
 from tests.core.trajectory.drives import Drive, drive
 from tests.core.work.drives_with_tool import FRAME, PLACE_M, sample, states_of, trajectory_of
 
@@ -31,28 +31,28 @@ def cover(*lanes: shapely.Polygon) -> shapely.MultiPolygon:
 
 @pytest.mark.parametrize("gap_m", [0.05, 0.5, 1.6])
 def test_strip_between_lanes__is_missed_if_narrower_than_the_tool(gap_m: float) -> None:
-    ((kind, strip),) = missed(cover(lane(0.0, 1.7), lane(1.7 + gap_m, 1.7)), NOTHING, 1.7, None)
+    ((kind, strip),) = missed_strips(cover(lane(0.0, 1.7), lane(1.7 + gap_m, 1.7)), NOTHING, 1.7, None)
     assert kind == "between passes"
     assert strip.area == pytest.approx(100.0 * gap_m, rel=1e-6)
 
 
 @pytest.mark.parametrize("gap_m", [0.01, 1.8, 5.0])
 def test_strip_between_lanes__is_none_if_wider_than_the_tool_or_a_finger(gap_m: float) -> None:
-    assert missed(cover(lane(0.0, 1.7), lane(1.7 + gap_m, 1.7)), NOTHING, 1.7, None) == []
+    assert missed_strips(cover(lane(0.0, 1.7), lane(1.7 + gap_m, 1.7)), NOTHING, 1.7, None) == []
 
 
 def test_lanes_that_end_at_different_places__miss_nothing_beside_the_longer_one() -> None:
-    assert missed(cover(lane(0.0, 1.7), lane(1.7, 1.7, 20.0, 70.0)), NOTHING, 1.7, None) == []
+    assert missed_strips(cover(lane(0.0, 1.7), lane(1.7, 1.7, 20.0, 70.0)), NOTHING, 1.7, None) == []
 
 
 def test_lane_between_two_longer_ones__misses_its_lacking_end() -> None:
-    ((_, strip),) = missed(cover(lane(0.0, 1.7), lane(1.6, 1.7, 0.0, 95.0), lane(3.2, 1.7)), NOTHING, 1.7, None)
+    ((_, strip),) = missed_strips(cover(lane(0.0, 1.7), lane(1.6, 1.7, 0.0, 95.0), lane(3.2, 1.7)), NOTHING, 1.7, None)
     assert strip.area == pytest.approx(5.0 * 1.5, rel=1e-6)
 
 
 def test_ground_in_doubt__is_no_miss() -> None:
     lanes = cover(lane(0.0, 1.7), lane(2.0, 1.7))
-    ((_, strip),) = missed(lanes, shapely.box(30.0, -5.0, 100.0, 5.0), 1.7, None)
+    ((_, strip),) = missed_strips(lanes, shapely.box(30.0, -5.0, 100.0, 5.0), 1.7, None)
     assert strip.area == pytest.approx(30.0 * 0.3, rel=1e-6)
 
 
@@ -78,7 +78,7 @@ def test_lane_lost_for_some_seconds__is_no_miss_between_its_neighbours(lost: str
 
 def test_strip_along_the_boundary__is_told_as_such_and_stays_inside() -> None:
     field = shapely.box(-0.5, -0.4, 100.0, 40.0)
-    strips = missed(cover(lane(0.0, 1.7)), NOTHING, 1.7, field)
+    strips = missed_strips(cover(lane(0.0, 1.7)), NOTHING, 1.7, field)
     assert {kind for kind, _ in strips} == {"boundary"}
     assert sum(strip.area for _, strip in strips) == pytest.approx(0.4 * 100.5 + 0.5 * 1.7, rel=0.01)
     assert all(field.buffer(1e-9).covers(strip) for _, strip in strips)
@@ -108,7 +108,7 @@ def test_field_half_worked__states_what_is_left(known: bool) -> None:
 
 def test_missed_island__is_between_passes_also_where_the_boundary_is_known() -> None:
     worked = cover(shapely.box(0.0, 0.0, 50.0, 50.0).difference(shapely.box(20.0, 20.0, 30.0, 20.8)))
-    ((kind, strip),) = missed(worked, NOTHING, 1.7, shapely.box(0.0, 0.0, 50.0, 50.0))
+    ((kind, strip),) = missed_strips(worked, NOTHING, 1.7, shapely.box(0.0, 0.0, 50.0, 50.0))
     assert kind == "between passes"
     assert strip.area == pytest.approx(8.0, rel=1e-6)
 
@@ -118,18 +118,18 @@ def test_places__smaller_than_a_hundredth_of_a_square_metre_are_not_told(side_m:
     field = shapely.box(0.0, 0.0, 30.0, 30.0)
     hole = shapely.box(10.0, 10.0, 10.0 + side_m, 10.0 + side_m)
     worked = cover(field.difference(hole))
-    assert len(missed(worked, NOTHING, 1.7, field)) == told
-    assert len(unworked(worked, NOTHING, [], field)) == told
-    assert unworked(worked, NOTHING, [("between passes", hole)], field) == []
-    assert unworked(worked, hole, [], field) == []
+    assert len(missed_strips(worked, NOTHING, 1.7, field)) == told
+    assert len(unworked_places(worked, NOTHING, [], field)) == told
+    assert unworked_places(worked, NOTHING, [("between passes", hole)], field) == []
+    assert unworked_places(worked, hole, [], field) == []
 
 
 @pytest.mark.parametrize(("wide_m", "told"), [(0.018, False), (0.022, True)])
 def test_places__narrower_than_two_centimetres_are_not_told(wide_m: float, told: bool) -> None:
     field = shapely.box(0.0, 0.0, 30.0, 30.0)
     worked = cover(field.difference(shapely.box(10.0, 5.0, 10.0 + wide_m, 25.0)))
-    assert len(missed(worked, NOTHING, 1.7, field)) == told
-    places = unworked(worked, NOTHING, [], field)
+    assert len(missed_strips(worked, NOTHING, 1.7, field)) == told
+    places = unworked_places(worked, NOTHING, [], field)
     assert [kind for kind, _ in places] == ["not worked"] * told
     assert [place.area for _, place in places] == pytest.approx([20.0 * wide_m] * told, rel=0.01)
 
@@ -138,15 +138,15 @@ def test_places__narrower_than_two_centimetres_are_not_told(wide_m: float, told:
 def test_strip__is_at_the_boundary_within_half_a_centimetre(away_m: float, kind: str) -> None:
     field = shapely.box(0.0, 0.0, 30.0, 30.0)
     strip = shapely.box(5.0, away_m, 25.0, 0.5)
-    assert [told for told, _ in missed(cover(field.difference(strip)), NOTHING, 1.7, field)] == [kind]
+    assert [told for told, _ in missed_strips(cover(field.difference(strip)), NOTHING, 1.7, field)] == [kind]
 
 
 def test_ground_that_nobody_worked__is_told_the_largest_first() -> None:
     field = shapely.box(0.0, 0.0, 60.0, 30.0)
     holes = [shapely.box(5.0, 5.0, 8.0, 8.0), shapely.box(20.0, 5.0, 30.0, 15.0), shapely.box(40.0, 5.0, 45.0, 10.0)]
     worked = cover(field.difference(shapely.union_all(holes)))
-    assert [place.area for _, place in unworked(worked, NOTHING, [], field)] == pytest.approx([100.0, 25.0, 9.0])
-    assert unworked(worked, NOTHING, [], None) == []
+    assert [place.area for _, place in unworked_places(worked, NOTHING, [], field)] == pytest.approx([100.0, 25.0, 9.0])
+    assert unworked_places(worked, NOTHING, [], None) == []
 
 
 def test_zones__turns_lie_in_the_headland_and_lanes_in_the_body() -> None:
