@@ -9,10 +9,8 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.ribbon import Ribbon

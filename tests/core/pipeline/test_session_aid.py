@@ -189,7 +189,7 @@ def test_session__without_the_extra_goes_on_without_images(monkeypatch: pytest.M
     monkeypatch.setattr(session_aid, "find_spec", lambda name: None if name == "pycolmap" else name)
     notices: list[Notice] = []
     place = located()
-    assert session_aid.aided_session(opened, place, SCALE, notices, silent) == (place, None)
+    assert session_aid.aid_session(opened, place, SCALE, notices, silent) == (place, None)
     (notice,) = notices
     assert 'pip install "furrowmap[photo]"' in notice.text
 
@@ -227,16 +227,16 @@ def session_of(folder: Path, more: str) -> OpenSession:
 def test_control_points__of_a_session_are_read_before_images_are_looked_at(tmp_path: Path) -> None:
     place, notices = located(), list[Notice]()
     opened = session_of(tmp_path, 'control_points = "points.csv"\n')
-    assert session_aid.aided_session(opened, place, SCALE, notices, silent) == (place, None)
+    assert session_aid.aid_session(opened, place, SCALE, notices, silent) == (place, None)
     assert "there are 0 that can be read" in notices[-1].text
     opened = session_of(tmp_path, 'control_points = "points.csv"\ncontrol_pixels = "pixels.csv"\n')
     with pytest.raises(InputError, match="'C9', which is none of the control points"):
-        session_aid.aided_session(opened, place, SCALE, [], silent)
+        session_aid.aid_session(opened, place, SCALE, [], silent)
     (tmp_path / "pixels.csv").write_text("file,name,u,v\n0.png,C1,1,2\n")
-    assert session_aid.aided_session(opened, place, SCALE, [], silent) == (place, None)
+    assert session_aid.aid_session(opened, place, SCALE, [], silent) == (place, None)
     (tmp_path / "points.csv").write_text("nothing\n")
     with pytest.raises(InputError, match=r"points\.csv"):
-        session_aid.aided_session(opened, place, SCALE, [], silent)
+        session_aid.aid_session(opened, place, SCALE, [], silent)
 
 
 @pytest.mark.parametrize("more", ["aid = false\n", None])
@@ -246,5 +246,5 @@ def test_images__that_are_not_to_aid_or_not_there_leave_no_word(more: str | None
         (tmp_path / "session.toml").write_text(SESSION.split("[camera]")[0], encoding="utf-8")
         opened = open_session(tmp_path / "session.toml")
     place, notices = located(), list[Notice]()
-    assert session_aid.aided_session(opened, place, SCALE, notices, silent) == (place, None)
+    assert session_aid.aid_session(opened, place, SCALE, notices, silent) == (place, None)
     assert notices == []
