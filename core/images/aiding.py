@@ -61,11 +61,8 @@ class ImageAid:
     """What images made of a trajectory.
 
     Attributes:
-        trajectory: adjusted.
-        images: how many are in the block.
         adjusted: camera, errors of the poses, residuals.
         before: errors of the poses as GNSS and IMU know them.
-        known: the control points that were used.
         shift_m: (3,) mean of the exposures' places after the adjustment minus before.
         shift_sigma_m: (3,) standard deviations of the place of the block as a whole.
     """
@@ -160,13 +157,10 @@ def aid_by_images(
     """The trajectory adjusted by images; as it was, with a notice that says why, where they do not serve.
 
     Args:
-        located: by GNSS and an IMU.
         images: with the times stated for them.
-        camera: as stated.
         scale: metres of the map for a metre on the ground.
         control: surveyed points; None without.
         notices: what goes wrong is added.
-        progress: is called with the stages.
     """
     if located.pose_errors is None:
         notices.append(unused("only a trajectory by GNSS and an IMU says how the errors of its poses go together"))

@@ -58,7 +58,6 @@ def balance_frames(
     """Gains and vignetting by robust least squares.
 
     Args:
-        count: of frames.
         point: (m,) which point is observed, in increasing order.
         frame: (m,) by which frame.
         radius: (m,) distance from the middle of the image, 1 in its corners.

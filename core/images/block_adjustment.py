@@ -58,7 +58,6 @@ class Known:
         point: (c,) their numbers among those of the ties.
         xyz_m: (c, 3) in the map frame.
         sigma_m: (c, 3) standard deviations.
-        name: (c,) of each.
     """
 
     point: IntArray
@@ -75,9 +74,6 @@ class ImageBlock:
     """Images along a trajectory, and what is known of its errors.
 
     Attributes:
-        trajectory: of the vehicle frame.
-        errors: of its poses, by GNSS and IMU.
-        camera: as stated.
         t_s: (n,) times stated for the images.
         scale: metres of the map for a metre on the ground.
     """
@@ -99,7 +95,6 @@ class AdjustedBlock:
         sigma_deg: (3,) its standard deviations.
         delay_sigma_s: standard deviation of the delay.
         found: errors of the poses at the nodes, and their covariance with the images.
-        ties: the observations.
         used: (o,) which of them were used to the end.
         residual_px: (o, 2) of each.
         xyz_m: (p, 3) of the points.
@@ -135,7 +130,6 @@ def adjust_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) ->
 
     Args:
         block: the images; each has a pose within the delay's prior.
-        ties: observations of points.
         known: points with known places, which are kept whatever their residuals are.
 
     Raises:
@@ -263,8 +257,6 @@ def triangulate(poses: FramePoses, camera: Camera, ties: Ties) -> FloatArray:
 
     Args:
         poses: of the optical frame for all images.
-        camera: that took them.
-        ties: the observations.
     """
     stretch = np.array([poses.scale, poses.scale, 1.0])
     view = unproject(camera, ties.pixel)

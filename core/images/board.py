@@ -54,7 +54,6 @@ def about_pivot(
         place_m: (n, 3) the board's origin in the optical frame, to begin with.
         corners: (n, m, 2) pixels.
         points_m: (m, 3) corners of the board.
-        camera: intrinsics.
     """
     count, turned = len(rotation), rotation.copy()
     design = np.concatenate([np.concatenate([np.eye(3), -turn], axis=1) for turn in turned])
@@ -149,7 +148,6 @@ class BoardPoses:
         rotation: (n, 3, 3) board to optical frame.
         rms_px: (n,) root mean square of the distances of corners, in pixels.
         sigma_deg: (n,) standard deviation of the attitude, the largest of the three axes.
-        camera: whose intrinsics were used.
         estimated: whether they were estimated from the frames.
         has_pivot: whether all frames fit a mount that turns about a point, and were adjusted together.
     """
@@ -206,8 +204,6 @@ def board_poses(
 
     Args:
         corners: of each frame, (n, 2); None where the board was not found.
-        board: that is shown.
-        size: width and height of the images.
         camera: intrinsics; None to estimate them from the frames (Zhang 2000).
 
     Raises:

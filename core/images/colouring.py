@@ -167,8 +167,6 @@ class Colours:
     """What gives points their colours.
 
     Attributes:
-        visibility: which frames see them.
-        pixels: of the frames.
         balance: of their exposures, and vignetting.
         t_s: (n,) UTC of the frames.
     """

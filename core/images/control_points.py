@@ -103,7 +103,6 @@ class ControlPoints:
     """Surveyed points.
 
     Attributes:
-        name: (c,) of each.
         xyz_m: (c, 3) in the map frame.
         sigma_m: (c, 3) standard deviations; nan where none is stated.
         seen: image's file name, number of the point, column and row of views that are stated; empty where the points
@@ -119,14 +118,7 @@ class ControlPoints:
 def control_views(
     points: ControlPoints, block: ImageBlock, adjusted: AdjustedBlock, paths: Sequence[ImageFile]
 ) -> tuple[Ties, Known] | None:
-    """Views of surveyed points as ties, and what is known of these; None where no point is seen twice.
-
-    Args:
-        points: surveyed.
-        block: the images.
-        adjusted: by ties alone.
-        paths: of the images.
-    """
+    """Views of surveyed points as ties, and what is known of these; None where no point is seen twice."""
     if points.seen:
         frames = {path.name: k for k, path in enumerate(paths)}
         views = [(frames[name], k, u, v) for name, k, u, v in points.seen if name in frames]

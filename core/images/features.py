@@ -35,13 +35,7 @@ BATCH: Final = 8
 
 
 class FeatureStore:
-    """Features and matches of some images, in a database in a folder.
-
-    Args:
-        folder: for the database.
-        paths: of the images.
-        camera: that took them.
-    """
+    """Features and matches of some images, in a database in a folder."""
 
     def __init__(self, folder: Path, paths: Sequence[ImageFile], camera: Camera) -> None:
         import pycolmap

@@ -57,7 +57,6 @@ def frame_poses(trajectory: Trajectory, camera: Camera, t_s: FloatArray, scale: 
     """Poses of the optical frame for images.
 
     Args:
-        trajectory: of the vehicle frame.
         camera: its mounting, and the delay of its shutter.
         t_s: (n,) UTC stated for the images.
         scale: metres of the map for a metre on the ground.
@@ -78,8 +77,6 @@ class Frames:
     """Images of one camera in the order of time, each with a pose.
 
     Attributes:
-        paths: of the files, or the images themselves.
-        camera: that took them.
         poses: of its optical frame in the map frame.
     """
 
@@ -107,8 +104,6 @@ def frames_along(
 
     Args:
         images: with times by the trajectory's clock.
-        camera: that took them.
-        trajectory: of the vehicle frame.
         scale: metres of the map for a metre on the ground.
         notices: how many have no pose is added.
     """

@@ -21,7 +21,6 @@ class Orthophoto:
     """Colours on a grid.
 
     Attributes:
-        grid: of the pixels.
         rgb: (3, rows, columns) uint8 red, green, blue; 0 where nothing is seen.
         seen: (rows, columns) whether a frame sees the place.
     """
@@ -56,11 +55,8 @@ def orthophoto(
     that are hidden in all frames have none either.
 
     Args:
-        colours: of the frames.
         wide: the part and a margin of one cell, as far as the surface goes.
         height_m: of `wide`; nan where unknown.
-        part: of the surface.
-        factor: pixels across a cell.
         origin_m: local origin of the colours' coordinates.
     """
     grid = finer_grid(part, factor)

@@ -20,7 +20,6 @@ def project(camera: Camera, xyz_m: FloatArray) -> FloatArray:
     """Pixels of points.
 
     Args:
-        camera: whose intrinsics are used.
         xyz_m: (n, 3) in the optical frame.
 
     Returns:
@@ -36,7 +35,6 @@ def unproject(camera: Camera, pixels: FloatArray) -> FloatArray:
     """Directions of pixels, by Newton's method.
 
     Args:
-        camera: whose intrinsics are used.
         pixels: (n, 2) column and row.
 
     Returns:

@@ -27,8 +27,6 @@ def overlapping(poses: FramePoses, camera: Camera, depth_m: float) -> list[tuple
     """Pairs of images that see the same of a surface at a depth, by poses that need not be exact.
 
     Args:
-        poses: of all images.
-        camera: that took them.
         depth_m: of the surface along the view.
     """
     columns, rows = (np.linspace(0.0, size - 1.0, cells) for size, cells in zip(
@@ -127,11 +125,7 @@ def tracks(keypoints: Mapping[int, FloatArray], matches: Mapping[tuple[int, int]
 
 
 def thin_ties(ties: Ties, size: tuple[int, int]) -> Ties:
-    """Ties spread evenly over the images: of each cell the points that most images show, the sharpest of these.
-
-    Args:
-        size: width and height of the images.
-    """
+    """Ties spread evenly over the images: of each cell the points that most images show, the sharpest of these."""
     views = np.bincount(ties.point, minlength=ties.points)
     blur = np.bincount(ties.point, ties.sigma_px, minlength=ties.points) / views
     order = np.lexsort((blur, -views))

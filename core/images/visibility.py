@@ -88,7 +88,6 @@ class PlaceIndex:
 
     Attributes:
         corner_m: (2,) lower left corner of the cells, against the local origin.
-        cell_m: length of a cell's sides.
         columns: of cells; cell (row, column) has the number row · columns + column.
         start: (cells + 1,) int64 where the frames of each cell begin.
         frames: int32 their indices.
@@ -106,11 +105,9 @@ class Visibility:
     """What the frames see.
 
     Attributes:
-        view: the frames.
         depth_m: (n, rows, columns) float32 depth in front of which a point in the cell is seen, before any tolerance.
         slack: (n,) share of the depth that is tolerated for the width of a frame's cells.
         cell_px: pixels across a cell of `depth_m`.
-        index: frames by place.
     """
 
     view: FrameView

@@ -25,12 +25,7 @@ _GOOD: Final = (Fix.FIXED, Fix.SIMULATED, -1)
 
 
 def position_notices(placement: Placement, located: Located) -> list[Notice]:
-    """What stands out in the positions: gaps in which scans have no pose, outages, and float or worse solutions.
-
-    Args:
-        placement: the scans and their poses.
-        located: the trajectory.
-    """
+    """What stands out in the positions: gaps in which scans have no pose, outages, and float or worse solutions."""
     gaps = located.trajectory.gaps_s
     inside = gaps[(gaps[:, 0] < placement.last_s) & (gaps[:, 1] > placement.first_s)]
     if not len(inside):
@@ -48,11 +43,7 @@ def position_notices(placement: Placement, located: Located) -> list[Notice]:
 
 
 def quality_notices(poses: ScanPoses) -> list[Notice]:
-    """Outages that poses bridge, and the time without a fixed solution where there are fixed ones as well.
-
-    Args:
-        poses: in the order of time.
-    """
+    """Outages that poses bridge, and the time without a fixed solution where there are fixed ones as well."""
     return [*_outages(poses), *_not_fixed(poses)]
 
 
@@ -152,12 +143,7 @@ def _no_common_time(scans: ClockReading, trajectory: Trajectory, stated_s: float
 
 
 def session_notices(session: Session, located: Located, *, matched: bool) -> list[Notice]:
-    """What the session does not state, and which of its files are not used.
-
-    Args:
-        located: the trajectory.
-        matched: whether the scans were matched to the ground.
-    """
+    """What the session does not state, and which of its files are not used."""
     notices = []
     from_gnss = located.source == "gnss"
     if located.source == "file" and session.recording.gnss:

@@ -80,7 +80,6 @@ class OpenSink(Protocol):
         """The sink, before the first scan.
 
         Args:
-            frame: of the map.
             origin_m: local origin of the points' coordinates.
             frames: of the camera, where the session has one and some frames have a pose.
         """
@@ -110,9 +109,7 @@ def run(
     A session without a scanner's recording gives the ground worked alone, and opens no sink.
 
     Args:
-        opened: the session.
         open_sink: is called before the first scan.
-        progress: is called with each stage and its share.
         checkpoint: keeps what matching finds; an earlier run's is used instead of matching again.
 
     Raises:
@@ -427,9 +424,7 @@ def preview(opened: OpenSession, open_sink: OpenSink, progress: Progress = silen
     An error that would stop a run before its work, such as clocks without a common time, stops a preview.
 
     Args:
-        opened: the session.
         open_sink: is called before the first of these scans, where the session names a scanner's recording.
-        progress: is called with each stage.
 
     Raises:
         FurrowmapError: if the session's files do not make a track with points along it.

@@ -37,15 +37,10 @@ class RunResult:
     """The result of a run, besides the points that went to its sink.
 
     Attributes:
-        session: as it was understood.
-        inputs: the files that were read.
-        frame: the map frame.
-        located: the trajectory.
         placement: counts of scans and points, and the scans' poses.
         work: states of the implement and the ground worked.
         clocks: readings of the clocks in the scanner's recording, the clock in use first.
         notices: warnings, in the order of the work.
-        timings_s: seconds of each stage.
         matched: the result of scan matching; None where the scans were not matched.
         boresight: of a scanner on a vehicle with an IMU; None where the scans do not show it.
         strips: of a flight, in the order of time.

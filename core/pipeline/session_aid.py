@@ -28,10 +28,8 @@ def aid_session(
     """The trajectory of a session aided by the images that it names; as it was where they do not serve.
 
     Args:
-        located: its trajectory without images.
         scale: metres of the map for a metre on the ground.
         notices: why images do not serve is added.
-        progress: is called with the stages.
 
     Raises:
         InputError: if a table of images or control points cannot be read.
@@ -55,7 +53,6 @@ def read_pixels(path: Path, names: tuple[str, ...]) -> tuple[tuple[str, int, flo
 
     Args:
         path: of a CSV with columns file, name, u, v.
-        names: of the control points.
 
     Raises:
         InputError: if it is not such a table, or names a point that is not known.

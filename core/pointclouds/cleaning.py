@@ -70,12 +70,7 @@ SPOOLED_XYZ: Final = np.dtype(("<f8", 3))
 
 
 class SquareSpool(RecordSpool):
-    """RecordArray by square of the map.
-
-    Args:
-        layout: dtype of a record.
-        folder: for the temporary file.
-    """
+    """RecordArray by square of the map."""
 
     def __init__(self, layout: np.dtype[Any], folder: Path, side_m: float) -> None:
         super().__init__(layout, folder)
@@ -104,8 +99,6 @@ def clean_points(
     """The cleaned points of clouds in batches, in reproducible order.
 
     Args:
-        cleaning: the steps.
-        folder: for temporary files.
         seen: receives the survey of each file that was read completely.
         progress: receives the stages "reading clouds", "looking for noise" and "cleaning clouds".
 
@@ -171,8 +164,6 @@ def classified_spool(
 
     Args:
         cleaning: of its steps, those that need no neighbours, and the ground.
-        folder: for temporary files.
-        seen: as in :func:`clean_points`.
         progress: receives the stages "reading clouds" and "cleaning clouds".
 
     Raises:

@@ -55,7 +55,6 @@ class Clouds:
         crs: of the output, projected in metres, with a vertical part where known.
         change: transformation from the horizontal CRS of the files; None where they agree.
         unit_m: unit of the heights of the files.
-        notices: on the files and their CRS.
         area: points outside of it are left out; None for none.
     """
 
@@ -116,10 +115,7 @@ class Clouds:
         """The points with all attributes in `crs` and metres, without those with the *withheld* flag.
 
         Args:
-            box: as in :meth:`batches`.
             wanted: selects points of a batch; None for all.
-            seen: as in :meth:`batches`.
-            read: as in :meth:`batches`.
 
         Raises:
             InputError: as :meth:`batches`.

@@ -26,8 +26,6 @@ class Placer:
     """Places points of the lidar frame in the map frame.
 
     Attributes:
-        trajectory: of the vehicle frame.
-        mounting: of the sensor.
         origin_m: local origin (easting, northing, height) that is taken off the coordinates given out.
         carrier: trajectory of the frame that the mounting refers to, where that is not the vehicle: a moving mount.
         scale: metres of the map for a metre on the ground, by which eastings and northings of ranges are stretched.
@@ -137,7 +135,6 @@ class PlacedScan:
     """The points of one scan that have a pose.
 
     Attributes:
-        scan: the points as measured.
         xyz_m: (n, 3) float64 easting, northing, height less the placer's local origin.
         classification: (n,) uint8, :class:`~furrowmap.core.values.scan.PointClass` as far as the scan alone
             shows it: the machine, noise, and all else "other".
@@ -163,7 +160,6 @@ class Placement:
         scans_whole: of them, whole revolutions.
         scans_without_pose: of them, those without a pose at any of their points.
         scans_standing: of them, those left out because the vehicle stood.
-        points_read: returns in the recording.
         points: in the cloud.
         points_without_pose: at times without a pose.
         points_outside: of them, before the trajectory begins or after it ends.
@@ -171,7 +167,6 @@ class Placement:
         points_elsewhere: left out because they lie outside the ground to map.
         first_s: time of the first return; nan without any.
         last_s: time of the last return.
-        poses: of the scans that have one.
     """
 
     scans: int = 0
@@ -213,7 +208,6 @@ def place_scans(
 
     Args:
         scans: in time order.
-        placer: trajectory and mounting.
         standing: whether scans of a standing vehicle go to `sink`.
         sink: takes the points of each scan that has any.
         classify: gives the classes of a scan's points.

@@ -32,8 +32,6 @@ class SpooledClouds:
     Attributes:
         points: all selected points.
         ground: those among them classified as ground in the files.
-        count: of the first.
-        ground_count: of the second.
         span_s: earliest and latest UTC; None where unknown.
         notices: on differences between headers and points.
     """
@@ -80,7 +78,6 @@ def spool_clouds(
     """Sort the points of clouds into tiles.
 
     Args:
-        points: receives the points.
         ground: receives those classified as ground in the files.
         box: west, south, east, north of the points; None for all.
         classes: of the points; None for all but noise and machines.

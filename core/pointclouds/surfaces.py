@@ -45,8 +45,6 @@ class CloudTile:
     """The surfaces of one tile; the last two are None where the ground is not requested.
 
     Attributes:
-        dsm: of all points.
-        dtm: of ground points.
         above_m: float32 height of the DSM above the ground, interpolated where the DTM has gaps; nan without a height,
             or without ground within 10 m.
     """
@@ -67,7 +65,6 @@ def cloud_tiles(
     """The surfaces of spooled clouds, block by block of tiles.
 
     Args:
-        spooled: the points.
         method: ground classification: morphological filter, cloth simulation, classes of the files, or none.
         statistic: height of a cell of the DSM; that of the DTM is the median.
         outliers: detection method, with points at cell centres; outliers are excluded.

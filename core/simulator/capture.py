@@ -25,7 +25,6 @@ def records(time_us: NDArray[np.int64], payload: Bytes, port: int, number: int) 
     Args:
         time_us: (n,) the capturing computer's clock, microseconds since 1970.
         payload: (n, k) uint8, k even.
-        port: UDP port.
         number: of the first datagram, for the IP identification.
     """
     n, k = payload.shape

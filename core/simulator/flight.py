@@ -72,8 +72,6 @@ def fly(scenario: Scenario, flight: Flight, scale: float, rng: np.random.Generat
     The aircraft tilts so that its thrust carries it along the path against gravity and the air; gusts tilt it further.
 
     Args:
-        scenario: laid out.
-        flight: its table.
         scale: map metres for a metre on the ground.
         rng: of wind and pilot.
     """

@@ -21,7 +21,6 @@ class SimulatedMountMotion:
     """Sines of roll, pitch and yaw of the mount against the vehicle.
 
     Attributes:
-        mount: their table.
         phase_rad: (3,) at t0.
     """
 

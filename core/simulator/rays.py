@@ -101,7 +101,6 @@ class Optics(NamedTuple):
         lasers: (k, 4) cosine and sine of elevation, vertical offset, range error.
         noise: range noise, its growth at grazing angles, dropout, dust a metre.
         reach: nearest and farthest range.
-        seed: of the beams' chance.
     """
 
     mount: FloatArray

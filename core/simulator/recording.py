@@ -41,10 +41,6 @@ class World:
     """What there is to record, and from where.
 
     Attributes:
-        scenario: laid out.
-        site: its georeference.
-        ground: the ground over time.
-        motion: of the vehicle.
         crop: heights on the ground's cells; None without.
         mount: that moves; None where it does not.
         front: the drive with the implement in front; None where there is none.

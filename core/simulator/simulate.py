@@ -41,9 +41,7 @@ class Simulated:
     Attributes:
         folder: with recording, session and ``truth/``.
         session: its session.toml, for ``furrowmap run``.
-        recording: its capture.
         scenario: laid out, as in its scenario.toml.
-        figures: as in truth/figures.json.
     """
 
     folder: Path

@@ -31,9 +31,7 @@ class Written:
     """A recording that was written.
 
     Attributes:
-        scenario: laid out.
         recording: name of the capture or table of scans.
-        figures: for figures.json.
     """
 
     scenario: Scenario

@@ -29,9 +29,6 @@ def field_boundary(
     Of several fields, the one of that name; without a name, those in which the vehicle is; where it is in none, all.
 
     Args:
-        file: with one field or more.
-        frame: the map.
-        name: of the field, if the session states one.
         xy_m: (n, 2) or more columns, places of the vehicle at even steps of time.
 
     Raises:

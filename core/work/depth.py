@@ -56,7 +56,6 @@ def pass_depths(
         t_s: (n,) UTC of the heights, increasing.
         tool_height_m: (n,) above the working position; nan where unknown.
         soil_height_m: (n,) of the soil beside the tool in the vehicle's frame; nan where unknown.
-        working_depth_m: from the session.
     """
     sunk_m = soil_height_m - tool_height_m
     inside = [

@@ -74,8 +74,6 @@ class FieldPoints:
     """Collects the ground points of a run and computes surfaces: a context manager.
 
     Args:
-        folder: for the scratch file.
-        cell_m: length of a cell's sides.
         reach_m: farther returns are left out.
     """
 
@@ -127,7 +125,6 @@ class FieldPoints:
 
         Args:
             passages: of the tool's line; none where no work is known.
-            statistic: what stands for the returns of a cell.
             strips: of a flight, to be counted.
         """
         spool = self._spool

@@ -43,10 +43,7 @@ class FieldWork:
         history: its states over time; None likewise.
         boundary: of the field, in the map frame; None where the session names none.
         ground: what was worked; None where no state of the tool is known, or not its width.
-        depths: of each pass of `ground`.
         paths: of the tool; empty where `ground` is None, as `events`.
-        events: along them.
-        notices: for the report.
         external: states from another source that took the place of those seen; None where they did not.
         state_comparison: of external states with those seen; None where there are not both.
         tool: name of the implement; empty where there is one alone.
@@ -149,11 +146,7 @@ class ImplementTracker:
         return scan
 
     def learn(self, trajectory: Trajectory) -> MachineVoxels | None:
-        """Find the implements, between the two readings; the machine of which they are part, None where not known.
-
-        Args:
-            trajectory: of the vehicle.
-        """
+        """Find the implements, between the two readings; the machine of which they are part, None where not known."""
         assert self._near is not None
         mounting, near = self._session.lidar.mounting, self._near.scans
         self._near = None
@@ -188,9 +181,6 @@ class ImplementTracker:
         """What the tools did and which ground they worked, after the second reading.
 
         Args:
-            trajectory: of the vehicle.
-            frame: the map.
-            boundary: of the field, if known.
             external: states of each tool from another source, such as a machine log.
         """
         pairs = list(zip_longest(self._tools, external[: len(self._tools)]))
@@ -216,14 +206,7 @@ def _not_separated(tools: Sequence[_ImplementTracking]) -> Iterator[Notice]:
 def with_grounds(
     found: Sequence[FieldWork], trajectory: Trajectory, frame: MapFrame, implements: Sequence[Implement | None]
 ) -> FieldWork:
-    """The work of the first tool, which moves the soil, with the grounds of all and the others beside it.
-
-    Args:
-        found: states of each tool.
-        trajectory: of the vehicle.
-        frame: the map.
-        implements: each tool as the session states it.
-    """
+    """The work of the first tool, which moves the soil, with the grounds of all and the others beside it."""
     first, *others = (with_ground(*pair, trajectory, frame) for pair in zip(found, implements, strict=True))
     if not others:
         return first

@@ -114,11 +114,8 @@ class Pass:
 
     Attributes:
         number: 1 for the first.
-        times: when.
         ground: what the tool's line swept while it moved forward; empty where no position is known.
-        area: of `ground`.
         length_m: driven forward with the tool down.
-        width_m: of the tool.
         speed_mps: mean while moving; nan where it did not move.
         swept_m2: the areas of all its pieces added up, ground that it worked again counted again.
     """
@@ -140,8 +137,6 @@ class Overlap:
     Attributes:
         pass_a: number of the earlier pass.
         pass_b: number of the later one; `pass_a` where a pass came back to its own ground.
-        ground: the place.
-        area: of `ground`.
     """
 
     pass_a: int
@@ -156,7 +151,6 @@ class FieldPlace:
 
     Attributes:
         kind: of a miss `between passes` or `boundary`, of a zone `headland` or `body`.
-        area: of `ground`.
     """
 
     kind: str
@@ -189,11 +183,9 @@ class WorkFigures:
         overlap: the places of all pairs of passes, added up.
         missed: all strips missed.
         field: how much of the field was worked; None where its boundary is not known.
-        passes: how many.
         length_m: driven forward with the tool down.
         speed_mps: mean while working; nan where nothing was worked.
         work_rate_ha_h: ground worked an hour in the field, turns and stops included; nan likewise.
-        hours: what the time was spent on.
     """
 
     worked: AreaFigure
@@ -214,13 +206,10 @@ class WorkedGround:
 
     Attributes:
         passes: in the order of time.
-        coverage: their union.
         overlaps: by pass and later pass.
         misses: strips left, from the largest to the smallest.
         boundary: the field; None where it is not known.
         unworked: ground of the field that was neither worked nor missed, from the largest place to the smallest.
-        zones: headland and body.
-        figures: sums and rates.
     """
 
     passes: tuple[Pass, ...]
@@ -246,7 +235,6 @@ def worked_ground(
         trajectory: of the vehicle frame, at any rate.
         states: when the tool was down.
         implement: width and place of the tool's line; taken as exact.
-        frame: the map.
         boundary: the field in the map frame, if known; taken as exact.
     """
     times = pass_times(states)

@@ -59,11 +59,6 @@ class ToolHeightTracker:
 
     Scans are cut at azimuth 0, which may cross the implement; points are therefore regrouped into revolutions that
     start opposite to it.
-
-    Args:
-        mounting: of the sensor.
-        implement: the detected one.
-        working_depth_m: from the session.
     """
 
     def __init__(self, mounting: Mounting, implement: SeenImplement, working_depth_m: float | None) -> None:

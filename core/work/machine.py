@@ -117,8 +117,6 @@ class MachineVoxels:
     """Voxels of vehicle and implement.
 
     Attributes:
-        mounting: of the sensor.
-        ground: plane under the vehicle.
         classes: (130 or more, 90, 45) uint8, VEHICLE, IMPLEMENT or OTHER, of voxels of 0.1 m: forward from 9 m behind
             the origin, to the left from 4.5 m to its right, up from 0.35 m below the ground.
     """
@@ -155,8 +153,6 @@ def learn_machine(
     Args:
         scans: spread over a session.
         moving: (scans,) whether the vehicle moved.
-        mounting: of the sensor.
-        implements: the detected ones.
         ground: plane above which the vehicle is; by default that of the scans.
     """
     numbers = np.flatnonzero(moving).tolist()

@@ -26,10 +26,7 @@ def missed_strips(
     Wider ground was not missed, it has not been worked yet.
 
     Args:
-        coverage: all ground worked.
         doubtful: ground of which it is not known whether it was worked; no part of it is a miss.
-        width_m: of the tool.
-        boundary: the field, if known.
     """
     taken: BaseGeometry = coverage
     if boundary is not None:
@@ -57,9 +54,7 @@ def unworked_places(
     """Ground of the field that was neither worked nor missed, each place with the kind `not worked`, the largest first.
 
     Args:
-        coverage: all ground worked.
         doubtful: ground of which it is not known whether it was worked; no part of it is counted.
-        strips: those of :func:`missed_strips`.
         boundary: the field, if known; without it there is no such ground.
     """
     if boundary is None:

@@ -51,7 +51,6 @@ class SideTemplate:
     """The side view of the tool in its working position.
 
     Attributes:
-        grid: its cells.
         odds: (columns, rows) float32, of tool against clutter for a point in the cell.
     """
 
@@ -83,7 +82,6 @@ class Fit:
     Attributes:
         height_m: of the tool; nan without points.
         explained: expected number of points of the tool.
-        gain: log-likelihood gain.
     """
 
     height_m: float
@@ -159,9 +157,6 @@ class Hint:
 
     Attributes:
         xy_m: middle of the line of the tool in the vehicle frame.
-        width_m: working width.
-        box_m: region of the implement, if stated.
-        lift_m: lift, if stated.
     """
 
     xy_m: tuple[float, float]
@@ -183,13 +178,10 @@ class Region:
     """Where the implement is seen.
 
     Attributes:
-        ground: plane under the vehicle.
-        box_m: around the implement.
         columns: (COLUMNS,) bool, columns of the range image that show it.
         still_m: (lasers, COLUMNS) float32, range of static pixels; nan elsewhere.
         split: the opposite column, at which points are split into revolutions.
         clockwise: whether azimuth increases within a scan.
-        turn_s: duration of a revolution.
     """
 
     ground: Plane
@@ -242,13 +234,9 @@ class SeenImplement:
     """The implement, for measuring its height in every scan and for the report.
 
     Attributes:
-        region: search region.
-        template: its side view.
-        levels: its positions.
         working_m: height of the working position relative to the template; assumed where it works out of view.
         points: usual number of its points in a scan.
         gain: usual log-likelihood gain of each of them.
-        images: for a report.
     """
 
     region: Region

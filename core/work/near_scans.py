@@ -92,7 +92,6 @@ class NearScans:
     dropped and the stride doubles.
 
     Args:
-        mounting: of the sensor.
         front_m: how far forward points are kept.
     """
 

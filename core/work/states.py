@@ -54,8 +54,6 @@ class ToolHistory:
         confidence: (n,) of `state`, 0 to 1.
         states: the same as intervals, with times of transitions.
         threshold_m: height above the working position below which the tool is down.
-        lifted_m: height of the lifted tool.
-        notices: for the report.
     """
 
     scan: NDArray[np.int64]
@@ -75,11 +73,6 @@ def tool_history(heights: ToolHeights, implement: SeenImplement, working_depth_m
 
     A transition is the interpolated time at which the height crosses the threshold. It counts only if the tool then
     moves on by a margin, so that jitter at the threshold has no effect.
-
-    Args:
-        heights: of all revolutions.
-        implement: the detected one.
-        working_depth_m: from the session.
     """
     threshold = implement.threshold_m(working_depth_m)
     height = _remove_strays(heights.height_m, heights.whole)

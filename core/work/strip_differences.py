@@ -27,7 +27,6 @@ class StripDifferences:
     """Height differences of pairs of strips in n cells, later strip less earlier; nan where unknown.
 
     Attributes:
-        cell_m: length of a cell's sides.
         centre_m: (n, 2) easting and northing of the cells' centres.
         strip_a: (n,) number of the earlier strip.
         strip_b: (n,) of the later one.
@@ -97,8 +96,6 @@ def strip_differences(
     Args:
         returns: of the scanner, with their poses.
         strips: of the flight, in the order of time.
-        stated: the mounting as the session states it.
-        used: the one that was found.
     """
     number = interval_numbers(strips, returns.t_s).astype(np.int64)
     if not number.any():

@@ -21,7 +21,6 @@ class StripGround:
     Attributes:
         strip: its times and direction.
         outline: of the blocks with points of it; a MultiPolygon in the map's plane.
-        area_m2: of the outline.
     """
 
     strip: Strip

@@ -51,7 +51,6 @@ class Sweep:
         middle_m: (n, 3) middle of the line in the map frame.
         half_m: (n, 2) from the middle to the line's left end, as seen from above.
         distance_m: (n,) driven since the run's beginning.
-        moving_s: time in which the vehicle moved.
         begin_slip_m: standard deviation of the first line's place along the way, from the time of the transition; 0
             where the run does not begin with one; nan where unknown.
         end_slip_m: the same of the last line.

@@ -35,14 +35,9 @@ class TaskWork:
     """The work of one task.
 
     Attributes:
-        task: as it was logged.
-        frame: the map.
-        course: the machine's way.
-        implement: its width and place.
         work: what it worked; its `ground` is None where no state is known.
         boundary_area_m2: on the ellipsoid; nan without a boundary.
         logged_swept_m2: way times the width that the log says worked: what its counter counts; nan where it does not.
-        notices: what is doubtful.
     """
 
     task: LoggedTask
@@ -61,7 +56,6 @@ class TaskWorks:
 
     Attributes:
         works: of the tasks that have positions, in the order of the set.
-        frame: the map, one for all.
         notices: on the set, and on tasks that are left out.
     """
 
@@ -88,7 +82,6 @@ def task_works(
         crs: of the map; None for one that fits the place.
         width_m: of the machine; None for the widest that the logs show at work.
         only: id or name of the one task that is wanted.
-        progress: receives the share of tasks done.
 
     Raises:
         InputError: if it cannot be read, no task has positions, or no log says how wide the machine is.

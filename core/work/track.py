@@ -31,8 +31,6 @@ class ToolPath:
         pass_number: 1 for the first; None unless the tool is down.
         begin_s: UTC.
         end_s: UTC.
-        line: with heights.
-        length_m: driven.
     """
 
     state: ToolState

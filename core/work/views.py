@@ -100,9 +100,6 @@ class Views:
         scans: near points of each.
         images: (lasers, COLUMNS) range image of each.
         views: candidate points of each.
-        ground: plane under the vehicle.
-        box_m: search region.
-        grid: of side views.
     """
 
     scans: Sequence[NearScan]

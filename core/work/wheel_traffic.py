@@ -29,7 +29,6 @@ def wheel_passages(
     returns.
 
     Args:
-        grid: of the cells.
         paths_m: (n, 3) easting and northing of the middle of the axle and the distance driven since the beginning, at
             least two places each, one piece of driving after the other.
         track_width_m: between the middles of the tyres.

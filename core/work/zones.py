@@ -37,10 +37,7 @@ def zones(
     worked, with the strips left between its passes. Neither reaches over the field's boundary, where that is known.
 
     Args:
-        trajectory: of the vehicle frame.
         passes: for each pass, in the order of time, its runs with their ribbons.
-        implement: the tool.
-        boundary: the field, if known.
     """
     turning = shapely.union_all(list(_turns(trajectory, [runs for runs in passes if runs], implement)))
     pieces = np.array([r.polygon for runs in passes for _, ribbons in runs for r in ribbons], object)
