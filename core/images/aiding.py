@@ -21,7 +21,7 @@ from furrowmap.core.images.block_adjustment import (
     triangulate,
 )
 from furrowmap.core.images.control_points import ControlPoints, control_views, join_views
-from furrowmap.core.images.features import consecutive, feature_store, without
+from furrowmap.core.images.features import consecutive, feature_store
 from furrowmap.core.images.frames import frame_poses
 from furrowmap.core.images.ties import Ties, overlapping, thin_ties, tracks
 from furrowmap.core.readers.exif import image_size
@@ -275,7 +275,8 @@ def _ties(block: ImageBlock, images: Images, progress: Progress) -> Ties | Notic
         ahead = depth[depth > 0.0]
         if len(ahead) < MIN_TIE_POINTS:
             return contradicting("the points that they have in common are behind the camera. Check [camera] rpy_deg")
-        store.match(without(overlapping(poses, block.camera, float(np.median(ahead))), following), progress)
+        near = overlapping(poses, block.camera, float(np.median(ahead)))
+        store.match(sorted(set(near) - set(following)), progress)
         ties = thin_ties(_well_met(block, tracks(*store.found())), size)
     if ties.points < MIN_TIE_POINTS:
         return unused(f"they have {ties.points} points in common")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -149,9 +149,3 @@ def _places_and_sigmas(keypoints: NDArray[np.float32]) -> FloatArray:
 def consecutive(count: int) -> list[Pair]:
     """Pairs of images that follow each other, or the next but one."""
     return [(k, k + step) for k in range(count) for step in (1, 2) if k + step < count]
-
-
-def without(pairs: Iterable[Pair], others: Iterable[Pair]) -> list[Pair]:
-    """The pairs that are not among others."""
-    known = set(others)
-    return [pair for pair in pairs if pair not in known]

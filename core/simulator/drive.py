@@ -8,11 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.noise import band_noise
+from furrowmap.core.simulator.noise import FloatArray, band_noise
 from furrowmap.core.simulator.path import DrivenPath
 from furrowmap.core.simulator.scenario import FrontImplement, ScenarioDrive, ScenarioImplement
-
-FloatArray = NDArray[np.float64]
 
 DRIVE_RATE_HZ = 200
 """Samples per second of all motion."""

@@ -7,17 +7,14 @@ from typing import Final
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from furrowmap.core.simulator.drive import AFTER_S, DRIVE_RATE_HZ, LEAD_IN_S
 from furrowmap.core.simulator.flight_scenario import Flight
 from furrowmap.core.simulator.motion import SimulatedMotion
-from furrowmap.core.simulator.noise import band_noise
+from furrowmap.core.simulator.noise import FloatArray, band_noise
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import lay_round
-
-FloatArray = NDArray[np.float64]
 
 GRAVITY_MPS2: Final = 9.81
 """Against which the aircraft tilts; the IMU measures the normal gravity of the place."""

@@ -12,15 +12,12 @@ from scipy.ndimage import gaussian_filter, maximum_filter
 
 from furrowmap.core.simulator.flight_scenario import Flight
 from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
-from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.noise import Float32Array, FloatArray, random_for
 from furrowmap.core.simulator.recording import World
 from furrowmap.core.simulator.scenario import Scenario, ScenarioLidar
 from furrowmap.core.simulator.site import CELL_M, CROP_CELL_M, SimulatedSite
 from furrowmap.core.simulator.soil import Ground, ground_height
 from furrowmap.core.simulator.truth import quarters
-
-FloatArray = NDArray[np.float64]
-Float32Array = NDArray[np.float32]
 
 EAR_M: Final = 0.04
 """Standard deviation of the crop's height from plant to plant."""

@@ -12,16 +12,13 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.simulator.flight_scenario import ScenarioImu
 from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation, vehicle_rotation
-from furrowmap.core.simulator.noise import gauss_markov, random_for
+from furrowmap.core.simulator.noise import FloatArray, gauss_markov, random_for
 from furrowmap.core.simulator.site import SimulatedSite
-
-FloatArray = NDArray[np.float64]
 
 GRID_STEP_S: Final = 0.005
 """Of the differences."""

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack
-from furrowmap.core.simulator.noise import band_noise
+from furrowmap.core.simulator.noise import FloatArray, band_noise
 from furrowmap.core.simulator.scenario import Sway, Tractor
 from furrowmap.core.simulator.soil import Ground, ground_height
-
-FloatArray = NDArray[np.float64]
 
 _MOTION_BLOCK = 20_000
 _PATCH = 5

@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.simulator.flight_scenario import MovingMount
 from furrowmap.core.simulator.motion import vehicle_rotation
-from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.noise import FloatArray, random_for
 from furrowmap.core.simulator.site import SimulatedSite
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

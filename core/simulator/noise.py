@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import zlib
+from typing import TypeAlias
 
 import numpy as np
 import scipy.fft
 import scipy.signal
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+FloatArray: TypeAlias = NDArray[np.float64]
+Float32Array: TypeAlias = NDArray[np.float32]
 
 
 def random_for(seed: int, purpose: str) -> np.random.Generator:

@@ -12,11 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from furrowmap.core.simulator.noise import FloatArray
 from furrowmap.core.simulator.scenario import ScenarioDrive
-
-FloatArray = NDArray[np.float64]
 
 PATH_STEP_M = 0.01
 """Spacing of the points along the line."""

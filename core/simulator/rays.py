@@ -21,14 +21,12 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.noise import FloatArray, random_for
 from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.site import CELL_M as CELL
 from furrowmap.core.simulator.site import CROP_CELL_M as CROP_CELL
 from furrowmap.core.simulator.soil import NOISE_BLOCK, Ground, ceiling_of, relief_at
 from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, LASER_S, RANGE_STEP_M, VERTICAL_OFFSET_M
-
-FloatArray = NDArray[np.float64]
 
 
 class Met(IntEnum):

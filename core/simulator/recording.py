@@ -9,8 +9,9 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from io import BufferedIOBase
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,14 +61,6 @@ class World:
             return np.empty((0, 3, 4))
         lidar = self.scenario.lidar
         return self.mount.mounted(t_s, mount_rotation(lidar.true_rpy_deg), lidar.true_xyz_m)
-
-
-class SupportsWrite(Protocol):
-    """A writable binary stream."""
-
-    def write(self, data: bytes, /) -> int:
-        """Take `data`."""
-        ...
 
 
 class _ReturnCounts:
@@ -175,7 +168,7 @@ def _position_times(scenario: Scenario, spin: Spin, first: int, packets: int) ->
 
 
 @contextmanager
-def _open_capture(file: Path, *, compress: bool) -> Iterator[SupportsWrite]:
+def _open_capture(file: Path, *, compress: bool) -> Iterator[BufferedIOBase]:
     with file.open("wb") as raw:
         if compress:  # without name and time of writing: the same scenario gives the same bytes
             with gzip.GzipFile("", "wb", 6, raw, mtime=0) as packed:

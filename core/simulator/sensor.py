@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.capture import Bytes
+from furrowmap.core.simulator.noise import FloatArray, random_for
 from furrowmap.core.simulator.rays import Returns
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import SimulatedSite
@@ -21,9 +22,6 @@ from furrowmap.core.simulator.vlp16 import (
     RETURN_MODE,
     VLP16_LASERS,
 )
-
-FloatArray = NDArray[np.float64]
-Bytes = NDArray[np.uint8]
 
 HOUR_US: Final = 3_600_000_000
 POSITION_BYTES: Final = 512

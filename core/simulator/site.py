@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.simulator.noise import FloatArray
 from furrowmap.core.simulator.path import DrivenPath
 from furrowmap.core.simulator.scenario import Scenario, ScenarioField
 
 if TYPE_CHECKING:
     from pyproj import Transformer
-
-FloatArray = NDArray[np.float64]
 
 CELL_M = 0.025
 """Cell size of the simulated ground; the ground truth has cells twice as large."""

@@ -17,13 +17,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path
-from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.noise import Float32Array, FloatArray, random_for
 from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.scenario import EarlierDrive, Scenario, ScenarioSoil
 from furrowmap.core.simulator.site import CELL_M
-
-FloatArray = NDArray[np.float64]
-Float32Array = NDArray[np.float32]
 
 NOISE_BLOCK = 16
 """Cells along the edge of the blocks whose highest point is known."""

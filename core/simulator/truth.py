@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack
 from furrowmap.core.simulator.motion import SimulatedMotion
+from furrowmap.core.simulator.noise import FloatArray
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import CELL_M, SimulatedSite
 from furrowmap.core.simulator.soil import Ground, ToolSweep
-
-FloatArray = NDArray[np.float64]
 
 TRUTH_CELL_M: Final = 2.0 * CELL_M
 _HZ: Final = 100

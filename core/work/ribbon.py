@@ -8,13 +8,10 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.work.sweep import Sweep
-
-IntArray = NDArray[np.intp]
 
 TOLERANCE_M: Final = 0.005
 """Sides have as many vertices as chords so near to the path need (Douglas and Peucker's rule): half as far as the best

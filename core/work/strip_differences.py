@@ -11,12 +11,10 @@ from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.cell_heights import MIN_GROUP_RETURNS, CellHeights, cell_heights, smooth_groups
 from furrowmap.core.adjustment.strips import STRIP_CELL_M, StripReturns
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.surfaces.visits import SwathDifferences, SwathSums
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.time_span import Interval, interval_numbers
-
-Numbers = NDArray[np.int64]
 
 MAX_DIFFERENCES: Final = 20_000
 """Cells are joined by fours until there are no more rows."""
@@ -37,8 +35,8 @@ class StripDifferences:
 
     cell_m: float
     centre_m: FloatArray
-    strip_a: Numbers
-    strip_b: Numbers
+    strip_a: IntArray
+    strip_b: IntArray
     before_m: FloatArray
     after_m: FloatArray
     sigma_m: FloatArray
@@ -125,7 +123,7 @@ def strip_differences(
     return found
 
 
-def _pairs(cell: Numbers) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _pairs(cell: IntArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Indices of all pairs of groups in one cell, the earlier group first."""
     order = np.argsort(cell, kind="stable")
     ordered = cell[order]
@@ -146,7 +144,7 @@ def _look_up(before: CellHeights, after: CellHeights, groups: NDArray[np.intp]) 
     return np.where(known, before.height_m[at], np.nan)
 
 
-def _keys(place: Numbers, number: Numbers) -> Numbers:
+def _keys(place: IntArray, number: IntArray) -> IntArray:
     """One whole number for a cell and a strip."""
     return ((place[:, 0] + (1 << 20) << 21) + place[:, 1] + (1 << 20) << 16) + number
 
