@@ -19,7 +19,7 @@ from scipy.ndimage import uniform_filter1d
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import Knots, State
 from furrowmap.core.estimation.positions import AntennaPositions
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, three
 
 SWAY_S: Final = 1.1
 """What is slower than this, as drift and the way itself, is removed."""
@@ -118,35 +118,7 @@ def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: No
         return AntennaSway()
     k, design, residual, sigma = antenna.linearised(knots, state)
     segments = _segments(t_s, run)
-    left = _left_by_height(k, design, sigma, state, held)
-    residual, left = _swaying(residual, segments), _swaying(left, segments)
-    axes = _swaying(state.rotation[k, 2, :2], segments)
-    batch = np.floor((t_s - t_s[0]) / SWAY_BATCH_S).astype(np.int64)
-    level, level_sigma, used = _fitted(axes, residual[:, 2], batch)
-    up, up_sigma, _ = _fitted(left.reshape(-1, 1), residual[:, :2].ravel(), np.repeat(batch, 2))
-    shares = np.array([LEVEL_LEVER_SHARE, LEVEL_LEVER_SHARE, UP_LEVER_SHARE])
-    sigmas = np.sqrt(np.append(level_sigma, up_sigma) ** 2 + (shares * antenna.lever_m) ** 2 + np.square(SWAY_FLOOR_M))
-    found = AntennaSway(_three(np.append(level, up)), _three(sigmas))
-    if not found.off:
-        return found
-    rest = (residual[:, 2] - axes @ level)[used]
-    away = np.hypot(*(antenna.lever_m[:2] + level)) < UNRELATED_SIGMAS * np.hypot(*sigmas[:2])
-    found = replace(found, unrelated=bool(away))
-    return replace(found, clock_s=_clock_s(knots, state, antenna, used, float(rest.var())))
-
-
-def _left_by_height(
-    k: NDArray[np.int64], design: FloatArray, sigma: FloatArray, state: State, held: NormalEquations
-) -> FloatArray:
-    """(m, 2) by how much horizontal residuals change with the antenna's height once the poses have followed.
-
-    Args:
-        k: (m,) knots before the positions.
-        design: (m, 3, 2 · size) derivatives of the positions.
-        sigma: (m, 3) their standard deviations.
-        state: the solution.
-        held: equations of all knots with fixed references.
-    """
+    # By how much horizontal residuals change with the antenna's height once the poses have followed.
     own, size = state.rotation[k, :, 2], state.layout.size
     rows = np.einsum("mas,ma->ms", design, own / sigma**2)
     right = np.zeros((len(state.xyz_m), size))
@@ -154,13 +126,21 @@ def _left_by_height(
     np.add.at(right, k + 1, rows[:, size:])
     follows = held.solve().by(right.ravel()).reshape(right.shape)
     moved = np.einsum("mas,ms->ma", design, np.concatenate([follows[k], follows[k + 1]], axis=1))
-    out: FloatArray = (own - moved)[:, :2]
-    return out
-
-
-def _three(values: FloatArray) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
+    left: FloatArray = (own - moved)[:, :2]
+    residual, left = _swaying(residual, segments), _swaying(left, segments)
+    axes = _swaying(state.rotation[k, 2, :2], segments)
+    batch = np.floor((t_s - t_s[0]) / SWAY_BATCH_S).astype(np.int64)
+    level, level_sigma, used = _fitted(axes, residual[:, 2], batch)
+    up, up_sigma, _ = _fitted(left.reshape(-1, 1), residual[:, :2].ravel(), np.repeat(batch, 2))
+    shares = np.array([LEVEL_LEVER_SHARE, LEVEL_LEVER_SHARE, UP_LEVER_SHARE])
+    sigmas = np.sqrt(np.append(level_sigma, up_sigma) ** 2 + (shares * antenna.lever_m) ** 2 + np.square(SWAY_FLOOR_M))
+    found = AntennaSway(three(np.append(level, up)), three(sigmas))
+    if not found.off:
+        return found
+    rest = (residual[:, 2] - axes @ level)[used]
+    away = np.hypot(*(antenna.lever_m[:2] + level)) < UNRELATED_SIGMAS * np.hypot(*sigmas[:2])
+    found = replace(found, unrelated=bool(away))
+    return replace(found, clock_s=_clock_s(knots, state, antenna, used, float(rest.var())))
 
 
 def _segments(t_s: FloatArray, run: NDArray[np.intp]) -> list[slice]:

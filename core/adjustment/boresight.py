@@ -23,7 +23,7 @@ from furrowmap.core.adjustment.cell_heights import (
     smooth_groups,
 )
 from furrowmap.core.adjustment.strips import LASER_GROUPS, StripReturns, at_shifted_times
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
@@ -127,32 +127,34 @@ def boresight(
         return None
     carrier = trajectory if carrier is None else carrier
     begin = _State(stated.rotation, np.asarray(stated.xyz_m, np.float64), 0.0)
-    settled = _settled(returns, carrier, begin, np.arange(PARAMETERS) < CLOCK_COLUMN)
+    settled = _settle(returns, carrier, begin, np.arange(PARAMETERS) < CLOCK_COLUMN)
     if settled is None:
         return None
-    first_m, free = settled.first_m, _fitted(settled.observed, FREE_PRIOR)
-    freed = _certainly_off(free)
+    first_m, off = settled.first_m, np.abs(settled.free.values)
+    # The angles are corrected, and what else is certainly another than stated.
+    freed = (off > CERTAINLY_OFF_SIGMAS * np.sqrt(np.diag(settled.free.covariance))) & (off > MIN_OFF)
+    freed[:CLOCK_COLUMN] = True
     if freed[CLOCK_COLUMN:].any():
-        again = _settled(returns, carrier, settled.state, freed)
-        if again is not None:
-            settled, free = again, _fitted(again.observed, FREE_PRIOR)
-    state, fitted = settled.state, settled.fitted
-    own = np.degrees(np.sqrt(np.diag(fitted.covariance)[:3]))
+        settled = _settle(returns, carrier, settled.state, freed) or settled
+    state, fitted, free = settled.state, settled.fitted, settled.free
+    own = np.degrees(np.sqrt(np.diag(fitted.covariance)))
     inside = (trajectory.t_s >= returns.t_s[0]) & (trajectory.t_s <= returns.t_s[-1])
-    sigma = np.hypot(own, np.nanmedian(trajectory.sigma[inside, 3:], axis=0))
-    x, y, z = state.place_m.tolist()
+    sigma = np.hypot(own[:3], np.nanmedian(trajectory.sigma[inside, 3:], axis=0))
+    clock_sigma_s = float(np.sqrt(fitted.covariance[CLOCK_COLUMN, CLOCK_COLUMN]))
+    value, spread = free.values.copy(), np.sqrt(np.diag(free.covariance))
+    value[:CLOCK_COLUMN] = np.degrees(value[:CLOCK_COLUMN])
+    value[CLOCK_COLUMN] += state.clock_s - begin.clock_s
+    value[PLACE_COLUMNS] += state.place_m - begin.place_m
+    free_sigma = np.where(np.arange(PARAMETERS) < CLOCK_COLUMN, np.degrees(spread), spread)
     return Boresight(
-        Mounting.from_rotation((x, y, z), state.rotation),
-        _three(np.degrees(Rotation.from_matrix(state.rotation @ stated.rotation.T).as_rotvec())),
-        _three(sigma),
-        (
-            state.clock_s + float(fitted.values[CLOCK_COLUMN]),
-            float(np.sqrt(fitted.covariance[CLOCK_COLUMN, CLOCK_COLUMN])),
-        ),
+        Mounting.from_rotation(three(state.place_m), state.rotation),
+        three(np.degrees(Rotation.from_matrix(state.rotation @ stated.rotation.T).as_rotvec())),
+        three(sigma),
+        (state.clock_s + float(fitted.values[CLOCK_COLUMN]), clock_sigma_s),
         (first_m, fitted.apart_m),
-        fitted.cells,
+        settled.cells,
         bool((sigma < MAX_BORESIGHT_SIGMA_DEG).all()),
-        _free_fit(free, state, begin),
+        FreeFit(value, free_sigma, free.covariance / np.outer(spread, spread)),
         state.clock_s,
     )
 
@@ -165,22 +167,32 @@ class _State:
     place_m: FloatArray
     clock_s: float
 
-    def corrected(self, values: FloatArray) -> _State:
-        rotation = Rotation.from_rotvec(values[:3]).as_matrix() @ self.rotation
-        return _State(rotation, self.place_m + values[PLACE_COLUMNS], self.clock_s + float(values[CLOCK_COLUMN]))
+
+@dataclass(frozen=True)
+class _Fit:
+    """Corrections of the parameters, their covariance, and the RMS of heights before."""
+
+    values: FloatArray
+    covariance: FloatArray
+    apart_m: float
 
 
 @dataclass(frozen=True)
-class _Observed:
-    """Heights of smooth cells at several times with the scanner in a state."""
+class _Settled:
+    """Scatter at the begin; the state at which the corrections vanish, its fit, one with all free; number of cells."""
 
-    groups: GroupHeights
-    count: NDArray[np.int64]
+    first_m: float
+    state: _State
+    fitted: _Fit
+    free: _Fit
     cells: int
-    windows: int
 
 
-def _observed(returns: StripReturns, carrier: Trajectory, state: _State) -> _Observed | None:
+_Observed = tuple[GroupHeights, NDArray[np.int64], int]
+"""Heights of smooth cells at several times, their numbers of returns, and the number of windows of time."""
+
+
+def _observe(returns: StripReturns, carrier: Trajectory, state: _State) -> _Observed | None:
     """Heights of cells with the scanner in a state; None where too little ground is seen at several times."""
     if state.clock_s:
         returns = at_shifted_times(returns, carrier, state.clock_s)
@@ -195,98 +207,54 @@ def _observed(returns: StripReturns, carrier: Trajectory, state: _State) -> _Obs
     design = derivatives(returns, heights, chosen, state.rotation, state.place_m)
     weight = 1.0 / (variance / count + CELL_HEIGHT_SIGMA_M**2)
     groups = GroupHeights(cell, heights.window[chosen], heights.height_m[chosen], weight, design)
-    return _Observed(groups, count, len(seen), int(heights.window.max()) + 1)
+    return groups, count, int(heights.window.max()) + 1
 
 
-@dataclass(frozen=True)
-class _Settled:
-    """Scatter at the begin; the state at which the corrections vanish, the heights there, and their fit."""
-
-    first_m: float
-    state: _State
-    observed: _Observed
-    fitted: _Fitted
-
-
-def _settled(
-    returns: StripReturns, carrier: Trajectory, begin: _State, corrected: NDArray[np.bool_]
-) -> _Settled | None:
-    """The state at which the corrections vanish; None where too little ground is seen at several times.
-
-    Args:
-        returns: of the scanner.
-        carrier: trajectory of the frame that carries it.
-        begin: the state to begin with.
-        corrected: (PARAMETERS,) which parameters are corrected; the others stay nearly as they are.
-    """
+def _settle(returns: StripReturns, carrier: Trajectory, begin: _State, corrected: NDArray[np.bool_]) -> _Settled | None:
+    """Correct some parameters, leave the others nearly as they are; None where too little ground is seen."""
     prior = np.where(corrected, FREE_PRIOR, STATED_PRIOR)
-    state, observed = begin, _observed(returns, carrier, begin)
+    state, observed = begin, _observe(returns, carrier, begin)
     if observed is None:
         return None
-    fitted = _fitted(observed, prior)
+    fitted = _fit(observed, prior)
     first_m = fitted.apart_m
     for _ in range(MAX_BORESIGHT_ROUNDS):
         values = np.where(corrected, fitted.values, 0.0)
         if bool((np.abs(values) < SETTLED_CORRECTIONS).all()):
             break
-        state = state.corrected(values)
-        observed = _observed(returns, carrier, state)
+        rotation = Rotation.from_rotvec(values[:3]).as_matrix() @ state.rotation
+        clock_s = state.clock_s + float(values[CLOCK_COLUMN])
+        state = _State(rotation, state.place_m + values[PLACE_COLUMNS], clock_s)
+        observed = _observe(returns, carrier, state)
         if observed is None:
             return None
-        fitted = _fitted(observed, prior)
-    return _Settled(first_m, state, observed, fitted)
+        fitted = _fit(observed, prior)
+    return _Settled(first_m, state, fitted, _fit(observed, FREE_PRIOR), int(observed[0].cell.max()) + 1)
 
 
-def _certainly_off(free: _Fitted) -> NDArray[np.bool_]:
-    """(PARAMETERS,) what is to be corrected: the angles, and what else is certainly another than stated."""
-    off, sigma = np.abs(free.values), np.sqrt(np.diag(free.covariance))
-    found: NDArray[np.bool_] = (off > CERTAINLY_OFF_SIGMAS * sigma) & (off > MIN_OFF)
-    found[:CLOCK_COLUMN] = True
-    return found
-
-
-def _free_fit(free: _Fitted, state: _State, begin: _State) -> FreeFit:
-    value = free.values.copy()
-    value[:CLOCK_COLUMN] = np.degrees(value[:CLOCK_COLUMN])
-    value[CLOCK_COLUMN] += state.clock_s - begin.clock_s
-    value[PLACE_COLUMNS] += state.place_m - begin.place_m
-    sigma = np.sqrt(np.diag(free.covariance))
-    correlation = free.covariance / np.outer(sigma, sigma)
-    return FreeFit(value, np.where(np.arange(PARAMETERS) < CLOCK_COLUMN, np.degrees(sigma), sigma), correlation)
+def _fit(observed: _Observed, prior: FloatArray) -> _Fit:
+    """Least squares of all parameters, the heights of the cells eliminated."""
+    groups, count, windows = observed
+    spread = np.concatenate([prior, np.full(LASER_GROUPS + windows, CELL_HEIGHT_SIGMA_M)])
+    off, covariance, middle = adjust_cells(groups, spread)
+    apart = groups.height_m - middle[groups.cell]
+    rms = float(np.sqrt(np.average(apart**2, weights=count)))
+    return _Fit(-off[:PARAMETERS], covariance[:PARAMETERS, :PARAMETERS], rms)
 
 
 def boresight_notices(found: Boresight | None, stated: Mounting) -> list[Notice]:
     """The mounting of a scanner on a vehicle with an IMU: used as found, or assumed as stated."""
     if found is None or not found.certain:
         return [Notice("boresight-assumed")]
-    return [*_angle_notices(found), *_other_notices(found, stated)]
-
-
-def _angle_notices(found: Boresight) -> list[Notice]:
-    if not found.differs:
-        return []
-    angles, sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
-        found.mounting.rpy_deg, found.sigma_deg
+    angles, sigmas, place, place_sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
+        found.mounting.rpy_deg, found.sigma_deg, found.mounting.xyz_m, found.free.sigma[PLACE_COLUMNS].tolist()
     ))  # fmt: skip
-    return [
-        Notice(
-            "boresight-off",
-            scatter_m=1e3 * found.scatter_m[1],
-            scatter_m_scaled=1e3 * found.scatter_m[0],
-            angles=angles,
-            sigmas=sigmas,
-        )
-    ]
-
-
-def _other_notices(found: Boresight, stated: Mounting) -> list[Notice]:
-    """Place and clock of the scanner, where they are not used as stated."""
     notices = []
+    if found.differs:
+        after, before = 1e3 * found.scatter_m[1], 1e3 * found.scatter_m[0]
+        notices.append(Notice("boresight-off", scatter_m=after, scatter_m_scaled=before, angles=angles, sigmas=sigmas))
     if found.mounting.xyz_m != stated.xyz_m:
-        place, sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
-            found.mounting.xyz_m, found.free.sigma[PLACE_COLUMNS].tolist()
-        ))  # fmt: skip
-        notices.append(Notice("lever-arm-off", place=place, sigmas=sigmas))
+        notices.append(Notice("lever-arm-off", place=place, sigmas=place_sigmas))
     if found.clock_used_s:
         notices.append(
             Notice(
@@ -297,28 +265,3 @@ def _other_notices(found: Boresight, stated: Mounting) -> list[Notice]:
             )
         )
     return notices
-
-
-def _three(values: FloatArray) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in values)
-    return x, y, z
-
-
-@dataclass(frozen=True)
-class _Fitted:
-    """Corrections of the parameters, their covariance, the RMS of heights before, and the number of cells."""
-
-    values: FloatArray
-    covariance: FloatArray
-    apart_m: float
-    cells: int
-
-
-def _fitted(observed: _Observed, prior: FloatArray) -> _Fitted:
-    """Least squares of all parameters, the heights of the cells eliminated."""
-    groups = observed.groups
-    spread = np.concatenate([prior, np.full(LASER_GROUPS + observed.windows, CELL_HEIGHT_SIGMA_M)])
-    off, covariance, middle = adjust_cells(groups, spread)
-    apart = groups.height_m - middle[groups.cell]
-    rms = float(np.sqrt(np.average(apart**2, weights=observed.count)))
-    return _Fitted(-off[:PARAMETERS], covariance[:PARAMETERS, :PARAMETERS], rms, observed.cells)

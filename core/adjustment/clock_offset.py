@@ -97,7 +97,7 @@ def search_clock_offset(returns: GroundReturns, sensor: Sensor, start: Trajector
     Returns:
         None where the stated clocks are as good as any other.
     """
-    found = [_Trial.of(source, sensor, start).best() for source in (returns, returns.upright)]
+    found = [_Trial.from_returns(source, sensor, start).best() for source in (returns, returns.upright)]
     return next((one for one in found if one is not None and one.certain), found[0] or found[1])
 
 
@@ -106,7 +106,7 @@ def motion_certainty(returns: GroundReturns, sensor: Sensor, stated: Trajectory,
     now = np.zeros(1)
     shown = []
     for start in (stated, other):
-        trial = _Trial.of(returns, sensor, start)
+        trial = _Trial.from_returns(returns, sensor, start)
         known = np.isfinite(trial.ways(now)[:, :, 0])
         shown.append(trial.agreement(now, known))
     return float(_certainty(shown[1] - shown[0])[0]) if shown[0].size else -np.inf
@@ -129,7 +129,7 @@ class _Trial:
     cell_m: float
 
     @classmethod
-    def of(cls, source: GroundReturns | UprightReturns, sensor: Sensor, start: Trajectory) -> _Trial:
+    def from_returns(cls, source: GroundReturns | UprightReturns, sensor: Sensor, start: Trajectory) -> _Trial:
         yaw = np.radians(90.0 - start.attitude_deg()[2])
         motion = np.stack([start.t_s, start.xyz_m[:, 0], start.xyz_m[:, 1], np.cos(yaw), np.sin(yaw)])
         ground = isinstance(source, GroundReturns)

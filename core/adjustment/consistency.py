@@ -232,12 +232,11 @@ def clock_notice(stated_s: float, used_s: float, sigma_s: float) -> Notice:
         used_s: beyond it.
         sigma_s: standard deviation.
     """
-    cause = named_offset(used_s)
     return Notice(
         "clock-offset",
         used_s=abs(used_s),
         is_used_s=used_s > 0,
-        cause=cause or None,
+        cause=named_offset(used_s) or None,
         stated_s=stated_s + used_s,
         sigma_s=sigma_s,
     )
@@ -257,9 +256,8 @@ def enlarge_sigmas(
     if seen.cause is None:
         return trajectory
     sigma, c = trajectory.sigma * max(seen.factor, 1.0), seen.constants
-    place_m, turn_deg = 0.0, seen.ground.tilt_deg
-    if seen.ground.tilt_deg:
-        place_m = 2.0 * float(np.linalg.norm(sensor_m))
+    turn_deg = seen.ground.tilt_deg
+    place_m = 2.0 * float(np.linalg.norm(sensor_m)) if turn_deg else 0.0
     if seen.lever_m is not None:
         place_m = max(place_m, float(np.linalg.norm(np.subtract(seen.lever_m, lever_m))))
     if seen.sway.off and not seen.sway.clock_s:
@@ -274,12 +272,7 @@ def enlarge_sigmas(
 
 
 def check_consistency(
-    knots: Knots,
-    state: State,
-    positions: Positions,
-    constants: AntennaConstants,
-    ground: GroundTilt,
-    sway: AntennaSway,
+    knots: Knots, state: State, positions: Positions, constants: AntennaConstants, ground: GroundTilt, sway: AntennaSway
 ) -> Seen:
     """What an adjusted trajectory shows.
 

@@ -15,7 +15,6 @@ The bow is therefore not estimated but considered (:class:`~furrowmap.core.estim
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numba
@@ -55,53 +54,6 @@ MAX_BOW_RETURNS: Final = 20_000
 """So many returns show how the lasers lie on the ground."""
 
 
-@dataclass(frozen=True)
-class LaserSums:
-    """Sums over returns, for each laser by itself.
-
-    Attributes:
-        normal: (256,) Σ w a², with a = ∂ residual / ∂ range, which is the height of the ray's direction.
-        right: (256,) Σ w a r.
-        elevation: (256,) Σ of the sines of the rays' elevations in the sensor's frame.
-        count: (256,) returns.
-    """
-
-    normal: FloatArray
-    right: FloatArray
-    elevation: FloatArray
-    count: FloatArray
-
-    @classmethod
-    def none(cls) -> LaserSums:
-        """Nothing yet."""
-        return cls(*np.zeros((4, MAX_LASERS)))
-
-    def plus(self, other: LaserSums) -> LaserSums:
-        """Both together."""
-        return LaserSums(
-            self.normal + other.normal,
-            self.right + other.right,
-            self.elevation + other.elevation,
-            self.count + other.count,
-        )
-
-    def ranges(self) -> LaserRanges | None:
-        """The constants that follow, shrunk by what is usual; None where too few lasers see the ground."""
-        seen = self.count >= MIN_LASER_RETURNS
-        if seen.sum() < MIN_LASERS:
-            return None
-        weight = self.normal[seen] / CORRELATED
-        found = self.right[seen] / self.normal[seen]
-        line = np.column_stack([np.ones(len(found)), self.elevation[seen] / self.count[seen]])
-        root = np.sqrt(weight)
-        slow = np.linalg.lstsq(line * root[:, None], found * root, rcond=None)[0]
-        information = weight + 1.0 / LASER_PRIOR_M**2
-        offset, sigma = np.zeros(MAX_LASERS), np.full(MAX_LASERS, np.nan)
-        offset[seen] = (found - line @ slow) * weight / information
-        sigma[seen] = 1.0 / np.sqrt(information)
-        return LaserRanges(offset, sigma)
-
-
 def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
     """The constants by the ground of a session; None where the recording does not number its lasers.
 
@@ -116,36 +68,51 @@ def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
     surface = session_surface(placing, portions, LASER_CELL_M)
     sensor_m, axes = state.xyz_m + state.rotation @ sensor.xyz_m, state.rotation @ (sensor.turn @ axis)
 
-    def work(share: Sequence[Portion]) -> LaserSums:
-        sums = LaserSums.none()
+    def work(share: Sequence[Portion]) -> FloatArray:
+        sums = np.zeros((4, MAX_LASERS))
         for c, part in share:
             placed = placing.ground(c, part)
             k = knots.at(placed.t_s)[0]
-            sums = sums.plus(laser_sums(placed, np.array(returns.laser[part]), surface, sensor_m[k], axes[k]))
+            sums += _laser_sums(placed, np.array(returns.laser[part]), surface, sensor_m[k], axes[k])
         return sums
 
-    sums = LaserSums.none()
+    sums = np.zeros((4, MAX_LASERS))
     for part in in_threads(work, portions):
-        sums = sums.plus(part)
-    return sums.ranges()
+        sums += part
+    return ranges_of(sums)
 
 
-def laser_sums(
-    placed: PlacedReturns, laser: NDArray[np.uint8], surface: HeightGrid, sensor_m: FloatArray, axis: FloatArray
-) -> LaserSums:
-    """Sums over placed returns, each against the other half's surface.
+def ranges_of(sums: FloatArray) -> LaserRanges | None:
+    """The constants that follow, shrunk by what is usual; None where too few lasers see the ground.
 
     Args:
-        placed: (n,) returns.
-        laser: (n,) which laser measured them.
-        surface: of these and other returns.
-        sensor_m: (n, 3) where the sensor was.
-        axis: (n, 3) unit vectors along its axis.
+        sums: (4, MAX_LASERS) of each laser: Σ w a², with a = ∂ residual / ∂ range, which is the height of the ray's
+            direction; Σ w a r; Σ of the sines of the rays' elevations in the sensor's frame; number of returns.
     """
-    sums, tiles = LaserSums.none(), surface.tiles
+    seen = sums[3] >= MIN_LASER_RETURNS
+    if seen.sum() < MIN_LASERS:
+        return None
+    normal, right, elevation, count = sums[:, seen]
+    weight = normal / CORRELATED
+    found = right / normal
+    line = np.column_stack([np.ones(len(found)), elevation / count])
+    root = np.sqrt(weight)
+    slow = np.linalg.lstsq(line * root[:, None], found * root, rcond=None)[0]
+    information = weight + 1.0 / LASER_PRIOR_M**2
+    offset, sigma = np.zeros(MAX_LASERS), np.full(MAX_LASERS, np.nan)
+    offset[seen] = (found - line @ slow) * weight / information
+    sigma[seen] = 1.0 / np.sqrt(information)
+    return LaserRanges(offset, sigma)
+
+
+def _laser_sums(
+    placed: PlacedReturns, laser: NDArray[np.uint8], surface: HeightGrid, sensor_m: FloatArray, axis: FloatArray
+) -> FloatArray:
+    """Sums of placed returns, each against the other half's surface; places and axes (n, 3) of the sensor."""
+    sums, tiles = np.zeros((4, MAX_LASERS)), surface.tiles
     _sum(
         placed.xyz_m, placed.layer, placed.half, laser, tiles.cell_m, tiles.west, tiles.south, tiles.number,
-        surface.height_m, surface.weight, sensor_m, axis, sums.normal, sums.right, sums.elevation, sums.count,
+        surface.height_m, surface.weight, sensor_m, axis, *sums,
     )  # fmt: skip
     return sums
 

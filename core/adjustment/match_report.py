@@ -19,13 +19,10 @@ from furrowmap.core.matching.returns import PIXEL_M
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.rotation import Mounting
-from furrowmap.core.values.scan import LaserRanges
 from furrowmap.core.values.time_span import Span
 
 HEIGHT_REPORTED_M: Final = 0.05
 FACING_ASSUMED: Final = Notice("facing-assumed")
-
-
 LEVER_ASSUMED: Final = Notice("lever-assumed")
 
 
@@ -43,7 +40,11 @@ def match_notices(
     assumed = adjusted.problem.lever_m.any() and not adjusted.facing.shown and not sway.known
     stated = adjusted.problem.mounting
     mounting = mounting_notices(adjusted.calibration, adjusted.facing, stated, used)
-    return (*unheld_notices(unheld), *_gap_notices(adjusted), *mounting, *([LEVER_ASSUMED] if assumed else []))
+    gaps = [
+        Notice("gap-not-bridged", begin_s=iso_utc(gap.begin_s), end_s=gap.end_s - gap.begin_s)
+        for gap in adjusted.unbridged
+    ]
+    return (*unheld_notices(unheld), *gaps, *mounting, *([LEVER_ASSUMED] if assumed else []))
 
 
 def unheld_notices(unheld: Sequence[Span]) -> list[Notice]:
@@ -52,14 +53,6 @@ def unheld_notices(unheld: Sequence[Span]) -> list[Notice]:
         return []
     total_s = sum(end_s - begin_s for begin_s, end_s in unheld)
     return [Notice("scans-not-held", total_s=total_s, unheld=iso_utc(unheld[0][0]))]
-
-
-def _gap_notices(adjusted: Adjusted) -> list[Notice]:
-    """Gaps between positions that the scans did not bridge."""
-    return [
-        Notice("gap-not-bridged", begin_s=iso_utc(gap.begin_s), end_s=gap.end_s - gap.begin_s)
-        for gap in adjusted.unbridged
-    ]
 
 
 def mounting_notices(found: MountingCalibration, facing: Facing, stated: Mounting, used: Mounting) -> list[Notice]:
@@ -84,7 +77,7 @@ def height_is_off(found: MountingCalibration) -> bool:
 
 def match_figures(adjusted: Adjusted, used: Mounting, constants: AntennaConstants) -> dict[str, Any]:
     """The figures of matching in the report, with the mounting in use."""
-    returns, walls = adjusted.problem.returns, adjusted.walls.scatter
+    returns, walls, ranges = adjusted.problem.returns, adjusted.walls.scatter, adjusted.sensor.ranges
     matched, squares = adjusted.ground.tally[4:]
     return {
         "residual_rms_m": round(float(np.sqrt(squares / max(matched, 1.0))), 4),
@@ -100,10 +93,22 @@ def match_figures(adjusted: Adjusted, used: Mounting, constants: AntennaConstant
         "body_footprint_m2": round(float(returns.body.sum()) * PIXEL_M**2, 2),
         "facing_shown": adjusted.facing.shown,
         "mounting_rpy_deg": [round(angle, 3) for angle in used.rpy_deg],
-        "laser_ranges_m": _range_figures(adjusted.sensor.ranges),
+        # By how much each laser's ranges are too long, by its number from the lowest.
+        "laser_ranges_m": None
+        if ranges is None
+        else {
+            str(k): [round(float(ranges.offset_m[k]), 5), round(float(ranges.sigma_m[k]), 5)]
+            for k in np.flatnonzero(np.isfinite(ranges.sigma_m)).tolist()
+        },
         "stance": _stance_figures(adjusted.calibration),
         "positions_doubted": int((adjusted.antenna.weight < 1.0).sum()),
-        "lever_arm_m": _lever_figures(constants),
+        # What is to be added to the lever arm, forward and to the left.
+        "lever_arm_m": {
+            axis: [round(value, 4), round(sigma, 4)]
+            for axis, value, sigma in zip("xy", constants.lever_m, constants.lever_sigma_m, strict=True)
+        }
+        if np.isfinite(constants.lever_sigma_m).all()
+        else None,
         "imu": _imu_figures(adjusted),
     }
 
@@ -126,22 +131,6 @@ def _imu_figures(adjusted: Adjusted) -> dict[str, Any] | None:
         "misalignment_deg": of(MISALIGNMENT, np.degrees(1.0)),
         "gyro_scale": of(GYRO_SCALE, 1.0)[0],
     }
-
-
-def _lever_figures(constants: AntennaConstants) -> dict[str, list[float]] | None:
-    """What is to be added to the lever arm, forward and to the left; null where the drive does not show it."""
-    values = zip(("x", "y"), constants.lever_m, constants.lever_sigma_m, strict=True)
-    if not np.isfinite(constants.lever_sigma_m).all():
-        return None
-    return {axis: [round(value, 4), round(sigma, 4)] for axis, value, sigma in values}
-
-
-def _range_figures(ranges: LaserRanges | None) -> dict[str, list[float]] | None:
-    """By how much each laser's ranges are too long, and its standard deviation, by its number from the lowest."""
-    if ranges is None:
-        return None
-    seen = np.flatnonzero(np.isfinite(ranges.sigma_m)).tolist()
-    return {str(k): [round(float(ranges.offset_m[k]), 5), round(float(ranges.sigma_m[k]), 5)] for k in seen}
 
 
 def _stance_figures(found: MountingCalibration) -> dict[str, Any] | None:

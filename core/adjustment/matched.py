@@ -125,18 +125,15 @@ def prepare(
     unheld: tuple[Span, ...] = ()
     if aid is None:
         returns, unheld = held_by_positions(returns, positions.t_s, start)
-    if len(returns) < max(MIN_MATCH_RETURNS, MIN_MATCH_SCAN_RETURNS * _scans(returns)):
+    # Halves alternate from one scan to the next.
+    scans = 1 + int(np.count_nonzero(np.diff(np.asarray(returns.half, np.int8))))
+    if len(returns) < max(MIN_MATCH_RETURNS, MIN_MATCH_SCAN_RETURNS * scans):
         return None
-    problem = Problem.of(returns, start, positions, lever_m, mounting, tool, aid)
+    problem = Problem.from_session(returns, start, positions, lever_m, mounting, tool, aid)
     if not problem.knots.at(positions.t_s)[2].any():
         return None
-    first = resolve_yaw_ambiguity(problem, Iterate.of(problem))
+    first = resolve_yaw_ambiguity(problem, Iterate.first(problem))
     return Prepared(problem, first, start, search_clock_offset(returns, first.sensor, start), ground, unheld)
-
-
-def _scans(returns: GroundReturns) -> int:
-    """Number of scans: halves alternate from one to the next."""
-    return 1 + int(np.count_nonzero(np.diff(np.asarray(returns.half, np.int8))))
 
 
 def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
@@ -183,7 +180,10 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     ground, walls = adjusted.ground.slices.normal, adjusted.walls.observation.sums.normal
     bow_sigma = range_bow_sigma(problem.returns, problem.sensor_m, problem.sensor_axis)
     sigma = sigmas(state, last, range_bow(bow_sigma, last.prior, last.centre_m), ground, walls)
-    sigma[:, :2] = np.hypot(sigma[:, :2], _sway_taken_for_noise_m(problem.positions))
+    # Positions scatter by the sway as well, which matching removes: it may have passed for white noise.
+    white, drift = problem.positions.white_m[:, :2], problem.positions.drift_m[:, :2]
+    sway_m2 = np.median(np.maximum(white**2 - (WHITE_SHARE * np.hypot(white, drift)) ** 2, 0.0))
+    sigma[:, :2] = np.hypot(sigma[:, :2], np.sqrt(sway_m2))
     sigma[:, 2] = np.hypot(sigma[:, 2], CONSTANT_HEIGHT_SHARE * np.median(problem.positions.drift_m[:, 2]))
     sigma[:, 3:] = np.hypot(sigma[:, 3:], _mounting_sigma_deg(adjusted))
     if not adjusted.facing.shown:
@@ -192,22 +192,19 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     speed = _speed(knots, state)
     standing = np.abs(speed) < STANDING_MPS * HYSTERESIS
     motion = np.where(standing, Motion.STANDING, np.sign(speed)).astype(np.int8)
-    fix = _fix(problem.positions, knots.t_s)
+    nearest = _nearest(problem.positions.t_s, knots.t_s)
+    apart_s = np.abs(problem.positions.t_s[nearest] - knots.t_s)
+    near = apart_s <= max(FIX_REACH_S, float(np.median(np.diff(problem.positions.t_s))))
+    fix = np.where(near, problem.positions.fix[nearest], Fix.NONE).astype(np.int8)
 
     def before_matching(part: slice) -> list[NDArray[Any]]:
         quaternion = Rotation.from_matrix(state.rotation[part]).as_quat(scalar_first=True)
-        nearest = _nearest(start.t_s, knots.t_s[part])
-        before = np.where(standing[part], "standing", start.heading_from[nearest])
+        before = np.where(standing[part], "standing", start.heading_from[_nearest(start.t_s, knots.t_s[part])])
         return [quaternion, state.xyz_m[part] + problem.origin_m, before]
 
     quaternion, xyz, before = arrays.in_parts(before_matching, len(knots))
-    sources = sources_of(
-        ground,
-        walls,
-        np.interp(knots.t_s, start.t_s, start.sigma[:, 5]),
-        before,
-        fix != Fix.NONE,
-    )
+    before_deg = np.interp(knots.t_s, start.t_s, start.sigma[:, 5])
+    sources = sources_of(ground, walls, before_deg, before, fix != Fix.NONE)
     if not adjusted.facing.shown:
         np.copyto(sources.heading, before, where=sources.heading == "relief")
     return Trajectory(
@@ -248,25 +245,11 @@ def as_by_positions(sigma: FloatArray, t_s: FloatArray, start: Trajectory, lever
 
 
 def _mounting_sigma_deg(adjusted: Adjusted) -> FloatArray:
-    """(3,) sigmas of roll, pitch and heading that come from a mounting which is corrected; zero of the stated one.
-
-    What is less certain than a stated mounting is corrected less, and what is not shown at all stays as stated.
-    """
+    """(3,) sigmas of roll, pitch and heading that come from a mounting which is corrected; zero of the stated one."""
     if np.array_equal(adjusted.sensor.turn, np.eye(3)):
         return np.zeros(3)
     sigma = np.array(adjusted.calibration.sigma_deg)
     return np.where(np.isfinite(sigma), np.minimum(sigma, STATED_SIGMA_DEG), 0.0)
-
-
-def _sway_taken_for_noise_m(positions: Positions) -> float:
-    """Horizontal drift of the receiver that the antenna's sway may hide, by passing for white noise.
-
-    On rough ground positions scatter by the sway as well, which matching removes by roll and pitch. Scatter beyond a
-    receiver's own noise may therefore be missing from its stated drift.
-    """
-    white, drift = positions.white_m[:, :2], positions.drift_m[:, :2]
-    receivers = WHITE_SHARE * np.hypot(white, drift)
-    return float(np.sqrt(np.median(np.maximum(white**2 - receivers**2, 0.0))))
 
 
 def _speed(knots: Knots, state: State) -> FloatArray:
@@ -279,13 +262,6 @@ def _speed(knots: Knots, state: State) -> FloatArray:
         along = np.einsum("ij,ij->i", velocity, state.rotation[part, :, 0])
         out[part] = uniform_filter1d(along, width, mode="nearest")
     return out
-
-
-def _fix(positions: Positions, t_s: FloatArray) -> NDArray[np.int8]:
-    """The quality of the nearest position (n,); none where there is none near."""
-    nearest = _nearest(positions.t_s, t_s)
-    near = np.abs(positions.t_s[nearest] - t_s) <= max(FIX_REACH_S, float(np.median(np.diff(positions.t_s))))
-    return np.where(near, positions.fix[nearest], Fix.NONE).astype(np.int8)
 
 
 def _nearest(known_s: FloatArray, t_s: FloatArray) -> NDArray[np.intp]:

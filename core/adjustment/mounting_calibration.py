@@ -17,7 +17,7 @@ from scipy.special import ndtr, stdtrit
 
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
 from furrowmap.core.matching.surface import HeightGrid, TilePassage, heights, layers
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, three
 
 HALF_TRACKS_M: Final = np.arange(0.3, 1.15, 0.05)
 """Half of the distance between the rear wheels, which are beside the vehicle frame's origin."""
@@ -125,7 +125,7 @@ def mounting_calibration(
         pitch_deg=float(np.degrees(-pitch)),
         yaw_deg=float(np.degrees(-yaw)),
         height_m=-height,
-        sigma_deg=(float(sigmas[0]), float(sigmas[1]), float(sigmas[2])),
+        sigma_deg=three(sigmas),
         sigma_height_m=float(np.hypot(sigma_height, HEIGHT_SIGMA_M)),
     )
 

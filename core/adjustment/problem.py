@@ -64,7 +64,7 @@ class Problem:
     outages_s: tuple[Span, ...]
 
     @classmethod
-    def of(
+    def from_session(
         cls,
         returns: GroundReturns,
         trajectory: Trajectory,
@@ -157,8 +157,8 @@ class Iterate:
     last: Linearised | None = None
 
     @classmethod
-    def of(cls, problem: Problem) -> Iterate:
-        """The first one."""
+    def first(cls, problem: Problem) -> Iterate:
+        """Where the adjustment begins."""
         weight = arrays.full(len(problem.returns), 255, np.uint8)
         return cls(problem.start, problem.observations, weight, Sensor(problem.sensor_m, np.eye(3)))
 
@@ -210,8 +210,8 @@ class Adjusted:
     antenna: AntennaPositions
 
     @classmethod
-    def of(cls, problem: Problem, it: Iterate) -> Adjusted:
-        """The last iterate of a schedule."""
+    def from_iterate(cls, problem: Problem, it: Iterate) -> Adjusted:
+        """The result where the last stage has left it."""
         assert it.calibration is not None
         assert it.ground is not None
         assert it.walls is not None

@@ -72,7 +72,7 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
         it = match_session(problem, it.turned(turn), REMOUNT_ROUNDS, steps)
         it = calibrate_mounting(problem, it)
     progress(1.0)
-    return Adjusted.of(problem, it)
+    return Adjusted.from_iterate(problem, it)
 
 
 def resolve_yaw_ambiguity(problem: Problem, it: Iterate) -> Iterate:

@@ -8,7 +8,7 @@ with them, which settles what is slow.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -163,34 +163,23 @@ def _tilt(step: FloatArray) -> float:
     return float(np.sqrt(np.mean((step[:, ROTATION : ROTATION + 2] ** 2).sum(axis=1))))
 
 
-@dataclass(frozen=True)
-class CrabAngle:
-    """One unknown beside those of the knots: the angle by which the vehicle travels to the left of its x axis.
+def crab_equations(knots: Knots, state: State) -> tuple[FloatArray, float, float]:
+    """Normal equations of the crab angle: by how much the vehicle travels to the left of its x axis; zero in the state.
 
-    Its equations are those of the wheels, whose movement to the left is then this share of the movement forward.
+    They are those of the wheels, whose movement to the left is then this share of the movement forward.
 
-    Attributes:
-        link: (knots, size) the normal matrix between it and the knots' unknowns.
-        own: the normal matrix of its own.
-        right: its right-hand side.
+    Returns:
+        The normal matrix (knots, size) between it and the knots' unknowns, its own normal matrix and right-hand side.
     """
-
-    link: FloatArray
-    own: float
-    right: float
-
-    @classmethod
-    def of(cls, knots: Knots, state: State) -> CrabAngle:
-        """At a state in which it is zero."""
-        every, size, own, right = knots.linked, state.layout.size, 0.0, 0.0
-        link = arrays.zeros((len(knots), size))
-        for part in arrays.parts(len(every)):
-            linked, steps = every[part], AxleSteps.from_knots(every[part], state)
-            weighted = steps.along_m / steps.sigma_m**2
-            np.add.at(link, linked, -weighted[:, None] * steps.design[:, :size])
-            np.add.at(link[:, :POSE], linked + 1, -weighted[:, None] * steps.design[:, size:])
-            own, right = own + float(weighted @ steps.along_m), right + float(weighted @ steps.sideways_m)
-        return cls(link, own, right)
+    every, size, own, right = knots.linked, state.layout.size, 0.0, 0.0
+    link = arrays.zeros((len(knots), size))
+    for part in arrays.parts(len(every)):
+        linked, steps = every[part], AxleSteps.from_knots(every[part], state)
+        weighted = steps.along_m / steps.sigma_m**2
+        np.add.at(link, linked, -weighted[:, None] * steps.design[:, :size])
+        np.add.at(link[:, :POSE], linked + 1, -weighted[:, None] * steps.design[:, size:])
+        own, right = own + float(weighted @ steps.along_m), right + float(weighted @ steps.sideways_m)
+    return link, own, right
 
 
 def crab_angle_rad(
@@ -200,9 +189,9 @@ def crab_angle_rad(
 
     All other unknowns are eliminated (Schur complement): without that the wheels turn the poses part of the way.
     """
-    crab = CrabAngle.of(knots, state)
-    link = coarse_right(coarse, centre_m, state, crab.link)
-    information = float(crab.own - link @ solution.by(link))
+    by_knots, own, right = crab_equations(knots, state)
+    link = coarse_right(coarse, centre_m, state, by_knots)
+    information = float(own - link @ solution.by(link))
     if information <= 0.0:
         return 0.0, np.inf
-    return float((crab.right - link @ solution.values) / information), float(1.0 / np.sqrt(information))
+    return float((right - link @ solution.values) / information), float(1.0 / np.sqrt(information))

@@ -34,12 +34,19 @@ from furrowmap.core.adjustment.boresight import (
     Boresight,
     boresight,
 )
-from furrowmap.core.adjustment.cell_heights import PARAMETERS, CellHeights, cell_heights, derivatives, smooth_groups
+from furrowmap.core.adjustment.cell_heights import (
+    PARAMETERS,
+    ROBUST_ROUNDS,
+    CellHeights,
+    cell_heights,
+    derivatives,
+    smooth_groups,
+)
 from furrowmap.core.adjustment.strips import LASER_GROUPS, STRIP_CELL_M, StripReturns, at_shifted_times
 from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.estimation.correlated_prior import root_of, solved
 from furrowmap.core.estimation.knots import POSE, ROTATION
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.background import beside
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.trajectory.from_inertial import ANY_TIME
@@ -54,7 +61,6 @@ GROUP_M: Final = 0.01
 """Standard deviation of a cell's mean in a window of time beside the noise of its returns.
 
 Residuals show 4 mm. Errors of neighbouring cells go together (slopes, soil that is rough), so that they count less."""
-ROBUST_ROUNDS: Final = 3
 
 
 @dataclass(frozen=True)
@@ -202,7 +208,11 @@ def calibrate_flight(
         The boresight, None where too little ground is seen at several times; the returns at the scanner's clock as
         corrected; the adjustment, None where the boresight is not certain or the trajectory has no joint covariance.
     """
-    with _pose_errors_beside(located) as errors:
+    work = located.pose_errors
+    aside: AbstractContextManager[Future[PoseErrors] | None] = (
+        nullcontext() if work is None else beside(lambda _: work(ANY_TIME), silent)
+    )
+    with aside as errors:
         found = boresight(returns, located.trajectory, stated, carrier)
     if found is None or not found.certain:
         return found, returns, None
@@ -212,12 +222,6 @@ def calibrate_flight(
         return found, returns, None
     adjusted = adjust_strips(returns, located.trajectory, errors.result(), found, stated, walk_deg_rts)
     return adjusted.boresight, returns, adjusted
-
-
-def _pose_errors_beside(located: Located) -> AbstractContextManager[Future[PoseErrors] | None]:
-    """Within it, the errors of the poses are worked out in another thread; None where they have no joint covariance."""
-    work = located.pose_errors
-    return nullcontext() if work is None else beside(lambda _: work(ANY_TIME), silent)
 
 
 def adjust_strips(
@@ -246,9 +250,11 @@ def adjust_strips(
     design = np.hstack([fixed, _pose_design(returns, heights, chosen, errors)])
     first = FIXED + POSE * heights.window[chosen]
     weight = 1.0 / (variance / heights.count[chosen] + GROUP_M**2)
-    root = root_of(
-        np.concatenate([_spread(found, stated), np.full(LASER_GROUPS, CELL_HEIGHT_SIGMA_M)]), errors.covariance
-    )
+    corrected = np.zeros(PARAMETERS, np.bool_)
+    corrected[CLOCK_COLUMN] = found.clock_used_s != 0.0
+    corrected[PLACE_COLUMNS] = np.asarray(found.mounting.xyz_m) != np.asarray(stated.xyz_m)
+    spread = np.where(corrected, found.free.sigma, STATED_PRIOR)
+    root = root_of(np.concatenate([spread, np.full(LASER_GROUPS, CELL_HEIGHT_SIGMA_M)]), errors.covariance)
     if walk_deg_rts > 0.0:
         root = with_walk(root, FIXED, errors.t_s, attitudes_at(trajectory, errors.t_s), lever_m, walk_deg_rts)
     off, covariance = _solved(heights.cell[chosen], heights.height_m[chosen], weight, design, first, root)
@@ -259,14 +265,6 @@ def adjust_strips(
     return StripAdjustment(adjusted, by_strips, errors, after, turned)
 
 
-def _spread(found: Boresight, stated: Mounting) -> FloatArray:
-    """(PARAMETERS,) standard deviations of mounting and clock before: what was corrected has that of its estimate."""
-    corrected = np.zeros(PARAMETERS, np.bool_)
-    corrected[CLOCK_COLUMN] = found.clock_used_s != 0.0
-    corrected[PLACE_COLUMNS] = np.asarray(found.mounting.xyz_m) != np.asarray(stated.xyz_m)
-    return np.where(corrected, found.free.sigma, STATED_PRIOR)
-
-
 def _corrected(found: Boresight, stated: Mounting, off: FloatArray, covariance: FloatArray) -> Boresight:
     """The boresight without what its angles put into the heights."""
     rotation = Rotation.from_rotvec(-off[:CLOCK_COLUMN]).as_matrix() @ found.mounting.rotation
@@ -275,8 +273,8 @@ def _corrected(found: Boresight, stated: Mounting, off: FloatArray, covariance: 
     return replace(
         found,
         mounting=Mounting.from_rotation(found.mounting.xyz_m, rotation),
-        correction_deg=(float(correction[0]), float(correction[1]), float(correction[2])),
-        sigma_deg=(float(sigma[0]), float(sigma[1]), float(sigma[2])),
+        correction_deg=three(correction),
+        sigma_deg=three(sigma),
         certain=bool((sigma < MAX_BORESIGHT_SIGMA_DEG).all()),
     )
 
@@ -289,16 +287,7 @@ def _solved(
     first: NDArray[np.int64],
     root: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """What the unknowns put into the heights, and their covariance; the heights of the cells are eliminated.
-
-    Args:
-        cell: (g,) of each group.
-        height_m: (g,) of each group.
-        independent: (g,) inverse variances.
-        design: (g, FIXED + 12) derivatives by the first unknowns and by those of the two nodes beside the group.
-        first: (g,) the first of the latter.
-        root: (u, v) of the covariance of the unknowns before.
-    """
+    """What the unknowns put into the groups' heights, and their covariance; the heights of the cells are eliminated."""
     order = np.argsort(cell, kind="stable")
     begin = np.flatnonzero(np.diff(cell[order], prepend=-1))
     ends = np.append(begin, len(order))

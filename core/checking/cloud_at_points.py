@@ -18,13 +18,12 @@ from furrowmap.core.checking.point_check import (
     SwathHeights,
     find_swath_key,
     swath_numbers,
-    three,
 )
 from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours, open_clouds
 from furrowmap.core.readers.las.cloud import CloudFile
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.surveyed_points import SurveyedPoints, SurveyOptions, survey_of
-from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 

@@ -186,8 +186,3 @@ class ProductAtPoints:
     box_m: Box
     swath_key: SwathKey
     notices: tuple[Notice, ...]
-
-
-def three(xyz: FloatArray) -> tuple[float, float, float]:
-    """Coordinates (3,) as a tuple."""
-    return float(xyz[0]), float(xyz[1]), float(xyz[2])

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pyproj
 
-from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints, three
+from furrowmap.core.checking.point_check import PointCheck, ProductAtPoints
 from furrowmap.core.readers.geotiff import expect_heights, open_geotiff
 from furrowmap.core.readers.surveyed_points import SurveyOptions, survey_of
+from furrowmap.core.runtime.arrays import three
 from furrowmap.core.runtime.errors import InputError
 
 

@@ -77,7 +77,7 @@ class GroundSums:
     tally: FloatArray
 
     @classmethod
-    def of(cls, knots: int) -> GroundSums:
+    def empty(cls, knots: int) -> GroundSums:
         """No returns yet, for a number of knots."""
         return cls(SliceSums.empty(knots), np.zeros(6))
 

@@ -69,7 +69,7 @@ def register_windows(
     size = placing.state.layout.size
 
     def work(share: Sequence[Portion]) -> tuple[GroundSums, NormalEquations]:
-        sums, freed = GroundSums.of(len(placing.knots)), NormalEquations(len(centre_m) * size, max(width, 1))
+        sums, freed = GroundSums.empty(len(placing.knots)), NormalEquations(len(centre_m) * size, max(width, 1))
         for c, part in share:
             placed = placing.ground(c, part)
             surface = empty_surface(tiles_over(placed.xyz_m, WINDOW_CELL_M))
@@ -94,7 +94,7 @@ def register_session(
     surface = session_surface(placing, portions, cell_m)
 
     def work(share: Sequence[Portion]) -> tuple[GroundSums, list[Patches]]:
-        sums = GroundSums.of(len(placing.knots))
+        sums = GroundSums.empty(len(placing.knots))
         return sums, stored(
             register_ground(placing.ground(c, part), surface, placing.poses(c, coarse), relief, 1.0, sums)
             for c, part in share
@@ -148,65 +148,47 @@ def register_wall_windows(placing: Placing, correlated: float, coarse: CoarseKno
         correlated: how many returns share an error.
         coarse: coarse knots, with which the walls move; None for fixed walls.
     """
-
-    def work(share: Sequence[Portion]) -> _WallPart:
-        sums, scatter = SliceSums.empty(len(placing.knots)), Scatter()
-
-        def found() -> Iterator[Patches]:
-            nonlocal scatter
-            for c, part in share:
-                placed = placing.upright(c, part)
-                walls = lines(add_upright(columns_over(placed.xyz_m), placed.xyz_m, placed.half))
-                patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, 0.5, sums)
-                scatter = scatter.plus(more)
-                if len(patches.place):
-                    yield patches
-
-        references = [[patches] for patches in stored(found())]
-        return sums, scatter, references
-
-    upright = placing.returns.upright
-    portions = (
-        windows(upright.t_s, placing.knots, WALL_WINDOW_THIN, placing.unused)
-        if len(upright) >= MIN_UPRIGHT_RETURNS
-        else []
-    )
-    return _sum_walls(placing, in_threads(work, portions), coarse)
+    portions = windows(placing.returns.upright.t_s, placing.knots, WALL_WINDOW_THIN, placing.unused)
+    return _register_walls(placing, portions, None, correlated, coarse)
 
 
 def register_wall_session(
     placing: Placing, correlated: float, coarse: CoarseKnots | None, thin: int
 ) -> WallRegistration:
     """Every `thin`-th return against the walls of the whole session; arguments as :func:`register_wall_windows`."""
-    upright = placing.returns.upright
-    portions = blocks(upright.t_s, placing.knots, thin, placing.unused) if len(upright) >= MIN_UPRIGHT_RETURNS else []
-    if not portions:
-        return _sum_walls(placing, [], coarse)
-    walls = _session_walls(placing, portions)
+    portions = blocks(placing.returns.upright.t_s, placing.knots, thin, placing.unused)
+    enough = portions and len(placing.returns.upright) >= MIN_UPRIGHT_RETURNS
+    return _register_walls(placing, portions, _session_walls(placing, portions) if enough else None, correlated, coarse)
 
-    def work(share: Sequence[Portion]) -> _WallPart:
+
+def _register_walls(
+    placing: Placing, portions: Sequence[Portion], whole: Lines | None, correlated: float, coarse: CoarseKnots | None
+) -> WallRegistration:
+    """Upright returns against the walls of the whole session, or each portion against its own walls at half weight."""
+
+    def work(share: Sequence[Portion]) -> tuple[SliceSums, Scatter, list[list[Patches]]]:
         sums, scatter = SliceSums.empty(len(placing.knots)), Scatter()
 
         def found() -> Iterator[Patches]:
             nonlocal scatter
             for c, part in share:
-                placed = placing.upright(c, part)
-                patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, 1.0, sums)
+                placed, walls, factor = placing.upright(c, part), whole, 1.0
+                if walls is None:
+                    walls, factor = lines(add_upright(columns_over(placed.xyz_m), placed.xyz_m, placed.half)), 0.5
+                patches, more = register_walls(placed, walls, placing.poses(c, coarse), correlated, factor, sums)
                 scatter = scatter.plus(more)
-                yield patches
+                if whole is not None or len(patches.place):
+                    yield patches
 
-        references = [stored(found())]
-        return sums, scatter, references
+        patches = stored(found())
+        return sums, scatter, [patches] if whole is not None else [[one] for one in patches]
 
-    return _sum_walls(placing, in_threads(work, portions), coarse)
-
-
-def _sum_walls(placing: Placing, parts: Sequence[_WallPart], coarse: CoarseKnots | None) -> WallRegistration:
     sums, scatter, references = SliceSums.empty(len(placing.knots)), Scatter(), []
-    for more_sums, more_scatter, more in parts:
-        sums.take(more_sums)
-        scatter = scatter.plus(more_scatter)
-        references += more
+    if len(placing.returns.upright) >= MIN_UPRIGHT_RETURNS:
+        for more_sums, more_scatter, more in in_threads(work, portions):
+            sums.take(more_sums)
+            scatter = scatter.plus(more_scatter)
+            references += more
     return WallRegistration(Registration(sums, coarse is not None, references, WALL_PATCH_M), scatter)
 
 

@@ -11,7 +11,7 @@ the poses as those of ground do.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Final
 
 import numba
@@ -147,20 +147,9 @@ class Scatter:
     matched: float = 0.0
     squares: float = 0.0
 
-    @classmethod
-    def of(cls, tally: FloatArray) -> Scatter:
-        """Of a tally (5,) in this order."""
-        return cls(*tally.tolist())
-
     def plus(self, other: Scatter) -> Scatter:
         """Both together."""
-        return Scatter(
-            self.groups + other.groups,
-            self.together + other.together,
-            self.apart + other.apart,
-            self.matched + other.matched,
-            self.squares + other.squares,
-        )
+        return Scatter(*(one + more for one, more in zip(astuple(self), astuple(other), strict=True)))
 
     @property
     def correlated(self) -> float:
@@ -233,7 +222,7 @@ def register_walls(
             coarse.first, coarse.every, WALL_PATCH_M,
         )
     )  # fmt: skip
-    return patches, Scatter.of(tally)
+    return patches, Scatter(*tally.tolist())
 
 
 @numba.njit(cache=True, nogil=True)

@@ -92,3 +92,8 @@ def release() -> None:
     """Give memory that is free back to the system: glibc keeps what lies between blocks that are still used."""
     with suppress(AttributeError, OSError, TypeError):  # macOS, Windows and musl have no such function
         ctypes.CDLL(None).malloc_trim(0)
+
+
+def three(xyz: FloatArray) -> tuple[float, float, float]:
+    """Coordinates (3,) as a tuple."""
+    return float(xyz[0]), float(xyz[1]), float(xyz[2])

@@ -178,14 +178,14 @@ def test_the_whole_schedule_takes_an_imu(straight: Recording) -> None:
     assert located.antenna is not None
     assert session.antenna is not None
     returns = ground_returns(straight.scans(), session.lidar.mounting, located.trajectory)
-    usual = Problem.of(
+    usual = Problem.from_session(
         returns, located.trajectory, located.antenna, session.antenna.xyz_m, session.lidar.mounting, None
     )
     gyro = gyro_on(straight.truth, usual.knots, BIAS, seed=9)
     start = start_from(located.trajectory, usual.knots, usual.origin_m, AIDED)
     aided = wheeled_vehicle(usual.positions, usual.origin_m, usual.lever_m, (gyro,))
     more = replace(usual, start=start, observations=aided)
-    without, found = (solve(one, Iterate.of(one), lambda share: None) for one in (usual, more))
+    without, found = (solve(one, Iterate.first(one), lambda share: None) for one in (usual, more))
 
     inside = (usual.knots.t_s > straight.truth.span_s[0]) & (usual.knots.t_s < straight.truth.span_s[1])
     moves = located.trajectory.motion[located.trajectory.interval(usual.knots.t_s)[0]] != Motion.STANDING

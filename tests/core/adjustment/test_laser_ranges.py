@@ -6,30 +6,29 @@ import dataclasses
 
 import numpy as np
 
-from furrowmap.core.adjustment.laser_ranges import MIN_LASER_RETURNS, LaserSums
+from furrowmap.core.adjustment.laser_ranges import MIN_LASER_RETURNS, ranges_of
 from furrowmap.core.adjustment.matched import match, prepare
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
-from furrowmap.core.values.scan import LaserRanges, Scan, shortened
+from furrowmap.core.values.scan import MAX_LASERS, LaserRanges, Scan, shortened
 from tests.core.conftest import Recording
 
 LASERS = 16
 
 
-def sums_of(offset_m: np.ndarray, count: float) -> LaserSums:
+def sums_of(offset_m: np.ndarray, count: float) -> np.ndarray:
     """What `count` returns of each of sixteen lasers say whose ranges are off by so much."""
-    sums = LaserSums.none()
+    sums = np.zeros((4, MAX_LASERS))
     normal = count * 0.25 / 0.012**2
     for k, value in enumerate(offset_m):
-        sums.normal[k], sums.right[k], sums.count[k] = normal, normal * value, count
-        sums.elevation[k] = count * np.sin(np.radians(2.0 * k - 15.0))
+        sums[:, k] = normal, normal * value, count * np.sin(np.radians(2.0 * k - 15.0)), count
     return sums
 
 
 def test_what_looks_like_height_and_pitch_is_left_out() -> None:
     rise = 0.002 + 0.01 * np.sin(np.radians(2.0 * np.arange(LASERS) - 15.0))
     own = 0.003 * np.cos(2.6 * np.arange(LASERS))
-    flat, both, alone = (sums_of(values, 20_000).ranges() for values in (rise, rise + own, own))
+    flat, both, alone = (ranges_of(sums_of(values, 20_000)) for values in (rise, rise + own, own))
     assert flat is not None
     assert both is not None
     assert alone is not None
@@ -40,8 +39,8 @@ def test_what_looks_like_height_and_pitch_is_left_out() -> None:
 
 def test_lasers_that_see_little_keep_their_ranges() -> None:
     few = sums_of(np.full(LASERS, 0.003), MIN_LASER_RETURNS - 1.0)
-    assert few.ranges() is None
-    assert LaserSums.none().ranges() is None
+    assert ranges_of(few) is None
+    assert ranges_of(np.zeros((4, MAX_LASERS))) is None
 
 
 def test_points_come_nearer_along_their_rays() -> None:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.match_report import mounting_notices
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration, mounting_calibration
-from furrowmap.core.adjustment.steps import CrabAngle
+from furrowmap.core.adjustment.steps import crab_equations
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import VEHICLE, Knots, State, knots_over, normal_equations
@@ -169,22 +169,20 @@ def test_a_vehicle_that_goes_crab_shows_it_though_its_wheels_hold_the_heading(cr
     )
     equations = normal_equations(wheeled_vehicle(positions, np.zeros(3), np.zeros(3)), knots, state)
     equations.add(np.arange(len(t)) * SIZE + 5, np.ones((len(t), 1)), np.zeros(len(t)), np.full(len(t), 0.06))
-    crab = CrabAngle.of(knots, state)
+    by_knots, own, right = crab_equations(knots, state)
     solution = equations.solve()
-    link = crab.link.ravel()
-    information = crab.own - link @ solution.by(link)
-    found = (crab.right - link @ solution.values) / information
+    link = by_knots.ravel()
+    information = own - link @ solution.by(link)
+    found = (right - link @ solution.values) / information
     # Without that unknown the wheels turn the vehicle a good part of the way.
     if crab_deg:
         assert abs(np.degrees(np.median(solution.values.reshape(-1, SIZE)[:, 5]))) > 0.2 * abs(crab_deg)
     assert np.degrees(found) == pytest.approx(crab_deg, abs=0.02)
-    bordered = bordered_solution(equations, crab)
+    bordered = bordered_solution(equations, link, own, right)
     assert found == pytest.approx(bordered[-1], abs=1e-9)
 
 
-def bordered_solution(equations: NormalEquations, crab: CrabAngle) -> np.ndarray:
+def bordered_solution(equations: NormalEquations, link: np.ndarray, own: float, right: float) -> np.ndarray:
     """The solution with one unknown more, by the whole matrix."""
-    dense = equations.dense()
-    link = crab.link.reshape(-1, 1)
-    whole = np.block([[dense, link], [link.T, np.array([[crab.own]])]])
-    return np.asarray(np.linalg.solve(whole, np.append(equations.right, crab.right)))
+    whole = np.block([[equations.dense(), link[:, None]], [link, np.array([[own]])]])
+    return np.asarray(np.linalg.solve(whole, np.append(equations.right, right)))

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.precision import information_of
-from furrowmap.core.adjustment.steps import CrabAngle
+from furrowmap.core.adjustment.steps import crab_equations
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right, fine_step
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State, knots_over, normal_equations, start_from
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
@@ -53,11 +53,11 @@ def _everything() -> list[np.ndarray]:
     normal = (half @ half.transpose(0, 2, 1))[:, *np.triu_indices(6)]
     normal[100:200] = 0.0
     information = information_of(normal, 0.5 * normal)
-    crab = CrabAngle.of(knots, moved)
+    link, own, right = crab_equations(knots, moved)
     return [
         state.xyz_m, state.rotation, equations.band, equations.right, step, moved.xyz_m, moved.rotation, moved.added,
         coarse_right(coarse, centre, state, step), information.heading, information.place, information.level,
-        crab.link, np.array([crab.own, crab.right]),
+        link, np.array([own, right]),
     ]  # fmt: skip
 
 

@@ -66,7 +66,7 @@ def agreed(
     xyz: FloatArray, t_s: FloatArray, surface: HeightGrid, position: FloatArray, relief: Relief = EXACT, every: int = 0
 ) -> Found:
     n = len(xyz)
-    sums, trust = GroundSums.of(len(position)), np.zeros(n, np.uint8)
+    sums, trust = GroundSums.empty(len(position)), np.zeros(n, np.uint8)
     half = (np.arange(n) % 2).astype(np.uint8)
     grid = CoarseGrid(5, every, PATCH_M)
     placed = PlacedReturns(t_s, xyz, np.zeros(n, np.int8), half, trust)

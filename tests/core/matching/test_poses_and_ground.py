@@ -221,7 +221,7 @@ def turning() -> Turning:
     add_returns(surface, xyz, layer, half, trust)
     coarse = CoarseKnots.over(knots, EVERY, PATCH_M)
     centre = coarse.centres(knots, state)
-    sums = GroundSums.of(len(knots))
+    sums = GroundSums.empty(len(knots))
     placed = PlacedReturns(t, xyz, layer, half, trust)
     patches = register_ground(placed, surface, ChainPoses(chain, state.xyz_m, coarse.grids[0]), Relief(), 1.0, sums)
     fine = NormalEquations(len(knots) * SIZE, 3 * SIZE)
