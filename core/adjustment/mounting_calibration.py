@@ -104,8 +104,20 @@ def mounting_calibration(
     chosen = chosen[np.abs(along[chosen]) > MIN_STANCE_MPS]
     t_s = knots.t_s[chosen]
 
+    tyre = np.stack(np.meshgrid(TYRE_M, TYRE_M), axis=-1).reshape(-1, 2)
+    xyz_m, rotation = state.xyz_m[chosen], state.rotation[chosen]
+
     def under(places_m: FloatArray) -> FloatArray:
-        return _under(state.xyz_m[chosen], state.rotation[chosen], t_s, places_m, surface, passage, guard_s)
+        """Heights (n, m) of the ground under tyres at places (m, 2), above the vehicles' frames; nan where not seen."""
+        places = (places_m[:, None] + tyre).reshape(-1, 2)
+        at = xyz_m[:, None] + np.column_stack([places, np.zeros(len(places))]) @ rotation.transpose(0, 2, 1)
+        flat = np.ascontiguousarray(at.reshape(-1, 3))
+        layer = layers(np.repeat(t_s, len(places)), flat, passage, guard_s)
+        height = heights(surface, flat, layer).reshape(at.shape[:2])
+        above = ((height - at[:, :, 2]) * rotation[:, None, 2, 2]).reshape(len(at), len(places_m), -1)
+        known = np.isfinite(above)
+        mean = np.where(known, above, 0.0).sum(axis=2) / np.maximum(known.sum(axis=2), 1)
+        return np.where(known.mean(axis=2) > 0.6, mean, np.nan)
 
     half = HALF_TRACKS_M[:, None] * [0.0, 1.0]
     left, right = under(half), under(-half)
@@ -149,27 +161,3 @@ def _mean_of_batches(t_s: FloatArray, values: FloatArray) -> tuple[float, float]
     # The scatter of few batches is uncertain itself: Student's distribution widens MOUNTING_CERTAIN_SIGMAS.
     few = stdtrit(len(each) - 1, ndtr(MOUNTING_CERTAIN_SIGMAS)) / MOUNTING_CERTAIN_SIGMAS
     return float(np.median(each)), float(few * np.std(each, ddof=1) / np.sqrt(len(each)))
-
-
-def _under(
-    xyz_m: FloatArray,
-    rotation: FloatArray,
-    t_s: FloatArray,
-    places_m: FloatArray,
-    surface: HeightGrid,
-    passage: TilePassage | None,
-    guard_s: float,
-) -> FloatArray:
-    """Heights (n, m) of the ground under tyres at places (m, 2) of vehicles, above their frames; nan where not seen."""
-    tyre = np.stack(np.meshgrid(TYRE_M, TYRE_M), axis=-1).reshape(-1, 2)
-    places = (places_m[:, None] + tyre).reshape(-1, 2)
-    level = np.column_stack([places, np.zeros(len(places))])
-    at = xyz_m[:, None] + level @ rotation.transpose(0, 2, 1)
-    flat = np.ascontiguousarray(at.reshape(-1, 3))
-    layer = layers(np.repeat(t_s, len(places)), flat, passage, guard_s)
-    height = heights(surface, flat, layer).reshape(at.shape[:2])
-    above = ((height - at[:, :, 2]) * rotation[:, None, 2, 2]).reshape(len(at), len(places_m), -1)
-    known = np.isfinite(above)
-    mean = np.where(known, above, 0.0).sum(axis=2) / np.maximum(known.sum(axis=2), 1)
-    out: FloatArray = np.where(known.mean(axis=2) > 0.6, mean, np.nan)
-    return out

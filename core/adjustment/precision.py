@@ -44,18 +44,13 @@ def sigmas(state: State, last: Linearised, considered: Considered, *normals: Flo
         beside = pool.submit(quick_variances, last.held, state.layout.size)
         slow = slow_covariance(last.free, considered)
         quick = beside.result()
-    by_returns = np.minimum(information_of(*normals).heading * quick[:, 5], 1.0) * _scanned(*normals)
-    quick[:, 5] *= 1.0 - by_returns * (1.0 - 1.0 / CORRELATED)
-    return pose_sigmas(state, last.coarse, last.centre_m, slow, quick)
-
-
-def _scanned(*normals: FloatArray) -> NDArray[np.bool_]:
-    """(n,) whether there are returns within SCANNED_S of each knot, by normal matrices (n, 21) of the slices."""
     seen = np.zeros(len(normals[0]), np.uint8)
     for one in normals:
         seen |= one[:, 0] > 0.0
-    wide: NDArray[np.uint8] = maximum_filter1d(seen, 2 * round(SCANNED_S / KNOT_STEP_S) + 1)
-    return wide > 0
+    scanned = maximum_filter1d(seen, 2 * round(SCANNED_S / KNOT_STEP_S) + 1) > 0
+    by_returns = np.minimum(information_of(*normals).heading * quick[:, 5], 1.0) * scanned
+    quick[:, 5] *= 1.0 - by_returns * (1.0 - 1.0 / CORRELATED)
+    return pose_sigmas(state, last.coarse, last.centre_m, slow, quick)
 
 
 @dataclass(frozen=True)
@@ -77,28 +72,24 @@ def information_of(*normals: FloatArray) -> Information:
     """The information in the sum of normal matrices (n, 21) of the slices between knots; zero where there are none."""
     n, half = len(normals[0]), round(AROUND_S / KNOT_STEP_S)
     out = Information(np.zeros(n), np.zeros(n), np.zeros(n, np.bool_))
+    row, column = np.triu_indices(6)
     for part in arrays.parts(n):
         around = slice(max(0, part.start - half), part.stop + half)
         normal = np.sum([one[around] for one in normals], axis=0)
         before, after = half - (part.start - around.start), half - (min(n, around.stop) - part.stop)
         total = np.cumsum(np.pad(normal, ((before + 1, after), (0, 0))), axis=0)
-        _inform(out, part, total[2 * half + 1 :] - total[: -2 * half - 1])
+        near = total[2 * half + 1 :] - total[: -2 * half - 1]
+        square = np.zeros((len(near), 6, 6))
+        square[:, row, column] = square[:, column, row] = near
+        known = square[:, 2, 2] > 0
+        if not known.any():
+            continue
+        m = square[known]
+        m += np.eye(6) * (1e-9 * m[:, 2, 2])[:, None, None]
+        out.heading[part][known] = _reduced(m, [5])[:, 0, 0]
+        out.place[part][known] = np.linalg.eigvalsh(_reduced(m, [0, 1]))[:, 0]
+        out.level[part][known] = np.linalg.eigvalsh(_reduced(m, [3, 4]))[:, 0] > 1.0 / LEVEL_SIGMA**2
     return out
-
-
-def _inform(out: Information, part: slice, near: FloatArray) -> None:
-    """Set a part of the information by the sums (m, 21) of normal matrices about each knot."""
-    square = np.zeros((len(near), 6, 6))
-    row, column = np.triu_indices(6)
-    square[:, row, column] = square[:, column, row] = near
-    known = square[:, 2, 2] > 0
-    if not known.any():
-        return
-    m = square[known]
-    m += np.eye(6) * (1e-9 * m[:, 2, 2])[:, None, None]
-    out.heading[part][known] = _reduced(m, [5])[:, 0, 0]
-    out.place[part][known] = np.linalg.eigvalsh(_reduced(m, [0, 1]))[:, 0]
-    out.level[part][known] = np.linalg.eigvalsh(_reduced(m, [3, 4]))[:, 0] > 1.0 / LEVEL_SIGMA**2
 
 
 def _reduced(normal: FloatArray, kept: list[int]) -> FloatArray:

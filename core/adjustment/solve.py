@@ -104,7 +104,8 @@ def match_session(problem: Problem, it: Iterate, rounds: Rounds, steps: _Steps) 
     """Rounds of the whole session, from wide to fine cells; the lasers' constants before the one with all returns."""
     for cell_m, thin in rounds:
         if thin == 1 and it.sensor.ranges is None:
-            it = estimate_laser_ranges(problem, it)
+            ranges = laser_ranges(it.placing(problem), problem.sensor_axis)
+            it = replace(it, sensor=replace(it.sensor, ranges=ranges))
         for repeat in range(MAX_REPEATS + 1):
             it, tilted = session_step(problem, it, cell_m, thin, free=True)
             steps.done()
@@ -114,12 +115,6 @@ def match_session(problem: Problem, it: Iterate, rounds: Rounds, steps: _Steps) 
                 break
             steps.expect(2)
     return it
-
-
-def estimate_laser_ranges(problem: Problem, it: Iterate) -> Iterate:
-    """The lasers' range constants by the ground of the session."""
-    ranges = laser_ranges(it.placing(problem), problem.sensor_axis)
-    return replace(it, sensor=replace(it.sensor, ranges=ranges))
 
 
 def calibrate_mounting(problem: Problem, it: Iterate) -> Iterate:

@@ -71,7 +71,26 @@ class ThinnedReturns:
         Args:
             trajectory: of the frame that carries the scanner.
         """
-        return _with_poses(self.t_s, self.sensor_m, self.laser, trajectory)
+        t_s, sensor_m, laser = self.t_s, self.sensor_m, self.laser
+        knot, share, inside = trajectory.interval(t_s)
+        if not inside.all():
+            t_s, sensor_m, laser = t_s[inside], sensor_m[inside], laser[inside]
+            knot, share = knot[inside], share[inside]
+        steps_s = np.diff(trajectory.t_s)[:, None]
+        attitude = Rotation.from_quat(trajectory.quaternion[:-1], scalar_first=True) if len(steps_s) else None
+        rate = attitude.apply(trajectory.turn_rad / steps_s) if attitude is not None else np.zeros((0, 3))
+        middle = np.median(trajectory.xyz_m[knot[0] : knot[-1] + 1], axis=0) if len(t_s) else np.zeros(3)
+        local = np.round(middle / STRIP_CELL_M) * STRIP_CELL_M
+        origin, rotation, velocity, turning = _poses(
+            knot,
+            share,
+            np.ascontiguousarray(trajectory.xyz_m - local),
+            np.ascontiguousarray(trajectory.quaternion),
+            np.ascontiguousarray(trajectory.turn_rad),
+            np.ascontiguousarray(np.diff(trajectory.xyz_m, axis=0) / steps_s),
+            np.ascontiguousarray(rate),
+        )
+        return StripReturns(t_s, sensor_m, laser, origin, rotation, velocity, turning, local)
 
 
 def thinned_returns(scans: Iterable[Scan], span_s: tuple[float, float]) -> ThinnedReturns:
@@ -108,32 +127,7 @@ def at_shifted_times(returns: StripReturns, trajectory: Trajectory, offset_s: fl
         trajectory: of the frame that carries it.
         offset_s: time by which the scanner's clock is behind.
     """
-    return _with_poses(returns.t_s + offset_s, returns.sensor_m, returns.laser, trajectory)
-
-
-def _with_poses(
-    t_s: FloatArray, sensor_m: Float32Array, laser: NDArray[np.int64], trajectory: Trajectory
-) -> StripReturns:
-    """Returns in the order of time with the poses at theirs."""
-    knot, share, inside = trajectory.interval(t_s)
-    if not inside.all():
-        t_s, sensor_m, laser = t_s[inside], sensor_m[inside], laser[inside]
-        knot, share = knot[inside], share[inside]
-    steps_s = np.diff(trajectory.t_s)[:, None]
-    attitude = Rotation.from_quat(trajectory.quaternion[:-1], scalar_first=True) if len(steps_s) else None
-    rate = attitude.apply(trajectory.turn_rad / steps_s) if attitude is not None else np.zeros((0, 3))
-    middle = np.median(trajectory.xyz_m[knot[0] : knot[-1] + 1], axis=0) if len(t_s) else np.zeros(3)
-    local = np.round(middle / STRIP_CELL_M) * STRIP_CELL_M
-    origin, rotation, velocity, turning = _poses(
-        knot,
-        share,
-        np.ascontiguousarray(trajectory.xyz_m - local),
-        np.ascontiguousarray(trajectory.quaternion),
-        np.ascontiguousarray(trajectory.turn_rad),
-        np.ascontiguousarray(np.diff(trajectory.xyz_m, axis=0) / steps_s),
-        np.ascontiguousarray(rate),
-    )
-    return StripReturns(t_s, sensor_m, laser, origin, rotation, velocity, turning, local)
+    return ThinnedReturns(returns.t_s + offset_s, returns.sensor_m, returns.laser).posed(trajectory)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -93,16 +93,18 @@ def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatAr
         sensor_m: (3,) the sensor in the vehicle frame.
     """
     windows, upright = _windows(knots, state), returns.upright
+    lying, standing = (
+        [slice(int(a), int(b)) for a, b in np.searchsorted(t_s, windows)] for t_s in (returns.t_s, upright.t_s)
+    )
 
-    def ground(turns: FloatArray) -> FloatArray:
-        return _ground(returns, _parts(returns.t_s, windows), knots, state, sensor_m, turns)
+    def relief(turns: FloatArray) -> FloatArray:
+        return _relief_in_both_halves(returns, lying, knots, state, sensor_m, turns)
 
-    def standing(turns: FloatArray) -> FloatArray:
-        parts = _parts(upright.t_s, windows)
-        rows = (_standing(upright, part, knots, state, sensor_m, turns) for part in parts)
+    def shares(turns: FloatArray) -> FloatArray:
+        rows = (_upright_in_both_halves(upright, part, knots, state, sensor_m, turns) for part in standing)
         return np.array([row for row in rows if row is not None]).reshape(-1, len(turns))
 
-    for measure, least in ((ground, MIN_RELIEF_M**2), (standing, MIN_UPRIGHT_SHARE)):
+    for measure, least in ((relief, MIN_RELIEF_M**2), (shares, MIN_UPRIGHT_SHARE)):
         found = _answer(measure, least)
         if found is not None:
             return found
@@ -173,12 +175,7 @@ def _windows(knots: Knots, state: State) -> FloatArray:
     return np.array([found[k] for k in chosen]).reshape(-1, 2)
 
 
-def _parts(t_s: FloatArray, windows: FloatArray) -> list[slice]:
-    """Which of the returns are in each window."""
-    return [slice(int(a), int(b)) for a, b in np.searchsorted(t_s, windows)]
-
-
-def _ground(
+def _relief_in_both_halves(
     returns: GroundReturns, parts: list[slice], knots: Knots, state: State, sensor_m: FloatArray, turns: FloatArray
 ) -> FloatArray:
     """(n, turns) relief (m²) that both halves of the scans show in each window that has enough returns."""
@@ -208,7 +205,7 @@ def _ground(
     return out
 
 
-def _standing(
+def _upright_in_both_halves(
     returns: UprightReturns, part: slice, knots: Knots, state: State, sensor_m: FloatArray, turns: FloatArray
 ) -> FloatArray | None:
     """(turns,) share of upright returns that both halves of the scans have in one place; None for too few returns."""

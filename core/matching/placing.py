@@ -125,17 +125,13 @@ def placing_of(
 ) -> Placing:
     """What places returns by a state."""
     position, rotation = np.ascontiguousarray(state.xyz_m), np.ascontiguousarray(state.rotation)
-    passage = _passage(tool, knots, state) if tool is not None else None
+    passage = None
+    if tool is not None:
+        every = slice(None, None, 2)
+        ahead, left = rotation[every, :2, 0], rotation[every, :2, 1]
+        middle = position[every, :2] + tool.xy_m[0] * ahead + tool.xy_m[1] * left
+        passage = passage_of(knots.t_s[every], middle, left, tool.half_width_m + TOOL_MARGIN_M, TOOL_CELL_M)
     (turn,) = arrays.in_parts(
         lambda part: [turns(rotation[part.start : part.stop + 1])[: part.stop - part.start]], len(rotation)
     )
     return Placing(returns, weight, sensor, knots, state, unused, passage, position, rotation, turn)
-
-
-def _passage(tool: Tool, knots: Knots, state: State) -> TilePassage:
-    """When the implement passed over the ground, by the poses of a state."""
-    every = slice(None, None, 2)
-    rotation = state.rotation[every]
-    x, y = tool.xy_m
-    middle = state.xyz_m[every, :2] + x * rotation[:, :2, 0] + y * rotation[:, :2, 1]
-    return passage_of(knots.t_s[every], middle, rotation[:, :2, 1], tool.half_width_m + TOOL_MARGIN_M, TOOL_CELL_M)

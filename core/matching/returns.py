@@ -11,6 +11,7 @@ from typing import Any, Final, Self
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from furrowmap.core.matching.walls import UPRIGHT_RATE_HZ, UprightReturns, no_upright, select_upright
 from furrowmap.core.runtime.arrays import FloatArray, scratch_file, zeros
@@ -147,7 +148,8 @@ def ground_returns(
             upright_stride = max(1, round(standing_in_all / (UPRIGHT_RATE_HZ * duration_s)))
             for scratch, (index, xyz_m) in ((ground, lying), (upright, standing)):
                 scratch.add(t_s[index], xyz_m, np.full(len(index), number % 2, np.uint8), scan.laser[index])
-        body = grown(seen >= max(1.0, BODY_SHARE * count))
+        margin = np.ones((2 * BODY_MARGIN + 1, 2 * BODY_MARGIN + 1), np.bool_)
+        body = binary_dilation(seen >= max(1.0, BODY_SHARE * count), margin)
         what_stands = UprightReturns(*_without_body(upright.stored(), body))
         times, places, halves, lasers = _without_body(ground.stored(), body)
         return GroundReturns(times, places, halves, body, what_stands, lasers)
@@ -230,29 +232,14 @@ def _without_body(found: _Fields, body: NDArray[np.bool_]) -> _Fields:
         return scratch.stored()
 
 
-def on_body(xyz_m: NDArray[np.float32], body: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which returns (n, 3) in the vehicle frame lie above the footprint."""
-    above: NDArray[np.bool_] = _on_body(xyz_m, body)
-    return above
-
-
 @numba.njit(cache=True, nogil=True)
-def _on_body(xyz_m, body):  # type: ignore[no-untyped-def]
+def on_body(xyz_m, body):  # type: ignore[no-untyped-def]
+    """Which returns (n, 3) in the vehicle frame lie above the footprint."""
     out = np.empty(len(xyz_m), np.bool_)
     for i in range(len(xyz_m)):
         row = int(np.floor(xyz_m[i, 1] / PIXEL_M)) + PIXELS // 2
         column = int(np.floor(xyz_m[i, 0] / PIXEL_M)) + PIXELS // 2
         out[i] = 0 <= row < PIXELS and 0 <= column < PIXELS and body[row, column]
-    return out
-
-
-def grown(body: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The footprint with its margin."""
-    out = body.copy()
-    for row, column in zip(*np.nonzero(body), strict=True):
-        out[
-            max(0, row - BODY_MARGIN) : row + BODY_MARGIN + 1, max(0, column - BODY_MARGIN) : column + BODY_MARGIN + 1
-        ] = True
     return out
 
 
