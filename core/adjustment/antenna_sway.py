@@ -117,7 +117,10 @@ def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: No
     if len(t_s) < MIN_SWAY_POSITIONS or float(np.median(np.diff(t_s))) > MAX_SWAY_STEP_S:
         return AntennaSway()
     k, design, residual, sigma = antenna.linearised(knots, state)
-    segments = _segments(t_s, run)
+    # Stretches of positions without a gap or a change of quality.
+    step = np.diff(t_s)
+    cuts = np.flatnonzero((step > 1.5 * np.median(step)) | (np.diff(run) != 0)) + 1
+    segments = [slice(a, b) for a, b in pairwise([0, *cuts.tolist(), len(t_s)])]
     # By how much horizontal residuals change with the antenna's height once the poses have followed.
     own, size = state.rotation[k, :, 2], state.layout.size
     rows = np.einsum("mas,ma->ms", design, own / sigma**2)
@@ -140,15 +143,7 @@ def antenna_sway(knots: Knots, state: State, antenna: AntennaPositions, held: No
     rest = (residual[:, 2] - axes @ level)[used]
     away = np.hypot(*(antenna.lever_m[:2] + level)) < UNRELATED_SIGMAS * np.hypot(*sigmas[:2])
     found = replace(found, unrelated=bool(away))
-    return replace(found, clock_s=_clock_s(knots, state, antenna, used, float(rest.var())))
-
-
-def _segments(t_s: FloatArray, run: NDArray[np.intp]) -> list[slice]:
-    """Stretches of positions without a gap or a change of quality."""
-    step = np.diff(t_s)
-    cuts = np.flatnonzero((step > 1.5 * np.median(step)) | (np.diff(run) != 0)) + 1
-    edges = [0, *cuts.tolist(), len(t_s)]
-    return [slice(a, b) for a, b in pairwise(edges)]
+    return replace(found, clock_s=_clock_s(knots, state, antenna, segments, used, float(rest.var())))
 
 
 def _swaying(values: FloatArray, segments: list[slice]) -> FloatArray:
@@ -184,13 +179,13 @@ def _clock_s(
     knots: Knots,
     state: State,
     antenna: AntennaPositions,
+    segments: list[slice],
     used: NDArray[np.intp],
     left_m2: float,
 ) -> float:
     """The offset of the clocks at which the stated lever arm explains the antenna's heights; 0 where none does."""
     inside = knots.at(antenna.positions.t_s)[2]
     t_s = antenna.positions.t_s[inside]
-    segments = _segments(t_s, antenna.positions.run[inside])
     seen = _swaying(antenna.positions.xyz_m[inside, 2], segments)[used]
     height = state.xyz_m[:, 2] + state.rotation[:, 2] @ antenna.lever_m
     steps = round(MAX_SWAY_CLOCK_S / SWAY_CLOCK_STEP_S)

@@ -19,7 +19,6 @@ from typing import Final
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.covariance import Considered
@@ -29,13 +28,12 @@ from furrowmap.core.matching.ground import (
     MATCHING_HUBER,
     MIN_NODE_RETURNS,
     NOISE_M,
-    PlacedReturns,
 )
 from furrowmap.core.matching.placing import Placing
 from furrowmap.core.matching.portions import Portion, blocks, in_threads
 from furrowmap.core.matching.registration import session_surface
 from furrowmap.core.matching.returns import GroundReturns
-from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, HeightGrid
+from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.scan import MAX_LASERS, LaserRanges
 
@@ -66,20 +64,22 @@ def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
         return None
     portions = blocks(returns.t_s, knots, LASER_THIN, placing.unused)
     surface = session_surface(placing, portions, LASER_CELL_M)
+    tiles = surface.tiles
     sensor_m, axes = state.xyz_m + state.rotation @ sensor.xyz_m, state.rotation @ (sensor.turn @ axis)
 
     def work(share: Sequence[Portion]) -> FloatArray:
         sums = np.zeros((4, MAX_LASERS))
         for c, part in share:
             placed = placing.ground(c, part)
-            k = knots.at(placed.t_s)[0]
-            sums += _laser_sums(placed, np.array(returns.laser[part]), surface, sensor_m[k], axes[k])
+            k, laser, more = knots.at(placed.t_s)[0], np.array(returns.laser[part]), np.zeros((4, MAX_LASERS))
+            _sum(
+                placed.xyz_m, placed.layer, placed.half, laser, tiles.cell_m, tiles.west, tiles.south, tiles.number,
+                surface.height_m, surface.weight, sensor_m[k], axes[k], *more,
+            )  # fmt: skip
+            sums += more
         return sums
 
-    sums = np.zeros((4, MAX_LASERS))
-    for part in in_threads(work, portions):
-        sums += part
-    return ranges_of(sums)
+    return ranges_of(np.sum(in_threads(work, portions), axis=0))
 
 
 def ranges_of(sums: FloatArray) -> LaserRanges | None:
@@ -105,23 +105,12 @@ def ranges_of(sums: FloatArray) -> LaserRanges | None:
     return LaserRanges(offset, sigma)
 
 
-def _laser_sums(
-    placed: PlacedReturns, laser: NDArray[np.uint8], surface: HeightGrid, sensor_m: FloatArray, axis: FloatArray
-) -> FloatArray:
-    """Sums of placed returns, each against the other half's surface; places and axes (n, 3) of the sensor."""
-    sums, tiles = np.zeros((4, MAX_LASERS)), surface.tiles
-    _sum(
-        placed.xyz_m, placed.layer, placed.half, laser, tiles.cell_m, tiles.west, tiles.south, tiles.number,
-        surface.height_m, surface.weight, sensor_m, axis, *sums,
-    )  # fmt: skip
-    return sums
-
-
 @numba.njit(cache=True, nogil=True)
 def _sum(  # type: ignore[no-untyped-def]
     xyz_m, layer, half, laser, cell_m, west, south, number, height, weight, sensor_m, axis,
     normal, right, elevation, count,
 ):  # fmt: skip
+    """Add placed returns to the sums of their lasers, each against the other half's surface."""
     rows, columns = number.shape
     for i in range(len(xyz_m)):
         if layer[i] < 0:

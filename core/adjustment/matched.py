@@ -185,7 +185,11 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     sway_m2 = np.median(np.maximum(white**2 - (WHITE_SHARE * np.hypot(white, drift)) ** 2, 0.0))
     sigma[:, :2] = np.hypot(sigma[:, :2], np.sqrt(sway_m2))
     sigma[:, 2] = np.hypot(sigma[:, 2], CONSTANT_HEIGHT_SHARE * np.median(problem.positions.drift_m[:, 2]))
-    sigma[:, 3:] = np.hypot(sigma[:, 3:], _mounting_sigma_deg(adjusted))
+    if not np.array_equal(adjusted.sensor.turn, np.eye(3)):
+        # What is less certain than a stated mounting is corrected less; what is not shown at all stays as stated.
+        turned_deg = np.array(adjusted.calibration.sigma_deg)
+        turned_deg = np.where(np.isfinite(turned_deg), np.minimum(turned_deg, STATED_SIGMA_DEG), 0.0)
+        sigma[:, 3:] = np.hypot(sigma[:, 3:], turned_deg)
     if not adjusted.facing.shown:
         sigma = as_by_positions(sigma, knots.t_s, start, problem.lever_m)
     sigma = with_vague_headings(sigma, problem.lever_m)
@@ -242,14 +246,6 @@ def as_by_positions(sigma: FloatArray, t_s: FloatArray, start: Trajectory, lever
     more = np.radians(np.sqrt(out[:, 5] ** 2 - sigma[:, 5] ** 2)) * np.hypot(lever_m[0], lever_m[1]) / np.sqrt(2.0)
     out[:, :2] = np.hypot(sigma[:, :2], more[:, None])
     return out
-
-
-def _mounting_sigma_deg(adjusted: Adjusted) -> FloatArray:
-    """(3,) sigmas of roll, pitch and heading that come from a mounting which is corrected; zero of the stated one."""
-    if np.array_equal(adjusted.sensor.turn, np.eye(3)):
-        return np.zeros(3)
-    sigma = np.array(adjusted.calibration.sigma_deg)
-    return np.where(np.isfinite(sigma), np.minimum(sigma, STATED_SIGMA_DEG), 0.0)
 
 
 def _speed(knots: Knots, state: State) -> FloatArray:

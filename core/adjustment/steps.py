@@ -66,7 +66,11 @@ def window_step(problem: Problem, it: Iterate, relaxation: Relaxation | None) ->
         _free_references(free, centre, ground, walls)
         solution = _damped(free, coarse.touched(problem.without_position), state)
         step = relaxation.lengthened(fine_step(coarse, centre, state, solution.values), knots)
-    return _moved(problem, it, step, ground, walls), _largest_turn(problem, it, step)
+    # Where scans take part, on the mean of a window: single poses at a chain's ends, little determined, oscillate.
+    turned = np.where(in_gaps(knots.t_s, it.unused), 0.0, step[:, ROTATION + 2])
+    over = round(MATCH_WINDOW_S / KNOT_STEP_S)
+    means = (uniform_filter1d(turned[c.first : c.first + c.count], over, mode="constant") for c in knots.chains)
+    return _moved(problem, it, step, ground, walls), max(float(np.abs(mean).max()) for mean in means)
 
 
 def session_step(problem: Problem, it: Iterate, cell_m: float, thin: int, *, free: bool) -> tuple[Iterate, float]:
@@ -146,16 +150,6 @@ def _moved(
         ground=ground.sums,
         walls=walls.registered(),
     )
-
-
-def _largest_turn(problem: Problem, it: Iterate, step: FloatArray) -> float:
-    """The largest turn of a heading, on the mean of a window, where scans take part."""
-    knots = problem.knots
-    turned = np.where(in_gaps(knots.t_s, it.unused), 0.0, step[:, ROTATION + 2])
-    # Single poses at the ends of a chain, which little determines, oscillate.
-    over = round(MATCH_WINDOW_S / KNOT_STEP_S)
-    chains = (slice(c.first, c.first + c.count) for c in knots.chains)
-    return max(float(np.abs(uniform_filter1d(turned[chain], over, mode="constant")).max()) for chain in chains)
 
 
 def _tilt(step: FloatArray) -> float:

@@ -261,22 +261,16 @@ def adjust_strips(
     vehicle = slice(len(off) - errors.value.size, None)
     after = PoseErrors(errors.t_s, off[vehicle].reshape(-1, POSE), covariance[vehicle, vehicle])
     turned = mounting_walk(trajectory, errors, off, covariance, FIXED) if walk_deg_rts > 0.0 else None
-    adjusted, by_strips = without_errors(trajectory, errors, after), _corrected(found, stated, off, covariance)
-    return StripAdjustment(adjusted, by_strips, errors, after, turned)
-
-
-def _corrected(found: Boresight, stated: Mounting, off: FloatArray, covariance: FloatArray) -> Boresight:
-    """The boresight without what its angles put into the heights."""
-    rotation = Rotation.from_rotvec(-off[:CLOCK_COLUMN]).as_matrix() @ found.mounting.rotation
-    correction = np.degrees(Rotation.from_matrix(rotation @ stated.rotation.T).as_rotvec())
+    rotation = Rotation.from_rotvec(-off[:CLOCK_COLUMN]).as_matrix() @ mounting
     sigma = np.degrees(np.sqrt(np.diag(covariance)[:CLOCK_COLUMN]))
-    return replace(
+    by_strips = replace(
         found,
         mounting=Mounting.from_rotation(found.mounting.xyz_m, rotation),
-        correction_deg=three(correction),
+        correction_deg=three(np.degrees(Rotation.from_matrix(rotation @ stated.rotation.T).as_rotvec())),
         sigma_deg=three(sigma),
         certain=bool((sigma < MAX_BORESIGHT_SIGMA_DEG).all()),
     )
+    return StripAdjustment(without_errors(trajectory, errors, after), by_strips, errors, after, turned)
 
 
 def _solved(

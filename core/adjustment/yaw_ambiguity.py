@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from furrowmap.core.estimation.knots import Knots, State
 from furrowmap.core.matching.returns import GroundReturns
-from furrowmap.core.matching.walls import UprightReturns
 from furrowmap.core.runtime.arrays import FloatArray
 
 Measure = Callable[[FloatArray], FloatArray]
@@ -101,8 +100,14 @@ def facing(returns: GroundReturns, knots: Knots, state: State, sensor_m: FloatAr
         return _relief_in_both_halves(returns, lying, knots, state, sensor_m, turns)
 
     def shares(turns: FloatArray) -> FloatArray:
-        rows = (_upright_in_both_halves(upright, part, knots, state, sensor_m, turns) for part in standing)
-        return np.array([row for row in rows if row is not None]).reshape(-1, len(turns))
+        """(n, turns) share of upright returns that both halves of the scans have in one place."""
+        out = []
+        for part in standing:
+            vehicle, half = np.asarray(upright.xyz_m[part], np.float64), np.array(upright.half[part], np.int64)
+            if len(half) >= MIN_YAW_UPRIGHT:
+                cells = _cells(np.array(upright.t_s[part]), vehicle, knots, state, sensor_m, turns, UPRIGHT_CELL_M)
+                out.append([2.0 * _by_half(cell, half).min(axis=1).sum() / len(half) for cell in cells])
+        return np.array(out).reshape(-1, len(turns))
 
     for measure, least in ((relief, MIN_RELIEF_M**2), (shares, MIN_UPRIGHT_SHARE)):
         found = _answer(measure, least)
@@ -203,17 +208,6 @@ def _relief_in_both_halves(
             weight = count[both].min(axis=1)
             out[k, number] = (weight * (height[both] / count[both]).prod(axis=1)).sum() / max(weight.sum(), 1.0)
     return out
-
-
-def _upright_in_both_halves(
-    returns: UprightReturns, part: slice, knots: Knots, state: State, sensor_m: FloatArray, turns: FloatArray
-) -> FloatArray | None:
-    """(turns,) share of upright returns that both halves of the scans have in one place; None for too few returns."""
-    vehicle, half = np.asarray(returns.xyz_m[part], np.float64), np.array(returns.half[part], np.int64)
-    if len(half) < MIN_YAW_UPRIGHT:
-        return None
-    cells = _cells(np.array(returns.t_s[part]), vehicle, knots, state, sensor_m, turns, UPRIGHT_CELL_M)
-    return np.array([2.0 * _by_half(cell, half).min(axis=1).sum() / len(half) for cell in cells])
 
 
 def _cells(

@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.knots import Chain, Knots
+from furrowmap.core.estimation.knots import Knots
 from furrowmap.core.runtime.arrays import FloatArray
 
 Found = TypeVar("Found")
@@ -64,19 +64,15 @@ def blocks(t_s: FloatArray, knots: Knots, thin: int, gaps: Sequence[Gap]) -> lis
 def _portions(
     t_s: FloatArray, knots: Knots, length_s: float, step_s: float, thin: int, gaps: Sequence[Gap]
 ) -> list[Portion]:
-    return [
-        (c, part)
-        for c, chain in enumerate(knots.chains)
-        for part in outside(_slices(t_s, chain, length_s, step_s, thin), t_s, gaps)
-    ]
-
-
-def _slices(t_s: FloatArray, chain: Chain, length_s: float, step_s: float, thin: int) -> list[slice]:
-    """Of one chain; the first begins early, so that all overlap alike."""
-    begins = np.arange(chain.begin_s - length_s + step_s, chain.end_s, step_s)
-    first = np.searchsorted(t_s, np.maximum(begins, chain.begin_s))
-    last = np.searchsorted(t_s, np.minimum(begins + length_s, chain.end_s))
-    return [slice(int(a), int(b), thin) for a, b in zip(first, last, strict=True) if b > a]
+    """The first of each chain begins early, so that all overlap alike."""
+    out: list[Portion] = []
+    for c, chain in enumerate(knots.chains):
+        begins = np.arange(chain.begin_s - length_s + step_s, chain.end_s, step_s)
+        first = np.searchsorted(t_s, np.maximum(begins, chain.begin_s))
+        last = np.searchsorted(t_s, np.minimum(begins + length_s, chain.end_s))
+        slices = [slice(int(a), int(b), thin) for a, b in zip(first, last, strict=True) if b > a]
+        out += [(c, part) for part in outside(slices, t_s, gaps)]
+    return out
 
 
 def outside(portions: Sequence[slice], t_s: FloatArray, gaps: Sequence[Gap]) -> list[slice]:

@@ -157,8 +157,16 @@ def register_wall_session(
 ) -> WallRegistration:
     """Every `thin`-th return against the walls of the whole session; arguments as :func:`register_wall_windows`."""
     portions = blocks(placing.returns.upright.t_s, placing.knots, thin, placing.unused)
-    enough = portions and len(placing.returns.upright) >= MIN_UPRIGHT_RETURNS
-    return _register_walls(placing, portions, _session_walls(placing, portions) if enough else None, correlated, coarse)
+    if len(placing.returns.upright) < MIN_UPRIGHT_RETURNS:
+        return _register_walls(placing, [], None, correlated, coarse)
+    ring = np.arange(-MAX_WALL_RANGE_M, MAX_WALL_RANGE_M + COLUMN_REACH_M, COLUMN_REACH_M)
+    aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
+    passed = np.unique(np.round(placing.state.xyz_m[::20, :2] / COLUMN_REACH_M), axis=0) * COLUMN_REACH_M
+    columns = columns_over((passed[:, None] + aside).reshape(-1, 2))
+    for chain, part in portions:
+        placed = placing.upright(chain, part)
+        columns = add_upright(columns, placed.xyz_m, placed.half)
+    return _register_walls(placing, portions, lines(columns), correlated, coarse)
 
 
 def _register_walls(
@@ -190,19 +198,6 @@ def _register_walls(
             scatter = scatter.plus(more_scatter)
             references += more
     return WallRegistration(Registration(sums, coarse is not None, references, WALL_PATCH_M), scatter)
-
-
-def _session_walls(placing: Placing, portions: Sequence[Portion]) -> Lines:
-    """Walls of a whole session."""
-    path = placing.state.xyz_m[::20, :2]
-    ring = np.arange(-MAX_WALL_RANGE_M, MAX_WALL_RANGE_M + COLUMN_REACH_M, COLUMN_REACH_M)
-    aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
-    passed = np.unique(np.round(path / COLUMN_REACH_M), axis=0) * COLUMN_REACH_M
-    columns = columns_over((passed[:, None] + aside).reshape(-1, 2))
-    for chain, part in portions:
-        placed = placing.upright(chain, part)
-        columns = add_upright(columns, placed.xyz_m, placed.half)
-    return lines(columns)
 
 
 def _sum_ground(parts: Sequence[GroundSums]) -> GroundSums:
