@@ -40,7 +40,8 @@ def aid_session(
     if not all(map(find_spec, EXTRA)):
         notices.append(unused('the extra is not installed: pip install "furrowmap[photo]"'))
         return located, None
-    inputs, control = opened.inputs, None
+    inputs = opened.inputs
+    control: ControlPoints | None = None
     if inputs.control_points is not None:
         points = read_points(inputs.control_points, opened.frame.whole_crs)
         seen = () if inputs.control_pixels is None else read_pixels(inputs.control_pixels, points.name)

@@ -261,13 +261,12 @@ def place_scans(
 
 def _poses(trajectory: Trajectory, placed: Sequence[tuple[int, float, int]]) -> ScanPoses:
     """Poses of scans, each given with its number, time and points in the cloud."""
-    number, t_s, points = zip(*placed, strict=True) if placed else ((), (), ())
-    t = np.asarray(t_s, np.float64)
+    t = np.array([t_s for _, t_s, _ in placed], np.float64)
     k, share, _ = trajectory.interval(t) if len(t) else (np.zeros(0, np.intp), np.zeros(0), None)
     nearest = k + (share > 0.5)
     poses = trajectory.at(t)
     return ScanPoses(
-        scan=np.asarray(number, np.int64),
+        scan=np.array([number for number, _, _ in placed], np.int64),
         t_s=t,
         xyz_m=poses.xyz_m,
         quaternion=poses.quaternion,
@@ -279,5 +278,5 @@ def _poses(trajectory: Trajectory, placed: Sequence[tuple[int, float, int]]) -> 
         position_from=trajectory.position_from[nearest],
         height_from=trajectory.height_from[nearest],
         level_from=trajectory.level_from[nearest],
-        points=np.asarray(points, np.int64),
+        points=np.array([points for _, _, points in placed], np.int64),
     )

@@ -372,4 +372,4 @@ class _Areas:
         if len(pieces):
             factors = Proj(self._frame.crs).get_factors(*self._frame.to_lon_lat(*middle.T))
             scale = np.asarray(factors.areal_scale, np.float64)
-        return np.bincount(shape, shapely.area(pieces) / scale, len(shapes))
+        return np.bincount(shape, shapely.area(pieces) / scale, len(shapes)).astype(np.float64)
