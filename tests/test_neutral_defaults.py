@@ -24,8 +24,8 @@ EVERY_ONE: Final = {
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
     "core/readers/framing.py find_frames(last)": True,
     "core/readers/nmea/sentences.py scan_bytes(last)": True,
-    "core/readers/vectornav/binary.py BinaryMessages.scan(last)": True,
-    "core/readers/vectornav/sentences.py AsciiSentences.scan(last)": True,
+    "core/readers/vectornav/log.py BinaryMessages.scan(last)": True,
+    "core/readers/vectornav/log.py AsciiSentences.scan(last)": True,
     "core/readers/geotiff.py open_geotiff(with_heights)": True,
     "core/values/scan.py Scan.whole": True,
     "core/values/session.py Run.standing": True,

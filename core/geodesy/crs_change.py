@@ -69,14 +69,12 @@ class CrsChange:
 
 
 def crs_change(source: CRS, target: CRS, bounds: tuple[float, float, float, float]) -> CrsChange:
-    """The transformation from `source` to `target` at a site.
+    """The transformation from `source` to `target`, both horizontal, at a site.
 
     PROJ returns an identity where a grid is missing (JGD2000 to JGD2011 on the coast that the earthquake of 2011 moved
     by metres), so its offer is compared with what it would offer with all grids.
 
     Args:
-        source: horizontal.
-        target: horizontal.
         bounds: of the site in `source`: least x and y, greatest x and y.
 
     Raises:

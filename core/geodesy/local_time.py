@@ -15,12 +15,7 @@ _UTC: Final = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z")
 
 
 def zone_at(lon_deg: float, lat_deg: float) -> ZoneInfo:
-    """The time zone of a place, from the boundaries of time zones; at sea its nautical zone.
-
-    Args:
-        lon_deg: longitude in degrees.
-        lat_deg: latitude in degrees.
-    """
+    """The time zone of a place, from the boundaries of time zones; at sea its nautical zone."""
     import tzfpy  # reads its map when it is imported
 
     try:
@@ -35,13 +30,7 @@ def local_time(t_s: float, zone: ZoneInfo) -> dt.datetime:
 
 
 def local_day(t_s: float, crs: CRS, xy_m: tuple[float, float]) -> dt.date | None:
-    """The day that calendars show at a UTC time at a place on a map; None where its CRS has no geographic base.
-
-    Args:
-        t_s: UTC.
-        crs: of the map.
-        xy_m: easting and northing.
-    """
+    """The day that calendars show at a UTC time at a place on a map; None where its CRS has no geographic base."""
     base = crs.to_2d().geodetic_crs
     if base is None:
         return None

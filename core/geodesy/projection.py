@@ -1,25 +1,85 @@
-"""The map frame of a session and its projection."""
+"""The map frame of a session and its projection, also in a stated frame and epoch such as "itrf2020@2026.4"."""
 
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from pyproj import CRS, Proj, Transformer
+from pyproj.crs import ProjectedCRS
+from pyproj.database import CRSInfo, query_crs_info
+from pyproj.enums import PJType
 from pyproj.exceptions import CRSError
 
 from furrowmap.core.geodesy.gravity import radius_m
 from furrowmap.core.geodesy.height_system import ABOVE_ELLIPSOID, HeightSystem, height_system
 from furrowmap.core.geodesy.parameter_file import BETWEEN_EPOCHS, ParameterFile, read_parameters
-from furrowmap.core.geodesy.stated_frame import StatedFrame, stated_frame
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.session import AS_RECORDED, CURRENT_EPOCH, ELLIPSOIDAL, Crs
+
+FIRST_EPOCH: Final = 1984.0
+LAST_EPOCH: Final = 2100.0
+"""Years outside which no satellite positions exist."""
+
+
+@dataclass(frozen=True)
+class StatedFrame:
+    """A terrestrial frame and the epoch of coordinates in it.
+
+    Attributes:
+        frame: geographic CRS of the frame.
+        epoch: decimal year.
+    """
+
+    frame: CRS
+    epoch: float
+
+    @property
+    def name(self) -> str:
+        """Such as "ITRF2020 @ 2026.4"."""
+        return f"{self.frame.name} @ {self.epoch:.10g}"
+
+    def map_crs(self, flat: CRS) -> CRS:
+        """The projection of a map CRS on this frame, with frame and epoch in its name."""
+        conversion = flat.coordinate_operation
+        assert conversion is not None
+        # As a plain CRS: a ProjectedCRS of pyproj has no way to two dimensions.
+        return CRS(ProjectedCRS(conversion, f"{self.name} / {conversion.name}", geodetic_crs=self.frame))
+
+
+def stated_frame(text: str) -> StatedFrame | None:
+    """The frame and epoch in a session's `crs.coordinates`; None where it has another form than `frame@epoch`.
+
+    Raises:
+        InputError: if PROJ knows no such frame, or the epoch is out of range.
+    """
+    found = re.fullmatch(r"\s*(.+?)\s*@\s*(-?\d+(?:\.\d+)?)\s*", text)
+    if found is None:
+        return None
+    info = _frames().get(found[1].casefold())
+    if info is None:
+        raise InputError("frame-unknown", found=found[1])
+    epoch = float(found[2])
+    if not FIRST_EPOCH <= epoch <= LAST_EPOCH:
+        raise InputError(
+            "epoch-out-of-range.stated-frame", found=found[2], first_epoch=FIRST_EPOCH, last_epoch=LAST_EPOCH
+        )
+    return StatedFrame(CRS.from_authority(info.auth_name, info.code), epoch)
+
+
+@cache
+def _frames() -> dict[str, CRSInfo]:
+    """The geographic CRS that EPSG names, by their names in lower case."""
+    found = query_crs_info(auth_name="EPSG", pj_types=PJType.GEOGRAPHIC_2D_CRS)
+    return {info.name.casefold(): info for info in found if not info.deprecated}
+
 
 MAX_SCALE_ERROR = 1e-3
 """Largest scale error of a map: a metre in a kilometre, two and a half times that of UTM."""

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import MACHINE_CLASSES, NOISE_CLASSES, Clouds, is_ours
-from furrowmap.core.readers.las.cloud import CloudFile
+from furrowmap.core.readers.las.cloud import CloudFile, Survey
 from furrowmap.core.readers.las.points import CloudBatch
-from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.progress import Progress, silent

@@ -16,10 +16,8 @@ from pyproj.crs import CompoundCRS
 from furrowmap.core.geodesy.crs_change import CrsChange, crs_change
 from furrowmap.core.geodesy.crs_choice import choose_crs
 from furrowmap.core.readers.areas.area import Area, nothing_within, read_area
-from furrowmap.core.readers.las.cloud import Box, CloudFile, open_cloud
-from furrowmap.core.readers.las.gps_time import TimeKind
-from furrowmap.core.readers.las.points import CloudBatch
-from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.readers.las.cloud import Box, CloudFile, Survey, open_cloud
+from furrowmap.core.readers.las.points import CloudBatch, TimeKind
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.values.crs import full_name_of
@@ -73,7 +71,7 @@ class Clouds:
     @property
     def week_times(self) -> bool:
         """Whether all times are seconds of an unknown GPS week."""
-        kinds = {file.clock.kind for file in self.files if file.header.has_time}
+        kinds = {file.clock for file in self.files if file.header.has_time}
         return kinds == {TimeKind.WEEK}
 
     def batches(

@@ -9,8 +9,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.pointclouds.clouds import Clouds
-from furrowmap.core.readers.las.cloud import Box
-from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.readers.las.cloud import Box, Survey
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.spool import PointSpool

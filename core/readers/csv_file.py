@@ -97,11 +97,6 @@ class CsvFile(Source):
     ) -> FloatArray:
         """All rows (n, k) of k columns, without those in which a field is empty that must not be.
 
-        Args:
-            schema: the columns.
-            missing_key: of the error of a missing column.
-            outside_key: of the error of a number out of range.
-
         Raises:
             InputError: if a column is missing, a field is no number or a number is out of the range of its column.
         """

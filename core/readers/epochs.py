@@ -79,13 +79,7 @@ def midnight_utc_s(date: str) -> float:
 
 
 def midnights_utc_s(year: NDArray[np.integer], month: NDArray[np.integer], day: NDArray[np.integer]) -> FloatArray:
-    """UTC (n,) of the start of days in the years 1980 to 2099; nan for invalid dates.
-
-    Args:
-        year: (n,) integers of any size.
-        month: (n,) likewise; January is 1.
-        day: (n,) likewise; the first is 1.
-    """
+    """UTC (n,) of the start of days in the years 1980 to 2099; nan for invalid dates."""
     year, month, day = (np.asarray(part, np.int64) for part in (year, month, day))
     usable = (year >= 1980) & (year < 2100) & (month >= 1) & (month <= 12) & (day >= 1)
     months = np.where(usable, (year - 1970) * 12 + month - 1, 0).astype("datetime64[M]")
@@ -102,9 +96,6 @@ def in_order(
     An epoch that repeats time and position of the one before was written twice and is not out of order.
 
     Args:
-        t_s: (n,) times in the order of the log.
-        lon_deg: (n,) longitudes.
-        lat_deg: (n,) latitudes.
         place: describes where epoch k is in the log.
 
     Raises:

@@ -109,9 +109,6 @@ def jump_notices(track: GnssTrack, when: Callable[[float], str] = iso_utc) -> li
     The limit is :data:`JUMP_M`, or :data:`CARRIER_JUMP_M` between carrier-phase solutions, plus 1.5 times the distance
     by the median speed over five steps, so that neither braking nor a single spike counts as motion. Gaps are not
     considered.
-
-    Args:
-        when: words of a time of the track.
     """
     if len(track) < 6:
         return []

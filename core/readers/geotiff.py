@@ -26,7 +26,6 @@ def open_geotiff(
     No other format is opened, whatever its name: a VRT may refer to any file.
 
     Args:
-        unusable: makes the error from the file and from what is wrong with it.
         with_heights: whether its CRS includes that of its heights, where the file states one.
 
     Raises:

@@ -35,16 +35,11 @@ LISTED_SPANS: Final = 5
 
 
 def is_implausible(lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> NDArray[np.bool_]:
-    """Which positions (n,) are implausible; those that are not finite are not.
+    """Which positions (n,), in the order of time, are implausible; those that are not finite are not.
 
     Implausible are latitudes beyond a pole, longitudes beyond 180°, heights that no vehicle reaches, 0° N 0° E, and
     whatever is more than :data:`MAX_FROM_MIDDLE_M` from the middle of the others and not reached from there, see
     :func:`far_from_middle`.
-
-    Args:
-        lon_deg: (n,) longitudes, in the order of time.
-        lat_deg: (n,) latitudes.
-        height_m: (n,) heights, nan where unknown.
     """
     known = np.isfinite(lon_deg) & np.isfinite(lat_deg)
     with np.errstate(invalid="ignore"):
@@ -92,7 +87,6 @@ def strays(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[n
     one that keeps most counts. Of more than :data:`MAX_STRETCHES` none is kept.
 
     Args:
-        t_s: (n,) times.
         xyz_m: (n, 2 or 3) places.
         sigma_m: (n,) standard deviation of an axis.
     """
@@ -135,9 +129,6 @@ def drop_implausible_positions(
     track: GnssTrack, when: Callable[[float], str] = iso_utc
 ) -> tuple[GnssTrack, NDArray[np.bool_], list[Notice]]:
     """The track without implausible positions, which of its epochs (n,) are kept, and a notice that lists the others.
-
-    Args:
-        when: words of a time of the track.
 
     Raises:
         InputError: if that is more than half of the positions.

@@ -12,8 +12,13 @@ import numpy as np
 from furrowmap.core.readers.attitude_csv import LEVEL_COLUMNS, NORTHS, AttitudeCsv
 from furrowmap.core.readers.csv_file import TIME_COLUMN, TIMES, Column, CsvFile, head_columns
 from furrowmap.core.readers.epochs import utc_of
-from furrowmap.core.readers.imu_check import imu_notices
-from furrowmap.core.readers.inertial_rows import MAX_FORCE_MPS2, MAX_RATE_RADPS, inertial_facts, inertial_track
+from furrowmap.core.readers.inertial_rows import (
+    MAX_FORCE_MPS2,
+    MAX_RATE_RADPS,
+    imu_notices,
+    inertial_facts,
+    inertial_track,
+)
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.arrays import FloatArray

@@ -84,10 +84,9 @@ class Messages:
 def read_messages(
     source: Source, framing: Framing, layouts: Mapping[int, np.dtype[np.void]], counts: MessageCounts[int]
 ) -> dict[int, list[Messages]]:
-    """The messages of some kinds in a stream, piece by piece.
+    """The messages of some kinds in a stream from its current position, piece by piece.
 
     Args:
-        source: the stream, from its current position.
         layouts: by kind, what the content of a message begins with; a shorter content counts as damaged.
         counts: of the streams before, if there are any; updated. Their lengths are added to :attr:`Messages.at`.
     """
@@ -120,8 +119,6 @@ def scan_stream(source: Source, counts: MessageCounts[Any], scan: Callable[[byte
     """Scan a stream from its current position, piece by piece; its length is added to `counts.stream_bytes`.
 
     Args:
-        source: the stream.
-        counts: of the streams before, if there are any.
         scan: is called with the bytes that are not done with, their offset in all streams, and whether the stream ends
             with them; returns how many of them are done with.
     """

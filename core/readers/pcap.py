@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,13 +122,14 @@ class Capture:
                 self._links[0] = self._number(self._data[20:24]) & 0xFFFF
 
     def __iter__(self) -> Iterator[Datagrams]:
-        walked = _Walk()
+        counts = np.zeros(len(SKIPPED), np.int64)
+        found: list[NDArray[Any]] = [np.empty(MAX_FRAMES, kind) for kind in (np.int64, np.int64, np.float64, np.uint64)]
         last_s = np.zeros(1)
         while True:
             data = np.frombuffer(self._data, np.uint8)
             if self.format == "pcap":
                 count, self._pos, why = walk_pcap(
-                    data, self._pos, self._big, self.resolution, self._links[0], last_s, *walked.arrays
+                    data, self._pos, self._big, self.resolution, self._links[0], last_s, *found, counts
                 )
             else:
                 count, self._pos, why = walk_pcapng(
@@ -139,12 +140,14 @@ class Capture:
                     self._links,
                     self._ticks,
                     self._shift_s,
-                    *walked.arrays,
+                    *found,
+                    counts,
                 )
-            self.records += int(walked.counts.sum())
-            self.skipped.update(walked.take_skipped())
+            self.records += int(counts.sum())
+            self.skipped.update({SKIPPED[i]: n for i, n in enumerate(counts.tolist()) if i and n})
+            counts[:] = 0
             if count:
-                yield walked.datagrams(data, count)
+                yield Datagrams(data, *(column[:count].copy() for column in found))
             if why == CONTROL:
                 if not self._control_block():
                     break
@@ -267,32 +270,3 @@ def _no_capture(path: Path, head: bytes) -> InputError:
     }
     what = next((words for start, words in looks_like.items() if head.startswith(start) and (start or not head)), "")
     return InputError("not-a-capture", path=path, what=what or "a file that begins with " + head[:4].hex(" "))
-
-
-class _Walk:
-    """The output arrays of the kernels."""
-
-    def __init__(self) -> None:
-        self.offset = np.empty(MAX_FRAMES, np.int64)
-        self.length = np.empty(MAX_FRAMES, np.int64)
-        self.time_s = np.empty(MAX_FRAMES, np.float64)
-        self.sender = np.empty(MAX_FRAMES, np.uint64)
-        self.counts = np.zeros(len(SKIPPED), np.int64)
-
-    @property
-    def arrays(self) -> tuple[IntArray, IntArray, FloatArray, NDArray[np.uint64], IntArray]:
-        return self.offset, self.length, self.time_s, self.sender, self.counts
-
-    def take_skipped(self) -> dict[str, int]:
-        skipped = {SKIPPED[i]: int(self.counts[i]) for i in range(1, len(SKIPPED)) if self.counts[i]}
-        self.counts[:] = 0
-        return skipped
-
-    def datagrams(self, data: ByteArray, count: int) -> Datagrams:
-        return Datagrams(
-            data,
-            self.offset[:count].copy(),
-            self.length[:count].copy(),
-            self.time_s[:count].copy(),
-            self.sender[:count].copy(),
-        )

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +74,6 @@ class LoggedPositions:
             columns: (n,) each: `t_s` and columns of :class:`GnssTrack`, in the order of the log.
             place: describes where position k is in the log.
             service: see :class:`GnssTrack`.
-            without_position: number of epochs without a position.
             fault: why the times are not UTC, if they are not.
         """
         try:
@@ -97,9 +96,6 @@ class LoggedPositions:
 class PositionLog(FileReader, ABC):
     """A reader of one receiver's positions."""
 
-    format: ClassVar[str]
-    title: ClassVar[str]
-
     @abstractmethod
     def _read(self, paths: list[Path]) -> LoggedPositions:
         """The positions of some of the files; damage to the files is added to `notices`."""
@@ -120,11 +116,7 @@ class PositionLog(FileReader, ABC):
         return positions.track
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains; times without a date are reported as they are.
-
-        Raises:
-            InputError: if the file cannot be read.
-        """
+        """Read the whole first file and report what it contains; times without a date are reported as they are."""
         positions = self._positions(self.paths[:1])
         track = positions.track
         facts: dict[str, Any] = {
@@ -196,9 +188,7 @@ def file_at(paths: Sequence[Path], ends: Sequence[int], at: int) -> tuple[Path, 
     """The file that an offset belongs to, and the offset in that file.
 
     Args:
-        paths: files that were read as one stream.
         ends: offset in that stream where each of them ends.
-        at: an offset before the end of the last.
     """
     k = next(k for k, end in enumerate(ends) if at < end)
     return paths[k], at - (ends[k - 1] if k else 0)

@@ -100,7 +100,11 @@ class Reader(Protocol):
         ...
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains."""
+        """Read the whole first file and report what it contains.
+
+        Raises:
+            InputError: if the file cannot be read.
+        """
         ...
 
 
@@ -111,6 +115,9 @@ class FileReader:
         paths: the files of one recording, in the order of time.
         options: see the class of the format for those that are used.
     """
+
+    format: ClassVar[str]
+    title: ClassVar[str]
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
         self.paths = list(paths)

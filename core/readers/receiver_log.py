@@ -50,12 +50,7 @@ class ReceiverLog(PositionLog):
 
     @abstractmethod
     def _epochs(self, messages: Mapping[int, Messages], name: str, place: Callable[[int], str]) -> LoggedPositions:
-        """The positions in the messages.
-
-        Args:
-            messages: of each kind in :attr:`layouts`.
-            place: describes an offset in the stream.
-        """
+        """The positions in the messages."""
 
     @classmethod
     @abstractmethod

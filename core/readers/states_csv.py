@@ -25,7 +25,6 @@ class StatesCsv(FileReader):
     """A CSV with the times from which the implement is `down`, `up` or `unknown`.
 
     The state of the last row lasts to the end of the drive.
-
     """
 
     format: ClassVar[str] = "states-csv"

@@ -82,9 +82,6 @@ def number_or_text(text: str) -> float | str | None:
 def read_table(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
     """A table in a text file; lines that begin with # are comments.
 
-    Args:
-        unreadable: makes the error of what is wrong with the file.
-
     Raises:
         InputError: made by `unreadable`, if the file cannot be read or is no table.
     """
@@ -96,9 +93,6 @@ def read_table(path: Path, unreadable: Callable[[str], InputError]) -> TextTable
 
 def read_sheet(path: Path, unreadable: Callable[[str], InputError]) -> TextTable:
     """The first sheet of a spreadsheet, or a CSV. The first row that is not empty has the names of the columns.
-
-    Args:
-        unreadable: makes the error of what is wrong with the file.
 
     Raises:
         InputError: made by `unreadable`, if the file cannot be read or is no table, or a large or damaged one; or if

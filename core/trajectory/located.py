@@ -18,7 +18,7 @@ from furrowmap.core.estimation.positions import (
 )
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
-from furrowmap.core.readers.imu_check import imu_notices
+from furrowmap.core.readers.inertial_rows import imu_notices
 from furrowmap.core.readers.reader import AttitudeReader, GivesPoses, GivesTrack, InertialReader, Reader
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.trajectory.from_attitude import (

@@ -18,7 +18,7 @@ import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
-from furrowmap.core.geodesy.stated_frame import stated_frame
+from furrowmap.core.geodesy.projection import stated_frame
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.runtime.json_text import json_text

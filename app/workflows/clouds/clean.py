@@ -16,8 +16,8 @@ from furrowmap.core.pointclouds.cleaning import clean_points
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error
 from furrowmap.core.readers.las.cloud import Box
-from furrowmap.core.readers.las.gps_time import TimeKind
-from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.readers.las.points import TimeKind
+from furrowmap.core.readers.las.cloud import Survey
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.runtime.progress import Progress, silent
@@ -155,7 +155,7 @@ class _LostAttributes:
 
     def notices(self, clouds: Clouds) -> Iterator[Notice]:
         """Warnings about attributes of the clouds that the file does not keep."""
-        if not clouds.week_times and any(file.clock.kind is TimeKind.WEEK for file in clouds.files):
+        if not clouds.week_times and any(file.clock is TimeKind.WEEK for file in clouds.files):
             yield Notice("times-of-week-lost", timeless=self.timeless, points=self.points)
         elif self.timeless:
             yield Notice("times-none", timeless=self.timeless, points=self.points)

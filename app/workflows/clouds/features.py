@@ -11,7 +11,7 @@ from furrowmap.core.features.classes import Feature
 from furrowmap.core.features.cloud_features import VOXEL_RANGE_M, FoundFeatures, classify_features, measure_density
 from furrowmap.core.features.objects import join_planes
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.readers.las.survey import Survey
+from furrowmap.core.readers.las.cloud import Survey
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.ground import require_cloth

@@ -24,9 +24,8 @@ from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error, open_clouds
 from furrowmap.core.pointclouds.spooled_clouds import spool_clouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod
-from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.readers.las.cloud import Box, Survey
 from furrowmap.core.readers.las.header import SIGNATURE
-from furrowmap.core.readers.las.survey import Survey
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession

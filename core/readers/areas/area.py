@@ -61,10 +61,7 @@ class Area:
 
 
 def read_area(path: Path, target: CRS) -> Area:
-    """The polygons of a file (:func:`.polygons_on_map`) as an area.
-
-    Args:
-        target: projected CRS of the map.
+    """The polygons of a file (:func:`.polygons_on_map`) as an area, in the projected CRS of a map.
 
     Raises:
         InputError: if the file cannot be read, has no polygon or an invalid one, or one outside the domain of `target`.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,31 +14,16 @@ from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.areas.corner_table import corner_polygons, is_corner_table
-from furrowmap.core.readers.vector_file import Unreadable, read_polygons
+from furrowmap.core.readers.vector_file import Polygons, Unreadable, read_polygons
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.crs import LARGEST_DATUM_SHIFT_M, datum_shift_m
 
 
-@dataclass(frozen=True)
-class MapPolygons:
-    """n polygons on the map.
-
-    Attributes:
-        shapes: polygons, and multipolygons of several parts, in map coordinates; their rings may cross.
-        attributes: of each, by the column's name; None where a cell is empty.
-    """
-
-    shapes: tuple[BaseGeometry, ...]
-    attributes: tuple[Mapping[str, Any], ...]
-
-
-def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> MapPolygons:
-    """The polygons of a file; coordinates in another CRS than `target` are projected, no datum is changed.
+def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:
+    """The polygons of a file; coordinates in another CRS than the map's are projected, no datum is changed.
 
     Args:
         path: GeoJSON, GeoPackage, FlatGeobuf, Shapefile (also zipped), KML, or CSV (:mod:`.corner_table`).
-        target: projected CRS of the map.
-        unreadable: makes the error of what is wrong with the file.
 
     Raises:
         InputError: if the file cannot be read, has no polygon, or its coordinates lie outside the domain of `target`.
@@ -56,7 +41,7 @@ def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> MapPolyg
         raise
     except Exception as error:  # noqa: BLE001 the errors of GEOS and PROJ have no family of their own
         raise unreadable(str(error) or type(error).__name__) from None
-    return MapPolygons(tuple(shapes), polygons.attributes)
+    return replace(polygons, shapes=tuple(shapes), crs=target)
 
 
 def placed(shapes: Sequence[BaseGeometry], source: CRS, target: CRS, what: str) -> NDArray[Any]:

@@ -64,11 +64,7 @@ class TaskDataLog(FileReader):
         return ToolStates(**columns)
 
     def inspect(self) -> Inspection:
-        """Read the whole first set and report what it contains.
-
-        Raises:
-            InputError: if it cannot be read.
-        """
+        """Read the whole first set and report what it contains."""
         content, tasks = read_tasks(open_task_files(self.paths[0]), self.options.task)
         facts: dict[str, Any] = {
             "version": content.version,

@@ -30,31 +30,18 @@ NOT_AVAILABLE: Final = 0x7FFFFFFF
 
 
 @dataclass(frozen=True)
-class Channel:
-    """The meaning of a value, a `DLV` of the header.
-
-    Attributes:
-        ddi: data dictionary identifier (ISO 11783-11).
-        element: id of its device element.
-    """
-
-    ddi: int
-    element: str
-
-
-@dataclass(frozen=True)
 class RecordLayout:
     """The layout of records.
 
     Attributes:
         open: letters of the PTN attributes in each record.
         fixed: raw value of the PTN attributes that the header states for all records.
-        channels: of the values, in their order.
+        channels: data dictionary identifier (ISO 11783-11) and id of the device element of each value, a `DLV`.
     """
 
     open: str
     fixed: dict[str, float]
-    channels: tuple[Channel, ...]
+    channels: tuple[tuple[int, str], ...]
 
 
 @dataclass(frozen=True)
@@ -100,9 +87,9 @@ class TimeLog:
         """Device element and raw values (n,) of each channel of a data dictionary identifier that has any value."""
         seen = np.zeros(MAX_CHANNELS, bool)
         seen[self.channel] = True
-        for k, channel in enumerate(self.header.channels):
-            if channel.ddi == ddi and seen[k]:
-                yield channel.element, self.latest(k)
+        for k, (stated_ddi, element) in enumerate(self.header.channels):
+            if stated_ddi == ddi and seen[k]:
+                yield element, self.latest(k)
 
     def latest(self, channel: int) -> FloatArray:
         """(n,) the raw value at each record, the last one logged; nan before the first."""
@@ -185,7 +172,7 @@ def read_header(data: bytes, name: str) -> RecordLayout:
     channels = []
     for item in root.all("DLV"):
         try:
-            channels.append(Channel(int(item.get("A"), 16), item.get("C")))
+            channels.append((int(item.get("A"), 16), item.get("C")))
         except ValueError:
             raise InputError("time-log-header.channel", name=name, item=item.get("A")) from None
     if len(channels) > MAX_CHANNELS:

@@ -34,10 +34,6 @@ class Element:
 def parse_xml(data: bytes, name: str) -> Element:
     """The root element of an XML document.
 
-    Args:
-        data: the file's bytes.
-        name: name of the file for messages.
-
     Raises:
         InputError: if it is not well-formed (with line and column), declares a document type, or has more elements or
             levels than any task data.

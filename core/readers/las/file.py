@@ -25,12 +25,7 @@ OWN_CLASSES: Final = {64: "vehicle", 65: "implement"}
 
 
 class LasCloud(FileReader):
-    """A georeferenced point cloud: it can be inspected and used for surfaces; it has no scans.
-
-    Args:
-        paths: the files; the first one is inspected.
-        options: not used.
-    """
+    """A georeferenced point cloud: it can be inspected and used for surfaces; it has no scans."""
 
     format: ClassVar[str] = "las"
     title: ClassVar[str] = "LAS, LAZ or COPC point cloud"
@@ -41,13 +36,8 @@ class LasCloud(FileReader):
         return 1.0 if head.data.startswith(SIGNATURE) else 0.0
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains.
-
-        Raises:
-            InputError: if its points cannot be read.
-        """
-        from furrowmap.core.readers.las.cloud import open_cloud
-        from furrowmap.core.readers.las.survey import survey
+        """Read the whole first file and report what it contains."""
+        from furrowmap.core.readers.las.cloud import open_cloud, survey
 
         path = self.paths[0]
         with path.open("rb") as file:
@@ -83,7 +73,7 @@ class LasCloud(FileReader):
         if found.withheld:
             facts["withheld"] = found.withheld
         facts["scale"] = list(header.scale)
-        facts["gps_time"] = str(cloud.clock.kind)
+        facts["gps_time"] = str(cloud.clock)
         if header.has_time and found.first_time <= found.last_time:
             facts["gps_times"] = [round(found.first_time, 6), round(found.last_time, 6)]
         facts["dimensions"] = list(cloud.dimensions)

@@ -51,7 +51,6 @@ class NmeaLog(PositionLog):
     from `ReadOptions.date` or `ReadOptions.near_s`.
 
     Args:
-        paths: the files of one recording, in the order of time.
         options: `date` and `near_s` are used.
     """
 
@@ -123,8 +122,6 @@ def assemble(
     """The positions of the receiver with the best and most of them; undated times count from their first midnight.
 
     Args:
-        sentences: of one recording, in the order of the log.
-        name: of the log, for messages.
         date: UTC date (YYYY-MM-DD) of the first position of a log without dates.
         near_s: a UTC time within twelve hours of the first position of a log without dates.
         place: describes an offset :attr:`Sentences.at` in the log.

@@ -108,10 +108,9 @@ class SentenceCounts(MessageCounts[str]):
 
 
 def read_sentences(source: Source, counts: SentenceCounts) -> list[Sentences]:
-    """The sentences of a stream, piece by piece.
+    """The sentences of a stream from its current position, piece by piece.
 
     Args:
-        source: the stream, from its current position.
         counts: of the streams before, if there are any; updated. Their lengths are added to :attr:`Sentences.at`.
     """
     found = []
@@ -129,7 +128,6 @@ def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool
     """The sentences in `data`, and the number of bytes that are done with.
 
     Args:
-        data: a piece of a stream.
         counts: the counts; updated, except for `stream_bytes`.
         base: offset of the piece in the stream.
         last: whether the stream ends with this piece; else an unfinished sentence at its end is left for the next one.

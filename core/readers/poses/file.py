@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -126,9 +126,6 @@ class PoseFile(FileReader, ABC):
     Args:
         options: `time`, `week` and `near_s` are used.
     """
-
-    format: ClassVar[str]
-    title: ClassVar[str]
 
     @abstractmethod
     def _read(self, path: Path) -> RawPoses:

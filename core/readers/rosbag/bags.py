@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
-from furrowmap.core.readers.rosbag.clouds import CloudScans
+from furrowmap.core.readers.rosbag.clouds import CloudScans, LineScans
 from furrowmap.core.readers.rosbag.db3 import SQLITE_MAGIC
 from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
-from furrowmap.core.readers.rosbag.inertial import ImuLog
-from furrowmap.core.readers.rosbag.lines import LineScans
 from furrowmap.core.readers.rosbag.mcap import MCAP_MAGIC
 from furrowmap.core.readers.rosbag.messages import (
     CAMERA_INFO,
@@ -26,6 +24,7 @@ from furrowmap.core.readers.rosbag.messages import (
     SENTENCE,
     VELODYNE_SCAN,
     FixLog,
+    ImuLog,
     deserialize,
 )
 from furrowmap.core.readers.rosbag.pictures import ImageLog, camera_of_info, info_topic
@@ -68,9 +67,6 @@ class _RosBag(FileReader):
     Reading takes two passes over the messages: one to list the topics, because a bag's index may be missing or wrong,
     and one for the messages of the chosen topic.
     """
-
-    format: ClassVar[str]
-    title: ClassVar[str]
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
         super().__init__(paths, options)
@@ -303,8 +299,7 @@ class _RosBag(FileReader):
         return facts, ClockReading(self.clock, first_s, last_s, _POINT_TIMES)
 
     def _imu_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        from furrowmap.core.readers.imu_check import imu_notices
-        from furrowmap.core.readers.inertial_rows import inertial_facts
+        from furrowmap.core.readers.inertial_rows import imu_notices, inertial_facts
 
         track, chosen, log = self._inertial()
         self._add_notices(*imu_notices(track))

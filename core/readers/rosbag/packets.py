@@ -22,7 +22,6 @@ class PacketScans:
     """Decodes the VelodyneScan messages of one topic into scans.
 
     Args:
-        source: file and topic, for messages.
         options: `model` and `near_s` are used.
     """
 

@@ -14,8 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.exif import MAX_PIXELS
-from furrowmap.core.readers.raw_pixels import layout_fault
+from furrowmap.core.readers.exif import MAX_PIXELS, layout_fault
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.arrays import scratch_file
@@ -100,12 +99,7 @@ class ImageLog:
 
 
 def info_topic(topic: str, infos: Sequence[str]) -> str | None:
-    """The topic of a camera's CameraInfo: beside its images (image_transport), else the only one; None without.
-
-    Args:
-        topic: of the images.
-        infos: topics of CameraInfo messages.
-    """
+    """The topic of a camera's CameraInfo: beside its images (image_transport), else the only one; None without."""
     beside = f"{_COMPRESSED_TOPIC.sub('', topic).rpartition('/')[0]}/camera_info"
     return beside if beside in infos else infos[0] if len(infos) == 1 else None
 

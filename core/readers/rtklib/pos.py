@@ -187,10 +187,6 @@ class RtklibPos(PositionLog):
     Times are GPS time unless the header states UTC or JST. A standard deviation of 0, 0 satellites, and an age that is
     always 0 mean that they are unknown. Heights above the geoid are ignored. A solution that was written in reverse, by
     a backward filter, is reversed.
-
-    Args:
-        paths: the files of one recording, in the order of time.
-        options: not used.
     """
 
     format: ClassVar[str] = "rtklib-pos"

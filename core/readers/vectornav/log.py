@@ -1,35 +1,261 @@
-"""Logs of VectorNav sensors as inertial measurements and attitudes."""
+"""Logs of VectorNav sensors (VN-100, VN-200, VN-300, VN-310) as inertial measurements and attitudes.
+
+A binary message is the byte FA, a byte with the groups that follow, 16 bits with the fields of each group, the fields
+in the order of their bits, and a CRC-16 (polynomial 1021 hexadecimal, initial value 0) over all behind the first byte
+(VN-200 user manual UM004, "User configurable binary output messages"). All numbers are little-endian.
+
+An ASCII sentence is ``$VNIMU,…*XX`` with a checksum of 8 or 16 bits. Sentences of measurements have no time of their
+own. It is what a logger wrote before them, or follows from sentences between them that have GPS time (`VNINS`,
+`VNGPS`).
+"""
 
 from __future__ import annotations
 
+import datetime as dt
+import re
+import struct
 from abc import ABC, abstractmethod
+from binascii import crc_hqx
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import reduce
+from operator import xor
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from furrowmap.core.readers.imu_check import imu_notices
-from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, inertial_facts, inertial_track
-from furrowmap.core.readers.messages import MessageCounts, scan_stream
+from furrowmap.core.readers.inertial_rows import (
+    attitude_track,
+    first_beyond,
+    imu_notices,
+    inertial_facts,
+    inertial_track,
+)
+from furrowmap.core.readers.messages import MESSAGE_CHUNK_BYTES, MessageCounts, scan_stream
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head, Source, cut_notice
-from furrowmap.core.readers.vectornav.binary import ROW_COLUMNS, SYNC, BinaryMessages
-from furrowmap.core.readers.vectornav.sentences import MEASURED_FIELDS, AsciiSentences
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
-from furrowmap.core.values.clock import gps_to_utc_s
+from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.scan import Clock
 
+SYNC: Final = 0xFA
+MAX_MESSAGE_BYTES: Final = 2048
+"""All groups with all their fields are shorter."""
+GPS_TIMES_S: Final = (3.2e8, 4.0e9)
+"""GPS times before 1990 and after 2106 are of a device without a fix."""
+ROW_COLUMNS: Final = 10
+"""UTC, angular rate (rad/s), specific force (m/s²), yaw, pitch, roll (degrees)."""
+_GPS: Final = (8, 8, 2, 1, 1, 24, 24, 12, 12, 12, 4, 4, 2, 28)
+SIZES: Final = (
+    (8, 8, 8, 12, 16, 12, 24, 12, 12, 24, 20, 28, 2, 4, 8),  # common
+    (8, 8, 8, 2, 8, 8, 8, 4, 4, 1),  # time
+    (2, 12, 12, 12, 4, 4, 16, 12, 12, 12, 12, 2, 40),  # IMU
+    _GPS,
+    (2, 12, 16, 36, 12, 12, 12, 12, 12, 12, 28, 24, 12),  # attitude
+    (2, 24, 24, 12, 12, 12, 12, 12, 12, 4, 4, 68, 64),  # INS
+    _GPS,  # second receiver
+)
+"""Bytes of each field of each group; fields of a varying length have none here and make a message unreadable."""
+_TIME_GPS: Final = (((0, 1), 0), ((1, 1), 0))
+_GPS_TOW: Final = (1, 2)
+_GPS_WEEK: Final = (1, 3)
+_RATE_FIELDS: Final = (((2, 3), 0), ((0, 9), 12), ((2, 10), 0), ((0, 5), 0))
+_FORCE_FIELDS: Final = (((2, 2), 0), ((0, 9), 0), ((2, 9), 0), ((0, 8), 0))
+"""Angular rate and specific force: (group, field), and the offset in it. Those of the calibrated sensors come first;
+the others are less the biases that the device's own filter estimates, which jump."""
+_YAW_PITCH_ROLL: Final = (((0, 3), 0), ((4, 1), 0))
+
+
+@dataclass(frozen=True)
+class BinaryLayout:
+    """The content of messages with one header.
+
+    Attributes:
+        header: the bytes from that of the groups to before the fields.
+        size: of a message, with the first byte and the checksum.
+        offset: of each field from the start of a message, by group and bit.
+    """
+
+    header: bytes
+    size: int
+    offset: dict[tuple[int, int], int]
+
+    def find(self, wanted: tuple[tuple[tuple[int, int], int], ...]) -> int | None:
+        """Offset of the first of some fields that is there."""
+        return next((self.offset[one] + inside for one, inside in wanted if one in self.offset), None)
+
+    @property
+    def is_inertial(self) -> bool:
+        """Whether the messages hold angular rate and specific force."""
+        return self.find(_RATE_FIELDS) is not None and self.find(_FORCE_FIELDS) is not None
+
+
+def layout_at(data: bytes, at: int) -> BinaryLayout | None:
+    """The layout of a message that begins at an offset; None where the bytes are no header."""
+    groups = data[at + 1] if at + 1 < len(data) else 0
+    chosen = [group for group in range(len(SIZES)) if groups >> group & 1]
+    end = at + 2 + 2 * len(chosen)
+    if not chosen or groups & 0x80 or end > len(data):
+        return None
+    offset, place = {}, end - at
+    for group, fields in zip(chosen, struct.unpack_from(f"<{len(chosen)}H", data, at + 2), strict=True):
+        if not fields or fields >> len(SIZES[group]):
+            return None
+        for bit, size in enumerate(SIZES[group]):
+            if fields >> bit & 1:
+                offset[group, bit] = place
+                place += size
+    return BinaryLayout(data[at + 1 : end], place + 2, offset)
+
+
+@dataclass
+class BinaryMessages:
+    """Messages that were found, and what was not one.
+
+    Attributes:
+        layouts: by header.
+        found: bytes of all messages of a header, one after another.
+        counts: their kind is the header.
+    """
+
+    layouts: dict[bytes, BinaryLayout] = field(default_factory=dict)
+    found: dict[bytes, bytearray] = field(default_factory=dict)
+    counts: MessageCounts[bytes] = field(default_factory=MessageCounts)
+
+    def scan(self, data: bytes, base: int = 0, last: bool = True) -> int:  # noqa: ARG002
+        """Find the messages in a piece of a stream; see :func:`~furrowmap.core.readers.messages.scan_stream`."""
+        end = len(data) if last else max(len(data) - MAX_MESSAGE_BYTES, 0)
+        done = end
+        at = data.find(SYNC, 0, end)
+        while at >= 0:
+            layout = layout_at(data, at)
+            size = 1
+            if layout is not None and at + layout.size <= len(data):
+                if crc_hqx(data[at + 1 : at + layout.size], 0) == 0:
+                    size = layout.size
+                    self.layouts.setdefault(layout.header, layout)
+                    self.found.setdefault(layout.header, bytearray()).extend(data[at : at + size])
+                    self.counts.kinds[layout.header] += 1
+                    done = max(done, at + size)
+                elif layout.header in self.layouts:
+                    self.counts.bad += 1
+            at = data.find(SYNC, at + size, end)
+        return done
+
+    def rows(self, header: bytes) -> FloatArray:
+        """Rows (n, 10), see :data:`ROW_COLUMNS`, of the messages of a header; nan for what they do not have."""
+        layout = self.layouts[header]
+        messages = np.frombuffer(bytes(self.found[header]), np.uint8).reshape(-1, layout.size)
+
+        def column(offset: int, kind: str, count: int) -> FloatArray:
+            width = np.dtype(kind).itemsize * count
+            return np.ascontiguousarray(messages[:, offset : offset + width]).view(kind).astype(np.float64)
+
+        rows = np.full((len(messages), ROW_COLUMNS), np.nan)
+        gps_s = np.zeros(len(messages))
+        if (at := layout.find(_TIME_GPS)) is not None:
+            gps_s = 1e-9 * column(at, "<u8", 1)[:, 0]
+        elif _GPS_TOW in layout.offset and _GPS_WEEK in layout.offset:
+            week = column(layout.offset[_GPS_WEEK], "<u2", 1)[:, 0]
+            gps_s = np.where(week > 0, WEEK_S * week + 1e-9 * column(layout.offset[_GPS_TOW], "<u8", 1)[:, 0], 0.0)
+        known = (gps_s > GPS_TIMES_S[0]) & (gps_s < GPS_TIMES_S[1])
+        rows[known, 0] = gps_to_utc_s(gps_s[known])
+        rate, force, angles = layout.find(_RATE_FIELDS), layout.find(_FORCE_FIELDS), layout.find(_YAW_PITCH_ROLL)
+        if rate is not None and force is not None:
+            rows[:, 1:4] = column(rate, "<f4", 3)
+            rows[:, 4:7] = column(force, "<f4", 3)
+        if angles is not None:
+            rows[:, 7:] = column(angles, "<f4", 3)
+        return rows
+
+
+_VN_SENTENCE: Final = re.compile(rb"([^$\r\n]{0,64})\$(VN[A-Z]{3}),([^*$\r\n]{1,400})\*([0-9A-Fa-fX]{2,4})")
+MEASURED_FIELDS: Final = {b"VNIMU": (6, 3, 11), b"VNYMR": (9, 6, 12), b"VNMAR": (6, 3, 9)}
+"""First fields of angular rate and specific force, and the number of fields."""
+TIMED_FIELDS: Final = {b"VNINS": 15, b"VNGPS": 15}
+"""Sentences whose first two fields are GPS seconds of the week and week, and the number of fields at least."""
+STAMPS_S: Final = (6.0e8, 5.0e9)
+"""Numbers before a sentence that are smaller or larger are no seconds of UTC."""
+
+
+@dataclass
+class AsciiSentences:
+    """Sentences of a log in their order.
+
+    Attributes:
+        rows: fields 0 to 2 time before the sentence (UTC, else nan), GPS time (else nan), number of the line; then
+            angular rate and specific force (else nan), and yaw, pitch, roll (else nan).
+        counts: those with fields that are no numbers count as bad, too.
+    """
+
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+    counts: MessageCounts[str] = field(default_factory=MessageCounts)
+
+    def scan(self, data: bytes, base: int = 0, last: bool = True) -> int:  # noqa: ARG002
+        """Find the sentences in a piece of a stream; see :func:`~furrowmap.core.readers.messages.scan_stream`."""
+        end = len(data) if last or len(data) >= 2 * MESSAGE_CHUNK_BYTES else data.rfind(b"\n") + 1
+        for before, kind, body, checksum in _VN_SENTENCE.findall(data[:end]):
+            values = _fields(kind, body, checksum)
+            if values is None:
+                self.counts.bad += 1
+                continue
+            self.counts.kinds[kind.decode()] += 1
+            measured: tuple[float, ...] = (np.nan,) * 6
+            angles: tuple[float, ...] = (np.nan,) * 3
+            gps_s = np.nan
+            if kind in MEASURED_FIELDS and len(values) >= MEASURED_FIELDS[kind][2]:
+                rate, force, _ = MEASURED_FIELDS[kind]
+                measured = (*values[rate : rate + 3], *values[force : force + 3])
+            if kind in (b"VNYMR", b"VNYPR") and len(values) >= 3:
+                angles = (values[0], values[1], values[2])
+            if kind in TIMED_FIELDS and len(values) >= TIMED_FIELDS[kind] and values[1] > 0:
+                gps_s = WEEK_S * values[1] + values[0]
+            self.rows.append((_stamp_s(before), gps_s, float(len(self.rows)), *measured, *angles))
+        return end
+
+    def table(self) -> FloatArray:
+        """(n, 12) the rows."""
+        return np.array(self.rows, np.float64).reshape(-1, 12)
+
+
+def _fields(kind: bytes, body: bytes, checksum: bytes) -> list[float] | None:
+    """The numbers of a sentence; None if it is damaged. A checksum of XX was switched off."""
+    text = kind + b"," + body
+    if b"X" not in checksum.upper():
+        right = reduce(xor, text) if len(checksum) == 2 else crc_hqx(text, 0)
+        if len(checksum) == 3 or int(checksum, 16) != right:
+            return None
+    try:
+        # The status of VNINS is hexadecimal.
+        values = [float(part) if k != 2 or kind not in TIMED_FIELDS else 0.0 for k, part in enumerate(body.split(b","))]
+    except ValueError:
+        return None
+    return values if all(np.isfinite(values)) else None
+
+
+def _stamp_s(before: bytes) -> float:
+    """UTC that a logger wrote before a sentence: seconds or milliseconds since 1970, or ISO 8601; else nan."""
+    text = before.decode("latin-1").strip(" \t,;:[]\"'")
+    try:
+        number = float(text)
+    except ValueError:
+        try:
+            stamp = dt.datetime.fromisoformat(text)
+        except ValueError:
+            return float("nan")
+        return (stamp if stamp.tzinfo else stamp.replace(tzinfo=dt.UTC)).timestamp()
+    if number > 1e3 * STAMPS_S[0]:
+        number *= 1e-3
+    return number if STAMPS_S[0] < number < STAMPS_S[1] else float("nan")
+
 
 class _VectorNav(FileReader, ABC):
     """What both forms of logs have in common."""
-
-    format: ClassVar[str]
-    title: ClassVar[str]
 
     @abstractmethod
     def _rows(self) -> FloatArray:

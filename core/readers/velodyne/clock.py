@@ -135,12 +135,7 @@ class SensorClock:
     _host_s: float = float("nan")
 
     def utc_s(self, device_us: NDArray[np.uint32], host_s: FloatArray) -> FloatArray:
-        """UTC of each packet's stamp.
-
-        Args:
-            device_us: (m,) stamps, microseconds of the hour.
-            host_s: (m,) the recorder's time of each packet.
-        """
+        """UTC (m,) of stamps (m,), microseconds of the hour, of packets that the recorder timed (m,)."""
         if not len(device_us):
             return np.empty(0)
         device_s = device_us.astype(np.float64) * 1e-6
@@ -185,8 +180,6 @@ def settle(
 
     Args:
         device_us: (m,) stamps of the first data packets, m > 0; more of them reduce the recorder's jitter.
-        host_s: (m,) the recorder's time of each.
-        positions: the position packets so far.
         near_s: a time near the recording, for recorders without a clock.
     """
     near = float(np.median(host_s))

@@ -7,13 +7,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from furrowmap.core.readers.velodyne.models import DUAL, MODELS, OTHER_PRODUCTS, RETURN_WORDS, STRONGEST, Model
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-
-ByteArray = NDArray[np.uint8]
 
 _RATE_TOLERANCE: Final = 0.02
 
@@ -84,11 +81,6 @@ class PacketCounts:
         """The return mode byte of most packets."""
         return self.modes.most_common(1)[0][0]
 
-    def note_factory_bytes(self, modes: ByteArray, products: ByteArray) -> None:
-        """Count the return modes and products (m,) of packets."""
-        self.modes.update(_counted(modes))
-        self.products.update(_counted(products))
-
     def note_times(self, t_s: FloatArray, host_s: FloatArray, model: Model) -> None:
         """Count gaps and disorder in the UTC `t_s` (m,) of packets; compare it with the recorder's times `host_s`."""
         self.packets += len(t_s)
@@ -123,7 +115,6 @@ class PacketCounts:
         """What is unusual.
 
         Args:
-            model: the model that the packets were decoded as.
             stated: whether the session states it, rather than the packets.
         """
         notices = []
@@ -187,8 +178,3 @@ class PacketCounts:
     def _contradicts(self, model: Model) -> bool:
         """Whether the packet rate differs from that of the model."""
         return abs(self.usual_s - model.packet_s(self.mode)) > _RATE_TOLERANCE * model.packet_s(self.mode)
-
-
-def _counted(values: ByteArray) -> dict[int, int]:
-    counts = np.bincount(values)
-    return {int(value): int(counts[value]) for value in np.flatnonzero(counts)}

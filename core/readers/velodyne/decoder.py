@@ -119,9 +119,7 @@ class PacketDecoder:
         """As `push`, for packets in a larger buffer.
 
         Args:
-            data: (k,) uint8.
             offset: (m,) int64, where in `data` each payload of 1206 bytes begins.
-            host_s: (m,) float64, the recorder's time of each.
 
         Raises:
             InputError: if the model is unknown or not supported.
@@ -162,7 +160,8 @@ class PacketDecoder:
             offset, host_s, device_us, tail = offset[~again], host_s[~again], device_us[~again], tail[~again]
             if not len(offset):
                 return []
-        self.counts.note_factory_bytes(tail[:, 4], tail[:, 5])
+        self.counts.modes.update(sorted(tail[:, 4].tolist()))
+        self.counts.products.update(sorted(tail[:, 5].tolist()))
         if self._model is None:
             self._model = model_of(int(np.bincount(tail[:, 5]).argmax()), self._where)
         assert self._clock is not None

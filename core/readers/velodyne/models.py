@@ -184,10 +184,6 @@ def model_named(name: str) -> Model:
 def model_of(product: int, where: str = "") -> Model:
     """The model with this product byte.
 
-    Args:
-        product: the byte.
-        where: the location that an error names.
-
     Raises:
         InputError: if it is not supported.
     """

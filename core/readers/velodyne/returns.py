@@ -33,7 +33,6 @@ def decode_returns(
         data: (k,) the bytes of the packets.
         offset: (m,) where in `data` each packet begins.
         t_s: (m,) UTC of the first firing of each packet.
-        model: of the sensor.
         carried: (:data:`CARRIED`,) state after the batch before, at first zeros; updated.
 
     Returns:

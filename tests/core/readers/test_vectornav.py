@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 
 from furrowmap.core.readers.reader import ReadOptions, Recognised
-from furrowmap.core.readers.vectornav.binary import BinaryMessages
-from furrowmap.core.readers.vectornav.log import VectorNavAscii, VectorNavBinary
-from furrowmap.core.readers.vectornav.sentences import AsciiSentences
+from furrowmap.core.readers.vectornav.log import AsciiSentences, BinaryMessages, VectorNavAscii, VectorNavBinary
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.values.clock import gps_to_utc_s

@@ -12,8 +12,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import furrowmap
-from furrowmap.core.readers.imu_check import imu_notices
 from furrowmap.core.readers.imu_csv import ImuCsv
+from furrowmap.core.readers.inertial_rows import imu_notices
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial

@@ -8,8 +8,7 @@ import sys
 import time
 from pathlib import Path
 
-from furrowmap.core.readers.las.cloud import open_cloud
-from furrowmap.core.readers.las.survey import survey
+from furrowmap.core.readers.las.cloud import open_cloud, survey
 from furrowmap.core.runtime.errors import InputError
 
 

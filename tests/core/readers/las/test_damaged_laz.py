@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from furrowmap.cli.main import attempt
-from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
+from furrowmap.core.readers.las.cloud import CloudFile, open_cloud, survey
 from furrowmap.core.readers.las.decoder import DECODER, Decoder, Undecodable
-from furrowmap.core.readers.las.survey import survey
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.limits import expect_growth
 from furrowmap.core.runtime.settings import allowing

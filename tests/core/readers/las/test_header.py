@@ -11,8 +11,8 @@ import laspy
 import numpy as np
 import pytest
 
-from furrowmap.core.readers.las.gps_time import LasClock, TimeKind, clock_of
 from furrowmap.core.readers.las.header import LasHeader, read_header
+from furrowmap.core.readers.las.points import TimeKind, clock_of
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.clock import las_time_to_utc
 
@@ -208,9 +208,9 @@ def test_times__declared_as_of_a_week_may_be_standard_from_1993_to_next_year(
 
 def test_checked_times__beyond_their_kind_are_none() -> None:
     end = dt.datetime(2100, 1, 1, tzinfo=dt.UTC).timestamp() - dt.datetime(1980, 1, 6, tzinfo=dt.UTC).timestamp() - 1e9
-    week = LasClock(TimeKind.WEEK).checked(np.array([-0.1, 0.0, 691_200.0, 691_200.1, np.nan]))
+    week = TimeKind.WEEK.checked(np.array([-0.1, 0.0, 691_200.0, 691_200.1, np.nan]))
     np.testing.assert_array_equal(week, [np.nan, 0.0, 691_200.0, np.nan, np.nan])
-    standard = LasClock(TimeKind.STANDARD).checked(np.array([-1e9 - 1.0, -1e9, end, end + 1.0]))
+    standard = TimeKind.STANDARD.checked(np.array([-1e9 - 1.0, -1e9, end, end + 1.0]))
     np.testing.assert_array_equal(standard, [np.nan, -1e9, end, np.nan])
 
 
@@ -218,10 +218,10 @@ def test_utc__of_times_around_a_leap_second() -> None:
     """That of the end of 2016."""
     leap = dt.datetime(2017, 1, 1, tzinfo=dt.UTC).timestamp() - dt.datetime(1980, 1, 6, tzinfo=dt.UTC).timestamp()
     times = leap + 18.0 - 1e9 + np.array([-100.0, np.nan, 100.0])
-    clock = LasClock(TimeKind.STANDARD)
+    clock = TimeKind.STANDARD
     utc_s = clock.utc(times)
     assert utc_s is not None
     np.testing.assert_array_equal(utc_s, las_time_to_utc(times))
     new_year_s = dt.datetime(2017, 1, 1, tzinfo=dt.UTC).timestamp()
     np.testing.assert_allclose(utc_s - new_year_s, [-99.0, np.nan, 100.0], atol=1e-6)
-    assert LasClock(TimeKind.WEEK).utc(times) is None
+    assert TimeKind.WEEK.utc(times) is None

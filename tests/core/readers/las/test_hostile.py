@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from furrowmap.core.readers.las.cloud import open_cloud
-from furrowmap.core.readers.las.survey import survey
+from furrowmap.core.readers.las.cloud import open_cloud, survey
 
 ADDRESS_SPACE = 3 << 30
 SECONDS = 2.0
