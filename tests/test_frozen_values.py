@@ -25,7 +25,7 @@ COLLECTING: Final = {
     "core/readers/vectornav/log.py BinaryMessages",
     "core/readers/vectornav/log.py AsciiSentences",
     "core/readers/velodyne/clock.py SensorClock",
-    "core/readers/velodyne/counts.py PacketCounts",
+    "core/readers/velodyne/decoder.py PacketCounts",
     "core/readers/velodyne/captures.py SensorTraffic",
     "core/runtime/record_spool.py _Block",
     "app/workflows/clouds/clean.py _LostAttributes",

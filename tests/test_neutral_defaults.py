@@ -22,7 +22,7 @@ EVERY_ONE: Final = {
     "core/values/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
     "core/values/plot_grid.py PlotGrid.block_size": 1,
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
-    "core/readers/framing.py find_frames(last)": True,
+    "core/readers/messages.py find_frames(last)": True,
     "core/readers/nmea/sentences.py scan_bytes(last)": True,
     "core/readers/vectornav/log.py BinaryMessages.scan(last)": True,
     "core/readers/vectornav/log.py AsciiSentences.scan(last)": True,

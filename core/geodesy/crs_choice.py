@@ -64,11 +64,7 @@ def choose_crs(lon_deg: float, lat_deg: float) -> CrsChoice | None:
 
 
 def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
-    """The zone of Japan, or None outside all of them.
-
-    Zones follow prefectures, but PROJ has only their bounding boxes: where these overlap, the most central one is
-    chosen and the others are alternatives.
-    """
+    """The zone of Japan by bounding boxes, the most central first where they overlap; None outside all of them."""
     zones = sorted(
         (_eccentricity(area.bounds, lon_deg, lat_deg), code)
         for code in _ZONES_OF_JAPAN

@@ -99,10 +99,7 @@ def height_system(name: str, base: CRS, grid: Path | None = None) -> HeightSyste
 
 
 def _japan(name: str) -> HeightSystem:
-    """GSI models from japan-geoid.
-
-    JPGEO2024 refers to Tokyo Bay everywhere; Hrefconv2024 is the difference on islands with another reference.
-    """
+    """GSI models; JPGEO2024 refers to Tokyo Bay everywhere, Hrefconv2024 is the difference on some islands."""
     import japan_geoid
 
     if name == "GSIGEO2011":

@@ -177,11 +177,7 @@ def _bad_columns(what: str, remedy: str) -> InputError:
 
 
 def _tie_to_utc(clock_s: FloatArray, utc_s: FloatArray, name: str, notices: list[Notice]) -> FloatArray:
-    """UTC (n,) of a device's own clock (n,) by a column of UTC (n,) that changes now and then, such as once a second.
-
-    UTC is that of the row in which it changes; the median over the changes counts. How far it is behind, because a
-    receiver sends the time after the second began, stays unknown.
-    """
+    """UTC (n,) of a device's own clock (n,) by a column of UTC (n,) that changes now and then; median over changes."""
     known = np.isfinite(utc_s)
     at = np.flatnonzero(known)
     changes = at[1:][np.diff(utc_s[at]) > 0]

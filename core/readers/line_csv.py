@@ -9,17 +9,59 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furrowmap.core.readers.csv_file import TIME_COLUMN, TIMES, Column, CsvFile, head_columns
 from furrowmap.core.readers.epochs import utc_of
 from furrowmap.core.readers.facts import utc_facts
-from furrowmap.core.readers.line_points import MAX_RANGE_M, mostly_invalid, sweep
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.scan import Clock, Scan
+
+MAX_RANGE_M: Final = 2000.0
+"""No scanner on a machine sees as far; farther ranges are damaged or not metres."""
+
+
+def sweep(
+    number: int,
+    t_s: FloatArray,
+    angle_rad: FloatArray,
+    range_m: FloatArray,
+    intensity: FloatArray,
+    column: NDArray[Any],
+) -> Scan:
+    """The returns (n,) of one sweep in the plane z = 0, angles counter-clockwise from the x axis.
+
+    Args:
+        intensity: in any unit; fractions of 1 are scaled to 255.
+        column: index of the firing in the sweep.
+    """
+    n = len(t_s)
+    known = np.nan_to_num(intensity, nan=0.0, posinf=0.0, neginf=0.0)
+    if n and 0.0 < known.max() <= 1.0:
+        known = 255.0 * known
+    xyz = np.column_stack([range_m * np.cos(angle_rad), range_m * np.sin(angle_rad), np.zeros(n)])
+    return Scan(
+        number=number,
+        t_s=t_s,
+        xyz_m=xyz.astype(np.float32),
+        intensity=np.rint(np.clip(known, 0, 65535)).astype(np.uint16),
+        laser=np.zeros(n, np.uint8),
+        column=column.astype(np.uint16),
+        return_number=np.ones(n, np.uint8),
+        returns=np.ones(n, np.uint8),
+    )
+
+
+def mostly_invalid(source: str, wrong: int, everything: int) -> InputError:
+    """The error of ranges that are not metres."""
+    return InputError(
+        "points-mostly-invalid", source=source, wrong=wrong, everything=everything, farthest_m=MAX_RANGE_M
+    )
+
 
 ANGLE: Final = Column({"angle_deg": np.pi / 180.0, "angle_rad": 1.0})
 RANGE: Final = Column({"range_m": 1.0, "range_mm": 1e-3}, sparse=True)

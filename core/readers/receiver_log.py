@@ -11,8 +11,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.framing import Framing, find_frames
-from furrowmap.core.readers.messages import MessageCounts, Messages, read_messages
+from furrowmap.core.readers.messages import Framing, MessageCounts, Messages, find_frames, read_messages
 from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, byte_place
 from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head

@@ -171,10 +171,7 @@ def _by_id(found: list[_T], kind: str, notices: list[Notice]) -> dict[str, _T]:
 
 
 def _polygon(item: Element, name: str, notices: list[Notice]) -> BaseGeometry:
-    """A polygon with its holes; invalid rings are dropped with a notice.
-
-    Version 3 writes exteriors and holes as rings of one polygon, version 4 may have several exteriors.
-    """
+    """A polygon with its holes, in version 4 of several exteriors; invalid rings are dropped with a notice."""
     shells: list[BaseGeometry] = []
     holes: list[BaseGeometry] = []
     for ring in item.all("LSG"):

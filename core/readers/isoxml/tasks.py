@@ -106,11 +106,7 @@ def _width(
     at_work: NDArray[np.bool_],
     notices: list[Notice],
 ) -> FloatArray:
-    """The working width (n,), from the largest device elements that have one.
-
-    Sections are side by side, so the widths of those that work are added; functions are one after the other, so the
-    largest width is used. Sections without a state work where the machine is `at_work`.
-    """
+    """The working width (n,): the sum of the sections at work, or the width of the widest function."""
     widths = {element: raw / 1000.0 for element, raw in log.values_of(ACTUAL_WIDTH)}
     wrong = sum(int(np.sum((values < 0.0) | (values > MAX_IMPLEMENT_WIDTH_M))) for values in widths.values())
     if wrong:
@@ -245,10 +241,7 @@ def _join_logs(
     local_s: float,
     notices: list[Notice],
 ) -> tuple[GnssTrack, NDArray[np.int8], FloatArray, ToolStates]:
-    """Positions, state and width of all records with a position, and the states of all records.
-
-    Of records with the same time the last one is used; those that are out of order are dropped with a notice.
-    """
+    """Positions, state and width of records with a position, and the states of all; of equal times the last counts."""
 
     def column(name: str) -> FloatArray:
         return np.concatenate([np.zeros(0), *(getattr(log, name) for log in logs)])
@@ -288,10 +281,7 @@ def _join_logs(
 
 
 def _intervals(t_s: FloatArray, state: NDArray[np.int8]) -> ToolStates:
-    """The state of each record until the next record; unknown beyond :data:`MAX_HOLD_S`.
-
-    A change happened at some time since the record before, uniformly distributed, which gives its standard deviation.
-    """
+    """The state of each record until the next, unknown beyond MAX_HOLD_S; a change is uniformly distributed between."""
     step = np.diff(t_s)
     near = step <= MAX_HOLD_S
     begins = np.ones(len(t_s), bool)
@@ -336,11 +326,7 @@ def _local_minus_utc_s(name: str, logs: Sequence[TimeLog], task: Task, notices: 
 
 
 def _zone_s(logs: Sequence[TimeLog], task: Task) -> float | None:
-    """Terminal's clock minus UTC from the time zones of the task's times; None if there are none.
-
-    Some terminals write the time of the records' clock with its zone, others write UTC; the difference is a multiple of
-    a quarter of an hour.
-    """
+    """Terminal's clock minus UTC, in quarters of an hour, from the time zones of the task's times; None without."""
     zoned = []
     for begin in task.begins:
         with suppress(ValueError):

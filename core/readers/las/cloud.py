@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.copc import CopcIndex, is_copc, read_index
 from furrowmap.core.readers.las.crs import stated_crs
+from furrowmap.core.readers.las.decoder import DECODER, Decoder
 from furrowmap.core.readers.las.header import LEAST_RECORD_BYTES, LasHeader, read_header
 from furrowmap.core.readers.las.laz import (
     LAZ_RECORD_ID,
@@ -20,7 +22,6 @@ from furrowmap.core.readers.las.laz import (
     LazPoints,
     decode_chunks,
     find_points,
-    first_points,
     stream_points,
 )
 from furrowmap.core.readers.las.points import TIME_SAMPLE, CloudBatch, TimeKind, clock_of, layout, unpack
@@ -213,7 +214,10 @@ class CloudFile:
         if laz is None:
             yield from _plain(self.path, file, self.header, self.points, batch_points)
         elif not laz.wholesale:
-            yield from stream_points(self.path, file, self.header, laz, self.points, batch_points, self.lost)
+            with closing(Decoder()) as decoder:
+                yield from stream_points(
+                    self.path, file, self.header, laz, self.points, batch_points, self.lost, decoder
+                )
         else:
             wanted = np.arange(len(laz.points))
             if self.index is not None and (box is not None or resolution is not None):
@@ -254,7 +258,8 @@ def open_cloud(path: Path) -> CloudFile:
         if header.has_time and count and laz is None:
             times = next(_plain(path, file, header, count, count)).view(layout(header))["gps_time"]
         elif header.has_time and count and laz is not None:
-            times = first_points(path, file, header, laz, count).view(layout(header))["gps_time"]
+            first = stream_points(path, file, header, laz, count, count, [], DECODER)
+            times = next(first, np.empty(0, np.uint8)).view(layout(header))["gps_time"]
         clock, time_notices = clock_of(path, header, times)
     notices = (*notices, *crs_notices, *extra_notices, *time_notices)
     return CloudFile(path, form, header, points, crs, clock, extra, laz, index, notices)

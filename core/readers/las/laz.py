@@ -13,7 +13,7 @@ import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import BinaryIO, Final
 
 import lazrs
 import numpy as np
@@ -220,28 +220,6 @@ def _decode(path: Path, file: BinaryIO, laz: LazPoints, first: int, last: int) -
     return DECODER.points(size, what="chunks", **order)
 
 
-def first_points(path: Path, file: BinaryIO, header: LasHeader, laz: LazPoints, points: int) -> NDArray[np.uint8]:
-    """The records of the first points of a file; none if they are damaged, and the user allows that.
-
-    Raises:
-        InputError: if they are damaged.
-    """
-    try:
-        _check_layers(file, laz, 0, int(np.searchsorted(np.cumsum(laz.points), points)) + 1)
-        return DECODER.points(points * laz.record_bytes, **_stream(path, header, laz))
-    except Undecodable as fault:
-        if not allows("damaged"):
-            raise InputError(
-                "laz-chunk-damaged", path=path, where=f"points 1 to {points:,}", reason=_short(fault)
-            ) from None
-        return np.empty(0, np.uint8)
-
-
-def _stream(path: Path, header: LasHeader, laz: LazPoints) -> dict[str, Any]:
-    """The order that starts a stream."""
-    return {"what": "stream", "path": str(path.resolve()), "offset": header.offset, "vlr": laz.vlr.hex()}
-
-
 def stream_points(
     path: Path,
     file: BinaryIO,
@@ -250,6 +228,7 @@ def stream_points(
     points: int,
     batch_points: int,
     lost: list[Notice],
+    decoder: Decoder,
 ) -> Iterator[NDArray[np.uint8]]:
     """The records of the first `points`, decoded in sequence, `batch_points` at a time.
 
@@ -258,8 +237,7 @@ def stream_points(
     Raises:
         InputError: if a chunk is found to be damaged, and the user does not allow that.
     """
-    order = _stream(path, header, laz)
-    decoder = Decoder()
+    order = {"what": "stream", "path": str(path.resolve()), "offset": header.offset, "vlr": laz.vlr.hex()}
     done = 0
     try:
         _check_layers(file, laz, 0, int(np.searchsorted(np.cumsum(laz.points), points)) + 1)
@@ -273,8 +251,6 @@ def stream_points(
             raise InputError("laz-chunk-damaged", path=path, where=where, reason=_short(fault)) from None
         what = f"{where} cannot be decoded: {_short(fault)}; points {done + 1:,} to {points:,}"
         lost.append(Notice("laz-damage-left-out", path=path.name, what=what))
-    finally:
-        decoder.close()
 
 
 def _check_layers(file: BinaryIO, laz: LazPoints, first: int, last: int) -> None:

@@ -249,11 +249,7 @@ def _times(
 
 
 def _dated(log: Sentences, first_at: int) -> tuple[FloatArray, NDArray[np.int64]]:
-    """UTC of the sentences with a date, and their offsets in the log.
-
-    RMC is used if it is marked as valid. ZDA has no such mark, and before the first position a receiver's calendar may
-    be wrong by years, so it is used from there on, and only without RMC.
-    """
+    """UTC and offsets of the valid RMC, else of ZDA, whose calendar may be wrong by years before the first position."""
     rmc, zda = log.of_kind(Kind.RMC), log.of_kind(Kind.ZDA)
     rmc = rmc[rmc.column(Kind.RMC, "valid") == 1.0]
     for kind, found in ((Kind.RMC, rmc), (Kind.ZDA, zda[zda.at >= first_at]), (Kind.ZDA, zda)):

@@ -103,10 +103,7 @@ class PoseCsv(PoseFile):
 
 
 def _columns(file: CsvFile) -> list[str]:
-    """The columns to read: time, three of position, three of attitude, and the standard deviations, if any.
-
-    Eastings and northings are preferred to longitudes and latitudes.
-    """
+    """The columns to read: time, position (eastings before longitudes), attitude, and standard deviations, if any."""
     names = set(file.names)
     projected = names >= {"e_m", "n_m"} or not {"lon_deg", "lat_deg"} & names
     sigmas = [name for name in POSE_SIGMA_COLUMNS if name in names]

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.line_points import MAX_RANGE_M, mostly_invalid, sweep
+from furrowmap.core.readers.line_csv import MAX_RANGE_M, mostly_invalid, sweep
 from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.arrays import FloatArray

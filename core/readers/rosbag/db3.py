@@ -42,11 +42,7 @@ class Db3Storage(BagStorage):
         self.share_read = 1.0
 
     def _plain(self, folder: Path) -> tuple[Path, bool]:
-        """The database to open, and whether it is a temporary copy.
-
-        A database with a journal, left by a recorder that was killed, is copied so that SQLite completes it; a
-        compressed database is decompressed.
-        """
+        """The database to open, and whether it is a copy: unpacked, or with a journal that SQLite has to complete."""
         journals = [Path(f"{self.path}{end}") for end in ("-wal", "-journal")]
         journals = [journal for journal in journals if journal.is_file() and journal.stat().st_size]
         with Source(self.path) as source:
@@ -65,10 +61,7 @@ class Db3Storage(BagStorage):
         return copy, True
 
     def _note_missing_pages(self, database: Path) -> None:
-        """Compare the size with the header's: SQLite reports a truncated database only if it needs a missing page.
-
-        (https://www.sqlite.org/fileformat.html, section 1.3.7.)
-        """
+        """Compare the size with the header's (sqlite.org/fileformat.html, 1.3.7), which SQLite does only if need be."""
         with database.open("rb") as file:
             header = file.read(100)
         page_bytes = int.from_bytes(header[16:18], "big")

@@ -322,10 +322,7 @@ def _sexagesimal(parts: FloatArray) -> FloatArray:
 
 
 def _local_sigmas(values: FloatArray, lon: FloatArray, lat: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Standard deviations north, east and up from those in x, y, z.
-
-    The values off the diagonal are square roots of covariances, with their sign (RTKLIB manual, appendix B.1).
-    """
+    """Sigmas north, east, up; those off the diagonal are signed roots of covariances (RTKLIB manual, appendix B.1)."""
     diagonal = values[:, 5:8] ** 2
     xy, yz, zx = (np.sign(values[:, k]) * values[:, k] ** 2 for k in (8, 9, 10))
     matrix = np.stack(

@@ -9,8 +9,7 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.framing import CRC, Framing
-from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, layout
+from furrowmap.core.readers.messages import CRC, Framing, MessageCounts, Messages, at_equal, layout
 from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.runtime.arrays import FloatArray

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.epochs import midnights_utc_s, no_week, week_times
-from furrowmap.core.readers.framing import FLETCHER, Framing
-from furrowmap.core.readers.messages import MessageCounts, Messages, at_equal, layout, paired
+from furrowmap.core.readers.messages import FLETCHER, Framing, MessageCounts, Messages, at_equal, layout, paired
 from furrowmap.core.readers.position_log import LoggedPositions
 from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
 from furrowmap.core.runtime.arrays import FloatArray
@@ -176,10 +175,7 @@ class UbxLog(ReceiverLog):
 
 
 def _read_pvt(pvt: Messages) -> dict[str, NDArray[Any]]:
-    """The columns of NAV-PVT; the kind of fix is that of the receiver's own GGA.
-
-    (u-blox F9 HPG interface description, "Position fix flags in NMEA": a fix outside the configured limits is none.)
-    """
+    """The columns of NAV-PVT; fixes as in the receiver's own GGA (F9 HPG, "Position fix flags in NMEA")."""
     kind, flags, flags3 = (pvt.values[field] for field in ("kind", "flags", "flags3"))
     within, differential, carrier = (flags & 1) > 0, (flags & 2) > 0, flags >> 6
     positioned = np.isin(kind, (_2D, _3D, _COMBINED)) & within & ((flags3 & 1) == 0)

@@ -270,11 +270,7 @@ class VelodynePcap(FileReader):
 
 
 def _survey(paths: Sequence[Path]) -> tuple[int, tuple[NDArray[np.uint32], FloatArray, list[PositionPacket]]]:
-    """The start of a recording: the sensor's sender, and its stamps, the recorder's times and position packets.
-
-    The sender is as in `Datagrams.sender`. The stamps and times are of the first data packets; the position packets
-    reach up to the first with a lock, and at least as far as the data packets.
-    """
+    """The sensor's sender; stamps and the recorder's times of its first data packets; position packets up to a lock."""
     stamps: list[NDArray[np.uint32]] = []
     senders: list[NDArray[np.uint64]] = []
     times: list[NDArray[np.float64]] = []

@@ -144,7 +144,7 @@ def test_date_of_creation__is_a_day_since_1990() -> None:
 def clock(times: list[float], *, standard: bool, year: int = 2020) -> tuple[TimeKind, list[str]]:
     header = replace(read(encoding=int(standard)), created=dt.date(year, 6, 1))
     found, notices = clock_of(Path("a.las"), header, np.array(times))
-    return found.kind, [notice.code for notice in notices]
+    return found, [notice.code for notice in notices]
 
 
 FLIGHT = 2.8e8
