@@ -47,15 +47,8 @@ def layout_fault(layout: RawLayout, size: int) -> str:
     return ""
 
 
-def raw_pixels(data: memoryview | bytes, layout: RawLayout) -> NDArray[np.uint8]:
-    """Red, green, blue (height, width, 3) uint8; of values with 16 bits the upper eight.
-
-    Mosaics of a Bayer filter are interpolated by OpenCV, bilinearly.
-
-    Raises:
-        ValueError: if the bytes are no such image.
-        ImportError: if OpenCV is needed and not installed.
-    """
+def _raw_pixels(data: memoryview | bytes, layout: RawLayout) -> NDArray[np.uint8]:
+    """Red, green, blue (height, width, 3), of 16 bits the upper eight; Bayer mosaics are interpolated bilinearly."""
     fault = layout_fault(layout, len(data))
     if fault:
         raise ValueError(fault)
@@ -201,7 +194,7 @@ def write_image(image: StoredImage, path: Path) -> None:
         return
     from PIL import Image
 
-    Image.fromarray(raw_pixels(image.data, image.layout)).save(path, "TIFF")
+    Image.fromarray(_raw_pixels(image.data, image.layout)).save(path, "TIFF")
 
 
 def _opened(path: ImageFile) -> Any:
@@ -212,7 +205,7 @@ def _opened(path: ImageFile) -> Any:
         return Image.open(path, formats=PILLOW_FORMATS)
     if path.layout is None:
         return Image.open(io.BytesIO(path.data), formats=PILLOW_FORMATS)
-    return Image.fromarray(raw_pixels(path.data, path.layout))
+    return Image.fromarray(_raw_pixels(path.data, path.layout))
 
 
 def expect_pillow() -> None:

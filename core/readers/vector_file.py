@@ -29,21 +29,14 @@ from furrowmap.core.runtime.foreign_content import binary_kind
 _GEOMETRIES = ("Point", "LineString", "LinearRing", "Model", "Track", "MultiTrack")
 
 
-def is_kml(head: bytes) -> bool:
+def _is_kml(head: bytes) -> bool:
     """Whether a file begins as KML does."""
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
     return text.startswith(b"<") and (b"<kml" in text[:1000] or b":kml" in text[:1000])
 
 
-def kml_polygons(path: Path) -> tuple[tuple[BaseGeometry, ...], tuple[dict[str, Any], ...], int]:
-    """Polygons (longitude, latitude; n), their attributes (n), and how many placemarks have another geometry.
-
-    The attributes are `name`, `description` and the extended data (`Data`, `SimpleData`), numbers as such.
-
-    Raises:
-        InputError: if it is no well-formed XML.
-        ValueError: if a corner is no pair of numbers.
-    """
+def _kml_polygons(path: Path) -> tuple[tuple[BaseGeometry, ...], tuple[dict[str, Any], ...], int]:
+    """Polygons (longitude, latitude; n), their attributes (n), and how many placemarks have another geometry."""
     root = parse_xml(path.read_bytes(), f"{path}")
     shapes: list[BaseGeometry] = []
     attributes: list[dict[str, Any]] = []
@@ -154,7 +147,7 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
         size = path.stat().st_size
     except OSError as error:
         raise unreadable(str(error.strerror)) from None
-    if not (_is_json(head) or head.startswith((*_VECTOR_MAGIC, ZIP)) or is_kml(head)):
+    if not (_is_json(head) or head.startswith((*_VECTOR_MAGIC, ZIP)) or _is_kml(head)):
         kind = binary_kind(head)
         raise unreadable(
             f"{f'{kind}, ' if kind else ''}neither GeoJSON nor GeoPackage, FlatGeobuf, Shapefile, zipped Shapefile or "
@@ -183,10 +176,10 @@ def _read_layer(path: Path, head: bytes) -> Polygons:
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="furrowmap-"))
             path = unpacked_layer(path, Path(folder))
             head = path.read_bytes()[:4096]
-            if not (is_kml(head) or head.startswith(_VECTOR_MAGIC[2])):
+            if not (_is_kml(head) or head.startswith(_VECTOR_MAGIC[2])):
                 raise ValueError(f"its layer {path.name} is neither a Shapefile nor KML")
-        if is_kml(head):
-            shapes, attributes, others = kml_polygons(path)
+        if _is_kml(head):
+            shapes, attributes, others = _kml_polygons(path)
             return Polygons(shapes, attributes, CRS.from_epsg(4326), others)
         return _by_gdal(stack.enter_context(named_by_content(path)))
 

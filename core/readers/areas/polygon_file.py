@@ -24,7 +24,7 @@ _MAP_PAIRS: Final = (("e_m", "n_m"), ("easting", "northing"), ("e", "n"), ("x", 
 _DEGREE_PAIRS: Final = (("lon_deg", "lat_deg"), ("lon", "lat"), ("longitude", "latitude"))
 
 
-def is_corner_table(path: Path) -> bool:
+def _is_corner_table(path: Path) -> bool:
     """Whether a file is a text whose first line names columns of coordinates."""
     try:
         with path.open("rb") as file:
@@ -41,14 +41,8 @@ def is_corner_table(path: Path) -> bool:
     return any(x in words and y in words for x, y in (*_MAP_PAIRS, *_DEGREE_PAIRS))
 
 
-def corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:
-    """The polygons of the rows with the same identifier, in their order around each parcel.
-
-    Eastings and northings are those of `target`, longitudes and latitudes of its geographic base.
-
-    Raises:
-        InputError: made by `unreadable`, if the file is no such table, or a parcel has fewer than three corners.
-    """
+def _corner_polygons(path: Path, target: CRS, unreadable: Unreadable) -> Polygons:
+    """The polygons of the rows with the same identifier, in order, in the CRS of the map or its geographic base."""
     size = path.stat().st_size
     if size > MAX_VECTOR_BYTES:
         raise unreadable(f"{size:,} bytes is too large for a table of corners")
@@ -88,8 +82,8 @@ def polygons_on_map(path: Path, target: CRS, unreadable: Unreadable) -> Polygons
     Raises:
         InputError: if the file cannot be read, has no polygon, or its coordinates lie outside the domain of `target`.
     """
-    table = is_corner_table(path)
-    polygons = corner_polygons(path, target, unreadable) if table else read_polygons(path, unreadable)
+    table = _is_corner_table(path)
+    polygons = _corner_polygons(path, target, unreadable) if table else read_polygons(path, unreadable)
     try:
         # A polygon of one part instead of a multipolygon of one.
         single = [

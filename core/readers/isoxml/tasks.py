@@ -36,21 +36,10 @@ EFFECTIVE_TIME: Final = 119
 """s, as 120, the ineffective one."""
 
 
-def logged_work(
+def _logged_work(
     log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[Notice]
 ) -> tuple[NDArray[np.int8], FloatArray, float]:
-    """The work in a time log of n records.
-
-    The states of the smallest device elements are used, because a boom may be on while its sections are off. The
-    machine works if any of them works.
-
-    Args:
-        elements: device elements by id; a log may refer to others.
-
-    Returns:
-        (n,) values of :class:`ToolState`; (n,) working width, nan where it is not logged; increase of the machine's
-        area counter, nan if it has none.
-    """
+    """States (n,), width (n,; nan where not logged), and increase of the area counter (nan without) in a time log."""
     states = _states(log, elements, notices)
     state = np.full(len(log), ToolState.UNKNOWN, np.int8)
     if states:
@@ -64,7 +53,7 @@ def logged_work(
         for element, values in log.values_of(TOTAL_AREA)
         if np.isfinite(values).any()
     }
-    topmost = [gain for element, gain in gains.items() if not set(ancestors(element, elements)) & gains.keys()]
+    topmost = [gain for element, gain in gains.items() if not set(_ancestors(element, elements)) & gains.keys()]
     return state, width, float(max(topmost, default=np.nan))
 
 
@@ -82,7 +71,7 @@ def _states(log: TimeLog, elements: Mapping[str, DeviceElement], notices: list[N
             own[element] = np.where(any_on == ToolState.UP, ToolState.UP, own[element]).astype(np.int8)
         else:
             own[element] = any_on
-    above = {parent for element in own for parent in ancestors(element, elements)}
+    above = {parent for element in own for parent in _ancestors(element, elements)}
     return {element: state for element, state in own.items() if element not in above}
 
 
@@ -115,7 +104,7 @@ def _width(
         element: np.where((values >= 0.0) & (values <= MAX_IMPLEMENT_WIDTH_M), values, np.nan)
         for element, values in widths.items()
     }
-    topmost = [element for element in widths if not set(ancestors(element, elements)) & widths.keys()]
+    topmost = [element for element in widths if not set(_ancestors(element, elements)) & widths.keys()]
     sections = [e for e in topmost if e in elements and elements[e].kind in PARALLEL]
     width = np.full(len(log), np.nan)
     parallel = np.zeros(len(log))
@@ -128,7 +117,7 @@ def _width(
     return np.fmax(width, parallel) if sections else width
 
 
-def ancestors(element: str, elements: Mapping[str, DeviceElement]) -> list[str]:
+def _ancestors(element: str, elements: Mapping[str, DeviceElement]) -> list[str]:
     """Ids of the parents of an element, the direct one first."""
     found: list[str] = []
     while element in elements and (element := elements[element].parent) and element not in found:
@@ -211,7 +200,7 @@ def _read_task(files: TaskFiles, content: TaskData, task: Task) -> LoggedTask:
             notices.append(Notice("time-log-empty", name=files.named(name)))
     logs.sort(key=lambda log: log.clock_s[0])
     local_s = _local_minus_utc_s(files.named(task.id), logs, task, notices)
-    work = [logged_work(log, content.elements, notices) for log in logs]
+    work = [_logged_work(log, content.elements, notices) for log in logs]
     all_states = np.concatenate([np.zeros(0, np.int8), *(state for state, _, _ in work)])
     all_widths = np.concatenate([np.zeros(0), *(width_m for _, width_m, _ in work)])
     counted = [counted_m2 for _, _, counted_m2 in work if np.isfinite(counted_m2)]

@@ -36,7 +36,7 @@ class TimeKind(StrEnum):
 
     def checked(self, las_time: NDArray[np.float64]) -> FloatArray:
         """The times (n,), nan where they are not valid for their kind."""
-        good = is_week(las_time) if self is TimeKind.WEEK else is_standard(las_time)
+        good = _is_week(las_time) if self is TimeKind.WEEK else _is_standard(las_time)
         return np.asarray(las_time if good.all() else np.where(good, las_time, np.nan), np.float64)
 
     def utc(self, checked: FloatArray) -> FloatArray | None:
@@ -49,12 +49,12 @@ class TimeKind(StrEnum):
         return checked + shift[0] if shift[0] == shift[-1] else las_time_to_utc(checked)
 
 
-def is_week(las_time: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _is_week(las_time: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which times may be seconds of a week; a flight over its end may continue for a day."""
     return np.asarray((las_time >= 0.0) & (las_time <= WEEK_S * 8.0 / 7.0))
 
 
-def is_standard(las_time: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _is_standard(las_time: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which times may be adjusted standard GPS time of 1980 to 2100."""
     return np.asarray((las_time >= _FIRST_STANDARD) & (las_time <= _LAST_STANDARD))
 
@@ -72,7 +72,7 @@ def clock_of(path: Path, header: LasHeader, sample: FloatArray) -> tuple[TimeKin
     if not len(known):
         return declared, ()
     first, last = float(known.min()), float(known.max())
-    week, standard = float(np.mean(is_week(known))), float(np.mean(is_standard(known) & ~is_week(known)))
+    week, standard = float(np.mean(_is_week(known))), float(np.mean(_is_standard(known) & ~_is_week(known)))
     latest_s = dt.datetime.now(dt.UTC).timestamp() + 366 * DAY_S
     if declared is TimeKind.WEEK and standard > 0.5 and _EARLIEST_UTC <= las_time_to_utc(np.median(known)) <= latest_s:
         return TimeKind.STANDARD, (Notice("gps-time-type", path=path.name, week_s=WEEK_S, first=first, last=last),)

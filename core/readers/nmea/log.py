@@ -70,7 +70,7 @@ class NmeaLog(PositionLog):
         return 0.6 if share >= MIN_NMEA_SHARE and np.isin(sentences.kind, (Kind.GGA, Kind.GNS)).any() else 0.0
 
     def _undated(self, t_s: float) -> str:
-        return f"{time_of_day(t_s)} (no date)"
+        return f"{_time_of_day(t_s)} (no date)"
 
     def _read(self, paths: list[Path]) -> LoggedPositions:
         counts = SentenceCounts()
@@ -146,7 +146,7 @@ def assemble(
     log = sentences if belongs.all() else sentences[belongs]
     t_s, dated = _times(positions, log, notices, name, stated_s, near_s)
     _note_clock_set(gga, positions, notices, name)
-    undated = InputError("no-date.no-date", name=name, t_s=time_of_day(t_s[0]), t_s_last=time_of_day(t_s[-1]))
+    undated = InputError("no-date.no-date", name=name, t_s=_time_of_day(t_s[0]), t_s_last=_time_of_day(t_s[-1]))
     found = LoggedPositions.in_order(
         _columns(positions, t_s, log) | {"t_s": t_s},
         lambda k: place(int(positions.at[k])),
@@ -305,7 +305,7 @@ def _columns(positions: Sentences, t_s: FloatArray, log: Sentences) -> dict[str,
     return columns
 
 
-def time_of_day(t_s: float) -> str:
+def _time_of_day(t_s: float) -> str:
     """Time of day hh:mm:ss.sss of seconds since any midnight."""
     ms = round(float(t_s) * 1000.0) % (DAY_S * 1000)
     return f"{ms // 3_600_000:02d}:{ms // 60_000 % 60:02d}:{ms // 1000 % 60:02d}.{ms % 1000:03d}"
@@ -323,8 +323,8 @@ def _note_clock_set(gga: Sentences, positions: Sentences, notices: list[Notice],
             Notice(
                 "clock-set-at-first-fix",
                 name=name,
-                tod=time_of_day(tod[last]),
-                tod_2=time_of_day(tod[last + 1]),
+                tod=_time_of_day(tod[last]),
+                tod_2=_time_of_day(tod[last + 1]),
                 tod_3=len(tod) - 1,
             )
         )

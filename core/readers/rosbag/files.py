@@ -61,7 +61,7 @@ class BagFiles:
         for behind, file in enumerate(self._files):
             self._behind = behind
             try:
-                storage = self._open = open_storage(file)
+                storage = self._open = _open_storage(file)
                 count = 0
                 for message in storage.messages(topics):
                     count += 1
@@ -115,12 +115,8 @@ def storage_files(folder: Path) -> list[Path]:
     )
 
 
-def open_storage(path: Path) -> BagStorage:
-    """The file's storage, by its content.
-
-    Raises:
-        InputError: if it is not a storage of a ROS bag.
-    """
+def _open_storage(path: Path) -> BagStorage:
+    """The file's storage, by its content."""
     data = look(path).data
     for magic, storage in ((ROSBAG1_MAGIC, Rosbag1Storage), (MCAP_MAGIC, McapStorage), (SQLITE_MAGIC, Db3Storage)):
         if data.startswith(magic):

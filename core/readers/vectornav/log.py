@@ -72,14 +72,8 @@ _YAW_PITCH_ROLL: Final = (((0, 3), 0), ((4, 1), 0))
 
 
 @dataclass(frozen=True)
-class BinaryLayout:
-    """The content of messages with one header.
-
-    Attributes:
-        header: the bytes from that of the groups to before the fields.
-        size: of a message, with the first byte and the checksum.
-        offset: of each field from the start of a message, by group and bit.
-    """
+class _BinaryLayout:
+    """The content of messages with one header: its bytes, the size of a message, offsets of fields by group and bit."""
 
     header: bytes
     size: int
@@ -95,7 +89,7 @@ class BinaryLayout:
         return self.find(_RATE_FIELDS) is not None and self.find(_FORCE_FIELDS) is not None
 
 
-def layout_at(data: bytes, at: int) -> BinaryLayout | None:
+def _layout_at(data: bytes, at: int) -> _BinaryLayout | None:
     """The layout of a message that begins at an offset; None where the bytes are no header."""
     groups = data[at + 1] if at + 1 < len(data) else 0
     chosen = [group for group in range(len(SIZES)) if groups >> group & 1]
@@ -110,7 +104,7 @@ def layout_at(data: bytes, at: int) -> BinaryLayout | None:
             if fields >> bit & 1:
                 offset[group, bit] = place
                 place += size
-    return BinaryLayout(data[at + 1 : end], place + 2, offset)
+    return _BinaryLayout(data[at + 1 : end], place + 2, offset)
 
 
 @dataclass
@@ -123,7 +117,7 @@ class BinaryMessages:
         counts: their kind is the header.
     """
 
-    layouts: dict[bytes, BinaryLayout] = field(default_factory=dict)
+    layouts: dict[bytes, _BinaryLayout] = field(default_factory=dict)
     found: dict[bytes, bytearray] = field(default_factory=dict)
     counts: MessageCounts[bytes] = field(default_factory=MessageCounts)
 
@@ -133,7 +127,7 @@ class BinaryMessages:
         done = end
         at = data.find(SYNC, 0, end)
         while at >= 0:
-            layout = layout_at(data, at)
+            layout = _layout_at(data, at)
             size = 1
             if layout is not None and at + layout.size <= len(data):
                 if crc_hqx(data[at + 1 : at + layout.size], 0) == 0:

@@ -65,7 +65,7 @@ class SensorTraffic:
 
     def sort(self, datagrams: Datagrams, sender: int) -> NDArray[np.bool_]:
         """Which datagrams are the sensor's data packets; the others are counted."""
-        data, position = kinds_of(datagrams)
+        data, position = _kinds_of(datagrams)
         mine: NDArray[np.bool_] = data & (datagrams.sender == np.uint64(sender))
         for from_, packet in position_packets(datagrams, position):
             if from_ >> 16 != sender >> 16:
@@ -119,7 +119,7 @@ class SensorTraffic:
             "capture": capture.format + resolution,
             "model": model.name if model else None,
             "return_mode": next(iter(modes)) if len(modes) == 1 else modes,
-            "sender": address_of(sender),
+            "sender": _address_of(sender),
             "data_packets": counts.packets,
             "position_packets": self.pps.total(),
             "other_packets": self.other_packets,
@@ -162,7 +162,7 @@ class SensorTraffic:
         return tuple(readings)
 
 
-def kinds_of(datagrams: Datagrams) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _kinds_of(datagrams: Datagrams) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which datagrams are data packets, and which are position packets."""
     data = datagrams.length == PACKET_BYTES
     at = datagrams.offset[data]
@@ -184,7 +184,7 @@ def position_packets(datagrams: Datagrams, which: NDArray[np.bool_]) -> list[tup
     return found
 
 
-def address_of(sender: int) -> str:
+def _address_of(sender: int) -> str:
     """A sender (see `Datagrams.sender`) for messages."""
     host, port = sender >> 16, sender & 0xFFFF
     return f"{IPv4Address(host) if host < 1 << 32 else 'an IPv6 address'} to port {port}"
@@ -278,7 +278,7 @@ def _survey(paths: Sequence[Path]) -> tuple[int, tuple[NDArray[np.uint32], Float
     packets = 0
     skipped: Counter[str] = Counter()
     for datagrams in _blocks(paths, skipped):
-        data, position = kinds_of(datagrams)
+        data, position = _kinds_of(datagrams)
         if packets < _SURVEY_PACKETS:
             raw = datagrams.data[datagrams.offset[data][:, None] + np.arange(1200, 1204)]
             stamps.append(raw.view("<u4")[:, 0])
@@ -317,12 +317,12 @@ def _only_sender(paths: Sequence[Path], senders: NDArray[np.uint64]) -> int:
     least = max(_STRAY_SHARE * counts[order[0]], _STRAY_PACKETS)
     several = [(int(found[i]), int(counts[i])) for i in order if i == order[0] or counts[i] >= least]
     if len(several) > 1:
-        words = "; ".join(f"{address_of(sender)} ({n:,} packets)" for sender, n in several)
+        words = "; ".join(f"{_address_of(sender)} ({n:,} packets)" for sender, n in several)
         raise InputError(
             "two-sensors",
             paths=paths[0],
             several=len(several),
             words=words,
-            value=str(address_of(several[0][0])).split(" ")[0],
+            value=str(_address_of(several[0][0])).split(" ")[0],
         )
     return several[0][0]
