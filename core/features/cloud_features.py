@@ -30,8 +30,7 @@ from furrowmap.core.pointclouds.cleaning import SquareSpool, blocks, classified_
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import CLASSED_SHARE
-from furrowmap.core.readers.las.cloud import Box
-from furrowmap.core.readers.las.cloud import Survey
+from furrowmap.core.readers.las.cloud import Box, Survey
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.progress import Progress, silent

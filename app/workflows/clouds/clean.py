@@ -15,9 +15,8 @@ import numpy as np
 from furrowmap.core.pointclouds.cleaning import clean_points
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import Clouds, no_points_error
-from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.readers.las.cloud import Box, Survey
 from furrowmap.core.readers.las.points import TimeKind
-from furrowmap.core.readers.las.cloud import Survey
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import plain
 from furrowmap.core.runtime.progress import Progress, silent
