@@ -126,7 +126,16 @@ class Partition:
         self._bounds = np.array([np.inf, np.inf, -np.inf, -np.inf])
 
     def _put(self, xyz_m: FloatArray, columns: RowColumns) -> None:
-        arrays = [_points(xyz_m), _boxes(xyz_m)]
+        records = np.empty(len(xyz_m), _WKB)
+        records["order"], records["kind"], records["xyz"] = 1, _POINT_Z, xyz_m
+        offsets = np.arange(len(xyz_m) + 1, dtype=np.int32) * np.int32(_WKB.itemsize)
+        buffers = [None, pa.py_buffer(offsets), pa.py_buffer(records)]
+        # Boxes of half the digits hold the points.
+        near = xyz_m[:, :2].astype(np.float32)
+        low = np.where(near > xyz_m[:, :2], np.nextafter(near, np.float32(-np.inf)), near)
+        high = np.where(near < xyz_m[:, :2], np.nextafter(near, np.float32(np.inf)), near)
+        boxes = pa.StructArray.from_arrays([*low.T, *high.T], fields=list(_GEOMETRY[1].type))
+        arrays = [pa.Array.from_buffers(pa.binary(), len(xyz_m), buffers), boxes]
         arrays += [_column(columns.get(field.name), field.type, len(xyz_m)) for field in list(self.schema)[2:]]
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self.schema), row_group_size=ROW_GROUP)
         name, rows = self.files[-1]
@@ -182,22 +191,6 @@ def _ensembles(value: Any) -> Iterator[dict[str, Any]]:
         yield from value.get("datum_ensemble", {}).get("members", [])
         for inner in value.values():
             yield from _ensembles(inner)
-
-
-def _points(xyz_m: FloatArray) -> pa.Array:
-    """(n, 3) coordinates as WKB."""
-    records = np.empty(len(xyz_m), _WKB)
-    records["order"], records["kind"], records["xyz"] = 1, _POINT_Z, xyz_m
-    offsets = np.arange(len(xyz_m) + 1, dtype=np.int32) * np.int32(_WKB.itemsize)
-    return pa.Array.from_buffers(pa.binary(), len(xyz_m), [None, pa.py_buffer(offsets), pa.py_buffer(records)])
-
-
-def _boxes(xyz_m: FloatArray) -> pa.Array:
-    """Boxes of half the digits, which hold the points."""
-    near = xyz_m[:, :2].astype(np.float32)
-    low = np.where(near > xyz_m[:, :2], np.nextafter(near, np.float32(-np.inf)), near)
-    high = np.where(near < xyz_m[:, :2], np.nextafter(near, np.float32(np.inf)), near)
-    return pa.StructArray.from_arrays([*low.T, *high.T], fields=list(_GEOMETRY[1].type))
 
 
 def _column(values: Any, kind: pa.DataType, rows: int) -> pa.Array:

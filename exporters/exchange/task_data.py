@@ -7,7 +7,6 @@ was, whether it worked, and how wide it is. Version 4 of the standard's files (I
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -180,28 +179,6 @@ def _main(
     )
     origin = "".join(f"\n  {name}: {text}" for name, text in result.origin.metadata.items())
     root.append(ET.Comment(f"{origin.replace('--', '- -')}\n"))
-    _add_device(root, implement)
-    figures = result.report["figures"]
-    parts = [part for part in shapely.get_parts(outline) if isinstance(part, shapely.Polygon)]
-    _add_field(root, result.name, parts)
-    task = ET.SubElement(root, "TSK", A=TASK, B=_name(result.name), E=FIELD_ID, G="4")
-    begin, end = (f"{np.datetime64(round(1000.0 * t), 'ms')}Z" for t in span_s)
-    time = ET.SubElement(task, "TIM", A=begin, B=end, D="4")
-    hours = figures["hours"]
-    for ddi, value in (
-        (TOTAL_AREA, figures["worked_area_ellipsoid_m2"]),
-        (EFFECTIVE_DISTANCE, 1000.0 * figures["worked_length_m"]),
-        (EFFECTIVE_DISTANCE + 1, 1000.0 * max(figures["distance_m"] - figures["worked_length_m"], 0.0)),
-        (EFFECTIVE_TIME, hours["working_s"]),
-        (EFFECTIVE_TIME + 1, hours["turning_s"] + hours["idle_s"]),
-    ):
-        ET.SubElement(time, "DLV", A=f"{ddi:04X}", B=str(round(value)), C=TOOL_ELEMENT)
-    ET.SubElement(task, "TLG", A=LOG, C="1")
-    ET.SubElement(task, "DAN", A=CLIENT_NAME, C=DEVICE)
-    return root
-
-
-def _add_device(root: ET.Element, implement: dict[str, Any]) -> None:
     kind = _name(str(implement.get("kind") or "implement"))
     device = ET.SubElement(
         root, "DVC", A=DEVICE, B=kind, C=version("furrowmap"), D=CLIENT_NAME, F="00000000000001", G="FF000000406E65"
@@ -220,17 +197,31 @@ def _add_device(root: ET.Element, implement: dict[str, Any]) -> None:
     for number, (ddi, trigger, name) in enumerate(described, start=3):
         ET.SubElement(tool, "DOR", A=str(number))
         ET.SubElement(device, "DPD", A=str(number), B=f"{ddi:04X}", C="1", D=trigger, E=name)
-
-
-def _add_field(root: ET.Element, name: str, parts: Sequence[shapely.Polygon]) -> None:
+    figures = result.report["figures"]
+    parts = [part for part in shapely.get_parts(outline) if isinstance(part, shapely.Polygon)]
     area_m2 = sum(abs(WGS84.geometry_area_perimeter(shapely.orient_polygons(part))[0]) for part in parts)
-    field = ET.SubElement(root, "PFD", A=FIELD_ID, C=_name(name), D=str(round(area_m2)))
+    field = ET.SubElement(root, "PFD", A=FIELD_ID, C=_name(result.name), D=str(round(area_m2)))
     for part in parts:
         polygon = ET.SubElement(field, "PLN", A="1")
         for kind, ring in (("1", part.exterior), *(("2", hole) for hole in part.interiors)):
             line = ET.SubElement(polygon, "LSG", A=kind)
             for lon, lat in shapely.get_coordinates(ring)[:-1].tolist():
                 ET.SubElement(line, "PNT", A="2", C=f"{lat:.9f}", D=f"{lon:.9f}")
+    task = ET.SubElement(root, "TSK", A=TASK, B=_name(result.name), E=FIELD_ID, G="4")
+    begin, end = (f"{np.datetime64(round(1000.0 * t), 'ms')}Z" for t in span_s)
+    time = ET.SubElement(task, "TIM", A=begin, B=end, D="4")
+    hours = figures["hours"]
+    for ddi, value in (
+        (TOTAL_AREA, figures["worked_area_ellipsoid_m2"]),
+        (EFFECTIVE_DISTANCE, 1000.0 * figures["worked_length_m"]),
+        (EFFECTIVE_DISTANCE + 1, 1000.0 * max(figures["distance_m"] - figures["worked_length_m"], 0.0)),
+        (EFFECTIVE_TIME, hours["working_s"]),
+        (EFFECTIVE_TIME + 1, hours["turning_s"] + hours["idle_s"]),
+    ):
+        ET.SubElement(time, "DLV", A=f"{ddi:04X}", B=str(round(value)), C=TOOL_ELEMENT)
+    ET.SubElement(task, "TLG", A=LOG, C="1")
+    ET.SubElement(task, "DAN", A=CLIENT_NAME, C=DEVICE)
+    return root
 
 
 def _name(text: str) -> str:

@@ -37,10 +37,17 @@ def write_ground_files(
     A surface is in it if it is in the CRS of the farm map and has the cells of the latest one.
     """
     surface, clouds = (farm_map.with_name(f"{farm_map.stem}_{name}") for name in ("surface.vrt", "clouds.vpc"))
-    return _surface(surface, [folder for folder, _ in results], crs), _clouds(clouds, results, crs)
+    texts = {surface: _surface(surface, [folder for folder, _ in results], crs), clouds: _clouds(clouds, results, crs)}
+    for path, text in texts.items():
+        if text is None:
+            path.unlink(missing_ok=True)
+        else:
+            with atomic_output(path) as unfinished:
+                unfinished.write_text(text, encoding="utf-8")
+    return surface if texts[surface] is not None else None, clouds if texts[clouds] is not None else None
 
 
-def _surface(path: Path, folders: Sequence[Path], crs: CRS) -> Path | None:
+def _surface(path: Path, folders: Sequence[Path], crs: CRS) -> str | None:
     found: list[tuple[SurfaceFile, Grid]] = []
     for folder in folders:
         try:
@@ -51,18 +58,14 @@ def _surface(path: Path, folders: Sequence[Path], crs: CRS) -> Path | None:
             found.append((file, file.grid))
     found = [entry for entry in found if entry[0].cell_m == found[-1][0].cell_m]
     if not found:
-        path.unlink(missing_ok=True)
         return None
     sources = [(file.path, grid, file.nodata) for file, grid in found]
     last, whole = found[-1][0], enclosing([grid for _, grid in found])
     origin = Origin("Surfaces of the farm map's sessions, the latest on top")
-    with atomic_output(path) as unfinished:
-        text = virtual_raster(path.resolve().parent, whole, last.crs, last.bands[:1], sources, origin)
-        unfinished.write_text(text, encoding="utf-8")
-    return path
+    return virtual_raster(path.resolve().parent, whole, last.crs, last.bands[:1], sources, origin)
 
 
-def _clouds(path: Path, results: Sequence[tuple[Path, dict[str, Any]]], crs: CRS) -> Path | None:
+def _clouds(path: Path, results: Sequence[tuple[Path, dict[str, Any]]], crs: CRS) -> str | None:
     features = []
     for folder, report in results:
         cloud = folder / CLOUD
@@ -90,12 +93,7 @@ def _clouds(path: Path, results: Sequence[tuple[Path, dict[str, Any]]], crs: CRS
                 "assets": {"data": {"href": f"./{href}" if href else cloud.as_uri(), "roles": ["data"]}},
             }
         )
-    if not features:
-        path.unlink(missing_ok=True)
-        return None
-    with atomic_output(path) as unfinished:
-        unfinished.write_text(json_text({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    return path
+    return json_text({"type": "FeatureCollection", "features": features}) if features else None
 
 
 def report_of(text: str) -> dict[str, Any]:

@@ -102,36 +102,39 @@ def read_result(folder: Path, zone: ZoneInfo | None = None) -> SessionResult:
     """Read the result of a run, without its cloud; `zone` None for that of the run, else of the place."""
     result = open_result(folder)
     with reading_result(folder / FIELD):
-        return _session_result(result, zone)
-
-
-def _session_result(result: ResultFolder, zone: ZoneInfo | None) -> SessionResult:
-    folder, path, session = result.folder, result.folder / FIELD, result.folder / SESSION_FILE
-    names = (name for name in result.layer_names if _LAYER_NAME.fullmatch(name))
-    tool = (result.report["session"].get("implement") or {}).get("name")
-    layers = {name: _layer_of_tool(read_layer(path, name), tool) for name in names}
-    crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
-    name = str(result.report["session"]["name"])
-    recordings = sorted([record["name"], record["sha256"]] for record in result.report["inputs"])
-    digest = hashlib.sha256((folder / REPORT).read_bytes())
-    with path.open("rb") as file:
-        digest.update(hashlib.file_digest(file, "sha256").digest())
-    return session_result(
-        layers,
-        {"session": short_hash([name, recordings]), "recordings": short_hash(recordings), "digest": digest.hexdigest()},
-        name,
-        crs,
-        folder.resolve(),
-        zone or zone_of(result.report, layers[TRAJECTORY].shapes[0], crs),
-        _facts(result),
-        {
-            "furrowmap": str(result.report["furrowmap"]),
-            "report": (folder / REPORT).read_text("utf-8"),
-            "session_toml": session.read_text("utf-8")
-            if session.is_file() and not leads_out(session, folder)
-            else None,
-        },
-    )
+        folder, path, session = result.folder, result.folder / FIELD, result.folder / SESSION_FILE
+        names = (name for name in result.layer_names if _LAYER_NAME.fullmatch(name))
+        tool = (result.report["session"].get("implement") or {}).get("name")
+        layers = {name: read_layer(path, name) for name in names}
+        # The figures are those of the tool that moves the soil.
+        several = {name: layer for name, layer in layers.items() if "tool" in layer.columns}
+        layers |= {name: _features_of(layer, "tool", tool) for name, layer in several.items()}
+        crs = CRS.from_user_input(pyogrio.read_info(path, layer=TRAJECTORY)["crs"])
+        name = str(result.report["session"]["name"])
+        recordings = sorted([record["name"], record["sha256"]] for record in result.report["inputs"])
+        digest = hashlib.sha256((folder / REPORT).read_bytes())
+        with path.open("rb") as file:
+            digest.update(hashlib.file_digest(file, "sha256").digest())
+        return session_result(
+            layers,
+            {
+                "session": short_hash([name, recordings]),
+                "recordings": short_hash(recordings),
+                "digest": digest.hexdigest(),
+            },
+            name,
+            crs,
+            folder.resolve(),
+            zone or zone_of(result.report, layers[TRAJECTORY].shapes[0], crs),
+            _facts(result),
+            {
+                "furrowmap": str(result.report["furrowmap"]),
+                "report": (folder / REPORT).read_text("utf-8"),
+                "session_toml": session.read_text("utf-8")
+                if session.is_file() and not leads_out(session, folder)
+                else None,
+            },
+        )
 
 
 def session_result(
@@ -195,15 +198,6 @@ def one_row(values: Mapping[str, Any]) -> Columns:
     """Columns of one row; None becomes NULL."""
     plain = (np.generic, float, int)
     return {name: np.array([value], None if isinstance(value, plain) else object) for name, value in values.items()}
-
-
-def _layer_of_tool(layer: Layer, name: str | None) -> Layer:
-    """The features of one tool, where a layer has those of several: of that which moves the soil, as the figures."""
-    if "tool" not in layer.columns:
-        return layer
-    mine = layer.columns["tool"] == name
-    columns = {key: values[mine] for key, values in layer.columns.items() if key != "tool"}
-    return replace(layer, shapes=layer.shapes[mine], columns=columns)
 
 
 def _facts(result: ResultFolder) -> dict[str, Any]:
@@ -285,7 +279,7 @@ def read_tasks(path: Path, zone: ZoneInfo | None = None) -> list[SessionResult]:
         results = []
         for row in range(len(figures.shapes)):
             task = {name: _plain(values, row) for name, values in figures.columns.items()}
-            own = {name: _of_task(layer, str(task["task"])) for name, layer in layers.items()}
+            own = {name: _features_of(layer, "task", str(task["task"]), "field") for name, layer in layers.items()}
             results.append(_task_result(path.resolve(), task, own, crs, digest, zone))
         return results
 
@@ -337,10 +331,10 @@ def _area(layers: Mapping[str, Layer], name: str, otherwise: float) -> float:
     return float(np.sum(layer.columns["area_m2"])) if layer is not None and np.isfinite(otherwise) else otherwise
 
 
-def _of_task(layer: Layer, task: str) -> Layer:
-    """The features of a task, without the columns that name it."""
-    mine = layer.columns["task"] == task
-    columns = {name: values[mine] for name, values in layer.columns.items() if name not in ("task", "field")}
+def _features_of(layer: Layer, column: str, value: str | None, *left_out: str) -> Layer:
+    """The features with a value in a column, without that column and others."""
+    mine = layer.columns[column] == value
+    columns = {name: values[mine] for name, values in layer.columns.items() if name not in (column, *left_out)}
     return replace(layer, shapes=layer.shapes[mine], columns=columns)
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from pyproj import CRS
 
@@ -55,30 +55,19 @@ def surface_file(path: Path) -> SurfaceFile:
             for i, (description, unit) in enumerate(zip(raster.descriptions, raster.units, strict=True), start=1)
         )
         crs = CRS.from_wkt(raster.crs.to_wkt())
-        grid = _anchored(width, raster.bounds, raster.shape)
-        return SurfaceFile(
-            path.resolve(), crs, width, tuple(raster.bounds), grid, bands, raster.nodata, _span(raster.tags())
-        )
+        west, north = raster.bounds.left / width, raster.bounds.top / width
+        anchored = max(abs(west - round(west)), abs(north - round(north))) <= _OFF_CELLS
+        grid = Grid(width, round(west), round(north), raster.shape) if anchored else None
+        span_s = None
+        with suppress(KeyError, ValueError):
+            first, last = (dt.datetime.fromisoformat(raster.tags()[name]) for name in ("TIME_START", "TIME_END"))
+            span_s = first.timestamp(), last.timestamp()
+        return SurfaceFile(path.resolve(), crs, width, tuple(raster.bounds), grid, bands, raster.nodata, span_s)
 
 
 def unusable(path: Path, why: str) -> InputError:
     """The error of a file that a mosaic cannot be made of."""
     return InputError("surface-unusable", path=path, why=why)
-
-
-def _span(tags: Mapping[str, str]) -> tuple[float, float] | None:
-    try:
-        first, last = (dt.datetime.fromisoformat(tags[name]) for name in ("TIME_START", "TIME_END"))
-    except (KeyError, ValueError):
-        return None
-    return first.timestamp(), last.timestamp()
-
-
-def _anchored(cell_m: float, bounds: Any, shape: tuple[int, int]) -> Grid | None:
-    west, north = bounds[0] / cell_m, bounds[3] / cell_m
-    if max(abs(west - round(west)), abs(north - round(north))) > _OFF_CELLS:
-        return None
-    return Grid(cell_m, round(west), round(north), shape)
 
 
 def heights_of(crs: CRS) -> str:

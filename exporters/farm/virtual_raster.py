@@ -23,7 +23,11 @@ def virtual_raster(
     """The text of a virtual raster in `folder`; later sources cover earlier ones, paths on its drive are relative."""
     crs = reported_crs(crs)
     root = ET.Element("VRTDataset", {"rasterXSize": str(grid.columns), "rasterYSize": str(grid.rows)})
-    ET.SubElement(root, "SRS", {"dataAxisToSRSAxisMapping": _axes(crs)}).text = crs.to_wkt()
+    flat = crs.sub_crs_list[0] if crs.is_compound else crs
+    first = flat.axis_info[0].direction if flat.axis_info else "east"
+    # The CRS's axes in the order of easting, northing and, where it has them, heights.
+    axes = ("2,1" if first.lower() == "north" else "1,2") + (",3" if crs.is_compound else "")
+    ET.SubElement(root, "SRS", {"dataAxisToSRSAxisMapping": axes}).text = crs.to_wkt()
     a, b, c, d, e, f = grid.transform
     ET.SubElement(root, "GeoTransform").text = ", ".join(repr(float(number)) for number in (c, a, b, f, d, e))
     metadata = ET.SubElement(root, "Metadata")
@@ -47,10 +51,3 @@ def virtual_raster(
             ET.SubElement(within, "NODATA").text = "nan" if nodata is None else repr(float(nodata))
     ET.indent(root, " ")
     return ET.tostring(root, encoding="unicode") + "\n"
-
-
-def _axes(crs: CRS) -> str:
-    """The CRS's axes in the order of easting, northing and, where it has them, heights."""
-    horizontal = crs.sub_crs_list[0] if crs.is_compound else crs
-    first = horizontal.axis_info[0].direction if horizontal.axis_info else "east"
-    return ("2,1" if first.lower() == "north" else "1,2") + (",3" if crs.is_compound else "")

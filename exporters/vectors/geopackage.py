@@ -71,7 +71,10 @@ def write_field(
         clock = StyleClock(zone, float(poses.t_s[0]), float(poses.t_s[-1])) if zone is not None else None
         fields = {layer.name: tuple(layer.columns) for layer in layers} if path.name == FIELD else None
         write_styles(unfinished, [layer.name for layer in layers], clock, fields=fields, language=language)
-        _pack(unfinished)
+        with closing(sqlite3.connect(unfinished)) as database:
+            database.execute("PRAGMA synchronous=OFF")
+            database.execute(f"PRAGMA page_size={PAGE_BYTES}")  # outlines and empty tables leave less of it unused
+            database.execute("VACUUM")
         _check(unfinished, {layer.name: len(layer.shapes) for layer in layers})
 
 
@@ -94,6 +97,9 @@ def write_layer(
     columns = layer.columns
     times = [name for name, values in columns.items() if values.dtype == "datetime64[ms]"]
     with_height = layer.kind.startswith("2.5D")
+    options = {"DESCRIPTION": layer.description}
+    if layer.kind:
+        options |= {"GEOMETRY_NAME": GEOMETRY, "SPATIAL_INDEX": "YES" if indexed else "NO"}
     pyogrio.raw.write(
         path,
         shapely.to_wkb(layer.shapes, output_dimension=3 if with_height else 2) if layer.kind else None,
@@ -106,7 +112,7 @@ def write_layer(
         crs=(crs.to_wkt() if isinstance(crs, CRS) else crs) if layer.kind else None,
         append=append,
         gdal_tz_offsets={name: np.full(len(layer.shapes), _UTC_OFFSET, np.int8) for name in times},
-        layer_options={} if append else _options(layer, indexed=indexed),
+        layer_options={} if append else options,
         dataset_metadata=origin.metadata if origin is not None else None,
     )
 
@@ -132,13 +138,6 @@ def _typed(values: NDArray[Any], dtype: str) -> NDArray[Any]:
         missing = np.isnan(values)
         return np.ma.MaskedArray(np.where(missing, 0, values).astype(dtype), missing)
     return values
-
-
-def _options(layer: Layer, *, indexed: bool) -> dict[str, str]:
-    options = {"DESCRIPTION": layer.description}
-    if layer.kind:
-        options |= {"GEOMETRY_NAME": GEOMETRY, "SPATIAL_INDEX": "YES" if indexed else "NO"}
-    return options
 
 
 def write_styles(
@@ -193,14 +192,6 @@ def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False)
         layer_options={} if append else {"FID": "id"},
         gdal_tz_offsets={"update_time": np.full(n, _UTC_OFFSET, np.int8)},
     )
-
-
-def _pack(path: Path) -> None:
-    """Rewrite the file in small pages, of which outlines and empty tables leave less unused."""
-    with closing(sqlite3.connect(path)) as database:
-        database.execute("PRAGMA synchronous=OFF")
-        database.execute(f"PRAGMA page_size={PAGE_BYTES}")
-        database.execute("VACUUM")
 
 
 def _check(path: Path, counts: Mapping[str, int]) -> None:

@@ -201,13 +201,12 @@ def _line(line: str, language: str) -> str:
 
 def _expression(expression: str, language: str) -> str:
     """An expression with its texts, and the values of fields that have words, in a language."""
-    text = _QUOTED_TEXT.sub(lambda found: f"'{_known(found[1], language)}'", expression)
-    return _FIELD.sub(lambda found: _worded(found[1], language), text)
 
+    def worded(found: re.Match[str]) -> str:
+        pairs = ", ".join(f"'{value}', '{_known(word, language)}'" for value, word in VALUES[found[1]].items())
+        return f"""coalesce(map_get(map({pairs}), "{found[1]}"), "{found[1]}")"""
 
-def _worded(field: str, language: str) -> str:
-    pairs = ", ".join(f"'{value}', '{_known(word, language)}'" for value, word in VALUES[field].items())
-    return f"""coalesce(map_get(map({pairs}), "{field}"), "{field}")"""
+    return _FIELD.sub(worded, _QUOTED_TEXT.sub(lambda found: f"'{_known(found[1], language)}'", expression))
 
 
 def _known(text: str, language: str) -> str:

@@ -91,13 +91,9 @@ def _fields(works: Sequence[TaskWork]) -> Layer:
         "passes": np.ma.masked_equal(np.array(passes, np.int64), -1),
         **{name: numbers(math.nan if row[name] is None else row[name] for row in rows) for name in TASK_FIGURES},
     }
-    shapes = geometry_array([_outline(work) for work in works])
-    return Layer(FIELDS_LAYER, "MultiPolygon", "The fields, with the figures of their tasks", shapes, columns)
-
-
-def _outline(work: TaskWork) -> shapely.MultiPolygon | None:
-    """The field's boundary; None where unknown."""
-    if work.work.boundary is None:
-        return None
-    polygons = [part for part in shapely.get_parts(work.work.boundary) if isinstance(part, shapely.Polygon)]
-    return shapely.MultiPolygon(polygons) if polygons else None
+    outlines: list[shapely.MultiPolygon | None] = []
+    for work in works:
+        polygons = [part for part in shapely.get_parts(work.work.boundary) if isinstance(part, shapely.Polygon)]
+        outlines.append(shapely.MultiPolygon(polygons) if polygons else None)
+    text = "The fields, with the figures of their tasks"
+    return Layer(FIELDS_LAYER, "MultiPolygon", text, geometry_array(outlines), columns)

@@ -18,7 +18,6 @@ from furrowmap.core.pointclouds.far_points import near_box
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds, cell_for, spool_clouds
 from furrowmap.core.pointclouds.surfaces import CloudTile, GroundMethod, cloud_tiles
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
-from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress, silent
@@ -87,7 +86,12 @@ def canopy(
     opened = open_inputs(clouds, settings)
     file = Path(settings.polygons) if settings.polygons is not None else None
     areas = read_parcels(file, opened.crs) if file is not None else ()
-    box, notices = _box(opened, areas, settings, progress)
+    box, far = settings.box, tuple[Notice, ...]()
+    if box is None and areas:
+        west, south, east, north = shapely.total_bounds([area.gross for area in areas]).tolist()
+        box = (west - GROUND_REACH_M, south - GROUND_REACH_M, east + GROUND_REACH_M, north + GROUND_REACH_M)
+    elif box is None:
+        box, far = near_box(opened, progress)
     records = [*input_records(opened, progress), *(file_records([file], file.parent) if file is not None else [])]
     with staged_folder(folder) as staging:
         pixel_m = settings.pixel_m or min(cell_for(opened, box, settings.classes, progress), MAX_PIXEL_M)
@@ -99,7 +103,7 @@ def canopy(
             stands = _write_products(staging, opened, spooled, areas, settings, method, records, progress)
         if file is not None and not any(stand.returns for stand in stands):
             raise elsewhere_error(file, opened.points, box or (0.0, 0.0, 0.0, 0.0))
-        for notice in (notices := [*opened.notices, *notices, *spooled.notices]):
+        for notice in (notices := [*opened.notices, *far, *spooled.notices]):
             warn(notice)
         content = {
             "polygons_file": records[-1] if file is not None else None,
@@ -114,19 +118,6 @@ def canopy(
             "figures": _figures(stands),
         }
         return write_account(staging, CANOPY_REPORT, opened, records, content, notices)
-
-
-def _box(
-    clouds: Clouds, areas: Sequence[Parcel], settings: CanopySettings, progress: Progress
-) -> tuple[Box | None, list[Notice]]:
-    """The box of the points to use: as stated, around the polygons, or without stray points."""
-    if settings.box is not None:
-        return settings.box, []
-    if areas:
-        west, south, east, north = shapely.total_bounds([area.gross for area in areas]).tolist()
-        return (west - GROUND_REACH_M, south - GROUND_REACH_M, east + GROUND_REACH_M, north + GROUND_REACH_M), []
-    box, far = near_box(clouds, progress)
-    return box, list(far)
 
 
 def _write_products(

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pyproj import CRS
 
 from furrowmap.core.crops.growth import GrownParcel, align_flights, measure_growth
 from furrowmap.core.crops.parcel_points import ParcelPoints
@@ -23,7 +22,7 @@ from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.exporters.files.file_records import FileRecord, file_records
+from furrowmap.exporters.files.file_records import file_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
     GROWTH,
@@ -88,7 +87,13 @@ def growth(
         cells, changes = align_flights(days, flights)
         grown = measure_growth(days, flights, cells, changes, progress)
         records = [*input_records(opened, progress), *file_records([file], file.parent)]
-        layer = _write(staging, grown, days, opened.crs, records)
+        origin = Origin("Crop growth", inputs=[(record.name, record.sha256) for record in records])
+        layer = growth_layer(grown, days)
+        write_layer(staging / GROWTH, layer, opened.crs, indexed=False, origin=origin)
+        write_styles(staging / GROWTH, [GROWTH_LAYER])
+        write_parcel_table(staging / GROWTH_TABLE, layer)
+        if find_spec("openpyxl") is not None:
+            write_workbook(staging / GROWTH_WORKBOOK, {"growth": _rows(layer)})
         for notice in (notices := [*notices, *_unmeasured_notices(grown)]):
             warn(notice)
         alignments = [None, *(change.plain() for change in changes)]
@@ -103,20 +108,6 @@ def growth(
             "parcels": _rows(layer),
         }
         return write_account(staging, GROWTH_REPORT, opened, records, content, notices)
-
-
-def _write(
-    folder: Path, grown: Sequence[GrownParcel], days: Sequence[dt.date], crs: CRS, records: Sequence[FileRecord]
-) -> Layer:
-    """Write layer, table and spreadsheet; the layer."""
-    origin = Origin("Crop growth", inputs=[(record.name, record.sha256) for record in records])
-    layer = growth_layer(grown, days)
-    write_layer(folder / GROWTH, layer, crs, indexed=False, origin=origin)
-    write_styles(folder / GROWTH, [GROWTH_LAYER])
-    write_parcel_table(folder / GROWTH_TABLE, layer)
-    if find_spec("openpyxl") is not None:
-        write_workbook(folder / GROWTH_WORKBOOK, {"growth": _rows(layer)})
-    return layer
 
 
 def _clouds_by_day(clouds: Clouds, parcels: Sequence[Parcel], stated: Sequence[str] | None) -> dict[dt.date, Clouds]:

@@ -14,7 +14,6 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.crops.growth import Growth, growth_of
-from furrowmap.core.crops.logistic import Logistic
 from furrowmap.core.crops.response import (
     Response,
     Variance,
@@ -92,7 +91,12 @@ def response(
         _flight(Path(path), day, Path(treatments) if treatments is not None else None, settings, notices)
         for path, day in zip(tables, days, strict=True)
     ]
-    growth = _growth(flights) if len(flights) > 1 else ()
+    growth: tuple[Growth, ...] = ()
+    if len(flights) > 1:
+        known = [([each.id for each in flight.parcels], flight.table) for flight in flights]
+        heights = [dict(zip(ids, table.value.tolist(), strict=True)) for ids, table in known]
+        sigmas = [dict(zip(ids, table.sigma.tolist(), strict=True)) for ids, table in known]
+        growth = growth_of([flight.day for flight in flights if flight.day is not None], heights, sigmas)
     rows = _rows(flights, measure, growth)
     last = flights[-1]
     charts = _charts(last, measure, dose_name(last.parcels, settings.dose), growth)
@@ -171,32 +175,23 @@ def _labels(parcels: Sequence[Parcel], dose: FloatArray | None) -> list[str | No
     return [f"{value:g}" if math.isfinite(value) else None for value in dose]
 
 
-def _growth(flights: Sequence[_Flight]) -> tuple[Growth, ...]:
-    ids = [[each.id for each in flight.parcels] for flight in flights]
-    heights = [dict(zip(names, f.table.value.tolist(), strict=True)) for names, f in zip(ids, flights, strict=True)]
-    sigmas = [dict(zip(names, f.table.sigma.tolist(), strict=True)) for names, f in zip(ids, flights, strict=True)]
-    return growth_of([flight.day for flight in flights if flight.day is not None], heights, sigmas)
-
-
 def _account(flight: _Flight) -> dict[str, Any]:
     found = flight.response
-    curve = found.curve if found is not None else None
+    curve: dict[str, Any] | None = None
+    if found is not None and found.curve is not None:
+        values = asdict(found.curve)
+        band = {name: values.pop(name) for name in ("dose", "fitted", "band_low", "band_high")}
+        offsets = dict(zip(found.blocks, values.pop("offsets").tolist(), strict=True))
+        curve = {**values, "block_offsets": offsets, "band": band}
     return {
         "day": flight.day.isoformat() if flight.day is not None else None,
         "parcels": len(flight.parcels),
         "words": found.words if found is not None else "The parcels have no doses.",
         "p_no_response": found.p if found is not None else None,
         "plateau_shown": found is not None and found.plateau_shown,
-        "curve": _curve(curve, found.blocks) if curve is not None and found is not None else None,
+        "curve": curve,
         "variance": asdict(flight.variance) if flight.variance is not None else None,
     }
-
-
-def _curve(curve: Logistic, blocks: Sequence[str]) -> dict[str, Any]:
-    values = asdict(curve)
-    band = {name: values.pop(name) for name in ("dose", "fitted", "band_low", "band_high")}
-    offsets = dict(zip(blocks, values.pop("offsets").tolist(), strict=True))
-    return {**values, "block_offsets": offsets, "band": band}
 
 
 def _rows(flights: Sequence[_Flight], measure: str, growth: Sequence[Growth]) -> list[dict[str, Any]]:

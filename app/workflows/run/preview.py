@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from importlib.resources import files
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,7 +26,7 @@ from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.exporters.files.file_records import files_in
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, style_of
+from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, packaged_style, style_of
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, cog_output, surface_arrays, with_heights
 from furrowmap.exporters.reports.run_report import run_origin
@@ -93,10 +92,13 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
         some = slice(None, None, max(1, math.ceil(len(knots) / MAX_PREVIEW_KNOTS)))
         track = ScanPoses(**{name: values[some] for name, values in vars(knots).items()})
         write_field(staging / PREVIEW_TRACK, track, frame.wkt, words=frame.words, origin=origin)
+        read = [one for path in found.inputs for one in (files_in(path) if path.is_dir() else [path])]
+        root = file.resolve().parent
         account = {
             "preview": True,
             "session": msgspec.to_builtins(found.session),
-            "inputs": _sizes(found.inputs, file.resolve().parent),
+            # as `report.json` lists them, but for the digests, which take longer than all else here
+            "inputs": [{"name": one.relative_to(root).as_posix(), "bytes": one.stat().st_size} for one in read],
             "figures": figures,
             "positions": found.located.positions,
             "warnings": [{"code": notice.code, "text": notice.text} for notice in found.notices],
@@ -105,12 +107,6 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
         }
         (staging / PREVIEW_REPORT).write_text(json_text(account), encoding="utf-8")
     return account
-
-
-def _sizes(paths: Sequence[Path], root: Path) -> list[dict[str, Any]]:
-    """The files as `report.json` lists them, but for the digests, which take longer than all else here."""
-    read = [file for path in paths for file in (files_in(path) if path.is_dir() else [path])]
-    return [{"name": path.relative_to(root).as_posix(), "bytes": path.stat().st_size} for path in read]
 
 
 def _write_surface(folder: Path, land: FieldPoints, found: RunResult, origin: Origin) -> dict[str, float]:
@@ -123,6 +119,5 @@ def _write_surface(folder: Path, land: FieldPoints, found: RunResult, origin: Or
         for tile in land.tiles(Passages([]), LOW_RETURNS):
             write(tile.grid, surface_arrays(tile.after))
             seen += int(tile.after.seen.sum())
-    style = files("furrowmap.exporters").joinpath("styles", "dsm.qml").read_text(encoding="utf-8")
-    (folder / style_of(PREVIEW_DSM)).write_text(style, encoding="utf-8")
+    (folder / style_of(PREVIEW_DSM)).write_text(packaged_style("dsm.qml"), encoding="utf-8")
     return {"dsm_cell_m": grid.cell_m, "dsm_area_m2": round(seen * grid.cell_area_m2, 1)}

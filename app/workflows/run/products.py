@@ -24,8 +24,7 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
-from furrowmap.core.pointclouds.clouds import box_in, open_clouds
-from furrowmap.core.pointclouds.far_points import near_box
+from furrowmap.core.pointclouds.clouds import open_clouds
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.background import behind, beside
 from furrowmap.core.runtime.errors import Notice, printable
@@ -65,6 +64,7 @@ from furrowmap.exporters.vectors.field_layers import Layer, strip_layers
 from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.exporters.vectors.states_table import write_states
 from furrowmap.workflows.clouds.features import found_layers, sparse_notices
+from furrowmap.workflows.clouds.inputs import box_to_use
 from furrowmap.workflows.crops.parcels import WrittenParcels, parcel_settings, write_parcels
 from furrowmap.workflows.run.colours import SCANS_BEHIND, ColourFigures, RunColours
 
@@ -231,9 +231,7 @@ def write_products(
 def run_features(cloud: Path, stated: FeatureSearch, progress: Progress) -> RunFeatures:
     """Find the features of a run's finished cloud, with its ground and, from images, its colours."""
     clouds = open_clouds([cloud], None, None)
-    box, far = box_in(clouds, None, None), tuple[Notice, ...]()
-    if box is None:
-        box, far = near_box(clouds, progress)
+    box, far = box_to_use(clouds, None, None, progress)
     fitting_m, classified = measure_density(clouds, box, progress)
     ground = stated.ground or ("class" if classified else "smrf")
     cell_m = stated.voxel_m or fitting_m

@@ -76,7 +76,11 @@ def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = 
         RefusedError: if the profile exists.
         UsageError: if the name cannot be that of a file.
     """
-    target = _target(machine)
+    target = Path(machine)
+    if not str(machine).endswith(SUFFIX):
+        if not is_file_name(f"{machine}{SUFFIX}"):
+            raise UsageError("usage.target", machine=str(machine))
+        target = machines_folder() / f"{machine}{SUFFIX}"
     found = machine_of(load_session(Path(session)), target.stem)
     if found == Machine(name=target.stem):
         raise InputError("machine-empty", session=session)
@@ -90,11 +94,3 @@ def write_machine(path: Path, machine: Machine) -> None:
     """Write a profile."""
     with atomic_output(path) as unfinished:
         unfinished.write_text(machine_text(machine), encoding="utf-8")
-
-
-def _target(machine: str | Path) -> Path:
-    if str(machine).endswith(SUFFIX):
-        return Path(machine)
-    if is_file_name(f"{machine}{SUFFIX}"):
-        return machines_folder() / f"{machine}{SUFFIX}"
-    raise UsageError("usage.target", machine=str(machine))

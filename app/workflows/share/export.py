@@ -77,7 +77,9 @@ def export(
     opened = [open_result(folder) for folder in folders]
     progress("exporting", 0.0)
     target = Path(out) if out is not None else _default(folders[0], to)
-    _refuse_existing(target, overwrite=overwrite)
+    if target.exists() and (not target.is_dir() or any(target.iterdir())):
+        refuse_result(target)
+        refuse_existing(target, overwrite=overwrite)
     with reading_result(folders[0]):
         if to == STAC:
             with staged_folder(target) as staging:
@@ -109,14 +111,6 @@ def _default(folder: Path, to: str) -> Path:
         return here.with_name(name + TRAJECTORIES.get(to, ".glb"))
     chosen = FORMATS.get(to)
     return here.with_name(f"{name}{chosen.suffix}" if chosen is not None and chosen.write_all is not None else name)
-
-
-def _refuse_existing(target: Path, *, overwrite: bool) -> None:
-    """Check that the target is new or may be replaced."""
-    if not target.exists() or (target.is_dir() and not any(target.iterdir())):
-        return
-    refuse_result(target)
-    refuse_existing(target, overwrite=overwrite)
 
 
 def refuse_result(target: Path) -> None:

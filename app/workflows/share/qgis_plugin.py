@@ -42,7 +42,7 @@ def find_profiles(name: str | None, data: Path | None = None) -> list[Profile]:
     for release in _RELEASES:
         root = (data or user_data()) / "QGIS" / release / "profiles"
         here = sorted(path for path in root.iterdir() if path.is_dir()) if root.is_dir() else []
-        wanted = name if name is not None else _default_profile(root)
+        wanted = name if name is not None else _ini_value(root / "profiles.ini", "core", "defaultProfile") or "default"
         others += [path.name for path in here]
         found += [Profile(path, path / "QGIS" / f"{release}.ini") for path in here if path.name == wanted]
     if not found:
@@ -55,7 +55,7 @@ def find_profiles(name: str | None, data: Path | None = None) -> list[Profile]:
 def install_plugin(plugins: Path) -> Path:
     """Install the bundled plugin in a plugins folder, replacing an earlier version; the folder of the plugin."""
     target = plugins / PLUGIN
-    if target.is_symlink() or (target.exists() and not _is_plugin(target)):
+    if target.is_symlink() or (target.exists() and _ini_value(target / "metadata.txt", "general", "name") != PLUGIN):
         raise RefusedError("exists.install-plugin", target=target)
     unfinished, old = (plugins / f".{PLUGIN}.{suffix}" for suffix in ("new", "old"))
     plugins.mkdir(parents=True, exist_ok=True)
@@ -97,22 +97,14 @@ def with_setting(text: str, section: str, key: str, value: str) -> str:
     return "\n".join([*lines[:begin], line, *kept, *lines[end:], ""])
 
 
-def _is_plugin(folder: Path) -> bool:
-    metadata = configparser.ConfigParser(interpolation=None, strict=False)
-    try:
-        metadata.read(folder / "metadata.txt", encoding="utf-8")
-    except (configparser.Error, UnicodeDecodeError):
-        return False
-    return metadata.get("general", "name", fallback="") == PLUGIN
-
-
-def _default_profile(root: Path) -> str:
+def _ini_value(path: Path, section: str, key: str) -> str | None:
+    """A value of a settings file; None without one, or in a damaged file."""
     settings = configparser.ConfigParser(interpolation=None, strict=False)
     try:
-        settings.read(root / "profiles.ini", encoding="utf-8")
+        settings.read(path, encoding="utf-8")
     except (configparser.Error, UnicodeDecodeError):
-        return "default"
-    return settings.get("core", "defaultProfile", fallback="default")
+        return None
+    return settings.get(section, key, fallback=None)
 
 
 def user_data() -> Path:

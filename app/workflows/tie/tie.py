@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.metadata import version
 from itertools import product
 from pathlib import Path
@@ -293,7 +294,11 @@ def _write_changes(
 ) -> list[dict[str, Any]]:
     """Write the change from each date to the next one that it is tied to; the figures."""
     rows = []
-    worked_by = [_move_ground(date.worked, mover) for date, mover in zip(work.dates, movers, strict=True)]
+    # Worked ground is moved in place with its surface: two centimetres are a percent of a lane.
+    worked_by: list[BaseGeometry] = [
+        shapely.transform(date.worked, partial(move_places, move=mover.move, middle_m=mover.middle_m))
+        for date, mover in zip(work.dates, movers, strict=True)
+    ]
     for k in range(len(work.dates)):
         a = work.first + k
         later = [j for j in range(k + 1, len(work.dates)) if net.group[work.first + j] == net.group[a]]
@@ -317,12 +322,6 @@ def _write_changes(
             left = interpolate_left_error(found.places_m, work.middle_m, move, covariance, work.ties.get((a, b)))
         rows.append({"date_a": k + 1, "date_b": j + 1, "raster": name, **moved_figures(found, left)})
     return rows
-
-
-def _move_ground(shape: BaseGeometry, mover: Mover) -> BaseGeometry:
-    """Ground that a tool worked, moved in place with the surface: two centimetres are a percent of a lane."""
-    moved: BaseGeometry = shapely.transform(shape, lambda xy: move_places(xy, mover.move, mover.middle_m))
-    return moved
 
 
 def date_rows(dates: Sequence[DatedSurface], net: Network, first: int, tied: Sequence[bool]) -> list[dict[str, Any]]:
