@@ -98,16 +98,17 @@ def memory_layers(known: Sessions, season_start: tuple[int, int]) -> list[Layer]
     """
     fields = _find_fields(known)
     visits = list(_divide_sessions(known, fields, season_start))
+    rows: list[Row] = []
+    for field in fields:
+        dates = [visit["date"] for visit in visits if visit["field"] == field.id]
+        about = {"field": field.id, "name": field.name, "surveyed": field.surveyed, "sessions": len(dates)}
+        days = {"first_date": min(dates, default=None), "last_date": max(dates, default=None)}
+        rows.append({**about, **days, "area_m2": field.outline.area, "ground": field.outline})
     text = "Fields: the boundary that sessions state, or the ground that they worked"
     seasons = "The work of each season in each field; areas are sums over the sessions, ground_m2 counts ground once"
     machines = "Machines, and what each did"
     return [
-        _table(
-            FIELDS_LAYER,
-            text,
-            _FIELDS_COLUMNS,
-            [_field_row(f, [v for v in visits if v["field"] == f.id]) for f in fields],
-        ),
+        _table(FIELDS_LAYER, text, _FIELDS_COLUMNS, rows),
         _table(VISITS, "The work of each session in each field", _VISIT_COLUMNS, visits),
         _table(SEASONS, seasons, _SEASON_COLUMNS, list(_season_rows(fields, visits))),
         _table(MACHINES, machines, _MACHINE_COLUMNS, list(_machine_rows(known.sessions.columns)), kind=""),
@@ -244,20 +245,6 @@ def _mean_depth_m(depth_m: ArrayLike, area_m2: ArrayLike) -> float:
 
 def _machine(columns: Columns, row: int) -> str:
     return str(columns["machine"][row] or columns["implement"][row] or "unnamed")
-
-
-def _field_row(field: _Field, visits: Sequence[Row]) -> Row:
-    dates = [visit["date"] for visit in visits]
-    return {
-        "field": field.id,
-        "name": field.name,
-        "surveyed": field.surveyed,
-        "area_m2": field.outline.area,
-        "sessions": len(visits),
-        "first_date": min(dates, default=None),
-        "last_date": max(dates, default=None),
-        "ground": field.outline,
-    }
 
 
 def _season_rows(fields: Sequence[_Field], visits: Sequence[Row]) -> Iterator[Row]:

@@ -37,16 +37,12 @@ def gnss_layers(evaluations: Mapping[str, Evaluation]) -> list[Layer]:
     )
     text = "Errors of GNSS positions: test minus reference, X towards east, Y towards north, Z up"
     errors = Layer("gnss_errors", "Point", text, geometry_array(shapely.points(places)), columns)
-    return [errors, _tracks(evaluations)]
-
-
-def _tracks(evaluations: Mapping[str, Evaluation]) -> Layer:
-    """A line for each service and, last, one for the reference under the service with the most epochs."""
+    # A line for each service and, last, one for the reference under the service with the most epochs.
     most = max(evaluations.values(), key=lambda one: len(one.matched))
     lines = [_line(one, one.lon_deg, one.lat_deg) for one in evaluations.values()]
     lines.append(_line(most, *_reference(most)))
     known = [one.tables["all"] for one in evaluations.values()]
-    columns: Columns = {
+    columns = {
         "service": texts([*evaluations, "reference"]),
         "file": texts([*(one.test for one in evaluations.values()), most.reference]),
         "is_reference": np.append(np.zeros(len(evaluations), bool), True),
@@ -55,7 +51,7 @@ def _tracks(evaluations: Mapping[str, Evaluation]) -> Layer:
         "rmse_z_m": np.array([*(table["Z"].rmse_m for table in known), np.nan]),
     }
     words = "Tracks of GNSS services and of their reference"
-    return Layer("gnss_tracks", "MultiLineString", words, geometry_array(lines), columns)
+    return [errors, Layer("gnss_tracks", "MultiLineString", words, geometry_array(lines), columns)]
 
 
 def _line(found: Evaluation, lon_deg: FloatArray, lat_deg: FloatArray) -> shapely.MultiLineString:

@@ -111,8 +111,21 @@ def calibrate_mount(
     target = Path(out) if out is not None else source.resolve().with_name("mount.csv")
     if target.exists() and not overwrite:
         raise RefusedError("output-exists", target=target)
-    stated = _camera(Path(camera)) if camera is not None else None
-    images = _images(source, notices)
+    stated = None
+    if camera is not None:
+        table = load_session(Path(camera)).camera
+        if table is None:
+            raise InputError("no-camera", session_file=Path(camera))
+        recorded = table.topic is not None and not table.has_intrinsics
+        stated = open_session(Path(camera)).camera() if recorded else camera_of(table)
+    if source.is_dir():
+        tables = [path for path in sorted(source.glob("*.csv")) if is_image_table(path)]
+        files = [path for path in sorted(source.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES]
+        images = read_image_table(tables[0], source, notices) if tables else exif_images(files, notices)
+    else:
+        images = read_image_table(source, source.resolve().parent, notices)
+    if not len(images):
+        raise InputError("no-images", source=source)
     corners, size = _corners(images, board, progress)
     found = board_poses(corners, board, size, stated)
     turned = mount_attitude(found.rotation, Mounting(rpy_deg=board_rpy_deg).rotation, board_on)
@@ -124,29 +137,6 @@ def calibrate_mount(
     return MountCalibration(
         target, t_s, *turned, found.sigma_deg, found.rms_px, len(images), found.camera, tuple(notices)
     )
-
-
-def _camera(session_file: Path) -> Camera:
-    """The camera that a session states."""
-    table = load_session(session_file).camera
-    if table is None:
-        raise InputError("no-camera", session_file=session_file)
-    if table.topic is not None and not table.has_intrinsics:
-        return open_session(session_file).camera()
-    return camera_of(table)
-
-
-def _images(source: Path, notices: list[Notice]) -> Images:
-    """The frames of a folder or a table."""
-    if source.is_dir():
-        tables = [path for path in sorted(source.glob("*.csv")) if is_image_table(path)]
-        files = [path for path in sorted(source.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES]
-        images = read_image_table(tables[0], source, notices) if tables else exif_images(files, notices)
-    else:
-        images = read_image_table(source, source.resolve().parent, notices)
-    if not len(images):
-        raise InputError("no-images", source=source)
-    return images
 
 
 def _corners(images: Images, board: Board, progress: Progress) -> tuple[list[FloatArray | None], tuple[int, int]]:

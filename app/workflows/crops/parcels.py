@@ -191,7 +191,10 @@ def write_parcels(
     write_parcel_table(folder / PARCEL_TABLE, layer)
     write_parcel_sheet(folder / PARCEL_SHEET, layer)
     unknown = [row.parcel.id for row in found if math.isnan(row.figures.mean_height_m)]
-    notices += [*soil.notices, *([_unmeasured_notice(unknown, len(found))] if unknown else [])]
+    notices += soil.notices
+    if unknown:
+        shown = ", ".join(unknown[:5]) + (" and others" if len(unknown) > 5 else "")
+        notices.append(Notice("parcels-unmeasured", names=len(unknown), total=len(found), shown=shown))
     account = {
         "parameters": {
             "method": settings.method,
@@ -211,11 +214,6 @@ def _assign_treatments(
     if settings.treatments is None:
         return parcels, []
     return with_treatments(parcels, read_treatments(Path(settings.treatments), day_of(settings.day) or day))
-
-
-def _unmeasured_notice(names: Sequence[str], total: int) -> Notice:
-    shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
-    return Notice("parcels-unmeasured", names=len(names), total=total, shown=shown)
 
 
 def expect_soil(path: Path | None, target: CRS, box_m: Box) -> None:
