@@ -49,7 +49,7 @@ ROOMS = {
     "work": ["adjustment", "geodesy", "pointclouds", "readers", "surfaces", "trajectory", "runtime", "values"],
     "checking": ["pointclouds", "readers", "runtime", "values"],
     "crops": ["geodesy", "readers", "surfaces", "runtime", "values"],
-    "dates": ["crops", "estimation", "surfaces"],
+    "dates": ["crops", "estimation", "runtime"],
     "features": ["pointclouds", "readers", "surfaces", "runtime", "values"],
     "simulator": [],
 }

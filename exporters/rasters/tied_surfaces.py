@@ -13,9 +13,9 @@ from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.dates.ground_pair import GroundPair
-from furrowmap.core.dates.moved_surface import move_surface, reach_cells
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.moved_surface import move_surface, reach_cells
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import CHANGE_BANDS, HEIGHT_BAND, STANDARD_ERROR_BAND, cog_output
 from furrowmap.exporters.rasters.dated_surface import ERROR_INDEX, SPREAD_INDEX, OpenSurface, cells_inside

@@ -17,7 +17,6 @@ import shapely
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
-from furrowmap.core.dates.moved_surface import move_places
 from furrowmap.core.dates.network import MOVE_SIZE, Network, adjust_network, interpolate_left_error
 from furrowmap.core.dates.pair_tie import PLACE_TERMS, PairTie, tie_pair
 from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights
@@ -27,6 +26,7 @@ from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, Usag
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user
+from furrowmap.core.surfaces.moved_surface import move_places
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.scan import PointClass
 from furrowmap.core.work.field_surfaces import BESIDE_M

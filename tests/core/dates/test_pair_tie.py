@@ -9,10 +9,10 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from furrowmap.core.crops.soil import HeightCovariance, SoilCells
 from furrowmap.core.dates.ground_pair import GroundPair
-from furrowmap.core.dates.moved_surface import move_surface
 from furrowmap.core.dates.network import adjust_network, interpolate_left_error
 from furrowmap.core.dates.pair_tie import LEVEL_TERMS, PLACE_TERMS, PairTie, tie_pair, tie_points
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.moved_surface import move_surface
 
 CELL_M, SIDE = 0.05, 240
 MIDDLE_M = np.array([0.5 * CELL_M * SIDE, 0.5 * CELL_M * SIDE])
