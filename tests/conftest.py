@@ -32,12 +32,19 @@ SHARED_DATA = CHECKOUT.parent / "shared" / "data"
 
 SLOW_FIXTURES = {"browser", "page_scripts", "qgis", "result", "run_once", "shared_data", "simulated", "web_reader"}
 """What takes a QGIS, a browser, npm, the sample recordings, or a whole run."""
+SLOW_FOLDERS = ("app", "core/adjustment", "core/simulator", "exporters/farm", "fuzz", "plugin")
+"""Folders of tests that run whole workflows, or take minutes together."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark as slow what uses a slow fixture; `make quick` leaves out what is slow."""
+    """Mark as slow what `make quick` leaves out: slow fixtures, slow folders, and files that run from end to end."""
     for item in items:
-        if SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ())):
+        place = item.path.relative_to(CHECKOUT / "tests")
+        if (
+            SLOW_FIXTURES.intersection(getattr(item, "fixturenames", ()))
+            or any(place.is_relative_to(folder) for folder in SLOW_FOLDERS)
+            or place.stem.endswith(("end_to_end", "tutorial", "two_tools"))
+        ):
             item.add_marker("slow")
 
 

@@ -47,6 +47,7 @@ SETTINGS: dict[str, dict[str, Any]] = {
     "features": {"ground": "auto", "every": 1},
     "solve_gnss": {"static": False, "mask_deg": 15.0},
     "growth": {"net_inset_m": (0.0, 0.0)},
+    "farm_traffic": {"cell_m": 0.1},
     "mosaic": {"mean": False},
     "parcels": {"net_inset_m": (0.0, 0.0), "method": "canopy-top", "soil": "surface", "compare": False},
     "season": {"content": (), "spacing_m": 0.0, "most_rows": 5_000_000},

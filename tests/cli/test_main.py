@@ -104,7 +104,7 @@ def test_anything_raised__becomes_three_lines(
     def fail(_: object) -> None:
         raise raised
 
-    monkeypatch.setattr(Examined, "of", fail)
+    monkeypatch.setattr(Examined, "read", fail)
     assert command_line(["inspect", "x", "--json"]) == status
     output = capsys.readouterr()
     assert json.loads(output.out)["error"]["code"] == code
@@ -118,7 +118,7 @@ def test_debug__shows_the_traceback_before_the_three_lines(
     def fail(_: object) -> None:
         raise RuntimeError
 
-    monkeypatch.setattr(Examined, "of", fail)
+    monkeypatch.setattr(Examined, "read", fail)
     assert command_line(["inspect", "x", "--debug"]) == 1
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "Traceback (most recent call last):"

@@ -82,7 +82,7 @@ def test_words__are_those_of_the_plugin() -> None:
 def test_classes__have_the_colours_of_the_plugin() -> None:
     source = ast.parse((CHECKOUT / "plugin" / "styles.py").read_text(encoding="utf-8"))
     assigned = [node for node in source.body if isinstance(node, ast.Assign)]
-    (listed,) = [node.value for node in assigned if getattr(node.targets[0], "id", "") == "CLASSES"]
+    (listed,) = [node.value for node in assigned if getattr(node.targets[0], "id", "") == "POINT_CLASSES"]
     assert isinstance(listed, ast.Tuple)
     theirs = []
     for row in listed.elts:
