@@ -186,8 +186,8 @@ def find_corners(image: NDArray[np.uint8], board: Board) -> FloatArray | None:
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
     refined = cv2.cornerSubPix(grey, grid.reshape(-1, 1, 2), (half, half), (-1, -1), criteria)
     out: FloatArray = np.asarray(refined, np.float64).reshape(-1, 2)
-    grid = out.reshape(board.rows, board.columns, 2)
-    squares = [grid[:2, k : k + 2].reshape(4, 2).mean(axis=0) for k in (0, 1)]
+    places = out.reshape(board.rows, board.columns, 2)
+    squares = [places[:2, k : k + 2].reshape(4, 2).mean(axis=0) for k in (0, 1)]
     first, second = (float(grey[round(at[1]), round(at[0])]) for at in squares)
     # The square inside the first corner is the black one.
     return out[::-1].copy() if (board.columns + board.rows) % 2 and first > second else out
