@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 from scipy.linalg import cho_solve
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from furrowmap.core.crops.canopy import CROP_PIXEL_M
 from furrowmap.core.crops.measure import measure_parcels
@@ -170,7 +170,7 @@ def soil_change(before: SoilCells, after: SoilCells, parcels: Sequence[Parcel]) 
     trend, covariance, _ = least_squares(some, departure, plane_design(some.xy_m, middle))
     slopes = trend[1:]
     wald = float(slopes @ np.linalg.solve(covariance[1:, 1:], slopes))
-    tilted = wald > chi2.isf(TILT_P, 2)
+    tilted = wald > chdtri(2, TILT_P)
     if not tilted:
         offset, variance, _ = least_squares(some, departure, np.ones((len(some), 1)))
         trend, covariance = np.array([offset[0], 0.0, 0.0]), np.diag([variance[0, 0], 0.0, 0.0])
