@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections import ChainMap
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal, get_args
 
@@ -37,12 +38,13 @@ class Settings:
     scratch_folder: Path | None = None
 
 
-_in_force = Settings()
+_changes: list[dict[str, Any]] = []
+"""What each `using` in force states, the innermost last."""
 
 
 def settings() -> Settings:
     """The settings in force."""
-    return _in_force
+    return Settings(**ChainMap(*reversed(_changes)))
 
 
 @contextmanager
@@ -54,19 +56,14 @@ def using(
     scratch_folder: Path | None = None,
 ) -> Iterator[None]:
     """Within it, settings are as stated; None changes nothing. Threads started within see them as well."""
-    global _in_force
-    before = _in_force
-    changes: dict[str, Any] = {
-        "threads": threads,
-        "allowed": allowed,
-        "language": language,
-        "scratch_folder": scratch_folder,
-    }
-    _in_force = replace(before, **{name: value for name, value in changes.items() if value is not None})
+    stated = {"threads": threads, "allowed": allowed, "language": language, "scratch_folder": scratch_folder}
+    change = {name: value for name, value in stated.items() if value is not None}
+    _changes.append(change)
     try:
         yield
     finally:
-        _in_force = before
+        # Several threads may end in any order: each takes back its own change.
+        _changes[:] = [other for other in _changes if other is not change]
 
 
 def using_threads(count: int | None, *, by_default: bool = False) -> AbstractContextManager[None]:
@@ -78,7 +75,7 @@ def using_threads(count: int | None, *, by_default: bool = False) -> AbstractCon
         count: at least 1; None changes nothing.
         by_default: a count that is in force already wins, so that an option of the command line wins over a session.
     """
-    return using(threads=None if by_default and _in_force.threads is not None else count)
+    return using(threads=None if by_default and settings().threads is not None else count)
 
 
 def allowing(*what: Allowance) -> AbstractContextManager[None]:
@@ -86,7 +83,7 @@ def allowing(*what: Allowance) -> AbstractContextManager[None]:
 
     The setting is the process's: threads started within see it as well.
     """
-    return using(allowed=_in_force.allowed | {*what})
+    return using(allowed=settings().allowed | {*what})
 
 
 def threads() -> int:
@@ -98,8 +95,9 @@ def threads() -> int:
     Raises:
         UsageError: if the environment variable is not an integer of at least 1.
     """
-    if _in_force.threads is not None:
-        return _in_force.threads
+    count = settings().threads
+    if count is not None:
+        return count
     stated = os.environ.get(THREADS_VARIABLE)
     if not stated:
         return min(available_processors(), MAX_DEFAULT_THREADS)
@@ -124,7 +122,7 @@ def allows(what: Allowance) -> bool:
     stated = {word.strip() for word in os.environ.get(ALLOW_VARIABLE, "").split(",")} - {""}
     if not stated <= set(ALLOWANCES):
         raise UsageError("usage.allows", environ=os.environ[ALLOW_VARIABLE], all=" or ".join(ALLOWANCES))
-    return what in stated | _in_force.allowed
+    return what in stated | settings().allowed
 
 
 def language_of_user(stated: str | None = None) -> str:
@@ -133,7 +131,7 @@ def language_of_user(stated: str | None = None) -> str:
     Raises:
         UsageError: if the environment names one that there is not.
     """
-    language = _in_force.language or stated or os.environ.get(LANGUAGE_VARIABLE) or ENGLISH
+    language = settings().language or stated or os.environ.get(LANGUAGE_VARIABLE) or ENGLISH
     if language not in LANGUAGES:
         raise UsageError("usage.language-of-user", language=language, languages=", ".join(LANGUAGES))
     return language

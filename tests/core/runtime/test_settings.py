@@ -1,4 +1,4 @@
-"""One setting for the number of threads."""
+"""Settings of the process."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -13,7 +14,15 @@ from hypothesis import strategies as st
 
 from furrowmap.core.runtime.background import in_threads, in_turn
 from furrowmap.core.runtime.errors import UsageError
-from furrowmap.core.runtime.settings import THREADS_VARIABLE, available_processors, threads, using_threads
+from furrowmap.core.runtime.settings import (
+    THREADS_VARIABLE,
+    Settings,
+    available_processors,
+    settings,
+    threads,
+    using,
+    using_threads,
+)
 
 
 def test_threads__innermost_count_wins_then_the_environment_then_the_processors(
@@ -32,6 +41,22 @@ def test_threads__innermost_count_wins_then_the_environment_then_the_processors(
     with using_threads(6, by_default=True):
         assert threads() == 6
     assert threads() == 3
+
+
+@given(order=st.permutations(range(4)))
+def test_using__ends_in_any_order_and_leaves_nothing_behind(order: list[int]) -> None:
+    """Runs in several threads of a program end as they like; folders of those that ended are gone."""
+    before = settings()
+    folders = [Path(f"run_{k}") for k in range(4)]
+    entered = [using(scratch_folder=folder) for folder in folders]
+    for one in entered:
+        one.__enter__()
+    left = set(range(4))
+    for k in order:
+        entered[k].__exit__(None, None, None)
+        left -= {k}
+        assert settings().scratch_folder == (folders[max(left)] if left else before.scratch_folder)
+    assert settings() == before == Settings()
 
 
 def test_processors__are_those_of_the_process_where_the_system_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
