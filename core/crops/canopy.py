@@ -66,7 +66,7 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
         noise_m: standard deviation of heights of returns from one place.
     """
     column, row = xy_m[:, 0] / grid.cell_m - grid.west, grid.north - xy_m[:, 1] / grid.cell_m
-    first = np.random.default_rng(len(xy_m)).random(len(xy_m)) < 0.5
+    first = _drawn(xy_m, 0) < 0.5
     returns, *parts = pixel_halves(column, row, height_m, first, grid)
     whole = _estimate_top(returns, grid, net, noise_m)
     bare_m = BARE_SIGMAS * noise_m
@@ -76,10 +76,10 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
     inside = (i >= 0) & (j >= 0) & (i < whole.grid.shape[0]) & (j < whole.grid.shape[1])
     i, j, low = i[inside], j[inside], low[inside]
     soil[low] = whole.net[i, j] & (whole.returns.highest_m[i, j] > bare_m)
-    for _ in range(SOIL_ROUNDS if soil.sum() > MIN_SOIL_SHARE * len(soil) else 0):
+    chance = -np.log1p(-_drawn(xy_m[soil], 1))
+    for _ in range(SOIL_ROUNDS if len(chance) > MIN_SOIL_SHARE * returns.count[net].sum() else 0):
         if whole.penetration is None:
             break
-        chance = np.random.default_rng(len(soil)).standard_exponential(int(soil.sum()))
         height_m = _extend_below(whole, height_m, soil, bare_m, chance)
         returns, *parts = pixel_halves(column, row, height_m, first, grid)
         whole = _estimate_top(returns, grid, net, noise_m)
@@ -93,6 +93,22 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
     crop = net & (whole.top_m > bare_m)
     top = whole.top_m + np.where(crop, extrapolated * net.sum() / max(int(crop.sum()), 1), 0.0)
     return replace(whole, top_m=np.where(net, np.maximum(top, 0.0), np.nan), extrapolated_m=extrapolated)
+
+
+def _drawn(xy_m: FloatArray, draw: int) -> FloatArray:
+    """Numbers (n,) from 0 to 1 drawn by the places (n, 2) of returns, so that other returns do not change them.
+
+    Each is a hash of both coordinates: the generator SplitMix64 of G. L. Steele, D. Lea, C. H. Flood (2014), Fast
+    splittable pseudorandom number generators, OOPSLA, 453-472. Another `draw` gives independent numbers.
+    """
+    mixed = np.full(len(xy_m), draw, np.uint64)
+    for bits in np.ascontiguousarray(xy_m.T, np.float64).view(np.uint64):
+        mixed = (mixed ^ bits) + np.uint64(0x9E3779B97F4A7C15)
+        for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
+            mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
+        mixed ^= mixed >> np.uint64(31)
+    out: FloatArray = (mixed >> np.uint64(11)) * 2.0**-53
+    return out
 
 
 def _extend_below(

@@ -127,12 +127,22 @@ def test_parcels__raster_has_the_mean_of_the_table(crops: tuple[Path, dict[str, 
     assert np.nansum(heights) * 0.0016 == pytest.approx(sum(row["volume_m3"] for row in known), rel=0.04)
 
 
-def test_parcels__command_says_the_same(trial: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_parcels__command_without_compare_gives_the_very_same_heights(
+    trial: Path, crops: tuple[Path, dict[str, object]], capsys: pytest.CaptureFixture[str]
+) -> None:
     words = ("parcels", trial / "flight.laz", trial / "parcels.gpkg", "-o", trial / "again", "--net-inset", "0.5,0.1")
     assert command_line([str(word) for word in words]) == 0
     out = capsys.readouterr().out
     assert "mean_height_m" in out
     assert "parcels.csv" in out
+    with (
+        rasterio.open(trial / "again" / "crop_height.tif") as again,
+        rasterio.open(crops[0] / "crop_height.tif") as one,
+    ):
+        assert again.read().tobytes() == one.read().tobytes()
+    tables = [(folder / "parcels.csv").read_text("utf-8").splitlines() for folder in (trial / "again", crops[0])]
+    for row, compared in zip(*map(csv.DictReader, tables), strict=True):
+        assert row == {name: value for name, value in compared.items() if not name.startswith("published")}
     assert command_line([str(word) for word in words]) == 4
     assert "--overwrite" in capsys.readouterr().err
 

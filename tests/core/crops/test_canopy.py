@@ -47,6 +47,19 @@ def test_canopy_top__of_crop_so_low_that_pulses_reach_the_soil(height_m: float) 
     assert canopy.top_m[canopy.net].mean() == pytest.approx(true.mean(), abs=0.006)
 
 
+def test_canopy_top__does_not_depend_on_returns_outside_nor_on_their_order() -> None:
+    """Of a crop so low that pulses reach the soil, whose depths below it are drawn as well."""
+    rng = np.random.default_rng(4)
+    grid = Grid.of_bounds(0.04, NET.bounds)
+    net = np.ones(grid.shape, bool)
+    xy = rng.uniform((-0.5, -0.5), (4.5, 2.5), (100_000, 2))
+    height = np.maximum(0.18 - 0.08 * rng.weibull(1.3, len(xy)), 0.0) + NOISE_M * rng.standard_normal(len(xy))
+    inside = np.flatnonzero(np.all((xy > -0.1) & (xy < [4.1, 2.1]), axis=1))[::-1]
+    every, some = canopy_top(xy, height, grid, net, NOISE_M), canopy_top(xy[inside], height[inside], grid, net, NOISE_M)
+    assert every.top_m.tobytes() == some.top_m.tobytes()
+    assert every.extrapolated_m == some.extrapolated_m != 0.0
+
+
 def test_parcel_figures__of_a_dense_canopy() -> None:
     canopy, true = flown(20_000)
     figures = parcel_figures("1", canopy, NET.area, 0.003)
