@@ -1,7 +1,7 @@
 # Every target does its own set-up: a virtual environment in .venv, from the versions in constraints.txt.
 PYTHON ?= python3
 VENV := .venv
-BIN := $(VENV)/bin
+BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 INSTALLED := $(VENV)/.installed
 PARTS := core exporters cli
 TESTS ?= tests
@@ -10,7 +10,7 @@ OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_
 SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py benchmarks/dates.py \
   benchmarks/outages.py
 
-# Python keeps what it compiles: tests start it a thousand times, and setup.sh leaves compilation to the first import.
+# Python keeps what it compiles: tests start it a thousand times, and setup.py leaves compilation to the first import.
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
@@ -39,7 +39,7 @@ kills: $(INSTALLED)  ## writers killed at random moments, full disks: make kills
 	KILLS=$(or $(KILLS),200) $(BIN)/python -m pytest -q -s $(if $(ONLY),-k $(ONLY)) tests/app/test_killed.py $(OTHER_KILLS)
 
 test-lowest: build/lowest.txt  ## the quick tests with the lowest versions that pyproject.toml allows
-	PYTHON=$(PYTHON) scripts/setup.sh build/venv-lowest test $<
+	$(PYTHON) scripts/setup.py build/venv-lowest test $<
 	NUMBA_CACHE_DIR=$(CURDIR)/build/kernels-lowest build/venv-lowest/bin/python -m pytest -n 2 --dist loadfile -m "not slow"
 
 build/lowest.txt: pyproject.toml scripts/lowest.py
@@ -47,18 +47,17 @@ build/lowest.txt: pyproject.toml scripts/lowest.py
 	$(PYTHON) scripts/lowest.py > $@
 
 test-python:  ## the tests with another Python: make test-python PYTHON=python3.13 TESTS=tests
-	PYTHON=$(PYTHON) scripts/setup.sh build/venv-$(notdir $(PYTHON)) test
+	$(PYTHON) scripts/setup.py build/venv-$(notdir $(PYTHON)) test
 	build/venv-$(notdir $(PYTHON))/bin/python -m pytest -n 2 --dist loadfile $(TESTS)
 
 setup: $(INSTALLED)  ## only the virtual environment
 
-$(INSTALLED): pyproject.toml constraints.txt scripts/setup.sh
-	PYTHON=$(PYTHON) scripts/setup.sh $(VENV)
-	@scripts/web_bundle.sh || echo "The page of furrowmap share is not built; everything else works. To build it later: make web"
+$(INSTALLED): pyproject.toml constraints.txt scripts/setup.py
+	$(PYTHON) scripts/setup.py $(VENV)
 	@touch $@
 
 web:  ## the scripts of the page of furrowmap share, with npm; setup builds them, too, where npm is installed
-	scripts/web_bundle.sh --install
+	$(PYTHON) scripts/web_bundle.py --install
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check
@@ -67,13 +66,8 @@ lint: $(INSTALLED)
 typecheck: $(INSTALLED) layout
 	$(BIN)/mypy -p furrowmap
 
-# The folders under their import names, as an installation has them, for what reads the source without importing it.
-# Links that are right stay: others may be reading by them.
 layout:
-	@mkdir -p build/typing/furrowmap
-	@find build/typing/furrowmap -xtype l -delete
-	@for part in $(PARTS) plugin $(filter-out app/__pycache__,$(wildcard app/*)); do \
-	  link=build/typing/furrowmap/$${part##*/}; [ -L $$link ] || ln -s ../../../$$part $$link; done
+	@$(PYTHON) scripts/layout.py
 
 docs: $(INSTALLED) layout  ## the documentation as a site, in build/site
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --site-dir build/site

@@ -105,5 +105,6 @@ def loaded(browser: Browser, folder: Path, size: tuple[int, int]) -> tuple[list[
 
 
 if __name__ == "__main__":
-    subprocess.run([Path(__file__).parents[1] / "scripts" / "chromium.sh"], check=True, stdout=subprocess.DEVNULL)
+    tools = Path(__file__).parents[1] / "scripts" / "tools_of_tests.py"
+    subprocess.run([sys.executable, tools, "chromium"], check=True, stdout=subprocess.DEVNULL)
     main()

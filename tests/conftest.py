@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +27,9 @@ keep_kernels()  # where the command keeps them: compiled once for both
 keep_blas_single()  # as the command does: threads of BLAS take fifteen times the processor for small matrices
 pytest_plugins = ["tests.codes_met"]
 CHECKOUT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(CHECKOUT / "scripts"))
+from installing import locked  # noqa: E402
+
 SHARED_DATA = CHECKOUT.parent / "shared" / "data"
 
 
@@ -65,8 +68,7 @@ def run_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str, Callabl
 
     def result(name: str, session_in: Callable[[Path], Path]) -> furrowmap.Result:
         out = folder / name / "out"
-        with (folder / f"{name}.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        with locked(folder / f"{name}.lock"):
             return furrowmap.open_result(out) if out.is_dir() else furrowmap.run(session_in(folder / name / "in"), out)
 
     return result
@@ -99,28 +101,30 @@ class QgisRoot:
         return layers
 
 
-def _installed(script: str, what: str, *arguments: str) -> str:
+def installed(what: str, script: str, *arguments: str) -> str:
     """What a script of the project prints. Where it cannot install `what`, CI fails and everybody else skips."""
-    done = subprocess.run([CHECKOUT / "scripts" / script, *arguments], capture_output=True, text=True, check=False)
-    if done.returncode != 0:
-        reason = f"no {what} to test with: {done.stderr.strip().splitlines()[-1]}"
-        if os.environ.get("CI") == "true":
-            pytest.fail(reason)
-        pytest.skip(reason)
+    path = CHECKOUT / "scripts" / script
+    command = [sys.executable, path] if path.suffix == ".py" else ["bash", path]
+    try:
+        done = subprocess.run([*command, *arguments], capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        said = [str(error), *(getattr(error, "stderr", None) or "").strip().splitlines()]
+        reason = f"no {what} to test with: {said[-1]}"
+        pytest.fail(reason) if os.environ.get("CI") == "true" else pytest.skip(reason)
     return done.stdout.strip()
 
 
 @pytest.fixture(scope="session")
 def qgis() -> QgisRoot:
     """QGIS 3.40, built where it is missing."""
-    _installed("qgis_root.sh", "QGIS")
+    installed("QGIS", "qgis_root.sh")
     return QgisRoot()
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
     """Debian's Chromium."""
-    path = _installed("chromium.sh", "browser")
+    path = installed("browser", "tools_of_tests.py", "chromium")
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -135,13 +139,13 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="session")
 def page_scripts() -> None:
     """The scripts of the page of a shared result, built where they are missing."""
-    _installed("web_bundle.sh", "scripts of the page", "--install")
+    installed("scripts of the page", "web_bundle.py", "--install")
 
 
 @pytest.fixture(scope="session")
 def web_reader() -> Callable[[str, Path], Any]:
     """What a reader of the web finds in a file of a format (tests/node/read.mjs)."""
-    folder = _installed("node_readers.sh", "readers of the web")
+    folder = installed("readers of the web", "tools_of_tests.py", "node-readers")
 
     def read(file_format: str, path: Path) -> Any:
         command = ["node", f"{folder}/read.mjs", file_format, str(path)]

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import ast
 import configparser
-import os
 import re
 import runpy
-import shutil
 import subprocess
 import sys
-import tarfile
 import tomllib
-import zipfile
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from importlib import import_module
@@ -381,100 +377,6 @@ def test_functions__take_few_parameters() -> None:
         if not decorators & OPTIONS and sum(arg.arg not in {"self", "cls"} for arg in given) > 10:
             wide.add(name)
     assert wide == set(), "no function with more than 10 parameters but kernels and click's callbacks"
-
-
-@pytest.fixture(scope="module")
-def copied(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the repository's files, in a folder with another name than the checkout's."""
-    folder = tmp_path_factory.mktemp("copied") / "some checkout"
-    for path in repository_files():
-        copy = folder / path.relative_to(CHECKOUT)
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, copy)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def wheel(copied: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel of the repository's files."""
-    folder = tmp_path_factory.mktemp("wheel")
-    build = [
-        sys.executable,
-        "-m",
-        "pip",
-        "wheel",
-        "--quiet",
-        "--no-build-isolation",
-        "--no-deps",
-        "--wheel-dir",
-        folder,
-    ]
-    subprocess.run([*build, copied], check=True)
-    (built,) = folder.glob("*.whl")
-    return built
-
-
-def test_wheel__holds_every_module_and_its_data_and_nothing_else(wheel: Path) -> None:
-    data = {".typed", ".toml", ".qml", ".html", ".css", ".js"}
-    expected = {
-        f"furrowmap/{path.relative_to(CHECKOUT).as_posix()}".replace("furrowmap/app/", "furrowmap/")
-        for path in repository_files()
-        if (path.relative_to(CHECKOUT).parts[0] in PARTS and path.suffix in data | {".py"})
-        or path.relative_to(CHECKOUT).parts[0] == "plugin"
-    }
-    with zipfile.ZipFile(wheel) as archive:
-        names = {name for name in archive.namelist() if ".dist-info/" not in name}
-        licences = [name for name in archive.namelist() if name.endswith("LICENSE") and ".dist-info/" in name]
-    assert names == expected
-    assert "furrowmap/py.typed" in names
-    assert len(licences) == 2  # furrowmap's own, and the plugin's
-
-
-def test_wheel__installs_and_imports_as_furrowmap(wheel: Path, tmp_path: Path) -> None:
-    install = [
-        sys.executable,
-        "-m",
-        "pip",
-        "install",
-        "--quiet",
-        "--no-deps",
-        "--no-compile",
-        "--target",
-        tmp_path,
-        wheel,
-    ]
-    subprocess.run(install, check=True)
-    packages = PROJECT["tool"]["setuptools"]["packages"]
-    code = f"import importlib\nfor name in {packages}: print(importlib.import_module(name).__file__)"
-    run = subprocess.run(
-        [sys.executable, "-c", code],
-        env={"PYTHONPATH": str(tmp_path)},
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    places = [Path(line) for line in run.stdout.splitlines()]
-    assert len(places) == len(packages)
-    assert [place for place in places if not place.is_relative_to(tmp_path)] == []
-
-
-def test_sdist__holds_the_repository_and_its_tests_run(copied: Path, tmp_path: Path) -> None:
-    build = "from setuptools.build_meta import build_sdist; import sys; build_sdist(sys.argv[1])"
-    subprocess.run([sys.executable, "-c", build, tmp_path], cwd=copied, stdout=subprocess.DEVNULL, check=True)
-    (built,) = tmp_path.glob("*.tar.gz")
-    with tarfile.open(built) as archive:
-        archive.extractall(tmp_path, filter="data")
-    (unpacked,) = (path for path in tmp_path.iterdir() if path.is_dir())
-    held = {p.relative_to(unpacked).as_posix() for p in unpacked.rglob("*") if p.is_file()}
-    about = {name for name in held if name in {"PKG-INFO", "setup.cfg"} or name.startswith("furrowmap.egg-info/")}
-    assert held - about == {p.relative_to(CHECKOUT).as_posix() for p in repository_files()}
-    site = tmp_path / "site"
-    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation", "--no-compile"]
-    subprocess.run([*install, "--target", site, unpacked], check=True)
-    look = f"import furrowmap; assert furrowmap.__file__.startswith({str(site)!r})"
-    for command in (["-c", look], ["-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/core/values/test_clock.py"]):
-        subprocess.run([sys.executable, *command], cwd=unpacked, env=os.environ | {"PYTHONPATH": str(site)}, check=True)
 
 
 def test_repository__names_no_machine_and_holds_nothing_large() -> None:

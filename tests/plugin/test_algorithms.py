@@ -20,6 +20,7 @@ import shapely
 from pyproj import Proj
 
 from furrowmap.cli.main import command_line
+from tests.conftest import installed
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -36,9 +37,7 @@ STRINGS = source_strings()
 @pytest.fixture(scope="module")
 def worker() -> str:
     """The command furrowmap as it is named inside QGIS's root."""
-    made = subprocess.run([CHECKOUT / "scripts" / "qgis_worker.sh"], capture_output=True, text=True, check=False)
-    assert made.returncode == 0, made.stderr
-    return made.stdout.strip()
+    return installed("worker", "qgis_worker.sh")
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.recordings import open_recording
-from tests.conftest import _installed
+from tests.conftest import installed
 
 ROVER_XYZ = (-3976219.5082, 3382372.5671, 3652512.9849)
 BASE_XYZ = (-3978242.4348, 3382841.1715, 3649902.7667)
@@ -22,7 +22,7 @@ BASE_XYZ = (-3978242.4348, 3382841.1715, 3649902.7667)
 
 @pytest.fixture(scope="module")
 def rtklib() -> str:
-    return _installed("rtklib.sh", "RTKLIB")
+    return installed("RTKLIB", "tools_of_tests.py", "rtklib")
 
 
 @pytest.fixture

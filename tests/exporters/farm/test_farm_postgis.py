@@ -6,7 +6,6 @@ import json
 import os
 import random
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -24,6 +23,7 @@ from pyproj import CRS
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
 from furrowmap.exporters.farm import postgis
 from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
+from tests.conftest import installed
 from tests.exporters.farm.processes import adders, ended
 from tests.exporters.farm.processes import ask as order
 from tests.exporters.farm.result_folders import write_result
@@ -43,13 +43,8 @@ TIMELESS = ("misses", "unworked", "boundary", "zones", "fields", "seasons")
 @pytest.fixture(scope="module")
 def server() -> Iterator[Server]:
     """A PostGIS from Debian's packages. Where there is none to be had, CI fails and everybody else skips."""
-    found = subprocess.run([CHECKOUT / "scripts" / "postgis.sh"], capture_output=True, text=True, check=False)
-    if found.returncode != 0:
-        reason = f"no PostGIS to test with: {found.stderr.strip().splitlines()[-1]}"
-        if os.environ.get("CI") == "true":
-            pytest.fail(reason)
-        pytest.skip(reason)
-    with running_server(Path(found.stdout.strip())) as running:
+    programs = Path(installed("PostGIS", "tools_of_tests.py", "postgis"))
+    with running_server(programs) as running:
         yield running
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import pytest
 from shapely import Point
 
 from furrowmap.cli.export import FORMAT_CHOICES
+from tests.conftest import installed
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -30,11 +30,7 @@ LAYERS = {"trajectory", "passes", "coverage", "overlaps", "events", "zones", "to
 @pytest.fixture(scope="module")
 def worker(qgis: QgisRoot) -> str:
     """The worker's command as it is named in the tests' QGIS; where it cannot be made, as for `qgis`."""
-    made = subprocess.run([CHECKOUT / "scripts" / "qgis_worker.sh"], capture_output=True, text=True, check=False)
-    if made.returncode != 0:
-        reason = f"no worker to test with: {made.stderr.strip().splitlines()[-1:]}"
-        pytest.fail(reason) if os.environ.get("CI") == "true" else pytest.skip(reason)
-    return made.stdout.strip()
+    return installed("worker", "qgis_worker.sh")
 
 
 @pytest.fixture(scope="module")
