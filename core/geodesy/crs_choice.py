@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from importlib.resources import files
 from typing import Final, TypeAlias
 
 from pyproj import CRS
 from pyproj.database import CRSInfo, query_utm_crs_info
+
+from furrowmap.core.geodesy.local_time import zone_at
+from furrowmap.core.geodesy.projection import AREA_MARGIN_DEG, MAX_SCALE_ERROR, scale_of
 
 _ZONES_OF_JAPAN: Final = {
     6669: "Nagasaki and the western islands of Kagoshima",
@@ -32,11 +37,58 @@ _ZONES_OF_JAPAN: Final = {
     6687: "Minamitorishima",
 }
 """EPSG codes of JGD2011 plane rectangular zones I to XIX with their prefectures (MLIT public notice no. 9 of 2002)."""
+_ETRS89: Final = range(25828, 25838)
+"""ETRS89 / UTM zones 28N to 37N, where a country of Europe has no map of its own on that datum (EUREF, INSPIRE)."""
+_OF_COUNTRIES: Final[Mapping[str, tuple[Sequence[int], ...]]] = {
+    "AR": (range(5343, 5350),),  # IGN: POSGAR 2007, seven belts
+    "AU": (range(7846, 7860),),  # ICSM: GDA2020 / MGA
+    "BE": ((3812,),),  # NGI: Belgian Lambert 2008
+    "BG": ((7801,),),  # AGCC: BGS2005 / CCS2005
+    "BR": ((*range(31972, 31986), 6210, 6211),),  # IBGE, resolution 1 of 2005: SIRGAS 2000 / UTM
+    "CA": ((*range(2955, 2963), *range(3154, 3161), 3761),),  # NRCan: NAD83(CSRS) / UTM
+    "CN": (range(4534, 4555),),  # Ministry of Natural Resources: CGCS2000, zones of 3 degrees
+    "CO": ((9377,),),  # IGAC, resolution 471 of 2020: Origen-Nacional
+    "DE": ((25832, 25833),),  # AdV: UTM zones 32 and 33
+    "DK": ((25832,), (25833,)),  # Climate Data Agency: zone 32 for all but Bornholm
+    "EE": ((3301,),),  # Land Board: L-EST97
+    "ES": ((25829, 25830, 25831), (4082, 4083)),  # Royal decree 1071/2007: ETRS89, on the Canaries REGCAN95
+    "FI": ((3067,),),  # NLS, JHS 197: TM35FIN
+    "FR": ((2154,),),  # Decree 2000-1276: Lambert-93
+    "HR": ((3765,),),  # Geodetic Administration: HTRS96 / TM
+    "IE": ((2157,),),  # Tailte Éireann: Irish Transverse Mercator
+    "IS": ((8088,),),  # Natural Science Institute: Lambert 2016
+    "IT": ((7791, 7792, 7793),),  # Decree of 10 November 2011: RDN2008
+    "KR": ((5185, 5186, 5187, 5188),),  # NGII: belts of 2010
+    "LT": ((3346,),),  # LKS-94
+    "LV": ((3059,),),  # LKS-92
+    "MX": (range(6366, 6372),),  # INEGI: ITRF2008
+    "NO": (range(25832, 25837),),  # Kartverket: zone 32 up to the west coast
+    "NZ": ((2193,), (2133, 2134, 2135)),  # LINZ: NZTM2000
+    "PL": ((2180,),),  # Regulation of 15 October 2012: PL-1992
+    "PT": ((3763,), (5014, 5015, 5016)),  # DGT: PT-TM06, on the islands PTRA08
+    "SE": ((3006,),),  # Lantmäteriet: SWEREF 99 TM
+    "SI": ((3794,),),  # D96/TM
+    "TR": (range(5253, 5260),),  # Regulation on large-scale maps: TUREF, zones of 3 degrees
+    "TW": ((3826, 3825),),  # NLSC: TWD97 / TM2
+    "US": ((*range(6328, 6349), 6634, 6635),),  # NGS: NAD83(2011), on Hawaii NAD83(PA11)
+    "UY": ((5382, 5383),),  # IGM: SIRGAS-ROU98
+}
+"""EPSG codes of a country's maps, the preferred ones first, on datums of satellite positions; with who chose them."""
+_ON_ETRS89: Final = (
+    "AD AL AT BA BE BG CH CY CZ DE DK EE ES FI FR GB GG GI GR HR HU IE IM IT JE LI LT LU LV MC ME MK MT NL NO PL PT RO "
+    "RS SE SI SJ SK SM VA"
+)
+"""Codes of countries on ETRS89."""
+_OLDER: Final = {
+    "AT": 31287, "CH": 2056, "CZ": 5514, "GB": 27700, "GR": 2100, "HU": 23700, "LI": 2056, "LU": 2169, "NL": 28992,
+    "RO": 3844, "SK": 5514,
+}  # fmt: skip
+"""National maps on datums in which no satellite service gives positions."""
 _NEAR_ZONE_DEG: Final = 0.1
 _NEAR_UTM_DEG: Final = 0.5
 """Distance from a zone border (10 and about 50 km) within which the neighbouring zone is an alternative."""
-_LOCAL_DATUMS: Final = ("ETRS89", "NAD83(2011)", "GDA2020", "NZGD2000", "SIRGAS 2000")
-"""Current national datums with UTM zones of their own."""
+
+_NEIGHBOUR: Final = ", the neighbouring zone, whose border is near"
 
 _Box: TypeAlias = tuple[float, float, float, float]
 """West, south, east, north in degrees."""
@@ -59,8 +111,11 @@ class CrsChoice:
 
 
 def choose_crs(lon_deg: float, lat_deg: float) -> CrsChoice | None:
-    """The CRS for a site: the plane rectangular zone in Japan, else the UTM zone on WGS 84; None near the poles."""
-    return _plane_rectangular(lon_deg, lat_deg) or _utm(lon_deg, lat_deg)
+    """The CRS for a site: that of the country's maps, else the UTM zone on WGS 84; None near the poles.
+
+    A map that a run would refuse there, for its scale error, is left out.
+    """
+    return _plane_rectangular(lon_deg, lat_deg) or _national(lon_deg, lat_deg) or choose_utm(lon_deg, lat_deg)
 
 
 def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
@@ -82,48 +137,100 @@ def _plane_rectangular(lon_deg: float, lat_deg: float) -> CrsChoice | None:
     )
 
 
-def _utm(lon_deg: float, lat_deg: float) -> CrsChoice | None:
-    """The UTM zone on WGS 84, with the neighbouring one if near and the zone on the national datum as alternatives."""
-    zones = _utm_zones(lon_deg, lat_deg)
-    own = _on_wgs84(zones)
+def _national(lon_deg: float, lat_deg: float) -> CrsChoice | None:
+    """The map of the country, by the boundaries of time zones; None where it has none of its own that suits."""
+    country = _countries().get(zone_at(lon_deg, lat_deg).key)
+    if country is None:
+        return None
+    own = _OF_COUNTRIES.get(country.code, ())
+    families = own
+    if country.code in _ON_ETRS89:
+        families += (_ETRS89,)
+    suitable = sorted(
+        (family, outside_deg, code)
+        for family, codes in enumerate(families)
+        for code in codes
+        if (outside_deg := _outside_area_deg(code, lon_deg, lat_deg)) <= AREA_MARGIN_DEG
+        and abs(scale_of(CRS.from_epsg(code), lon_deg, lat_deg) - 1.0) <= MAX_SCALE_ERROR
+    )
+    if not suitable:
+        return None
+    family, _, best = suitable[0]
+    others = [
+        f"EPSG:{code}{_NEIGHBOUR}"
+        for number, outside_deg, code in suitable[1:]
+        if number == family and outside_deg <= _NEAR_UTM_DEG
+    ]
+    if older := _OLDER.get(country.code):
+        name = CRS.from_epsg(older).name
+        others.append(f"EPSG:{older} ({name}) for the products, with `furrowmap export --dst-crs`")
+    return CrsChoice(
+        code=f"EPSG:{best}",
+        name=CRS.from_epsg(best).name,
+        reason=_place(lon_deg, lat_deg)
+        + (f" lies in {country.name}, whose maps use it" if family < len(own) else " lies in this zone"),
+        alternatives=tuple(others),
+    )
+
+
+@dataclass(frozen=True)
+class _Country:
+    """A country by its code of ISO 3166, such as "DK", and its English name."""
+
+    code: str
+    name: str
+
+
+@cache
+def _countries() -> dict[str, _Country]:
+    """The country of each time zone, by the tables of the time zone database."""
+    folder = files("tzdata") / "zoneinfo"
+    names, zones = (
+        [line.split("\t") for line in (folder / table).read_text("utf-8").splitlines() if not line.startswith("#")]
+        for table in ("iso3166.tab", "zone.tab")
+    )
+    name_of = dict(names)
+    return {zone: _Country(code, name_of[code]) for code, _, zone, *_ in zones}
+
+
+def _outside_area_deg(code: int, lon_deg: float, lat_deg: float) -> float:
+    """Distance of the site from the area of use of a CRS; 0 inside."""
+    area = CRS.from_epsg(code).area_of_use
+    return math.inf if area is None else _outside_deg(area.bounds, lon_deg, lat_deg)
+
+
+def choose_utm(lon_deg: float, lat_deg: float) -> CrsChoice | None:
+    """The UTM zone on WGS 84, with the neighbouring one as an alternative if its border is near."""
+    own = _utm_zone(lon_deg, lat_deg)
     if own is None:
         return None
-    local = tuple(
-        f"{zone.auth_name}:{zone.code}, the zone on {datum}, the datum of maps there"
-        for zone in zones
-        if (datum := zone.name.partition(" / ")[0]) in _LOCAL_DATUMS and "(N-E)" not in zone.name
-    )
-    beside = (_on_wgs84(_utm_zones(lon_deg + shift, lat_deg)) for shift in (-_NEAR_UTM_DEG, _NEAR_UTM_DEG))
-    neighbours = tuple(
-        f"{zone.auth_name}:{zone.code}, the neighbouring zone, whose border is near"
-        for zone in beside
-        if zone is not None and zone.code != own.code
-    )
+    beside = (_utm_zone(lon_deg + shift, lat_deg) for shift in (-_NEAR_UTM_DEG, _NEAR_UTM_DEG))
     return CrsChoice(
         code=f"{own.auth_name}:{own.code}",
         name=own.name,
         reason=f"{_place(lon_deg, lat_deg)} lies in this zone",
-        alternatives=tuple(dict.fromkeys(local + neighbours)),
+        alternatives=tuple(
+            f"{zone.auth_name}:{zone.code}{_NEIGHBOUR}" for zone in beside if zone is not None and zone.code != own.code
+        ),
     )
 
 
-def _utm_zones(lon_deg: float, lat_deg: float) -> list[CRSInfo]:
-    """The zones on all datums whose area of use contains the site."""
+def _utm_zone(lon_deg: float, lat_deg: float) -> CRSInfo | None:
+    """The zone on WGS 84 whose area of use contains the site."""
     lon_deg = (lon_deg + 180.0) % 360.0 - 180.0
-    return [
-        zone
-        for zone in _all_utm_zones()
-        if (area := zone.area_of_use) is not None and _outside_deg(area.bounds, lon_deg, lat_deg) == 0.0
-    ]
+    return next(
+        (
+            zone
+            for zone in _utm_zones()
+            if (area := zone.area_of_use) is not None and _outside_deg(area.bounds, lon_deg, lat_deg) == 0.0
+        ),
+        None,
+    )
 
 
 @cache
-def _all_utm_zones() -> tuple[CRSInfo, ...]:
-    return tuple(query_utm_crs_info())
-
-
-def _on_wgs84(zones: list[CRSInfo]) -> CRSInfo | None:
-    return next((zone for zone in zones if zone.name.startswith("WGS 84 / UTM zone")), None)
+def _utm_zones() -> tuple[CRSInfo, ...]:
+    return tuple(zone for zone in query_utm_crs_info("WGS 84") if zone.name.startswith("WGS 84 / UTM zone"))
 
 
 def _eccentricity(box: _Box, lon_deg: float, lat_deg: float) -> float:

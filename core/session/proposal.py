@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from pyproj import Transformer
 
-from furrowmap.core.geodesy.crs_choice import CrsChoice, choose_crs
+from furrowmap.core.geodesy.crs_choice import CrsChoice, choose_crs, choose_utm
 from furrowmap.core.readers.reader import (
     GivesAttitude,
     GivesInertial,
@@ -194,16 +194,18 @@ def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginn
     place = recording.inspection.facts.get("place")
     if place is None:
         return _Beginning()
-    crs = choose_crs(place["lon_deg"], place["lat_deg"])
-    if crs is None:
+    lon_deg, lat_deg = place["lon_deg"], place["lat_deg"]
+    choices = [choice for choose in (choose_crs, choose_utm) if (choice := choose(lon_deg, lat_deg)) is not None]
+    for crs in choices:
+        there_m = Transformer.from_crs("EPSG:4326", crs.code, always_xy=True).transform(lon_deg, lat_deg)
+        if math.dist(there_m, (e_m, n_m)) <= _SAME_PLACE_M:
+            return _Beginning(crs=crs)
+    if not choices:
         return _Beginning()
-    there_m = Transformer.from_crs("EPSG:4326", crs.code, always_xy=True).transform(place["lon_deg"], place["lat_deg"])
-    if math.dist(there_m, (e_m, n_m)) > _SAME_PLACE_M:
-        return _Beginning(
-            fault=f"{recording.path.name} has latitudes and longitudes in the area of {crs.code}, but its eastings and "
-            "northings are in another CRS: state it in [crs] map."
-        )
-    return _Beginning(crs=crs)
+    return _Beginning(
+        fault=f"{recording.path.name} has latitudes and longitudes in the area of {choices[0].code}, but its eastings "
+        "and northings are in another CRS: state it in [crs] map."
+    )
 
 
 def _head(folder: Path, machine: Machine) -> str:

@@ -34,7 +34,7 @@ def test_surface__of_a_cloud_in_feet(las: Path, tmp_path: Path, capsys: pytest.C
     status, _, err = call(capsys, "surface", cloud, "-o", tmp_path / "out")
     assert status == 3
     assert len(err.splitlines()) == 3
-    assert "--dst-crs EPSG:32610" in err
+    assert "--dst-crs EPSG:6339" in err
     status, out, err = call(
         capsys, "surface", cloud, "-o", tmp_path / "out", "--dst-crs", "EPSG:32610", "--cell", "1", "--json"
     )

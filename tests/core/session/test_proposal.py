@@ -107,7 +107,7 @@ def test_trajectory__replaces_gnss(capture: Path, tmp_path: Path) -> None:
     assert session.trajectory is not None
     assert session.trajectory.files == ("poses.csv",)
     assert session.recording.gnss == ()
-    assert session.crs.map == "EPSG:32634"
+    assert session.crs.map == "EPSG:2180"
     assert "no-antenna" not in codes(proposal)
 
 
@@ -159,7 +159,7 @@ def test_bag__is_named_for_its_scans_and_for_its_positions(bag: str, shared_data
     said = {line.split(" = ")[0]: before for before, line in itertools.pairwise(proposal.text.splitlines())}
     assert (said["lidar"].endswith("(recorder)"), said["gnss"].endswith("(gnss)")) == (True, True)
     assert resolve(tmp_path / "session.toml", bag) == (tmp_path / bag).resolve()
-    assert session.crs.map == "EPSG:32634"
+    assert session.crs.map == "EPSG:2180"
     assert codes(proposal) == {"no-mounting", "no-antenna", "no-implement"}
 
 
@@ -206,7 +206,7 @@ def test_task_data__make_a_session_without_a_scanner(shared_data: Path, tmp_path
     assert session.recording.gnss == ("day.zip",)
     assert session.implement is not None
     assert (session.implement.states, session.implement.width_m) == (("day.zip",), 10.0)
-    assert session.crs.map == "EPSG:32632"
+    assert session.crs.map == "EPSG:25832"
     assert '# task = "TSK2"   # FieldWithHoles' in proposal.text
     assert {notice.code for notice in proposal.missing} == {"no-antenna", "no-implement"}
 

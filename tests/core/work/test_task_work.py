@@ -52,7 +52,7 @@ def test_harvest__lies_in_its_fields(harvest: TaskWorks) -> None:
         assert work.work.boundary is not None
         inside = work.work.ground.coverage.intersection(work.work.boundary).area
         assert inside > 0.85 * work.work.ground.coverage.area
-    assert harvest.frame.name == "EPSG:32632"
+    assert harvest.frame.name == "EPSG:25832"
 
 
 def test_tillage__gives_the_working_way_of_the_readme(shared_data: Path) -> None:
