@@ -15,6 +15,7 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, command, flag, numbers, option, output, overwrite
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import UsageError, printable
+from furrowmap.core.values.margins import margin, with_margin
 
 if TYPE_CHECKING:
     from furrowmap import Board, Calibration
@@ -97,7 +98,7 @@ def mount(
     figures = found.plain()
     words = (
         f"{figures['frames_with_board']} of {found.frames} frames show the board; corners within "
-        f"{figures['rms_px']:.3f} pixels, attitudes ± {figures['sigma_deg']:.3f}°.\n"
+        f"{figures['rms_px']:.3f} pixels, attitudes {margin(figures['sigma_deg'], '°')} (95 %).\n"
         f"Roll, pitch and yaw range over {_angles(figures['range_deg'])}°.\n"
         f"{printable(str(found.path))} is written: name it under [mount] attitude."
     )
@@ -175,12 +176,12 @@ def _words(found: Calibration, machine: str | None, *, written: bool) -> str:
         ("facing of the scanner", "shown by the scans" if found.facing_shown else _FACING_ASSUMED),
         (
             "vehicle origin above ground",
-            f"{height_m:+.3f} m ± {sigma_m:.3f}" if math.isfinite(height_m) else "not shown",
+            f"{with_margin(height_m, sigma_m, ' m', sign=True)} (95 %)" if math.isfinite(height_m) else "not shown",
         ),
         ("lidar_minus_gnss_s, stated", f"{found.stated_offset_s:.3f}"),
         (
             "lidar_minus_gnss_s, estimated",
-            f"{found.offset_s[0]:.3f} ± {found.offset_s[1]:.3f}" if found.clock_differs else "unchanged",
+            f"{with_margin(*found.offset_s, ' s')} (95 %)" if found.clock_differs else "unchanged",
         ),
     ]
     end = "Written to the session file." if written else "The session file was not changed."

@@ -26,6 +26,7 @@ from furrowmap.cli.options import (
 )
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import UsageError, printable
+from furrowmap.core.values.margins import with_margin
 from furrowmap.settings import EvaluationSettings, SolveSettings
 
 if TYPE_CHECKING:
@@ -211,7 +212,7 @@ def _words(name: str, found: Evaluation) -> str:
         shares = ", ".join(f"{share:.1%}" for share in found.within_sigmas.values())
         rows.append(("within 1, 2, 3 reported sigmas", shares))
     if found.time_ahead_s is not None:
-        rows.append(("test ahead in time", f"{found.time_ahead_s[0]:+.3f} s ± {found.time_ahead_s[1]:.3f}"))
+        rows.append(("test ahead in time", f"{with_margin(*found.time_ahead_s, ' s', sign=True)} (95 %)"))
     head = [f"{printable(name)}:"] if name else []
     return "\n\n".join([*head, table(rows), *(_table(kind, rows_of) for kind, rows_of in found.tables.items())])
 

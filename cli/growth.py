@@ -11,6 +11,7 @@ import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import FILE, Paths, command, files, output, overwrite, settings_options
 from furrowmap.cli.tables import parcel_table, table, written
+from furrowmap.core.values.margins import with_margin
 from furrowmap.settings import GrowthSettings
 
 GROWTH_COLUMNS = ("growth_m", "growth_sigma_m", "rate_m_day", "rate_sigma_m_day")
@@ -48,4 +49,4 @@ def _alignment(flight: dict[str, Any]) -> str:
     if found is None:
         return "reference"
     tilt = f", tilt {found['tilt_east']:+.1e} east, {found['tilt_north']:+.1e} north" if found["tilted"] else ""
-    return f"soil {1000 * found['offset_m']:+.1f} ± {1000 * found['offset_sigma_m']:.1f} mm{tilt}"
+    return f"soil {with_margin(found['offset_m'], found['offset_sigma_m'], ' mm', 1000.0, sign=True)} (95 %){tilt}"

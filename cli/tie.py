@@ -10,6 +10,7 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import Paths, command, files, output, overwrite, settings_options
 from furrowmap.cli.tables import table, written
 from furrowmap.core.runtime.errors import printable
+from furrowmap.core.values.margins import with_margin
 from furrowmap.settings import TieSettings
 
 
@@ -50,6 +51,6 @@ def _change(row: dict[str, Any]) -> str:
     if row["volume_m3"] is None:
         return "no worked ground seen on both dates"
     return (
-        f"{row['volume_m3']:+.3f} ± {row['volume_sigma_m3']:.3f} m³ on {row['worked_m2']:.1f} m², mean "
-        f"{1000.0 * row['mean_change_m']:+.1f} ± {1000.0 * row['mean_change_sigma_m']:.1f} mm"
+        f"{with_margin(row['volume_m3'], row['volume_sigma_m3'], ' m³', sign=True)} on {row['worked_m2']:.1f} m², mean "
+        f"{with_margin(row['mean_change_m'], row['mean_change_sigma_m'], ' mm', 1000.0, sign=True)} (95 %)"
     )

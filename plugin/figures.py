@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import partial
 from html import escape
@@ -27,9 +28,9 @@ def figure_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
         (tr("Path length"), _path_length(figures.get("distance_m"))),
         (tr("Duration"), _duration(figures.get("duration_s"))),
         (tr("Points"), _number(figures.get("points") or None, "{:,.0f}")),
-        (tr("Horizontal accuracy"), _sigma(accuracy, ("sigma_e_m", "sigma_n_m"), 100.0, "± {:.1f} cm")),
-        (tr("Vertical accuracy"), _sigma(accuracy, ("sigma_h_m",), 100.0, "± {:.1f} cm")),
-        (tr("Heading accuracy"), _sigma(accuracy, ("sigma_heading_deg",), 1.0, "± {:.2f}°")),
+        (tr("Horizontal accuracy"), _accuracy(accuracy, ("sigma_e_m", "sigma_n_m"), 100.0, " cm")),
+        (tr("Vertical accuracy"), _accuracy(accuracy, ("sigma_h_m",), 100.0, " cm")),
+        (tr("Heading accuracy"), _accuracy(accuracy, ("sigma_heading_deg",), 1.0, "°")),
         (tr("Accuracy"), _conditions(accuracy)),
         (tr("Positions"), _fixes(figures.get("fix"))),
         (tr("CRS"), figures.get("crs")),
@@ -100,13 +101,15 @@ def _duration(seconds: Any) -> str | None:
 
 
 def _area(figures: dict[str, Any], key: str, sigma_key: str) -> str | None:
-    """An area in m², above a hectare in hectares, with twice its standard error."""
+    """An area in m², above a hectare in hectares, with its margin of error."""
     area, sigma = figures.get(key), figures.get(sigma_key)
     if not isinstance(area, (int, float)):
         return None
     factor, form, unit = (1e-4, "{:,.3f}", "ha") if area >= 1e4 else (1.0, "{:,.1f}", "m²")
-    spread = f" ± {form.format(2 * sigma * factor)}" if isinstance(sigma, (int, float)) and sigma > 0 else ""
-    return f"{form.format(area * factor)}{spread} {unit}"
+    if not isinstance(sigma, (int, float)) or sigma <= 0 or area <= 0:
+        return f"{form.format(area * factor)} {unit}"
+    half = 2 * factor * sigma
+    return f"{factor * area:,.{max(0, _places(half))}f} {_margin(half)} {unit} (95 %)"
 
 
 def _field(figures: dict[str, Any]) -> str | None:
@@ -129,9 +132,20 @@ def _conditions(accuracy: dict[str, Any]) -> str | None:
     return None
 
 
-def _sigma(accuracy: dict[str, Any], keys: Sequence[str], factor: float, form: str) -> str | None:
-    """The median of a standard deviation; of several components the length of their vector."""
+def _accuracy(accuracy: dict[str, Any], keys: Sequence[str], factor: float, unit: str) -> str | None:
+    """The median margin of error: twice a standard deviation, of several components that of their vector."""
     medians: list[Any] = [(accuracy.get(key) or {}).get("median") for key in keys]
     if not all(isinstance(value, (int, float)) for value in medians):
         return None
-    return form.format(factor * sum(value * value for value in medians) ** 0.5)
+    half = 2 * factor * sum(value * value for value in medians) ** 0.5
+    return f"{_margin(half)}{unit} (95 %)" if half > 0 else None
+
+
+def _margin(half: float) -> str:
+    """A margin of error to two significant digits, as the pages of furrowmap have it."""
+    places = _places(half)
+    return f"± {round(half, places):,.{max(0, places)}f}"
+
+
+def _places(half: float) -> int:
+    return 1 - math.floor(math.log10(half))

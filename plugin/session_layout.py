@@ -177,18 +177,23 @@ def _pass_rows(report: dict[str, Any]) -> tuple[tuple[str, str], ...]:
         (tr("Time"), f"{times[0]} || ' – ' || {times[1]} || {_literal(f' ({zone})')}"),
         (tr("Length"), "format_number(\"length_m\", 1) || ' m'"),
         (tr("Width"), "format_number(\"width_m\", 2) || ' m'"),
-        (tr("Area"), _with_sigma("area_m2", 1.0, 1, "m²", unknown)),
+        (tr("Area"), _with_margin("area_m2", 1, 1, "m²", unknown)),
         (tr("Speed"), "format_number(3.6 * \"speed_mps\", 1) || ' km/h'"),
-        (tr("Depth (approximate)"), _with_sigma("depth_m", 100.0, 0, "cm", unknown)),
+        (tr("Depth (approximate)"), _with_margin("depth_m", 100, 0, "cm", unknown)),
     )
 
 
-def _with_sigma(field: str, factor: float, digits: int, unit: str, unknown: str) -> str:
-    """A value and, where it is known, twice its standard deviation."""
+def _with_margin(field: str, factor: int, digits: int, unit: str, unknown: str) -> str:
+    """An expression for a value and, where it is known, its margin of error, as map tips have it."""
     name, _, suffix = field.rpartition("_")
-    sigma = f"{name}_sigma_{suffix}"
-    value, spread = (f'format_number({k * factor} * "{name}", {digits})' for k, name in ((1, field), (2, sigma)))
-    return f"coalesce({value} || coalesce(' ± ' || {spread}, '') || ' {unit}', {unknown})"
+    half = f'{2 * factor} * "{name}_sigma_{suffix}"'
+    places = f"1 - floor(log10({half}))"
+    decimals = f"greatest(0, {places})"
+    spread = f"format_number(round({half}, {places}), {decimals}) || ' {unit} (95 %)'"
+    return (
+        f"coalesce(format_number({factor} * \"{field}\", {decimals}) || ' ± ' || {spread}, "
+        f"format_number({factor} * \"{field}\", {digits}) || ' {unit}', {unknown})"
+    )
 
 
 def _literal(text: str) -> str:

@@ -17,6 +17,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from furrowmap.core.values.margins import margin
+
 CHECKOUT = Path(__file__).resolve().parents[1]
 DEMO = CHECKOUT / "demo"
 draw_map = runpy.run_path(str(CHECKOUT / "scripts" / "picture.py"))["draw_map"]
@@ -35,12 +37,12 @@ def summary(result: Path, seconds: float) -> Table:
     """A table of the main results."""
     report = json.loads((result / "report.json").read_text(encoding="utf-8"))
     figures, whole_s = report["figures"], report["timings"]["whole"]
-    sigma_cm = [100 * report["accuracy"][f"sigma_{axis}_m"]["median"] for axis in "enh"]
+    east, north, up = (margin(report["accuracy"][f"sigma_{axis}_m"]["median"], " cm", 100) for axis in "enh")
     table = Table("", "", title=report["session"]["name"], title_justify="left", show_header=False)
     table.add_row("points", f"{figures['points']:,} in {figures['scans']} scans")
     table.add_row("distance", f"{figures['distance_m']:.0f} m in {figures['duration_s']:.0f} s")
     table.add_row("map frame", f"{figures['crs']}, {figures['heights']} heights")
-    table.add_row("position sigma", "± {:.1f} cm east, {:.1f} cm north, {:.1f} cm up (median)".format(*sigma_cm))
+    table.add_row("positions (95 %, median)", f"{east} east, {north} north, {up} up")
     table.add_row("furrowmap run", f"{whole_s:.1f} s")
     table.add_row("whole demo", f"{seconds:.0f} s")
     table.add_section()

@@ -25,6 +25,7 @@ from furrowmap.core.adjustment.cell_heights import (
 from furrowmap.core.adjustment.strips import LASER_GROUPS, StripReturns, at_shifted_times
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.values.margins import margin
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -246,22 +247,24 @@ def boresight_notices(found: Boresight | None, stated: Mounting) -> list[Notice]
     """The mounting of a scanner on a vehicle with an IMU: used as found, or assumed as stated."""
     if found is None or not found.certain:
         return [Notice("boresight-assumed")]
-    angles, sigmas, place, place_sigmas = (", ".join(f"{value:.3f}" for value in values) for values in (
-        found.mounting.rpy_deg, found.sigma_deg, found.mounting.xyz_m, found.free.sigma[PLACE_COLUMNS].tolist()
-    ))  # fmt: skip
+    angles, place = (", ".join(f"{k:.3f}" for k in known) for known in (found.mounting.rpy_deg, found.mounting.xyz_m))
     notices = []
     if found.differs:
         after, before = 1e3 * found.scatter_m[1], 1e3 * found.scatter_m[0]
-        notices.append(Notice("boresight-off", scatter_m=after, scatter_m_scaled=before, angles=angles, sigmas=sigmas))
+        margins = ", ".join(margin(sigma, "°") for sigma in found.sigma_deg)
+        notices.append(
+            Notice("boresight-off", scatter_m=after, scatter_m_scaled=before, angles=angles, margins=margins)
+        )
     if found.mounting.xyz_m != stated.xyz_m:
-        notices.append(Notice("lever-arm-off", place=place, sigmas=place_sigmas))
+        margins = ", ".join(margin(sigma, " m") for sigma in found.free.sigma[PLACE_COLUMNS].tolist())
+        notices.append(Notice("lever-arm-off", place=place, margins=margins))
     if found.clock_used_s:
         notices.append(
             Notice(
                 "scanner-clock-off",
                 clock_used_s=1e3 * abs(found.clock_used_s),
                 is_clock_used_s=found.clock_used_s > 0.0,
-                time_offset_s=1e3 * found.time_offset_s[1],
+                margin=margin(found.time_offset_s[1], " ms", 1e3),
             )
         )
     return notices

@@ -18,6 +18,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.gnss import Positions
+from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory
@@ -217,7 +218,7 @@ def _sway_in_words(sway: AntennaSway) -> str:
     if sway.clock_s:
         return f"the antenna sways as the vehicle does {sway.clock_s:+.2f} s apart from it by the scanner's clock"
     off = ", ".join(
-        f"{value:+.2f} ± {sigma:.2f} m further {where}"
+        f"{with_margin(value, sigma, ' m', sign=True)} (95 %) further {where}"
         for value, sigma, where in zip(sway.lever_m, sway.sigma_m, ("forward", "left", "up"), strict=True)
         if abs(value) > LEVER_CERTAIN_SIGMAS * sigma
     )
@@ -238,7 +239,7 @@ def clock_notice(stated_s: float, used_s: float, sigma_s: float) -> Notice:
         is_used_s=used_s > 0,
         cause=named_offset(used_s) or None,
         stated_s=stated_s + used_s,
-        sigma_s=sigma_s,
+        margin=margin(sigma_s, " s"),
     )
 
 

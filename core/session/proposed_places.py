@@ -8,6 +8,7 @@ from typing import Any, Final
 from furrowmap.core.runtime.errors import Notice, printable
 from furrowmap.core.session.machine import stated, toml_value
 from furrowmap.core.values.machine import NOT_SHOWN_DEG, Machine
+from furrowmap.core.values.margins import margin
 
 _MOUNTING: Final = """\
 # Mounting of the scanner in the vehicle frame: origin on the ground below the middle of the rear axle; x forward,
@@ -55,8 +56,8 @@ def lidar_lines(machine: Machine) -> str:
     if machine.calibrated is None:
         return text
     known = machine.calibrated.rpy_sigma_deg
-    sigma = ", ".join("not shown" if value >= NOT_SHOWN_DEG else f"{value:.2f}" for value in known)
-    return f"{text}# Angles calibrated with the recording of {machine.calibrated.date}: ± {sigma} degrees.\n"
+    sigma = ", ".join("not shown" if value >= NOT_SHOWN_DEG else margin(value) for value in known)
+    return f"{text}# Angles calibrated with the recording of {machine.calibrated.date}: {sigma} degrees (95 %).\n"
 
 
 def imu_lines(machine: Machine) -> str:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
 from typing import Final
+
+from furrowmap.core.values.margins import with_margin
 
 HECTARE: Final = "ha"
 TEN_ARES: Final = "10a"
@@ -23,13 +24,18 @@ _FINE_M2: Final = 10.0
 _SMALL_M2: Final = {HECTARE: 1_000.0, TEN_ARES: 100.0, ACRE: 100.0}
 """Smaller areas are shown in square metres."""
 _SI_VALUE: Final = r"[-+]?[0-9.]+(?:e[-+]?[0-9]+)?"
-_AREA_MARK: Final = re.compile(rf"⟦(area|rate) ({_SI_VALUE})⟧")
-_AREA_ELEMENT: Final = re.compile(rf'<data class="(area|rate)" value="({_SI_VALUE})">[^<]*</data>')
+_AREA_MARK: Final = re.compile(rf"⟦(area|rate) ({_SI_VALUE})(?: ({_SI_VALUE}))?⟧")
+_AREA_ELEMENT: Final = re.compile(
+    rf'<data class="(area|rate)" value="({_SI_VALUE})"(?: data-sigma="({_SI_VALUE})")?>[^<]*</data>'
+)
 
 
-def area(area_m2: float) -> str:
-    """An area in a text of a page; :func:`in_area_unit` puts it into the page."""
-    return f"⟦area {area_m2:.6g}⟧" if math.isfinite(area_m2) else "unknown"
+def area(area_m2: float, sigma_m2: float | None = None) -> str:
+    """An area, with its margin of error where one is known, in a text of a page; :func:`in_area_unit` puts it there."""
+    if not math.isfinite(area_m2):
+        return "unknown"
+    sigma = f" {sigma_m2:.6g}" if sigma_m2 is not None and math.isfinite(sigma_m2) else ""
+    return f"⟦area {area_m2:.6g}{sigma}⟧"
 
 
 def work_rate(rate_ha_h: float) -> str:
@@ -41,17 +47,23 @@ def in_area_unit(page: str, unit: str) -> str:
     """A page with its areas and work rates in one of :data:`AREA_UNITS`, whatever unit they were in."""
 
     def element(found: re.Match[str]) -> str:
-        return f'<data class="{found[1]}" value="{found[2]}">{_SAYS[found[1]](float(found[2]), unit)}</data>'
+        kind, value, sigma = found.groups()
+        words = (
+            rate_words(float(value), unit)
+            if kind == "rate"
+            else area_words(float(value), unit, float(sigma) if sigma else None)
+        )
+        spread = f' data-sigma="{sigma}"' if sigma else ""
+        return f'<data class="{kind}" value="{value}"{spread}>{words}</data>'
 
     return _AREA_ELEMENT.sub(element, _AREA_MARK.sub(element, page))
 
 
-def area_words(area_m2: float, unit: str) -> str:
-    """An area as text: "0.542 ha", "54.2 a", "1.340 acres"; small ones in square metres."""
-    if abs(area_m2) < _SMALL_M2[unit]:
-        return f"{area_m2:.{1 if abs(area_m2) >= _FINE_M2 else 2}f} m²"
-    unit_m2, digits, name = _UNITS[unit]
-    return f"{area_m2 / unit_m2:.{digits}f} {name}"
+def area_words(area_m2: float, unit: str, sigma_m2: float | None = None) -> str:
+    """An area as text: "0.542 ha", "54.2 a", "1.340 acres"; small ones in square metres; with its margin if known."""
+    small = abs(area_m2) < _SMALL_M2[unit]
+    unit_m2, digits, name = (1.0, 1 if abs(area_m2) >= _FINE_M2 else 2, "m²") if small else _UNITS[unit]
+    return with_margin(area_m2, sigma_m2, f" {name}", 1.0 / unit_m2, digits)
 
 
 def rate_words(rate_ha_h: float, unit: str) -> str:
@@ -60,6 +72,3 @@ def rate_words(rate_ha_h: float, unit: str) -> str:
         return f"{6.0 / rate_ha_h:.1f} min/10 a" if rate_ha_h > 0.0 else "unknown"
     unit_m2, _, name = _UNITS[unit]
     return f"{rate_ha_h * 10_000.0 / unit_m2:.2f} {name}/h"
-
-
-_SAYS: Final[Mapping[str, Callable[[float, str], str]]] = {"area": area_words, "rate": rate_words}

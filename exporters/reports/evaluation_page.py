@@ -12,6 +12,7 @@ from furrowmap.core.checking.evaluation import Evaluation
 from furrowmap.core.checking.statistics import DEFINITIONS, QUANTILES, ErrorTable
 from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
 from furrowmap.core.runtime.json_text import json_text
+from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports import evaluation_drawings
 from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs, write_table
@@ -132,7 +133,7 @@ def _continuity(found: Evaluation) -> list[tuple[str, str]]:
         ),
         (
             "test ahead in time (slope of the error along the track over speed)",
-            f"{found.time_ahead_s[0]:+.3f} s ± {found.time_ahead_s[1]:.3f}" if found.time_ahead_s else "unknown",
+            f"{with_margin(*found.time_ahead_s, ' s', sign=True)} (95 %)" if found.time_ahead_s else "unknown",
         ),
         ("outliers", f"{int(found.outlier.sum())} of {len(found.outlier)} epochs"),
     ]

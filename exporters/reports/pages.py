@@ -15,6 +15,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 
 from furrowmap.core.geodesy.local_time import clock_words, in_local_time
 from furrowmap.core.runtime.errors import printable
+from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.exporters.reports.area_units import area, work_rate
 
 _FOLDERS: Final = ("reports/templates", "share")
@@ -55,15 +56,16 @@ def _environment() -> Environment:
         finalize=lambda value: printable(value) if type(value) is str else value,
     )
     environment.globals |= {"software": f"furrowmap {version('furrowmap')}", "zip": zip}
-    environment.tests["finite"] = math.isfinite
     environment.filters |= {
         "area": area,
         "clock": clock_words,
         "days": days_words,
         "duration": duration_words,
         "local": in_local_time,
+        "margin": margin,
         "number": number,
         "rate": work_rate,
+        "with_margin": with_margin,
     }
     return environment
 

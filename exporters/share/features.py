@@ -15,6 +15,7 @@ import shapely
 
 from furrowmap.core.geodesy.local_time import clock_words, local_time
 from furrowmap.core.runtime.errors import printable
+from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
 from furrowmap.exporters.share.shown_layers import LAYER_TITLES
 from furrowmap.exporters.share.symbols import LayerStyle, Symbol, layer_style
@@ -133,19 +134,20 @@ def _clock(moment: Any, zone: ZoneInfo) -> str:
 
 
 def _number(digits: int, unit: str = "", factor: float = 1.0, sigma: str = "") -> Format:
-    """Formats a number with its unit and, if its row has it, twice its standard deviation."""
+    """Formats a number with its unit and, if its row has a standard deviation, its margin of error."""
 
     def words(value: Any, row: Mapping[str, Any]) -> str:
-        spread = f" ± {2.0 * factor * float(row[sigma]):.{digits}f}" if sigma in row else ""
-        return f"{factor * float(value):.{digits}f}{spread}{unit}"
+        return _with_level(with_margin(float(value), row.get(sigma), unit, factor, digits))
 
     return words
 
 
 def _area(value: Any, row: Mapping[str, Any]) -> str:
-    sigma = row.get("area_sigma_m2", 0.0)
-    spread = f" ± {area_words(2.0 * float(sigma), HECTARE)}" if sigma > 0.0 else ""
-    return area_words(float(value), HECTARE) + spread
+    return _with_level(area_words(float(value), HECTARE, row.get("area_sigma_m2")))
+
+
+def _with_level(words: str) -> str:
+    return f"{words} (95 %)" if "±" in words else words
 
 
 def _text(value: Any, row: Mapping[str, Any]) -> str:  # noqa: ARG001 (one of the formats)
@@ -174,8 +176,8 @@ SHOWN_FIELDS: Final[Mapping[str, tuple[str, Format]]] = {
     "speed_mps": ("Speed", _number(1, " km/h", 3.6)),
     "heading_deg": ("Heading", _number(1, "°")),
     "depth_m": ("Depth (approximate)", _number(0, " cm", 100.0, sigma="depth_sigma_m")),
-    "mean_height_m": ("Mean height", _number(3, " m", sigma="height_sigma_m")),
-    "p95_m": ("95th percentile of heights", _number(3, " m")),
+    "mean_height_m": ("Mean height", _number(1, " cm", 100.0, sigma="height_sigma_m")),
+    "p95_m": ("95th percentile of heights", _number(1, " cm", 100.0)),
     "volume_m3": ("Volume", _number(2, " m³", sigma="volume_sigma_m3")),
     "cover": ("Cover", _number(1, " %", 100.0)),
     "lodging": ("Lodging", _text),

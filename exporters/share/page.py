@@ -18,6 +18,7 @@ from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import RefusedError, printable
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.runtime.progress import Progress
+from furrowmap.core.values.margins import margin
 from furrowmap.exporters.files.result_folder import CLOUD, ResultFolder
 from furrowmap.exporters.rasters.images import encode_image
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
@@ -161,8 +162,9 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
     for name, key in (("Worked", "worked"), ("Overlap", "overlap"), ("Missed", "missed"), ("Not worked", "unworked")):
         area_m2, sigma_m2 = figures.get(f"{key}_area_m2"), figures.get(f"{key}_area_sigma_m2")
         if _is_number(area_m2):
-            margin = [f"± {_area(2.0 * sigma_m2)}"] if _is_number(sigma_m2) and sigma_m2 > 0.0 else []
-            yield {"value": _area(area_m2), "name": [name, *margin], "loud": name == "Missed" and area_m2 > 0.0}
+            value = area_words(area_m2, HECTARE, sigma_m2 if area_m2 > 0.0 else None)
+            level = ["(± 95 %)"] if "±" in value else []
+            yield {"value": value, "name": [name, *level], "loud": name == "Missed" and area_m2 > 0.0}
     hours = figures.get("hours") or {}
     shown = (
         ("Field", figures.get("field_area_m2"), _area),
@@ -195,7 +197,7 @@ def _accuracy(accuracy: dict[str, Any]) -> Iterable[tuple[str, Any, Any]]:
     across = math.hypot(east, north) if _is_number(east) and _is_number(north) else None
 
     def words(sigma_m: float) -> str:
-        return f"± {200.0 * sigma_m:.1f} cm"
+        return f"{margin(sigma_m, ' cm', 100.0)} (95 %)"
 
     return (("Horizontal accuracy", across, words), ("Vertical accuracy", up, words))
 

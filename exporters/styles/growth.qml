@@ -38,5 +38,5 @@
   </settings>
  </labeling>
  <layerOpacity>0.85</layerOpacity>
- <mapTip enabled="1">&lt;b&gt;parcel [% "id" %]&lt;/b&gt;: [% coalesce(format_number(1000 * "rate_m_day", 1), '?') %] mm a day ± [% coalesce(format_number(2000 * "rate_sigma_m_day", 1), '?') %] mm, [% coalesce(format_number(100 * "growth_m", 1), '?') %] cm ± [% coalesce(format_number(200 * "growth_sigma_m", 1), '?') %] cm in all</mapTip>
+ <mapTip enabled="1">&lt;b&gt;parcel [% "id" %]&lt;/b&gt;: [% coalesce(format_number(1000 * "rate_m_day", greatest(0, 1 - floor(log10(2000 * "rate_sigma_m_day")))) || ' ± ' || format_number(round(2000 * "rate_sigma_m_day", 1 - floor(log10(2000 * "rate_sigma_m_day"))), greatest(0, 1 - floor(log10(2000 * "rate_sigma_m_day")))) || ' mm (95 %)', format_number(1000 * "rate_m_day", 1) || ' mm', '?') %] a day, [% coalesce(format_number(100 * "growth_m", greatest(0, 1 - floor(log10(200 * "growth_sigma_m")))) || ' ± ' || format_number(round(200 * "growth_sigma_m", 1 - floor(log10(200 * "growth_sigma_m"))), greatest(0, 1 - floor(log10(200 * "growth_sigma_m")))) || ' cm (95 %)', format_number(100 * "growth_m", 1) || ' cm', '?') %] in all</mapTip>
 </qgis>

@@ -38,5 +38,5 @@
   </settings>
  </labeling>
  <layerOpacity>0.85</layerOpacity>
- <mapTip enabled="1">&lt;b&gt;parcel [% "id" %]&lt;/b&gt;: [% coalesce(format_number(100 * "mean_height_m", 1), '?') %] cm ± [% coalesce(format_number(200 * "height_sigma_m", 1), '?') %] cm, [% coalesce(format_number("volume_m3", 2), '?') %] m³&lt;br&gt;cover [% coalesce(format_number(100 * "cover", 1), '?') %] %, [% format_number("points_m2", 0) %] points/m²[% if("lodging", ', may be lodged', '') %]</mapTip>
+ <mapTip enabled="1">&lt;b&gt;parcel [% "id" %]&lt;/b&gt;: [% coalesce(format_number(100 * "mean_height_m", greatest(0, 1 - floor(log10(200 * "height_sigma_m")))) || ' ± ' || format_number(round(200 * "height_sigma_m", 1 - floor(log10(200 * "height_sigma_m"))), greatest(0, 1 - floor(log10(200 * "height_sigma_m")))) || ' cm (95 %)', format_number(100 * "mean_height_m", 1) || ' cm', '?') %], [% coalesce(format_number("volume_m3", greatest(0, 1 - floor(log10(2 * "volume_sigma_m3")))) || ' ± ' || format_number(round(2 * "volume_sigma_m3", 1 - floor(log10(2 * "volume_sigma_m3"))), greatest(0, 1 - floor(log10(2 * "volume_sigma_m3")))) || ' m³ (95 %)', format_number("volume_m3", 2) || ' m³', '?') %]&lt;br&gt;cover [% coalesce(format_number(100 * "cover", 1), '?') %] %, [% format_number("points_m2", 0) %] points/m²[% if("lodging", ', may be lodged', '') %]</mapTip>
 </qgis>

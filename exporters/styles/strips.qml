@@ -44,5 +44,5 @@
   </settings>
  </labeling>
  <layerOpacity>0.5</layerOpacity>
- <mapTip enabled="1">&lt;b&gt;strip [% "strip" %]&lt;/b&gt;, [% format_date("start", 'HH:mm:ss') %] to [% format_date("end", 'HH:mm:ss') %] UTC&lt;br&gt;[% format_number("length_m", 1) %] m towards [% format_number("heading_deg", 0) %]° at [% format_number("speed_mps", 1) %] m/s, [% format_number("points_m2", 0) %] points a square metre</mapTip>
+ <mapTip enabled="1">&lt;b&gt;strip [% "strip" %]&lt;/b&gt;, [% format_date("start", 'HH:mm:ss') %] to [% format_date("end", 'HH:mm:ss') %] UTC&lt;br&gt;[% format_number("length_m", 1) %] m towards [% format_number("heading_deg", 0) %]° at [% format_number(3.6 * "speed_mps", 1) %] km/h, [% format_number("points_m2", 0) %] points a square metre</mapTip>
 </qgis>

@@ -223,5 +223,5 @@
    </symbol>
   </symbols>
  </renderer-v2>
- <mapTip enabled="1">&lt;b&gt;scan [% "scan" %]&lt;/b&gt;, [% format_date("time", 'HH:mm:ss.zzz') %] UTC&lt;br&gt;[% "motion" %], [% round("speed_mps", 2) %] m/s, heading [% round("heading_deg", 1) %]°&lt;br&gt;[% coalesce("fix", 'from a file') %]</mapTip>
+ <mapTip enabled="1">&lt;b&gt;scan [% "scan" %]&lt;/b&gt;, [% format_date("time", 'HH:mm:ss.zzz') %] UTC&lt;br&gt;[% "motion" %], [% format_number(3.6 * "speed_mps", 1) %] km/h, heading [% round("heading_deg", 1) %]°&lt;br&gt;[% coalesce("fix", 'from a file') %]</mapTip>
 </qgis>

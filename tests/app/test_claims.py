@@ -127,7 +127,7 @@ def test_promise__what_was_not_filled_in_claims_nothing(wrong: furrowmap.Result)
     assert [label for label in dock_rows(report) if "ccuracy" in label] == ["Accuracy"]
     assert not [row for row in dock_rows(report).values() if "±" in row]
     page = (wrong.path / "report.html").read_text(encoding="utf-8")
-    claims = page[page.index("median standard deviation") : page.index("On this page, ±")]
+    claims = page[page.index("margin of error") : page.index("± is twice")]
     assert not re.search(r"\d (cm|°)", claims)
     layer = wrong.layer("trajectory")
     assert layer[[f"sigma_{name}" for name in SIGMA_NAMES]].isna().all(axis=None)

@@ -57,9 +57,9 @@ def test_calibration__is_told_beside_what_the_session_states() -> None:
         "sigma of roll, pitch, yaw": "0.11, 0.12, inf",
         "scanner xyz_m, estimated": "-0.620 m, 0.030 m, 2.440 m",
         "facing of the scanner": "shown by the scans",
-        "vehicle origin above ground": "-0.021 m ± 0.013",
+        "vehicle origin above ground": "-0.021 ± 0.026 m (95 %)",
         "lidar_minus_gnss_s, stated": "0.104",
-        "lidar_minus_gnss_s, estimated": "0.255 ± 0.006",
+        "lidar_minus_gnss_s, estimated": "0.255 ± 0.012 s (95 %)",
     }
     assert text.splitlines()[-1] == "The session file was not changed."
 
@@ -200,7 +200,7 @@ def test_tie__tells_dates_changes_and_files(tmp_path: Path) -> None:
     }
     assert tie._words(account, tmp_path).splitlines() == [
         "  2026-06-11 Nord\\x1b  not tied",
-        "  1 to 3  -1.500 ± 0.250 m³ on 120.0 m², mean -12.5 ± 2.1 mm",
+        "  1 to 3  -1.50 ± 0.50 m³ on 120.0 m², mean -12.5 ± 4.2 mm (95 %)",
         "  3 to 4  no worked ground seen on both dates",
         f"{tmp_path}:",
         "  tie.gpkg  1.2 kB",
@@ -220,10 +220,10 @@ def test_size_of_a_file__has_its_unit(size_bytes: int, words: str, tmp_path: Pat
     ("found", "words"),
     [
         (None, "reference"),
-        ({"offset_m": -0.0012, "offset_sigma_m": 0.0034, "tilted": False}, "soil -1.2 ± 3.4 mm"),
+        ({"offset_m": -0.0012, "offset_sigma_m": 0.0034, "tilted": False}, "soil -1.2 ± 6.8 mm (95 %)"),
         (
             {"offset_m": 0.012, "offset_sigma_m": 0.0034, "tilted": True, "tilt_east": 1.2e-4, "tilt_north": -3.4e-5},
-            "soil +12.0 ± 3.4 mm, tilt +1.2e-04 east, -3.4e-05 north",
+            "soil +12.0 ± 6.8 mm (95 %), tilt +1.2e-04 east, -3.4e-05 north",
         ),
     ],
 )
@@ -285,7 +285,7 @@ def test_evaluation__tells_each_figure_under_its_name() -> None:
         "outliers": "1 (12.5%)",
         "age of corrections": "median 1.5 s, maximum 3.5 s",
         "within 1, 2, 3 reported sigmas": "61.0%, 92.0%, 99.0%",
-        "test ahead in time": "-0.012 s ± 0.003",
+        "test ahead in time": "-0.0120 ± 0.0060 s (95 %)",
     }
     lines = figures.splitlines()
     assert lines[0] == "all (12,345 epochs)"

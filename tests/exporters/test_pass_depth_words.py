@@ -10,6 +10,7 @@ import geopandas as gpd
 import numpy as np
 import pytest
 
+from furrowmap.core.values.margins import with_margin
 from furrowmap.core.work.depth import SOIL_SIGMA_M
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.reports.pages import render
@@ -33,11 +34,11 @@ def test_depth__in_report_page_and_kml(written: Path, tmp_path: Path) -> None:
     page = shared_layer("passes", passes, TOKYO, alone=False)
     report = render("passes.html", work=field()[1], zone=TOKYO, several=False, max_rows=60)
     assert page is not None
-    assert "depth (approximate)" in report
+    assert "depth (approximate, ± 95 %)" in report
     for one, mark, shown in zip(passes.itertuples(), marks, page["features"], strict=True):
-        words = f"{100 * one.depth_m:.0f} ± {200 * one.depth_sigma_m:.0f} cm"
-        assert dict(shown["rows"])["Depth (approximate)"] == words
-        assert f"<td>{100 * one.depth_m:.0f} cm</td><td>{200 * one.depth_sigma_m:.0f} cm</td>" in report
+        words = with_margin(one.depth_m, one.depth_sigma_m, " cm", 100.0)
+        assert dict(shown["rows"])["Depth (approximate)"] == f"{words} (95 %)"
+        assert f"<td>{words}</td>" in report
         assert mark.findtext("{*}displayName") == "standard deviation of the depth (m)"
         assert float(mark.findtext("{*}value") or "nan") == pytest.approx(one.depth_sigma_m, abs=1e-4)
 
@@ -47,4 +48,5 @@ def test_map_tips__have_no_sign_for_a_standard_deviation_that_is_unknown(layer: 
     tip = packaged_style(f"{layer}.qml").partition("<mapTip")[2]
     assert "area_sigma_m2" in tip
     for before in tip.split("±")[:-1]:
-        assert before.endswith(("'", "' cm "))
+        assert before.endswith("' ")
+        assert "coalesce(" in before

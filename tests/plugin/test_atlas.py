@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import geopandas as gpd
 import numpy as np
 
+from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.reports.drawings import pass_colour
 from tests.exporters.farm.result_folders import write_result
 
@@ -35,9 +36,9 @@ def test_pages__of_the_passes_have_their_own_figures(qgis: QgisRoot, tmp_path: P
     assert len(pages) == len(passes) == 3
     for page, one in zip(pages, passes.itertuples(), strict=True):
         assert f"North field, pass {passes['pass'][one.Index]}" in page
-        assert f"{one.area_m2:.1f} ± {2 * one.area_sigma_m2:.1f} m²" in page.replace("m2", "m²")
+        assert f"{with_margin(one.area_m2, one.area_sigma_m2, ' m²')} (95 %)" in page.replace("m2", "m²")
         assert f"{one.length_m:.1f} m" in page
-        assert f"{100 * one.depth_m:.0f} ± {200 * one.depth_sigma_m:.0f} cm" in page
+        assert f"{with_margin(one.depth_m, one.depth_sigma_m, ' cm', 100.0)} (95 %)" in page
         local = one.start.tz_convert("Asia/Tokyo")
         assert f"{local:%H:%M:%S}" in page
         assert "(Asia/Tokyo)" in page

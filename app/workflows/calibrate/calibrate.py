@@ -21,6 +21,7 @@ from furrowmap.core.session.opened import OpenSession, open_session, watched
 from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.trajectory.located import Located, locate
 from furrowmap.core.trajectory.moving_mount import carrier_of
+from furrowmap.core.values.margins import margin
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.workflows.session.machines import machine_file, write_machine
@@ -174,8 +175,8 @@ def calibrated_text(text: str, calibration: Calibration) -> str:
     """A session file's text with what was found in its place; everything else, comments too, stays as it is."""
     if calibration.mounting_differs:
         rpy = ", ".join(f"{angle:.3f}" for angle in calibration.found.rpy_deg)
-        sigma = ", ".join(f"{value:.2f}" if math.isfinite(value) else "not shown" for value in calibration.sigma_deg)
-        origin = f"calibrated with the recording of {calibration.date}: ± {sigma} degrees"
+        sigma = ", ".join(margin(value) if math.isfinite(value) else "not shown" for value in calibration.sigma_deg)
+        origin = f"calibrated with the recording of {calibration.date}: {sigma} degrees (95 %)"
         text = with_value(text, "lidar", "rpy_deg", f"[{rpy}]", origin)
     if calibration.found.xyz_m != calibration.stated.xyz_m:
         xyz = ", ".join(f"{place:.3f}" for place in calibration.found.xyz_m)

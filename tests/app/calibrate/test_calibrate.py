@@ -15,7 +15,7 @@ from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.workflows.calibrate.calibrate import Calibration, calibrated_text
 
-ORIGIN = "calibrated with the recording of 2026-06-11: ± 0.10, 0.10, 0.10 degrees"
+ORIGIN = "calibrated with the recording of 2026-06-11: ± 0.20, ± 0.20, ± 0.20 degrees (95 %)"
 SESSION = """\
 furrowmap = 1
 [recording]

@@ -21,6 +21,7 @@ from furrowmap.core.trajectory.located import Located
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import Images
+from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.reports.pages import render
 from tests.core.images.test_block_adjustment import DELAY_S, NODES_S, SCALE, STATED, TRUE_TURN, Flight, true_camera
 
@@ -153,7 +154,7 @@ def test_figures__are_those_of_the_scene(aided: tuple[Located, ImageAid]) -> Non
     page = render("images.html", found=SimpleNamespace(image_aid=aided[1]))
     assert f"in {told['observations_used']:,} of {told['observations']:,} views" in page
     assert page.count("control point ") == len(points)
-    assert f"{1000 * told['shift_m'][1]:.1f} ± {1000 * told['shift_sigma_m'][1]:.1f} mm" in page
+    assert with_margin(told["shift_m"][1], told["shift_sigma_m"][1], " mm", 1000.0) in page
     assert f"{1000 * told['sigma_before_m'][2]:.1f} mm before" in page
     assert not render("images.html", found=SimpleNamespace(image_aid=None)).strip()
 

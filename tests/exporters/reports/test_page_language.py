@@ -91,7 +91,7 @@ def test_page__in_another_unit(unit: str, words: str, rate: str) -> None:
 
 def test_units__are_the_same_area() -> None:
     for area_m2 in (1_000.0, 54_213.0, 1e6):
-        ha, a, acres = (float(area_words(area_m2, unit).split()[0]) for unit in AREA_UNITS)
+        ha, a, acres = (float(area_words(area_m2, unit).split()[0].replace(",", "")) for unit in AREA_UNITS)
         assert math.isclose(ha * 100.0, a, rel_tol=1e-3)
         assert math.isclose(acres * ACRE_M2, area_m2, rel_tol=3e-3)
     assert area_words(42.5, "10a") == "42.5 m²"

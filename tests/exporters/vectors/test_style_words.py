@@ -19,7 +19,7 @@ STYLES = {
     for file in files(folder).joinpath("styles").iterdir()
     if file.name.endswith(".qml")
 }
-SYMBOLS = {"m", "mm", "cm", "ha", "s", "UTC", "RTK", "FIX", "FLOAT", "PPP", "RMSE", "D", "X", "Y", "Z"}
+SYMBOLS = {"m", "mm", "km", "h", "cm", "ha", "s", "UTC", "RTK", "FIX", "FLOAT", "PPP", "RMSE", "D", "X", "Y", "Z"}
 """Units and names that Japanese writes in Latin letters, too."""
 FORMATS = re.compile(r"(yyyy-MM-dd)?[ ]?(HH:mm(:ss(\.zzz)?)?)?")
 

@@ -16,6 +16,7 @@ import pytest
 from shapely import Point
 
 from furrowmap.cli.export import FORMAT_CHOICES
+from furrowmap.core.values.margins import with_margin
 from tests.conftest import installed
 
 if TYPE_CHECKING:
@@ -237,7 +238,8 @@ def test_run__shows_its_stages_and_figures(seen: dict[str, Any], drive: Path) ->
     assert report["session"]["name"] == "North field"
     assert report["session"]["lidar"]["rpy_deg"] == [0.8, 40.6, 179.3]
     assert report["session"]["field"]["boundary"] == "boundary.geojson"
-    assert f"{report['figures']['worked_area_m2']:.1f} ±" in seen["figures"]
+    worked_m2, sigma_m2 = (report["figures"][f"worked_area{name}_m2"] for name in ("", "_sigma"))
+    assert f"{with_margin(worked_m2, sigma_m2, ' m²')} (95 %)" in seen["figures"]
     start, end = seen["span"]
     assert report["figures"]["start"].startswith(start.removesuffix("Z"))
     assert report["figures"]["end"].startswith(end.removesuffix("Z"))
