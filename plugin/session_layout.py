@@ -188,7 +188,7 @@ def _with_margin(field: str, factor: int, digits: int, unit: str, unknown: str) 
     name, _, suffix = field.rpartition("_")
     half = f'{2 * factor} * "{name}_sigma_{suffix}"'
     places = f"1 - floor(log10({half}))"
-    decimals = f"greatest(0, {places})"
+    decimals = f"max(0, {places})"
     spread = f"format_number(round({half}, {places}), {decimals}) || ' {unit} (95 %)'"
     return (
         f"coalesce(format_number({factor} * \"{field}\", {decimals}) || ' ± ' || {spread}, "

@@ -103,5 +103,5 @@
    </symbol>
   </symbols>
  </renderer-v2>
- <mapTip enabled="1">&lt;b&gt;[% "kind" %]&lt;/b&gt;, [% format_date("time", 'HH:mm:ss.zzz') %] UTC[% coalesce(' ± ' || format_number(round(2 * "sigma_s", 1 - floor(log10(2 * "sigma_s"))), greatest(0, 1 - floor(log10(2 * "sigma_s")))) || ' s (95 %)', '') %]</mapTip>
+ <mapTip enabled="1">&lt;b&gt;[% "kind" %]&lt;/b&gt;, [% format_date("time", 'HH:mm:ss.zzz') %] UTC[% coalesce(' ± ' || format_number(round(2 * "sigma_s", 1 - floor(log10(2 * "sigma_s"))), max(0, 1 - floor(log10(2 * "sigma_s")))) || ' s (95 %)', '') %]</mapTip>
 </qgis>

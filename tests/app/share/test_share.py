@@ -222,6 +222,8 @@ def test_margins__are_the_same_in_report_dock_and_shared_page(data: dict[str, An
     worked, accuracy = margins(result.report)
     dock, page = dock_rows(result.report), (result.path / "report.html").read_text(encoding="utf-8")
     shared = {words["name"][0]: words["value"] for words in data["figures"]}
+    certain = result.report["accuracy"] | {"assumed": [], "unstated": [], "unconfirmed": []}
+    shared |= {name: words(value) for name, value, words in page_module._accuracy(certain)}
     assert dock["Worked"] == f"{worked} (95 %)"
     assert f">{worked}</data></b><span>worked (± 95 %)</span>" in page
     assert shared["Worked"] == worked
