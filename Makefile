@@ -116,7 +116,8 @@ pages: $(INSTALLED)  ## write the generated pages of docs again
 	$(BIN)/python scripts/reliability_reference.py
 
 plugin: $(INSTALLED)  ## the QGIS plugin as a zip, in dist
-	$(BIN)/python scripts/plugin_zip.py
+	@mkdir -p dist && rm -f dist/furrowmap-*.zip
+	cd dist && $(CURDIR)/$(BIN)/furrowmap qgis zip
 
 clean:  ## remove everything that can be made again
 	rm -rf $(VENV) build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -26,6 +26,7 @@ from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import style_of
 from furrowmap.exporters.rasters.cog import HEIGHT_BAND, Band, cog_output
+from furrowmap.workflows.share.qgis_plugin import write_plugin_zip
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 DAY = Path.home() / ".cache" / "furrowmap" / "benchmarks" / "qgis_day"
@@ -59,7 +60,7 @@ def main() -> int:
     print(f"{sum(path.stat().st_size for path in result.iterdir()) / 1e6:,.0f} MB")
     with TemporaryDirectory() as scratch:
         plugins = Path(scratch) / "plugins"
-        subprocess.run([sys.executable, CHECKOUT / "scripts" / "plugin_zip.py", f"{scratch}/zip"], check=True)
+        write_plugin_zip(Path(f"{scratch}/zip"))
         with zipfile.ZipFile(f"{scratch}/zip") as archive:
             archive.extractall(plugins)
         shutil.copytree(result, f"{scratch}/day")  # the root of QGIS sees the folder for temporary files

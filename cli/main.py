@@ -51,6 +51,7 @@ COMMANDS: Final = (
     "check",
     "explain",
     "simulate",
+    "notebooks",
     "qgis",
     "worker",
 )

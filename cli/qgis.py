@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import command, group, option
+from furrowmap.cli.options import command, group, option, output
 from furrowmap.core.runtime.errors import UsageError, printable
 
 
-@group("Install the QGIS plugin.", "furrowmap qgis install")
+@group("Install the QGIS plugin.", "furrowmap qgis install", "furrowmap qgis zip")
 def qgis() -> None:
     """The QGIS plugin that is bundled with furrowmap."""
 
@@ -43,3 +44,14 @@ def install(console: Console, profile: str | None, plugins_folder: Path | None) 
     words = [f"Installed: {printable(str(folder))}" for folder in installed]
     words.append("Restart QGIS to load it." if enabled else "Enable it in QGIS: Plugins > Manage and Install Plugins.")
     console.answer({"installed": installed, "enabled": enabled, "python": sys.executable}, "\n".join(words))
+
+
+@command("Write the plugin as a zip.", "furrowmap qgis zip", "furrowmap qgis zip -o plugin.zip", name="zip", group=qgis)
+@output("FILE", "Output file [default: furrowmap-VERSION.zip].", "Output file")
+def write_zip(console: Console, output: Path | None) -> None:
+    """Write the bundled plugin as a zip, for 'Install from ZIP' in QGIS on any computer."""
+    from furrowmap.workflows.share.qgis_plugin import write_plugin_zip
+
+    written = output or Path(f"furrowmap-{version('furrowmap')}.zip")
+    write_plugin_zip(written)
+    console.answer({"zip": written}, f"Wrote {printable(str(written))}")

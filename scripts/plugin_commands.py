@@ -22,6 +22,8 @@ NOT_IN_QGIS = {
     "batch": "it works for hours on many sessions, with processes of its own or on a cluster",
     "season": "it works on the results of a batch, with processes of its own or on a cluster",
     "qgis install": "it installs the plugin that would run it",
+    "qgis zip": "it writes the plugin that would run it",
+    "notebooks": "QGIS opens none",
     "worker": "the plugin starts it and speaks its protocol",
     "report": "the dock opens the report, which a run writes in the language of QGIS",
 }

@@ -65,7 +65,7 @@ def site(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_wheel__holds_every_module_and_its_data_and_nothing_else(wheel: Path) -> None:
-    data = {".typed", ".toml", ".qml", ".html", ".css", ".js"}
+    data = {".typed", ".toml", ".qml", ".html", ".css", ".js", ".ipynb"}
     expected = {
         f"furrowmap/{path.relative_to(CHECKOUT).as_posix()}".replace("furrowmap/app/", "furrowmap/")
         for path in repository_files()
@@ -99,6 +99,20 @@ def test_wheel__installs_and_imports_as_furrowmap(site: Path) -> None:
     places = [Path(line) for line in run.stdout.splitlines()]
     assert len(places) == len(packages)
     assert [place for place in places if not place.is_relative_to(site)] == []
+
+
+def test_wheel__writes_notebooks_and_the_plugins_zip(site: Path, tmp_path: Path) -> None:
+    program = [sys.executable, "-c", "from furrowmap.cli.main import main; main()"]
+    for command in (["notebooks", "examples"], ["qgis", "zip"], ["qgis", "install", "--plugins-folder", "plugins"]):
+        subprocess.run([*program, *command], cwd=tmp_path, env={"PYTHONPATH": str(site)}, check=True)
+    assert {path.name for path in (tmp_path / "examples").iterdir()} == {"any-cloud.ipynb", "nakagawa-et-al.ipynb"}
+    with zipfile.ZipFile(tmp_path / f"furrowmap-{PROJECT['project']['version']}.zip") as archive:
+        packed = {name.removeprefix("furrowmap/"): archive.read(name) for name in archive.namelist()}
+    plugin = CHECKOUT / "plugin"
+    assert packed == {
+        p.relative_to(plugin).as_posix(): p.read_bytes() for p in repository_files() if plugin in p.parents
+    }
+    assert (tmp_path / "plugins" / "furrowmap" / "metadata.txt").read_bytes() == packed["metadata.txt"]
 
 
 def test_sdist__holds_the_repository_and_the_page_and_its_tests_run(

@@ -1,4 +1,4 @@
-"""The notebooks of the documentation run from a clean kernel, and are committed without outputs."""
+"""The notebooks run from a clean kernel, and are committed without outputs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import nbclient
 import nbformat
 import pytest
 
-NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "docs" / "notebooks").glob("*.ipynb"))
+NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "app" / "notebooks").glob("*.ipynb"))
 FIGURES = {"any-cloud": 1, "nakagawa-et-al": 4}
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+import zipfile
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -122,3 +124,19 @@ def read(text: str) -> dict[str, dict[str, str]]:
         else:
             values.update([line.split("=", 1)])
     return found
+
+
+def test_zip__holds_the_plugin_and_replaces_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert command_line(["qgis", "zip", "--json"]) == 0
+    name = f"furrowmap-{version('furrowmap')}.zip"
+    assert json.loads(capsys.readouterr().out) == {"zip": name}
+    with zipfile.ZipFile(name) as archive:
+        packed = set(archive.namelist())
+    installed = install_plugin(tmp_path / "plugins")
+    there = {f"furrowmap/{p.relative_to(installed).as_posix()}" for p in installed.rglob("*") if p.is_file()}
+    assert packed == there - {"furrowmap/installed_by.json"}
+    assert command_line(["qgis", "zip"]) == 4
+    assert "exists already" in capsys.readouterr().err

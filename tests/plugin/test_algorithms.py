@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-import subprocess
 import sys
 import zipfile
 from pathlib import Path
@@ -20,6 +19,7 @@ import shapely
 from pyproj import Proj
 
 from furrowmap.cli.main import command_line
+from furrowmap.workflows.share.qgis_plugin import write_plugin_zip
 from tests.conftest import installed
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, shared_data: Path) -> Path:
     (folder / "no_session.toml").write_text("furrowmap = 1\n[recoding]\n")
     (folder / "nothing.pcap").write_bytes(b"nothing")
     (folder / "some.gpkg").touch()
-    subprocess.run([sys.executable, CHECKOUT / "scripts" / "plugin_zip.py", folder / "plugin.zip"], check=True)
+    write_plugin_zip(folder / "plugin.zip")
     with zipfile.ZipFile(folder / "plugin.zip") as archive:
         archive.extractall(folder / "plugins")
     return folder

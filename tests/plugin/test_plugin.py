@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import configparser
 import re
-import subprocess
 import sys
 import tomllib
 import zipfile
@@ -15,6 +14,8 @@ from typing import TYPE_CHECKING
 import geopandas as gpd
 import pytest
 from shapely import Point
+
+from furrowmap.workflows.share.qgis_plugin import write_plugin_zip
 
 if TYPE_CHECKING:
     from conftest import QgisRoot
@@ -36,7 +37,7 @@ REQUIRED_KEYS = [
 @pytest.fixture(scope="module")
 def plugin_zip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("plugin") / "furrowmap.zip"
-    subprocess.run([sys.executable, CHECKOUT / "scripts" / "plugin_zip.py", out], check=True)
+    write_plugin_zip(out)
     return out
 
 
@@ -75,7 +76,7 @@ def test_zip__keeps_the_rules_of_the_plugin_site(plugin_zip: Path) -> None:
 
 def test_zip__is_the_same_from_the_same_checkout(plugin_zip: Path, tmp_path: Path) -> None:
     again = tmp_path / "again.zip"
-    subprocess.run([sys.executable, CHECKOUT / "scripts" / "plugin_zip.py", again], check=True)
+    write_plugin_zip(again)
     assert again.read_bytes() == plugin_zip.read_bytes()
 
 

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import pytest
 
+from furrowmap.workflows.share.qgis_plugin import write_plugin_zip
+
 CHECKOUT = Path(__file__).resolve().parents[2]
 PLUGIN = CHECKOUT / "plugin"
 SOURCES = sorted(PLUGIN.rglob("*.py"))
@@ -28,7 +30,7 @@ BANDIT = (
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("site") / "furrowmap.zip"
-    subprocess.run([sys.executable, CHECKOUT / "scripts" / "plugin_zip.py", out], check=True)
+    write_plugin_zip(out)
     return out
 
 

@@ -1,4 +1,4 @@
-"""QGIS user profiles on this machine, and the installation of the plugin in one."""
+"""QGIS user profiles on this machine, the installation of the plugin in one, and the plugin as a zip."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 import os
 import shutil
 import sys
+import zipfile
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.resources import as_file, files
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError, RefusedError
-from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
 
 PLUGIN: Final = "furrowmap"
 INSTALLED_BY: Final = "installed_by.json"
@@ -75,6 +76,26 @@ def install_plugin(plugins: Path) -> Path:
         for folder in (unfinished, old):
             shutil.rmtree(folder, ignore_errors=True)
     return target
+
+
+def write_plugin_zip(out: Path) -> None:
+    """Write the bundled plugin as QGIS installs it from a zip; the same plugin gives the same bytes.
+
+    Raises:
+        RefusedError: if the file exists.
+    """
+    refuse_existing(out, overwrite=False)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with (
+        as_file(files("furrowmap.plugin")) as source,
+        atomic_output(out) as unfinished,
+        zipfile.ZipFile(unfinished, "w") as archive,
+    ):
+        for path in sorted(source.rglob("*")):
+            if path.is_file() and "__pycache__" not in path.parts:
+                entry = zipfile.ZipInfo(f"{PLUGIN}/{path.relative_to(source).as_posix()}")
+                entry.external_attr = 0o644 << 16
+                archive.writestr(entry, path.read_bytes(), zipfile.ZIP_DEFLATED)
 
 
 def enable_plugin(settings: Path) -> None:

@@ -17,6 +17,7 @@ from shapely import Point
 
 from furrowmap.cli.export import FORMAT_CHOICES
 from furrowmap.core.values.margins import with_margin
+from furrowmap.workflows.share.qgis_plugin import write_plugin_zip
 from tests.conftest import installed
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def worker(qgis: QgisRoot) -> str:
 @pytest.fixture(scope="module")
 def plugins(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("plugins")
-    subprocess.run([sys.executable, CHECKOUT / "scripts" / "plugin_zip.py", folder / "zip"], check=True)
+    write_plugin_zip(folder / "zip")
     with zipfile.ZipFile(folder / "zip") as archive:
         archive.extractall(folder)
     return folder
