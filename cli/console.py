@@ -143,10 +143,11 @@ def put_error(error: FurrowmapError) -> None:
         click.echo(line, err=True)
 
 
-def error_value(error: FurrowmapError) -> dict[str, str]:
+def error_value(error: FurrowmapError) -> dict[str, Any]:
     """`error` for JSON, in the language of the user."""
     what, meaning, remedy = error.lines_in(language_of_user())
-    return {"code": error.code, "what": what, "meaning": meaning, "remedy": remedy}
+    value = {"code": error.code, "what": what, "meaning": meaning, "remedy": remedy}
+    return value if error.setting is None else {**value, "set": error.setting}
 
 
 def colour() -> bool | None:

@@ -8,6 +8,7 @@ import furrowmap
 from furrowmap.cli.console import Console
 from furrowmap.cli.options import command, files, option, output, overwrite
 from furrowmap.core.runtime.errors import printable
+from furrowmap.core.runtime.settings import language_of_user
 
 
 @command("Write a session file for a recording.", "furrowmap init recording.pcap.gz gnss.nmea")
@@ -32,7 +33,8 @@ def init(
     if proposal.missing:
         words += ["Not found in the recordings; fill in what you know:"]
         words += [f"  {printable(notice.text)}" for notice in proposal.missing]
-    console.answer(
-        {"session": proposal.path, "found": proposal.found, "missing": proposal.missing},
-        "\n".join(words),
+    found, missing = (
+        [{"code": notice.code, "text": notice.text_in(language_of_user())} for notice in notices]
+        for notices in (proposal.found, proposal.missing)
     )
+    console.answer({"session": proposal.path, "found": found, "missing": missing}, "\n".join(words))

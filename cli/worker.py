@@ -7,7 +7,8 @@ Protocol 1: one JSON object per line, UTF-8. The worker writes to standard outpu
   stage;
 - ``warning``: ``code``, ``text``; ``log``: ``text``, an informative message;
 - ``result``: ``value``, the result of the command as with ``--json``;
-- ``error``: ``code``, ``what``, ``meaning``, ``remedy``;
+- ``error``: ``code``, ``what``, ``meaning``, ``remedy``, and ``set``, the table, key and value of the session file that
+  remedy it, if there are any;
 - ``done`` last: ``status``, the exit status of the command.
 
 It reads from standard input: first ``{"type": "start", "arguments": ["run", "session.toml", ...]}``, then optionally

@@ -25,6 +25,7 @@ def figure_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
         (tr("Field"), _field(figures)),
         (tr("Not worked"), _area(figures, "unworked_area_m2", "unworked_area_sigma_m2")),
         (tr("Passes"), _number(figures.get("passes"), "{:.0f}")),
+        *_crop_rows(object_in(report, "parcels")),
         (tr("Path length"), _path_length(figures.get("distance_m"))),
         (tr("Duration"), _duration(figures.get("duration_s"))),
         (tr("Points"), _number(figures.get("points") or None, "{:,.0f}")),
@@ -81,6 +82,22 @@ def _percent(share: float) -> str:
     if 0.0 < share < 0.001:
         return "< 0.1 %"
     return "> 99.9 %" if 0.999 < share < 1.0 else f"{100.0 * share:.{0 if share in (0.0, 1.0) else 1}f} %"
+
+
+def _crop_rows(crops: dict[str, Any]) -> list[tuple[str, str | None]]:
+    """The crops of a trial: how many parcels, their heights, and the volume of all of them."""
+    parcels = [parcel for parcel in crops.get("parcels") or [] if isinstance(parcel, dict)]
+    heights = sorted(h for parcel in parcels if isinstance(h := parcel.get("mean_height_m"), (int, float)))
+    if not heights:
+        return []
+    words = tr("{low:.1f} to {high:.1f} cm, mean {mean:.1f} cm")
+    mean = sum(heights) / len(heights)
+    volumes = [v for parcel in parcels if isinstance(v := parcel.get("volume_m3"), (int, float))]
+    return [
+        (tr("Parcels"), str(len(heights))),
+        (tr("Crop height"), words.format(low=100 * heights[0], high=100 * heights[-1], mean=100 * mean)),
+        (tr("Crop volume"), _number(sum(volumes) or None, "{:,.1f} m³")),
+    ]
 
 
 def _number(value: Any, form: str) -> str | None:

@@ -49,7 +49,13 @@ BAND_LABELS = {
     "height_above_ground": QT_TRANSLATE_NOOP("Legends", "Height above ground (m)"),
     "density": QT_TRANSLATE_NOOP("Legends", "Points a square metre"),
     "strip_overlap": QT_TRANSLATE_NOOP("Legends", "Number of strips"),
+    "crop_height": QT_TRANSLATE_NOOP("Legends", "Height of the crop (m)"),
 }
+WITHOUT_WORK = {
+    "Relief after the work": QT_TRANSLATE_NOOP("Legends", "Relief"),
+    "Surface after the work": QT_TRANSLATE_NOOP("Legends", "Surface"),
+}
+"""What labels are where no tool worked."""
 LAYER_LABELS = {
     "trajectory": QT_TRANSLATE_NOOP("Legends", "Positions of the vehicle"),
     "events": QT_TRANSLATE_NOOP("Legends", "Events of the drive"),
@@ -67,6 +73,8 @@ LAYER_LABELS = {
     "change": QT_TRANSLATE_NOOP("Legends", "Change of the surface"),
     "dsm": QT_TRANSLATE_NOOP("Legends", "Surface after the work"),
     "dsm_before": QT_TRANSLATE_NOOP("Legends", "Surface before the work"),
+    "dtm": QT_TRANSLATE_NOOP("Legends", "Surface of the ground"),
+    "height_above_ground": QT_TRANSLATE_NOOP("Legends", "Height above ground"),
     "cloud": QT_TRANSLATE_NOOP("Legends", "Point cloud of the run"),
     "orthophoto": QT_TRANSLATE_NOOP("Legends", "Orthophoto"),
     "swaths": QT_TRANSLATE_NOOP("Legends", "Differences of swaths"),
@@ -84,12 +92,13 @@ LAYER_LABELS = {
 """Names in the layer panel; the layers keep those of the products."""
 
 
-def name_node(node: QgsLayerTreeLayer) -> None:
-    """Show a layer under its title in the layer panel."""
-    layer = node.layer().name()
-    if layer in LAYER_LABELS:
+def name_node(node: QgsLayerTreeLayer, *, worked: bool = True) -> None:
+    """Show a layer under its title in the layer panel; `worked` tells whether a tool worked the ground."""
+    label = LAYER_LABELS.get(node.layer().name())
+    if label:
         node.setUseLayerName(False)
-        node.setName(shown_name(layer))
+        label = label if worked else WITHOUT_WORK.get(label, label)
+        node.setName(QCoreApplication.translate("Legends", label))
 
 
 def shown_name(layer: str) -> str:
@@ -105,11 +114,12 @@ def translate_categories(layer: QgsVectorLayer) -> None:
             renderer.updateCategoryLabel(number, QCoreApplication.translate("Legends", category.label()))
 
 
-def label_band(node: QgsLayerTreeLayer) -> None:
+def label_band(node: QgsLayerTreeLayer, *, worked: bool = True) -> None:
     """Label a raster's legend with what its colours mean, instead of the name of its band.
 
     Call this before the layer panel shows the node, since that builds the legend at once.
     """
     label = BAND_LABELS.get(node.layer().name())
     if label:
+        label = label if worked else WITHOUT_WORK.get(label, label)
         QgsMapLayerLegendUtils.setLegendNodeUserLabel(node, 0, QCoreApplication.translate("Legends", label))

@@ -34,16 +34,18 @@ REPORT = "report.json"
 FIELD_FILE = "field.gpkg"
 CLOUD = "cloud.copc.laz"
 SURFACES = (
-    *("change.tif", "swaths.tif", "height_above_ground.tif", "strip_overlap.tif", "density.tif"),
+    *("crop_height.tif", "change.tif", "swaths.tif", "height_above_ground.tif", "strip_overlap.tif", "density.tif"),
     *("orthophoto.tif", "dsm.tif", "dsm_before.tif", "dtm.tif"),
 )
-COLOURED_SURFACES = ("change", "swaths", "height_above_ground", "strip_overlap", "density")
+COLOURED_SURFACES = ("crop_height", "change", "swaths", "height_above_ground", "strip_overlap", "density")
 """Rasters in colours, which lie above the hillshade."""
 VISIBLE_LAYERS = (
     *("events", "misses", "unworked", "boundary", "overlaps", "tool_path", "coverage", "passes", "zones"),
-    *("plants", "lines", "planes", "trajectory", "change", "orthophoto", "dsm"),
+    *("parcels", "plants", "lines", "planes", "trajectory", "crop_height", "change", "orthophoto", "dsm"),
 )
 """Layers that are visible at first."""
+WORKED_LAYERS = ("coverage", "change", "dsm_before")
+"""Layers of a tool's work: with them, the surface is that after the work."""
 MEASURED_LAYERS = ("trajectory", "events", "tool_path")
 """Layers with measured heights, which profiles and 3D views use as they are."""
 TRAJECTORY_MIN_SCALE = 2000.0
@@ -106,13 +108,14 @@ def opening(folder: str | Path, project: QgsProject | None = None) -> Generator[
     _remove_groups(project, FOLDER_PROPERTY, folder)
     remove_previews(project, report)
     yield
+    worked = any(layer.name() in WORKED_LAYERS for layer in layers)
     group = project.layerTreeRoot().insertGroup(0, session_name(report, folder))
     group.setCustomProperty(FOLDER_PROPERTY, str(folder))
     for layer in layers:
         project.addMapLayer(layer, addToLegend=False)
         node = QgsLayerTreeLayer(layer)
-        label_band(node)
-        name_node(node)
+        label_band(node, worked=worked)
+        name_node(node, worked=worked)
         group.addChildNode(node)
         node.setItemVisibilityChecked(layer.name() in VISIBLE_LAYERS)
         node.setExpanded(False)

@@ -70,7 +70,10 @@ class WorkerError(Exception):
         lines: for the user: what is wrong, what that means, what to do.
         log: the last lines of the worker's standard error.
         code: of the command's error; "" for one of the worker.
+        setting: table, key and value of the session file that remedy it; None for another remedy.
     """
+
+    setting: dict[str, Any] | None = None
 
     def __init__(self, what: str, meaning: str, remedy: str, log: Iterable[str] = (), code: str = "") -> None:
         self.lines = (what, meaning, remedy)
@@ -206,7 +209,9 @@ class _Conversation:
         error = self.received.get("error")
         if error is not None:
             what, meaning, remedy, code = (str(error.get(key, "")) for key in ("what", "meaning", "remedy", "code"))
-            raise WorkerError(what, meaning, remedy, self.log, code)
+            failed = WorkerError(what, meaning, remedy, self.log, code)
+            failed.setting = error.get("set")
+            raise failed
         answer = self.received.get("result", {}).get("value")
         if "done" not in self.received or (self.received["done"].get("status", 1) != 0 and answer is None):
             raise self._crash()

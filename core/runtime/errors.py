@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Final, Self
+from typing import Any, ClassVar, Final, Self
 
 from furrowmap.core.runtime.languages.catalogue import ENGLISH, translated
 from furrowmap.core.runtime.languages.messages import ERROR_PARTS, Value, fill, printed, sentences
 
 CONTRADICTION: Final = "contradiction"
 """Code of the notice that stands before all others."""
+SETTINGS: Final = {
+    "imu-no-overlap": ("imu", "minus_gnss_s", "offset_s", "cause"),
+    "imu-turned": ("imu", "rpy_deg", "right", "right"),
+    "imu-turned.forward": ("imu", "rpy_deg", "right", "right"),
+    "imu-turned.upright": ("imu", "rpy_deg", "right", "right"),
+    "no-common-time.apart": ("recording", "lidar_minus_gnss_s", "offset_s", "cause"),
+    "no-common-time.expect-common-time": ("implement", "states_minus_gnss_s", "ahead_s", "likely"),
+}
+"""Messages whose remedy is one line of the session file: its table and key, the name of its value, and that of the
+value without which there is no such remedy."""
 
 
 class FurrowmapError(Exception):
@@ -49,6 +60,11 @@ class FurrowmapError(Exception):
         """The three parts in a language."""
         what, meaning, remedy = (_sentence(language, self.key, part, self.values) for part in ERROR_PARTS)
         return what, meaning, remedy
+
+    @property
+    def setting(self) -> dict[str, Any] | None:
+        """The table, key and value of the session file that remedy it; None for another remedy."""
+        return _setting(self.key, self.values)
 
     @property
     def what(self) -> str:
@@ -174,6 +190,14 @@ class Notice:
         text = between.join(_sentence(language, self.key, part, dict(self.values)) for part in of_error)
         colon = ": " if language == ENGLISH else "："
         return f"{self.subject}{colon}{text}" if self.subject else text
+
+
+def _setting(key: str, values: Mapping[str, Value]) -> dict[str, Any] | None:
+    """The line of the session file that remedies a message."""
+    table, name, value, reason = SETTINGS.get(key, ("", "", "", ""))
+    if not values.get(reason):
+        return None
+    return {"table": table, "key": name, "value": json.loads(str(values[value]))}
 
 
 def _sentence(language: str, key: str, part: str, values: Mapping[str, Value]) -> str:

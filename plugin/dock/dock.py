@@ -80,6 +80,7 @@ class FurrowmapDock(QgsDockWidget):
             (self.session.machine_replaced, partial(self.save_machine, overwrite=True)),
             (self.session.calibration_wanted, self.calibrate),
             (self.previewer.status_changed, self.session.show_preview_status),
+            (self.previewer.remedy_found, self.session.show_remedy),
             (self.previewer.opened, self._zoom_to_first),
             (self.run.cancelled, self.cancel),
             (self.result.wanted, self._do),
@@ -433,6 +434,7 @@ class FurrowmapDock(QgsDockWidget):
         self._back_to_session()
         if self._in_form():
             self.session.show_error(text, may_replace=task.error_code == OUTPUT_EXISTS)
+            self.session.show_remedy(task.error_setting)
         else:
             self.report(text, Qgis.MessageLevel.Critical)
 
@@ -489,8 +491,18 @@ class FurrowmapDock(QgsDockWidget):
             "folder": lambda: self._open_file(self._folder),
             "print": self._print,
             "farm": lambda: self._choose_farm([self._folder]),
+            "edit": self._edit_session,
             "back": self.show_start,
         }[what]()
+
+    def _edit_session(self) -> None:
+        """Show the session of the result in the form."""
+        named = read_report(self._folder).get("session_file")
+        session = (self._folder / named).resolve() if isinstance(named, str) else self._session
+        if session.is_file():
+            self.open_session(session)
+        else:
+            self.report(self.tr("The session file of this result is not there any more: {path}.").format(path=session))
 
     def _replay(self) -> None:
         groups = groups_of(QgsProject.instance(), self._folder)

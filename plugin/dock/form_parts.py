@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from qgis.PyQt.QtCore import QCoreApplication, QSignalBlocker, Qt
@@ -24,8 +25,15 @@ tr = partial(QCoreApplication.translate, "Findings")
 
 SAME_WITHIN = 1.001e-3
 """Smallest step of the form's numbers, metres or degrees."""
-FORM_CODES = ("no-lidar", "no-positions", "no-crs", "no-mounting", "no-antenna", "no-implement")
+MAX_OFFSET_M = 15.0
+"""Largest offset from the origin of the vehicle frame that a session may have."""
+FORM_CODES = (
+    *("no-lidar", "no-positions", "no-crs", "no-mounting", "no-antenna", "no-implement"),
+    *("no-imu-mounting", "no-camera"),
+)
 """Codes of what the form itself finds missing."""
+UNUSED = "recording-unused"
+"""Code of a file or folder that a session does not use."""
 
 
 def button(name: str, text: str, on_click: Callable[[], Any], tip: str = "") -> QPushButton:
@@ -93,6 +101,43 @@ def small_text(name: str = "", text: str = "") -> QLabel:
     return label
 
 
+def number_box(
+    name: str, limit: float, suffix: str, decimals: int, step: float, *, low: float | None = None
+) -> QDoubleSpinBox:
+    """A box for a number within ± limit, or from `low` to it."""
+    box = QDoubleSpinBox(objectName=name, decimals=decimals, singleStep=step, suffix=suffix)
+    box.setRange(-limit if low is None else low, limit)
+    box.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+    return box
+
+
+def metre_boxes(name: str, count: int, on_change: Callable[..., None]) -> list[QDoubleSpinBox]:
+    """Boxes for the coordinates of a place in the vehicle frame; `on_change` is called after each change."""
+    return _calling(on_change, [number_box(f"{name}{k}", MAX_OFFSET_M, " m", 3, 0.01) for k in range(count)])
+
+
+def turn_boxes(name: str, on_change: Callable[..., None]) -> list[QDoubleSpinBox]:
+    """Boxes for roll, pitch and yaw; `on_change` is called after each change."""
+    return _calling(on_change, [number_box(f"{name}{k}", 360.0, "°", 3, 1.0) for k in range(3)])
+
+
+def _calling(on_change: Callable[..., None], boxes: list[QDoubleSpinBox]) -> list[QDoubleSpinBox]:
+    for box in boxes:
+        box.valueChanged.connect(on_change)
+    return boxes
+
+
+def name_within(folder: Path, chosen: str) -> str:
+    """A chosen file as a session in `folder` names it: relative where it lies within, else as it is; "" for none."""
+    chosen = chosen.strip()
+    if not chosen:
+        return ""
+    folder = folder.resolve()
+    path = (folder / chosen).resolve()
+    # The run refuses a file outside of the session's folder, with the reason.
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else chosen
+
+
 def fill(boxes: Sequence[QDoubleSpinBox], values: Any) -> None:
     """Set boxes to values without emitting signals; to 0 if the values do not fit."""
     values = values if isinstance(values, list) and len(values) == len(boxes) else [0.0] * len(boxes)
@@ -121,12 +166,13 @@ def texts_of(value: Any) -> list[str]:
     return [str(item) for item in value] if isinstance(value, list) else []
 
 
-def findings_html(findings: dict[str, Any] | None, missing: Sequence[str] = ()) -> str:
+def findings_html(findings: dict[str, Any] | None, missing: Sequence[str] = (), *, flight: bool = False) -> str:
     """The answer of `furrowmap init` as rich text, and what is still to be filled in.
 
     Args:
         findings: with `found` and `missing`, notices each; None for a session that was opened again.
         missing: codes of :data:`FORM_CODES`.
+        flight: whether the session is one of an aircraft.
     """
     words = {
         "no-lidar": tr("The scanner's recording. Drop it together with the receiver's log."),
@@ -135,13 +181,21 @@ def findings_html(findings: dict[str, Any] | None, missing: Sequence[str] = ()) 
         "no-mounting": tr("Scanner: position and orientation. Until then the surfaces are not usable."),
         "no-antenna": tr("GNSS antenna: position. Until then no accuracy is stated."),
         "no-implement": tr("Implement: width and position. Until then no worked ground is computed."),
+        "no-imu-mounting": tr("IMU: position and rotation of its axes. Until then its axes are those of the vehicle."),
+        "no-camera": tr("Camera: its table of images, their size, fx, fy, cx and cy; or uncheck 'Camera'."),
     }
+    found = (findings or {}).get("found") or []
+    others = [notice for notice in (findings or {}).get("missing") or [] if notice.get("code") not in FORM_CODES]
+    kind = tr("flight") if flight else tr("drive")
+    lists = (
+        (tr("Found in the recordings: a {kind}").format(kind=kind), found),
+        (tr("Missing"), [{"text": words[code]} for code in missing]),
+        (tr("To check"), [notice for notice in others if notice.get("code") != UNUSED]),
+        (tr("Not used"), [notice for notice in others if notice.get("code") == UNUSED]),
+    )
     parts = []
-    for title, key in ((tr("Found in the recordings"), "found"), (tr("Missing"), "missing")):
-        notices = [notice for notice in (findings or {}).get(key) or [] if notice.get("code") not in FORM_CODES]
-        texts = [notice.get("text", "") for notice in notices]
-        texts += [words[code] for code in missing] if key == "missing" else []
-        if texts:
-            items = "".join(f"<li>{escape(text, quote=False)}</li>" for text in texts)
+    for title, notices in lists:
+        if notices:
+            items = "".join(f"<li>{escape(str(notice.get('text', '')), quote=False)}</li>" for notice in notices)
             parts.append(f"<b>{title}</b><ul style='margin:2px 0 4px -22px'>{items}</ul>")
     return "".join(parts)

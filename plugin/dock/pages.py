@@ -183,7 +183,7 @@ class ResultPage(QWidget):
     """The main figures and the warnings of a run, and what can be done with its products.
 
     Signals:
-        wanted: with the name of the action: "map", "replay", "report", "folder", "farm", "print" or "back".
+        wanted: with the name of the action: "map", "replay", "report", "folder", "farm", "print", "edit" or "back".
         export_wanted: with the name of a format.
     """
 
@@ -205,6 +205,7 @@ class ResultPage(QWidget):
             ("folder", self.tr("Open folder"), self.tr("Open the folder of the products")),
             ("farm", self.tr("Add to farm map…"), self.tr("One file of all sessions, a layer for each kind")),
             ("print", self.tr("Print…"), self.tr("A layout with map, legend and figures, and a page per pass")),
+            ("edit", self.tr("Edit this session"), self.tr("Back to its form, to change it and run it again")),
             ("back", self.tr("Other session"), self.tr("Back to the start page")),
         )
         for k, (name, text, tip) in enumerate(actions):
@@ -214,7 +215,7 @@ class ResultPage(QWidget):
             menu.addAction(name, partial(self.export_wanted.emit, name))
         export.setMenu(menu)
         export.setToolTip(self.tr("GeoJSON, Shapefile, KML, CSV, ISO 11783 task data and others"))
-        grid.addWidget(export, 3, 1)
+        grid.addWidget(export, 4, 0, 1, 2)
         layout.addLayout(grid)
 
     def show_folder(self, folder: Path) -> None:

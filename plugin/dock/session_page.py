@@ -14,7 +14,6 @@ from qgis.gui import QgsFileWidget, QgsProjectionSelectionWidget
 from qgis.PyQt.QtCore import Qt, pyqtSignal
 from qgis.PyQt.QtWidgets import (
     QComboBox,
-    QDoubleSpinBox,
     QGroupBox,
     QLabel,
     QLineEdit,
@@ -23,25 +22,29 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
+from .flight_parts import FlightParts, is_flight, remedy_words
 from .form_parts import (
+    MAX_OFFSET_M,
     below,
     button,
     fill,
     findings_html,
     group_box,
+    metre_boxes,
+    name_within,
+    number_box,
     row_of,
     same_value,
     side_by_side,
     small_text,
     texts_of,
+    turn_boxes,
     values_of,
 )
 from .machines import PLACES, Places, machine_names, machine_path, read_places
 from .session_lines import NotSimpleError, SessionLines
 from .vehicle_view import VehiclePlaces, VehicleView
 
-MAX_OFFSET_M = 15.0
-"""Largest offset from the rear axle that a session may have."""
 FILL_IN = "FILL-IN"
 """What `furrowmap init` writes for required values that are not in the recordings."""
 PLACES_ASKED = ("no-mounting", "no-antenna")
@@ -77,10 +80,13 @@ class SessionPage(QWidget):
         self._lines = SessionLines("")
         self._found: dict[str, Any] | None = None
         self._files: list[str] = []
+        self._remedy: dict[str, Any] | None = None
+        self.flight = self._faulty = False
         inside = QWidget()
         layout = QVBoxLayout(inside)
         self.findings = small_text("furrowmapFindings")
         self.vehicle = VehicleView()
+        self.flight_parts = FlightParts(self._draw)
         for widget in (
             self._error_part(),
             self.findings,
@@ -89,6 +95,7 @@ class SessionPage(QWidget):
             self.vehicle,
             self._antenna_group(),
             self._lidar_group(),
+            self.flight_parts,
             self._implement_group(),
             self._field_group(),
         ):
@@ -102,6 +109,8 @@ class SessionPage(QWidget):
         self._scroll.setMinimumWidth(inside.minimumSizeHint().width() + bar + 2)
         self.preview = small_text("furrowmapPreviewWords")
         self.preview.hide()
+        self.remedy = button("furrowmapRemedy", "", self._use_remedy)
+        self.remedy.hide()
         run = button("furrowmapRun", self.tr("Save and run"), self._save_and_run)
         run.setDefault(True)
         buttons = side_by_side(
@@ -114,6 +123,7 @@ class SessionPage(QWidget):
         whole.setContentsMargins(0, 0, 0, 0)
         whole.addWidget(self._scroll, 1)
         whole.addWidget(self.preview)
+        whole.addWidget(self.remedy)
         whole.addWidget(buttons)
 
     def show_session(self, path: Path, findings: dict[str, Any] | None = None) -> None:
@@ -131,20 +141,59 @@ class SessionPage(QWidget):
         self.name.setText(str(lines.get("", "name") or ""))
         of_recording = (("recording", "lidar"), ("recording", "gnss"), ("trajectory", "files"), ("implement", "states"))
         self._files = [file for place in of_recording for file in texts_of(lines.get(*place))]
+        self.flight = is_flight(lines)
+        self.vehicle_kind.setCurrentIndex(int(self.flight))
         words = {FILL_IN: self.tr("(missing: drop the recording here)")}
         self.recordings.setText("\n".join(words.get(file, file) for file in self._files))
         code = lines.get("crs", "map")
         self.crs.setCrs(QgsCoordinateReferenceSystem("" if code in (None, FILL_IN) else str(code)))
+        self.flight_parts.show_session(lines, path.parent, flight=self.flight)
         self._fill_places({place: lines.get(*place) for place in PLACES})
+        self._show_hints()
         self.boundary.setDefaultRoot(str(path.parent))
         self.boundary.setFilePath(str(lines.get("field", "boundary") or ""))
         self._found = findings
         self.error.hide()
         self.show_preview_status("")
         self.show_machines()
-        self._draw()
-        self.findings.setText(findings_html(findings, self.missing()))
+        self._show_findings()
         self._scroll.verticalScrollBar().setValue(0)
+
+    def _change_kind(self, number: int) -> None:
+        self.flight = number == 1
+        self.flight_parts.show_session(self._lines, self.path.parent, flight=self.flight)
+        self._show_hints()
+        self._show_findings()
+
+    def _show_hints(self) -> None:
+        """Ask for what the vehicle can have: an aircraft has no implement, and no rear axle to measure from."""
+        self.implement_group.setVisible(not self.flight)
+        self.lidar_group.setVisible(bool(texts_of(self._lines.get("recording", "lidar"))))
+        origin = self.tr(
+            "Phase centre of the antenna, from the point on the ground below the middle of the rear axle: "
+            "forward, left, up. A centimetre is accurate enough. Unchecked: not known."
+        )
+        if self.flight:
+            origin = self.tr(
+                "Phase centre of the antenna in the aircraft's frame: forward, left, up. Any point may be the origin "
+                "of that frame; if it is the antenna, 0, 0, 0. A centimetre is accurate enough. Unchecked: not known."
+            )
+        self.antenna_hint.setText(origin)
+        turns = self.tr(
+            "Position, and rotation from level with the cable to the rear. A scanner that faces backwards and "
+            "is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough."
+        )
+        if self.flight:
+            turns = self.tr(
+                "Position in the same frame, and rotation of the scanner's axes from forward, left, up; its spin axis "
+                "is z. One that sweeps across the track has about -90, 0, -90. The run refines the angles; within 2° "
+                "is accurate enough."
+            )
+        self.lidar_hint.setText(turns)
+
+    def _show_findings(self) -> None:
+        self._faulty = True
+        self._draw()
 
     def _fill_places(self, places: Places) -> None:
         self.antenna_group.setChecked(places["antenna", "xyz_m"] is not None)
@@ -156,10 +205,11 @@ class SessionPage(QWidget):
         fill([self.width_m], [places["implement", "width_m"]])
         fill(self.implement_xy, places["implement", "xy_m"])
         fill([self.depth_m], [places["implement", "working_depth_m"]])
+        self.flight_parts.fill_places(places)
 
     def places(self) -> Places:
         """The places of the machine in the form, by table and key."""
-        with_tool = self.implement_group.isChecked()
+        with_tool = self._with_implement()
         return {
             ("antenna", "xyz_m"): values_of(self.antenna) if self.antenna_group.isChecked() else None,
             ("lidar", "xyz_m"): values_of(self.lidar_xyz),
@@ -168,15 +218,18 @@ class SessionPage(QWidget):
             ("implement", "width_m"): self.width_m.value() if with_tool else None,
             ("implement", "xy_m"): values_of(self.implement_xy) if with_tool else None,
             ("implement", "working_depth_m"): self.depth_m.value() if with_tool else None,
+            **self.flight_parts.places(self._lines),
         }
+
+    def _with_implement(self) -> bool:
+        return self.implement_group.isChecked() and not self.flight
 
     def use_places(self, places: Places) -> None:
         """Fill in the places of a machine; what it does not have stays as it is, and so do several implements."""
         kept = "implement" if self._lines.several("implement") else ""
         known = {place: value for place, value in places.items() if value not in (None, "") and place[0] != kept}
         self._fill_places({**self.places(), **known})
-        self._draw()
-        self.findings.setText(findings_html(self._found, self.missing()))
+        self._show_findings()
 
     def show_machines(self, chosen: str = "") -> None:
         """List the saved machines; the one with the form's places is selected unless another one is chosen."""
@@ -192,8 +245,14 @@ class SessionPage(QWidget):
         except (OSError, UnicodeDecodeError, NotSimpleError):
             return False
         shown = self.places()
-        known = {place: value for place, value in saved.items() if value not in (None, "")}
+        known = {
+            place: value for place, value in saved.items() if value not in (None, "") and self._lines_ask(place[0])
+        }
         return bool(known) and all(same_value(shown[place], value) for place, value in known.items())
+
+    def _lines_ask(self, table: str) -> bool:
+        """Whether the form shows the places of a table: of an IMU and a camera only where the session has them."""
+        return table not in ("imu", "camera") or self._lines.has(table)
 
     def recordings_beside(self, recordings: Sequence[Path]) -> list[Path] | None:
         """The recordings of a session in the form that lacks one, if `recordings` are in its folder; else None."""
@@ -211,7 +270,9 @@ class SessionPage(QWidget):
             "no-crs": not self.crs.crs().isValid(),
             "no-mounting": self._without_mounting(),
             "no-antenna": self._without_antenna(),
-            "no-implement": not self.implement_group.isChecked(),
+            "no-implement": not self.flight and not self.implement_group.isChecked(),
+            "no-imu-mounting": self.flight_parts.without_imu_place(self._lines),
+            "no-camera": self.flight_parts.without_camera(),
         }
         return [code for code, wanted in needed.items() if wanted]
 
@@ -219,13 +280,35 @@ class SessionPage(QWidget):
         lines = self._lines
         stated = None not in (lines.get("lidar", "xyz_m"), lines.get("lidar", "rpy_deg"))
         scans = bool(texts_of(lines.get("recording", "lidar")))
-        return scans and not stated and not any(values_of(self.lidar_xyz))
+        placed = any(values_of([*self.lidar_xyz, *self.lidar_rpy] if self.flight else self.lidar_xyz))
+        return scans and not stated and not placed
 
     def _without_antenna(self) -> bool:
         if self._lines.has("trajectory"):
             return False
-        stated = self._lines.get("antenna", "xyz_m") is not None
+        # On an aircraft the antenna may be the origin; on a tractor that lies on the ground.
+        stated = self.flight or self._lines.get("antenna", "xyz_m") is not None
         return not (self.antenna_group.isChecked() and (stated or any(values_of(self.antenna))))
+
+    def show_remedy(self, setting: dict[str, Any] | None) -> None:
+        """Offer the value that remedies an error: its table, key and value; None offers nothing."""
+        self._remedy = setting
+        self.remedy.setVisible(setting is not None)
+        if setting is not None:
+            self.remedy.setText(remedy_words(setting))
+
+    def _use_remedy(self) -> None:
+        """Enter the offered value, and preview the session again."""
+        fault = self._written()
+        if fault or self._remedy is None:
+            self._show_fault(fault)
+            return
+        self._lines.set(self._remedy["table"], self._remedy["key"], self._remedy["value"])
+        self._fill_places({place: self._lines.get(*place) for place in PLACES})
+        self.show_remedy(None)
+        self.error.hide()
+        self._draw()
+        self._save_and_preview()
 
     def show_error(self, text: str, *, may_replace: bool) -> None:
         """Show why a run failed, in full, above the form.
@@ -257,6 +340,7 @@ class SessionPage(QWidget):
         """Show the progress of a preview above the buttons."""
         self.preview.setText(escaped(text))
         self.preview.setVisible(bool(text))
+        self.show_remedy(None)
 
     def fault_of_preview(self) -> str:
         """Why the session in the form cannot be previewed; "" if it can."""
@@ -264,12 +348,16 @@ class SessionPage(QWidget):
             return self.tr(
                 "A recording is missing. Drop it here: the scanner's recording and the receiver's log, from one folder."
             )
-        return "" if self.crs.crs().isValid() else self.tr("Choose the map's coordinate reference system.")
+        if not self.crs.crs().isValid():
+            return self.tr("Choose the map's coordinate reference system.")
+        if self.flight_parts.without_camera():
+            return self.tr("Enter the camera's table of images, their size, fx, fy, cx and cy, or uncheck 'Camera'.")
+        return ""
 
     def fault(self) -> str:
         """Why the session in the form cannot be run; "" if it can."""
         fault = self.fault_of_preview()
-        if not fault and self.implement_group.isChecked() and self.width_m.value() <= 0:
+        if not fault and self._with_implement() and self.width_m.value() <= 0:
             return self.tr("Enter the width of the implement, or uncheck 'Implement'.")
         return fault
 
@@ -286,21 +374,18 @@ class SessionPage(QWidget):
         # Zeros that nobody typed are not written: the run takes what is not stated as unknown.
         if not self.antenna_group.isChecked():
             lines.drop("antenna")
-        elif any(values_of(self.antenna)) or lines.has("antenna"):
+        elif self.flight or any(values_of(self.antenna)) or lines.has("antenna"):
             lines.set("antenna", "xyz_m", values_of(self.antenna))
-        placed = any(values_of(self.lidar_xyz))
+        placed = any(values_of([*self.lidar_xyz, *self.lidar_rpy] if self.flight else self.lidar_xyz))
         if placed or lines.get("lidar", "xyz_m") is not None:
             lines.set("lidar", "xyz_m", values_of(self.lidar_xyz))
         if placed or any(values_of(self.lidar_rpy)) or lines.get("lidar", "rpy_deg") is not None:
             lines.set("lidar", "rpy_deg", values_of(self.lidar_rpy))
         self._save_implement(lines)
-        boundary = self.boundary.filePath().strip()
+        self.flight_parts.save(lines)
+        boundary = name_within(self.path.parent, self.boundary.filePath())
         if boundary:
-            folder = self.path.parent.resolve()
-            chosen = (folder / boundary).resolve()
-            # The run refuses a file outside of the session's folder, with the reason.
-            inside = chosen.is_relative_to(folder)
-            lines.set("field", "boundary", chosen.relative_to(folder).as_posix() if inside else boundary)
+            lines.set("field", "boundary", boundary)
         else:
             lines.drop("field")
         unfinished = self.path.with_name(self.path.name + ".unfinished")
@@ -308,7 +393,7 @@ class SessionPage(QWidget):
         unfinished.replace(self.path)
 
     def _save_implement(self, lines: SessionLines) -> None:
-        if not self.implement_group.isChecked():
+        if not self._with_implement():
             lines.drop("implement")
             if lines.has("implement"):  # another one, which is now the first
                 of_next = {place: lines.get(*place) for place in PLACES if "implement" in place}
@@ -383,36 +468,38 @@ class SessionPage(QWidget):
         self.crs.setOptionVisible(QgsProjectionSelectionWidget.CrsOption.CrsNotSet, True)  # noqa: FBT003
         self.crs.setNotSetText(self.tr("Not known: choose it"))
         self.crs.crsChanged.connect(self._draw)
-        rows = [(self.tr("Name"), self.name), (self.tr("Recordings"), self.recordings), (self.tr("CRS"), self.crs)]
+        self.vehicle_kind = QComboBox(objectName="furrowmapVehicleKind")
+        self.vehicle_kind.addItems([self.tr("Tractor or other ground vehicle"), self.tr("Drone or helicopter")])
+        self.vehicle_kind.activated.connect(self._change_kind)
+        rows = [
+            (self.tr("Name"), self.name),
+            (self.tr("Recordings"), self.recordings),
+            (self.tr("Vehicle"), self.vehicle_kind),
+            (self.tr("CRS"), self.crs),
+        ]
         hint = self.tr("A projected CRS in metres, for computation and output.")
         return group_box(self.tr("Session"), rows, hint)
 
     def _antenna_group(self) -> QGroupBox:
-        self.antenna = self._metre_boxes("furrowmapAntenna", 3)
-        hint = self.tr(
-            "Phase centre of the antenna, from the point on the ground below the middle of the rear axle: "
-            "forward, left, up. A centimetre is accurate enough. Unchecked: not known."
-        )
-        rows = [row_of(self.tr("x, y, z"), self.antenna)]
-        self.antenna_group = group_box(self.tr("GNSS antenna"), rows, hint, self._draw, "furrowmapAntennaGroup")
+        self.antenna, self.antenna_hint = metre_boxes("furrowmapAntenna", 3, self._draw), small_text()
+        rows = [row_of(self.tr("x, y, z"), self.antenna), self.antenna_hint]
+        self.antenna_group = group_box(self.tr("GNSS antenna"), rows, "", self._draw, "furrowmapAntennaGroup")
         return self.antenna_group
 
     def _lidar_group(self) -> QGroupBox:
-        self.lidar_xyz = self._metre_boxes("furrowmapLidar", 3)
-        self.lidar_rpy = [self._number_box(f"furrowmapLidarTurn{k}", 360.0, "°", 3, 1.0) for k in range(3)]
-        hint = self.tr(
-            "Position, and rotation from level with the cable to the rear. A scanner that faces backwards and "
-            "is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough."
-        )
+        self.lidar_xyz, self.lidar_hint = metre_boxes("furrowmapLidar", 3, self._draw), small_text()
+        self.lidar_rpy = turn_boxes("furrowmapLidarTurn", self._draw)
         rows = [row_of(self.tr("x, y, z"), self.lidar_xyz), row_of(self.tr("roll, pitch, yaw"), self.lidar_rpy)]
-        self.lidar_group = group_box(self.tr("Scanner"), rows, hint)
+        self.lidar_group = group_box(self.tr("Scanner"), [*rows, self.lidar_hint])
         return self.lidar_group
 
     def _implement_group(self) -> QGroupBox:
         self.kind = QLineEdit(objectName="furrowmapKind")
-        self.width_m = self._number_box("furrowmapWidth", MAX_OFFSET_M, " m", 2, 0.05, low=0.0)
-        self.implement_xy = self._metre_boxes("furrowmapImplementXy", 2)
-        self.depth_m = self._number_box("furrowmapDepth", 1.0, " m", 2, 0.01, low=0.0)
+        self.width_m = number_box("furrowmapWidth", MAX_OFFSET_M, " m", 2, 0.05, low=0.0)
+        self.implement_xy = metre_boxes("furrowmapImplementXy", 2, self._draw)
+        self.depth_m = number_box("furrowmapDepth", 1.0, " m", 2, 0.01, low=0.0)
+        for box in (self.width_m, self.depth_m):
+            box.valueChanged.connect(self._draw)
         hint = self.tr(
             "Working width, and the middle of the working line relative to the rear axle; x is negative behind "
             "it. Depth 0 means unknown. Unchecked: no worked ground is computed."
@@ -434,16 +521,20 @@ class SessionPage(QWidget):
 
     def _save_and(self, signal: Any, *words: str, fault: str = "") -> None:
         """Save, and emit a signal with the file; show the fault, if there is one, or why the file cannot be written."""
+        fault = fault or self._written()
         if fault:
             self._show_fault(fault)
-            return
+        else:
+            signal.emit(self.path, *words)
+
+    def _written(self) -> str:
+        """Save; returns why that is not possible, "" if it was."""
         try:
             self.save()
         except OSError as error:
             text = self.tr("{path} cannot be written: {reason}.")
-            self._show_fault(text.format(path=self.path, reason=error.strerror))
-            return
-        signal.emit(self.path, *words)
+            return text.format(path=self.path, reason=error.strerror)
+        return ""
 
     def _save_and_preview(self) -> None:
         self._save_and(self.preview_wanted, fault=self.fault_of_preview())
@@ -451,27 +542,38 @@ class SessionPage(QWidget):
     def _save_and_run(self) -> None:
         fault, missing = self.fault(), [code for code in self.missing() if code in PLACES_ASKED]
         if missing and not fault:  # ask first
-            self._show_above(findings_html(None, missing))
+            self._show_above(findings_html(None, missing, flight=self.flight))
             self.anyway.show()
         else:
             self._save_and(self.run_wanted, fault=fault)
 
     def _show_fault(self, fault: str) -> None:
+        """Show a fault in place of the findings, until the form is changed."""
+        self._faulty = True
         self.findings.setText(f"<b>{escaped(fault)}</b>")
         self._scroll.ensureWidgetVisible(self.findings)
 
     def _draw(self, *_: object) -> None:
-        self._mark(self.antenna_group, self.tr("GNSS antenna"), missing=self._without_antenna())
-        self._mark(self.lidar_group, self.tr("Scanner"), missing=self._without_mounting())
-        checked = self.implement_group.isChecked()
+        if self._faulty:
+            self._faulty = False
+            self.findings.setText(findings_html(self._found, self.missing(), flight=self.flight))
+        missing, parts = self.missing(), self.flight_parts
+        self._mark(self.antenna_group, self.tr("GNSS antenna"), missing="no-antenna" in missing)
+        self._mark(self.lidar_group, self.tr("Scanner"), missing="no-mounting" in missing)
+        self._mark(parts.imu_group, self.tr("IMU"), missing="no-imu-mounting" in missing)
+        self._mark(parts.camera_group, self.tr("Camera"), missing="no-camera" in missing)
+        places, with_tool = self.places(), self._with_implement()
         self.vehicle.show_places(
             VehiclePlaces(
                 values_of(self.lidar_xyz),
                 values_of(self.lidar_rpy),
-                values_of(self.antenna) if self.antenna_group.isChecked() else None,
-                values_of(self.implement_xy) if checked else None,
-                self.width_m.value() if checked else 0.0,
-                self.depth_m.value() if checked else 0.0,
+                places["antenna", "xyz_m"],
+                places["implement", "xy_m"],
+                self.width_m.value() if with_tool else 0.0,
+                self.depth_m.value() if with_tool else 0.0,
+                places["imu", "xyz_m"],
+                places["camera", "xyz_m"],
+                flies=self.flight,
             )
         )
 
@@ -479,18 +581,6 @@ class SessionPage(QWidget):
         """Say in the title of a group that it is still to be filled in."""
         group.setTitle(self.tr("{title}: not filled in").format(title=title) if missing else title)
         group.setStyleSheet("QGroupBox::title { color: #b45f06; }" if missing else "")
-
-    def _metre_boxes(self, name: str, count: int) -> list[QDoubleSpinBox]:
-        return [self._number_box(f"{name}{k}", MAX_OFFSET_M, " m", 3, 0.01) for k in range(count)]
-
-    def _number_box(
-        self, name: str, limit: float, suffix: str, decimals: int, step: float, *, low: float | None = None
-    ) -> QDoubleSpinBox:
-        box = QDoubleSpinBox(objectName=name, decimals=decimals, singleStep=step, suffix=suffix)
-        box.setRange(-limit if low is None else low, limit)
-        box.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        box.valueChanged.connect(self._draw)
-        return box
 
 
 def escaped(text: str) -> str:

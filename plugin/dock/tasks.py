@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import tempfile
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QObject, pyqtSignal
 
 from ..previews import open_preview, preview_text, read_account, remove_previews
-from ..processing.algorithm import ERROR_CODE
+from ..processing.algorithm import ERROR_CODE, ERROR_SETTING
 from ..worker import WorkerError, run_command
 from .form_parts import FORM_CODES
 
@@ -72,6 +73,12 @@ class RunTask(QgsProcessingAlgRunnerTask):
         """Code of the error that ended it; "" if there is none."""
         return self.feedback.property(ERROR_CODE) or ""
 
+    @property
+    def error_setting(self) -> dict[str, Any] | None:
+        """Table, key and value of the session file that remedy the error; None for another remedy."""
+        setting = json.loads(self.feedback.property(ERROR_SETTING) or "null")
+        return setting if isinstance(setting, dict) else None
+
 
 class CommandTask(QgsTask):
     """Runs one command without its algorithm.
@@ -115,10 +122,12 @@ class Previewer(QObject):
 
     Signals:
         status_changed: a line on the progress.
+        remedy_found: with the setting that remedies the failure of the preview.
         opened: with the layers, when they are in the project.
     """
 
     status_changed = pyqtSignal(str)
+    remedy_found = pyqtSignal(object)
     opened = pyqtSignal(object)
 
     def __init__(self, parent: QObject) -> None:
@@ -172,6 +181,7 @@ class Previewer(QObject):
             lines = task.feedback.error.splitlines() or [self.tr("see the log.")]
             reason = " ".join(dict.fromkeys((lines[0], lines[-1])))
             self.status_changed.emit(self.tr("No preview: {reason}").format(reason=reason))
+            self.remedy_found.emit(task.error_setting)
             return
         layers = open_preview(folder)
         figures = preview_text(read_account(folder))

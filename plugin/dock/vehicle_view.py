@@ -21,6 +21,9 @@ TRACK_M, TYRE_M = 1.25, 0.30
 DRAWN_BEAM_M = 3.0
 DRAWN_BEYOND_M = 0.5
 SCANNER_COLOUR, ANTENNA_COLOUR, IMPLEMENT_COLOUR = QColor("#1f78b4"), QColor("#d95f02"), QColor("#8c510a")
+IMU_COLOUR, CAMERA_COLOUR = QColor("#7b3294"), QColor("#1b9e77")
+ROTOR_AT_M, ROTOR_M = 0.38, 0.22
+"""Dimensions of a drone, drawn for comparison: a rotor's middle from the origin, along and across, and its radius."""
 BODY_COLOUR, TYRE_COLOUR, GROUND_COLOUR = QColor("#d9d9d9"), QColor("#969696"), QColor("#a08060")
 
 
@@ -33,6 +36,8 @@ class VehiclePlaces:
         lidar_rpy_deg: orientation of the scanner.
         implement_xy_m, implement_width_m: middle and length of the working line.
         implement_depth_m: working depth.
+        imu_xyz_m, camera_xyz_m: of IMU and camera.
+        flies: draw a drone instead of a tractor.
     """
 
     lidar_xyz_m: Sequence[float] = (0.0, 0.0, 0.0)
@@ -41,6 +46,23 @@ class VehiclePlaces:
     implement_xy_m: Sequence[float] | None = None
     implement_width_m: float = 0.0
     implement_depth_m: float = 0.0
+    imu_xyz_m: Sequence[float] | None = None
+    camera_xyz_m: Sequence[float] | None = None
+    flies: bool = False
+
+    @property
+    def sensors(self) -> list[tuple[str, Sequence[float], QColor]]:
+        """Name, position and colour of each that is known."""
+        return [
+            (name, place, colour)
+            for name, place, colour in (
+                (tr("scanner"), self.lidar_xyz_m, SCANNER_COLOUR),
+                (tr("antenna"), self.antenna_xyz_m, ANTENNA_COLOUR),
+                (tr("IMU"), self.imu_xyz_m, IMU_COLOUR),
+                (tr("camera"), self.camera_xyz_m, CAMERA_COLOUR),
+            )
+            if place is not None
+        ]
 
 
 class VehicleView(QWidget):
@@ -51,12 +73,6 @@ class VehicleView(QWidget):
         self._places = VehiclePlaces()
         self.setObjectName("furrowmapVehicle")
         self.setMinimumHeight(250)
-        self.setToolTip(
-            tr(
-                "Above: from the right side. Below: from the top. The origin is on the ground below the middle of the "
-                "rear axle. Grey: a compact tractor for comparison. Blue lines: the scan plane."
-            )
-        )
 
     def sizeHint(self) -> QSize:  # noqa: N802 - the names are Qt's
         """As wide as a dock."""
@@ -65,6 +81,16 @@ class VehicleView(QWidget):
     def show_places(self, places: VehiclePlaces) -> None:
         """Draw other positions."""
         self._places = places
+        tip = tr(
+            "Above: from the right side. Below: from the top. The origin is on the ground below the middle of the rear "
+            "axle. Grey: a compact tractor for comparison. Blue lines: the scan plane."
+        )
+        if places.flies:
+            tip = tr(
+                "Above: from the right side. Below: from the top; the nose is on the right. Grey: a drone for "
+                "comparison, with the origin on top of it. Blue lines: the scan plane."
+            )
+        self.setToolTip(tip)
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802, ARG002
@@ -84,11 +110,8 @@ class VehicleView(QWidget):
         painter.drawLine(QPointF(x - scale, y), QPointF(x, y))
         painter.drawText(QPointF(x - scale, y - 4), "1 m")
         left = 6.0
-        for colour, name in (
-            (SCANNER_COLOUR, tr("scanner")),
-            (ANTENNA_COLOUR, tr("antenna")),
-            (IMPLEMENT_COLOUR, tr("implement")),
-        ):
+        tool = [] if self._places.flies else [(tr("implement"), (), IMPLEMENT_COLOUR)]
+        for name, _, colour in (*self._places.sensors, *tool):
             painter.setPen(colour)
             painter.drawText(QPointF(left, y), name)
             left += painter.fontMetrics().horizontalAdvance(name) + 12
@@ -97,11 +120,13 @@ class VehicleView(QWidget):
     def _reach(self) -> list[tuple[float, float]]:
         """The extents of both drawings along x, y and z."""
         p = self._places
-        places = [p.lidar_xyz_m, *([p.antenna_xyz_m] if p.antenna_xyz_m else [])]
+        places = [place for _, place, _ in p.sensors]
         if p.implement_xy_m:
             half = 0.5 * p.implement_width_m
             places += [(p.implement_xy_m[0], p.implement_xy_m[1] + s * half, -p.implement_depth_m) for s in (-1, 1)]
         limits = ((-0.9, 2.3), (-0.85, 0.85), (-0.15, 1.3))
+        if p.flies:
+            limits = ((-0.65, 0.65), (-0.65, 0.65), (-0.5, 0.1))
         return [
             (
                 min([low, *(place[k] for place in places)]) - DRAWN_BEYOND_M,
@@ -112,6 +137,16 @@ class VehicleView(QWidget):
 
     def _draw_side(self, view: _View) -> None:
         p = self._places
+        if p.flies:
+            view.polygon([(-0.2, -0.03), (-0.22, -0.15), (0.2, -0.15), (0.26, -0.08), (0.2, -0.03)], BODY_COLOUR)
+            for x in (-1, 1):
+                view.line((0.15 * x, -0.08), (ROTOR_AT_M * x, -0.04), TYRE_COLOUR, 3.0)
+                view.line((ROTOR_AT_M * x - ROTOR_M, 0.0), (ROTOR_AT_M * x + ROTOR_M, 0.0), TYRE_COLOUR, 2.0)
+                view.line((0.12 * x, -0.15), (0.18 * x, -0.45), TYRE_COLOUR, 2.0)
+            view.line((-0.3, -0.45), (0.3, -0.45), TYRE_COLOUR, 2.0)
+            self._draw_sensors(view, (0.0, 1.0, 0.0))
+            view.label(4, 14, tr("side"))
+            return
         view.line((-30, 0), (30, 0), GROUND_COLOUR, 1.5)
         view.polygon([(-0.2, 0.6), (-0.2, 1.25), (0.55, 1.25), (0.75, 1.0), (2.05, 0.9), (2.05, 0.5)], BODY_COLOUR)
         view.disc((0, REAR_WHEEL_M), REAR_WHEEL_M, TYRE_COLOUR)
@@ -124,6 +159,14 @@ class VehicleView(QWidget):
 
     def _draw_above(self, view: _View) -> None:
         p = self._places
+        if p.flies:
+            for x, y in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+                view.line((0.0, 0.0), (ROTOR_AT_M * x, ROTOR_AT_M * y), TYRE_COLOUR, 3.0)
+                view.disc((ROTOR_AT_M * x, ROTOR_AT_M * y), ROTOR_M, BODY_COLOUR)
+            view.polygon([(-0.2, -0.12), (-0.2, 0.12), (0.2, 0.12), (0.3, 0.0), (0.2, -0.12)], BODY_COLOUR)
+            self._draw_sensors(view, (0.0, 0.0, 1.0))
+            view.label(4, int(view.y - view.scale * 0.6), tr("top"))
+            return
         view.polygon([(-0.3, -0.4), (-0.3, 0.4), (2.05, 0.3), (2.05, -0.3)], BODY_COLOUR)
         for x, radius in ((0.0, REAR_WHEEL_M), (WHEELBASE_M, FRONT_WHEEL_M)):
             for y in (-0.5 * TRACK_M, 0.5 * TRACK_M):
@@ -141,9 +184,8 @@ class VehicleView(QWidget):
             for sign in (-1, 1):
                 end = [place[k] + sign * DRAWN_BEAM_M * along[k] for k in range(3)]
                 view.line(view.flat(place), view.flat(end), SCANNER_COLOUR, 1.0)
-        view.mark(view.flat(place), SCANNER_COLOUR)
-        if self._places.antenna_xyz_m:
-            view.mark(view.flat(self._places.antenna_xyz_m), ANTENNA_COLOUR, pointed=True)
+        for _, at, colour in self._places.sensors:
+            view.mark(view.flat(at), colour, pointed=colour is ANTENNA_COLOUR)
 
 
 @dataclass(frozen=True)

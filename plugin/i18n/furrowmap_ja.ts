@@ -468,6 +468,8 @@ The other layers do not need it. Check the address and the network, or choose a 
   <name>Figures</name>
   <message><source>Accuracy</source><translation>精度</translation></message>
   <message><source>CRS</source><translation>CRS</translation></message>
+  <message><source>Crop height</source><translation>作物の高さ</translation></message>
+  <message><source>Crop volume</source><translation>作物の体積</translation></message>
   <message><source>Duration</source><translation>所要時間</translation></message>
   <message><source>Field</source><translation>圃場</translation></message>
   <message><source>Heading accuracy</source><translation>方位角の精度</translation></message>
@@ -476,6 +478,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Not worked</source><translation>未作業</translation></message>
   <message><source>Overlap</source><translation>重複</translation></message>
   <message><source>PPP</source><translation>PPP</translation></message>
+  <message><source>Parcels</source><translation>試験区</translation></message>
   <message><source>Passes</source><translation>行程</translation></message>
   <message><source>Path length</source><translation>走行距離</translation></message>
   <message><source>Points</source><translation>点数</translation></message>
@@ -492,17 +495,55 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>single</source><translation>単独測位</translation></message>
   <message><source>unknown, because the session leaves out {keys}</source><translation>不明（セッションに {keys} の記入がありません）</translation></message>
   <message><source>{area}, {share:.0f} % of it worked</source><translation>{area}、うち {share:.0f} % を作業済み</translation></message>
+  <message><source>{low:.1f} to {high:.1f} cm, mean {mean:.1f} cm</source><translation>{low:.1f}～{high:.1f} cm、平均 {mean:.1f} cm</translation></message>
 </context>
 <context>
   <name>Findings</name>
   <message><source>CRS: the recordings contain no position.</source><translation>CRS：記録に位置がありません。</translation></message>
-  <message><source>Found in the recordings</source><translation>記録から分かったこと</translation></message>
+  <message><source>Camera: its table of images, their size, fx, fy, cx and cy; or uncheck 'Camera'.</source><translation>カメラ：画像の表、画像の大きさ、fx、fy、cx、cy。使わない場合は「カメラ」のチェックを外してください。</translation></message>
+  <message><source>Found in the recordings: a {kind}</source><translation>記録から分かったこと：{kind}</translation></message>
   <message><source>GNSS antenna: position. Until then no accuracy is stated.</source><translation>GNSS アンテナ：位置。記入するまで精度は示されません。</translation></message>
+  <message><source>IMU: position and rotation of its axes. Until then its axes are those of the vehicle.</source><translation>IMU：位置と軸の回転。入力するまで軸は車体と同じとみなします。</translation></message>
   <message><source>Implement: width and position. Until then no worked ground is computed.</source><translation>作業機：幅と位置。入力するまでは作業済みの範囲を計算しません。</translation></message>
   <message><source>Missing</source><translation>不足している項目</translation></message>
+  <message><source>Not used</source><translation>使わないファイル</translation></message>
   <message><source>Scanner: position and orientation. Until then the surfaces are not usable.</source><translation>スキャナ：位置と向き。入力するまではサーフェスを利用できません。</translation></message>
   <message><source>The receiver's log. Drop it together with the scanner's recording.</source><translation>受信機のログ。スキャナの記録と一緒にドロップしてください。</translation></message>
   <message><source>The scanner's recording. Drop it together with the receiver's log.</source><translation>スキャナの記録。受信機のログと一緒にドロップしてください。</translation></message>
+  <message><source>To check</source><translation>確認が必要な項目</translation></message>
+  <message><source>drive</source><translation>走行</translation></message>
+  <message><source>flight</source><translation>飛行</translation></message>
+</context>
+<context>
+  <name>FlightParts</name>
+  <message><source>Camera</source><translation>カメラ</translation></message>
+  <message><source>Class</source><translation>等級</translation></message>
+  <message><source>Enter it: {name} = {value}</source><translation>入力する：{name} = {value}</translation></message>
+  <message><source>File</source><translation>ファイル</translation></message>
+  <message><source>Files</source><translation>ファイル</translation></message>
+  <message><source>IMU</source><translation>IMU</translation></message>
+  <message><source>Images</source><translation>画像</translation></message>
+  <message><source>Its class, or its model, such as VN-200. Empty: industrial.</source><translation>等級、または VN-200 などの型番。空欄：industrial（産業用）。</translation></message>
+  <message><source>Optional: the parcels of a trial, for heights and volumes of the crop. The net parcel lies so far inside. Treatments: a table with the identifier of each parcel.</source><translation>任意：試験区のポリゴン。作物の高さと体積を求めます。収量調査区は区画の縁からこの距離だけ内側です。処理：各区画の識別子を含む表。</translation></message>
+  <message><source>Parcels</source><translation>試験区</translation></message>
+  <message><source>Polygons (*.geojson *.gpkg *.shp *.kml *.csv)</source><translation>ポリゴン (*.geojson *.gpkg *.shp *.kml *.csv)</translation></message>
+  <message><source>Position of the IMU, and rotation of its axes from forward, left, up. An IMU whose z axis points down has 180, 0, 0.</source><translation>IMU の位置と、前・左・上の向きからの軸の回転。z 軸が下を向く IMU は 180, 0, 0 です。</translation></message>
+  <message><source>Tables (*.csv *.xlsx)</source><translation>表 (*.csv *.xlsx)</translation></message>
+  <message><source>Tables (*.csv)</source><translation>表 (*.csv)</translation></message>
+  <message><source>The table has a row for each image: file and time (UTC). Rotation of the optical frame: x right in the image, y down, z along the view; looking down with the top of the image forward: 180, 0, -90. Unchecked: no images are used.</source><translation>表には画像ごとにファイルと時刻（UTC）の行があります。光学座標系の回転：x は画像の右、y は下、z は視線方向。真下を向き画像の上が前方なら 180, 0, -90。チェックなし：画像を使いません。</translation></message>
+  <message><source>Treatments</source><translation>処理</translation></message>
+  <message><source>clock of the IMU minus GNSS time (s)</source><translation>IMU の時計 − GNSS 時刻（秒）</translation></message>
+  <message><source>clock of the scanner minus GNSS time (s)</source><translation>スキャナの時計 − GNSS 時刻（秒）</translation></message>
+  <message><source>clock of the tool's states minus GNSS time (s)</source><translation>作業機の状態の時計 − GNSS 時刻（秒）</translation></message>
+  <message><source>distortion k1, k2</source><translation>歪み k1, k2</translation></message>
+  <message><source>distortion p1, p2</source><translation>歪み p1, p2</translation></message>
+  <message><source>focal length fx, fy</source><translation>焦点距離 fx, fy</translation></message>
+  <message><source>off each end, off each side</source><translation>両端から、両側から</translation></message>
+  <message><source>principal point cx, cy</source><translation>主点 cx, cy</translation></message>
+  <message><source>roll, pitch, yaw</source><translation>ロール、ピッチ、ヨー</translation></message>
+  <message><source>roll, pitch, yaw of the IMU</source><translation>IMU のロール、ピッチ、ヨー</translation></message>
+  <message><source>width, height</source><translation>幅、高さ</translation></message>
+  <message><source>x, y, z</source><translation>x, y, z</translation></message>
 </context>
 <context>
   <name>FurrowmapDock</name>
@@ -531,6 +572,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>The machine {name} has them for its next sessions.</source><translation>機械 {name} にも保存しました。次のセッションから使われます。</translation></message>
   <message><source>The previous task is being cancelled; try again in a moment.</source><translation>前のタスクをキャンセルしています。少し待ってからやり直してください。</translation></message>
   <message><source>The run failed; see the log.</source><translation>実行に失敗しました。ログを確認してください。</translation></message>
+  <message><source>The session file of this result is not there any more: {path}.</source><translation>この結果のセッションファイルはもうありません：{path}。</translation></message>
   <message><source>{count} sessions in the farm map.</source><translation>農場マップには {count} 件のセッションがあります。</translation></message>
   <message><source>{path} cannot be added: {reason}.</source><translation>{path} を追加できません：{reason}。</translation></message>
   <message><source>{path} cannot be read: {reason}.</source><translation>{path} を読めません：{reason}。</translation></message>
@@ -578,10 +620,12 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Ground not worked</source><translation>未作業の範囲</translation></message>
   <message><source>Ground worked twice</source><translation>重複した範囲</translation></message>
   <message><source>Headland and body</source><translation>枕地と本体</translation></message>
+  <message><source>Height above ground</source><translation>地面からの高さ</translation></message>
   <message><source>Height above ground (m)</source><translation>地面からの高さ（m）</translation></message>
   <message><source>Height change (m)</source><translation>高さの変化（m）</translation></message>
   <message><source>Height difference of swaths (m)</source><translation>スワス間の高さの差（m）</translation></message>
   <message><source>Height of the crop</source><translation>作物の高さ</translation></message>
+  <message><source>Height of the crop (m)</source><translation>作物の高さ (m)</translation></message>
   <message><source>Machines</source><translation>機械</translation></message>
   <message><source>Missed ground</source><translation>作業残し</translation></message>
   <message><source>Number of strips</source><translation>ストリップの数</translation></message>
@@ -597,14 +641,17 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Positions of the vehicle</source><translation>車両の位置</translation></message>
   <message><source>RTK fixed</source><translation>RTK FIX</translation></message>
   <message><source>RTK float</source><translation>RTK FLOAT</translation></message>
+  <message><source>Relief</source><translation>起伏</translation></message>
   <message><source>Relief after the work</source><translation>作業後の起伏</translation></message>
   <message><source>Relief before the work</source><translation>作業前の起伏</translation></message>
   <message><source>Relief of the ground</source><translation>地面の起伏</translation></message>
   <message><source>Reports and settings of the sessions</source><translation>セッションのレポートと設定</translation></message>
   <message><source>Sessions</source><translation>セッション</translation></message>
   <message><source>Strips of the flight</source><translation>飛行のストリップ</translation></message>
+  <message><source>Surface</source><translation>表面</translation></message>
   <message><source>Surface after the work</source><translation>作業後の地表面</translation></message>
   <message><source>Surface before the work</source><translation>作業前の地表面</translation></message>
+  <message><source>Surface of the ground</source><translation>地面の表面</translation></message>
   <message><source>Work of each season</source><translation>シーズンごとの作業</translation></message>
   <message><source>Work of each session</source><translation>セッションごとの作業</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>
@@ -691,7 +738,9 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>A layout with map, legend and figures, and a page per pass</source><translation>地図、凡例、集計と、行程ごとのページのレイアウト</translation></message>
   <message><source>Add to farm map…</source><translation>農場マップに追加…</translation></message>
   <message><source>Add to map</source><translation>地図に追加</translation></message>
+  <message><source>Back to its form, to change it and run it again</source><translation>フォームに戻り、変更してもう一度実行します</translation></message>
   <message><source>Back to the start page</source><translation>開始ページに戻る</translation></message>
+  <message><source>Edit this session</source><translation>このセッションを編集</translation></message>
   <message><source>Export</source><translation>エクスポート</translation></message>
   <message><source>GeoJSON, Shapefile, KML, CSV, ISO 11783 task data and others</source><translation>GeoJSON、Shapefile、KML、CSV、ISO 11783 タスクデータなど</translation></message>
   <message><source>One file of all sessions, a layer for each kind</source><translation>すべてのセッションを種類別のレイヤで一つのファイルに</translation></message>
@@ -740,15 +789,19 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Boundary</source><translation>境界</translation></message>
   <message><source>CRS</source><translation>CRS</translation></message>
   <message><source>Calibrate</source><translation>キャリブレーション</translation></message>
+  <message><source>Camera</source><translation>カメラ</translation></message>
   <message><source>Choose a saved machine, or type a name</source><translation>保存した機械を選ぶか、名前を入力</translation></message>
   <message><source>Choose the map's coordinate reference system.</source><translation>地図の座標参照系を選んでください。</translation></message>
   <message><source>Depth</source><translation>深さ</translation></message>
+  <message><source>Drone or helicopter</source><translation>ドローン・ヘリコプター</translation></message>
+  <message><source>Enter the camera's table of images, their size, fx, fy, cx and cy, or uncheck 'Camera'.</source><translation>カメラの画像の表、画像の大きさ、fx、fy、cx、cy を入力するか、「カメラ」のチェックを外してください。</translation></message>
   <message><source>Enter the width of the implement, or uncheck 'Implement'.</source><translation>作業機の幅を入力するか、「作業機」のチェックを外してください。</translation></message>
   <message><source>Field</source><translation>圃場</translation></message>
   <message><source>Fill in the position and the approximate angles of the scanner first.</source><translation>先にスキャナの位置とおおよその角度を記入してください。</translation></message>
   <message><source>Fill in the positions of antenna and scanner first.</source><translation>先にアンテナとスキャナの位置を記入してください。</translation></message>
   <message><source>Find the scanner's angles in the recording; write them into the session and the chosen machine.</source><translation>記録からスキャナの角度を求め、セッションと選んだ機械に書き込みます。</translation></message>
   <message><source>GNSS antenna</source><translation>GNSS アンテナ</translation></message>
+  <message><source>IMU</source><translation>IMU</translation></message>
   <message><source>Implement</source><translation>作業機</translation></message>
   <message><source>Keep both</source><translation>両方残す</translation></message>
   <message><source>Kind</source><translation>種類</translation></message>
@@ -757,8 +810,10 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>No machine {name} is saved. Press 'Save as machine' first, or clear the name to calibrate the session alone.</source><translation>機械 {name} は保存されていません。先に「機械として保存」を押すか、名前を消してセッションだけを校正してください。</translation></message>
   <message><source>Not known: choose it</source><translation>不明：選んでください</translation></message>
   <message><source>Optional: a polygon in the session's folder, to find missed ground.</source><translation>任意：作業残しを調べるための、セッションのフォルダにあるポリゴン。</translation></message>
+  <message><source>Phase centre of the antenna in the aircraft's frame: forward, left, up. Any point may be the origin of that frame; if it is the antenna, 0, 0, 0. A centimetre is accurate enough. Unchecked: not known.</source><translation>機体座標系でのアンテナの位相中心（前、左、上）。原点は任意の点で、アンテナを原点とするなら 0, 0, 0。1 cm の精度で十分です。チェックなし：不明。</translation></message>
   <message><source>Phase centre of the antenna, from the point on the ground below the middle of the rear axle: forward, left, up. A centimetre is accurate enough. Unchecked: not known.</source><translation>アンテナの位相中心。後車軸中央の直下の地面からの位置（前、左、上）。1 cm の精度で十分です。チェックなし：不明。</translation></message>
   <message><source>Polygons (*.geojson *.gpkg *.shp *.kml)</source><translation>ポリゴン (*.geojson *.gpkg *.shp *.kml)</translation></message>
+  <message><source>Position in the same frame, and rotation of the scanner's axes from forward, left, up; its spin axis is z. One that sweeps across the track has about -90, 0, -90. The run refines the angles; within 2° is accurate enough.</source><translation>同じ座標系での位置と、前・左・上の向きからのスキャナの軸の回転。回転軸は z です。進行方向と直角に走査するものは約 -90, 0, -90。角度は処理で精密化されるので、2° 以内の精度で十分です。</translation></message>
   <message><source>Position, and rotation from level with the cable to the rear. A scanner that faces backwards and is tilted down has about 0, 40, 180. The run refines the angles; within 2° is accurate enough.</source><translation>スキャナの位置と、ケーブルを後ろに向けた水平な姿勢からの回転。後ろ下向きのスキャナではおよそ 0, 40, 180 です。角度は実行時に補正されるため、2° 以内で十分です。</translation></message>
   <message><source>Preview</source><translation>プレビュー</translation></message>
   <message><source>Recordings</source><translation>記録</translation></message>
@@ -772,7 +827,9 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Scanner</source><translation>スキャナ</translation></message>
   <message><source>Session</source><translation>セッション</translation></message>
   <message><source>The machine {name} cannot be read.</source><translation>機械 {name} を読めません。</translation></message>
+  <message><source>Tractor or other ground vehicle</source><translation>トラクタなどの地上車両</translation></message>
   <message><source>Type a name for the machine.</source><translation>機械の名前を入力してください。</translation></message>
+  <message><source>Vehicle</source><translation>車体</translation></message>
   <message><source>Width</source><translation>幅</translation></message>
   <message><source>Working width, and the middle of the working line relative to the rear axle; x is negative behind it. Depth 0 means unknown. Unchecked: no worked ground is computed.</source><translation>作業幅と、後車軸から見た作業線の中央。後方では x が負になります。深さ 0 は不明を表します。チェックを外すと作業済みの範囲を計算しません。</translation></message>
   <message><source>roll, pitch, yaw</source><translation>ロール、ピッチ、ヨー</translation></message>
@@ -834,7 +891,10 @@ Several sessions or folders run one after another.</source><translation>ここ�
 <context>
   <name>VehicleView</name>
   <message><source>Above: from the right side. Below: from the top. The origin is on the ground below the middle of the rear axle. Grey: a compact tractor for comparison. Blue lines: the scan plane.</source><translation>上：右側面図。下：上面図。原点は後車軸中央の真下の地面です。灰色：比較用の小型トラクタ。青線：走査面。</translation></message>
+  <message><source>Above: from the right side. Below: from the top; the nose is on the right. Grey: a drone for comparison, with the origin on top of it. Blue lines: the scan plane.</source><translation>上：右側面図。下：上面図（機首は右）。灰色：比較用のドローン（原点はその上面）。青線：走査面。</translation></message>
+  <message><source>IMU</source><translation>IMU</translation></message>
   <message><source>antenna</source><translation>アンテナ</translation></message>
+  <message><source>camera</source><translation>カメラ</translation></message>
   <message><source>implement</source><translation>作業機</translation></message>
   <message><source>scanner</source><translation>スキャナ</translation></message>
   <message><source>side</source><translation>側面</translation></message>

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from fnmatch import fnmatch
@@ -41,6 +42,8 @@ OPEN = "OPEN"
 """The parameter that opens the products as layers."""
 ERROR_CODE = "furrowmapErrorCode"
 """Property of the feedback that holds the code of the command's error."""
+ERROR_SETTING = "furrowmapErrorSetting"
+"""Property of the feedback: the line of the session file that remedies the error, as JSON."""
 
 
 class CommandAlgorithm(QgsProcessingAlgorithm):
@@ -248,6 +251,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
                 feedback.pushConsoleInfo(line)
             QgsMessageLog.logMessage("\n".join([*error.lines, *error.log]), TAB)
             feedback.setProperty(ERROR_CODE, error.code)
+            feedback.setProperty(ERROR_SETTING, json.dumps(error.setting))
             raise QgsProcessingException("\n".join(error.lines)) from None
         feedback.setProgress(100)
         if self.description.layers is not None and self.parameterAsBool(parameters, OPEN, context):

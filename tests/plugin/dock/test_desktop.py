@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
+import tomllib
 import warnings
 import zipfile
 from pathlib import Path
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 HERE = Path(__file__).parent
-PROVOKED = ("another recording", "recoding")
+PROVOKED = ("another recording", "recoding", "upside down")
 LAYERS = {"trajectory", "passes", "coverage", "overlaps", "events", "zones", "tool_path", "dsm", "change", "cloud"}
 
 
@@ -69,6 +70,16 @@ def drive(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
+def flight(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A flight's positions, IMU, images and parcels; its scans would take a minute."""
+    folder = tmp_path_factory.mktemp("flight") / "trial"
+    (folder / "images").mkdir(parents=True)
+    for name in ("gnss.nmea", "imu.csv", "images.csv", "images/0000.jpg", "parcels.geojson"):
+        shutil.copyfile(shared_data / "uav_wheat" / name, folder / name)
+    return folder
+
+
+@pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("out")
 
@@ -85,6 +96,7 @@ def seen(
     plugins: Path,
     drive: Path,
     results: Path,
+    flight: Path,
     out: Path,
     tmp_path_factory: pytest.TempPathFactory,
 ) -> dict[str, Any]:
@@ -94,10 +106,10 @@ def seen(
     its own, which runs no Python, that is told, and the story is told once more from its beginning.
     """
     copies = tmp_path_factory.mktemp("fresh")
-    fresh = {folder: copies / folder.name for folder in (drive, results, out)}
+    fresh = {folder: copies / folder.name for folder in (drive, results, flight, out)}
     for folder, kept in fresh.items():
         shutil.copytree(folder, kept)
-    command = "scripts/qgis_desktop.sh", plugins, HERE / "use_dock.py", drive, results, worker, out
+    command = "scripts/qgis_desktop.sh", plugins, HERE / "use_dock.py", drive, results, flight, worker, out
     try:
         answer = qgis.run(*command, timeout_s=580)
     except AssertionError as error:
@@ -144,6 +156,37 @@ def test_drop__recordings_become_a_form_with_what_was_found_out(seen: dict[str, 
     assert "Velodyne packets" in seen["findings"]
     assert "overlap by 59.8 s" in seen["findings"]
     assert "GNSS antenna" in seen["findings"]
+
+
+def test_flight__has_a_form_for_its_sensors_without_an_implement(seen: dict[str, Any]) -> None:
+    form = seen["flight"]
+    assert form["vehicle"] == "Drone or helicopter"
+    assert form["shown"] == ["furrowmapImuGroup", "furrowmapCameraGroup", "furrowmapParcelsGroup"]
+    assert "a flight" in form["findings"]
+    assert "Implement" not in form["findings"]
+
+
+def test_flight__remedy_of_a_failed_preview_is_entered_by_its_button(seen: dict[str, Any]) -> None:
+    words, button = seen["flight"]["failed"]
+    assert "upside down" in words
+    assert button == "Enter it: roll, pitch, yaw of the IMU = 180, 0, 0"
+    words, offered = seen["flight"]["remedied"]
+    assert words.startswith("Preview on the map: 20")
+    assert not offered
+
+
+def test_flight__session_has_what_was_entered(seen: dict[str, Any]) -> None:
+    assert "fx, fy, cx and cy" in seen["flight"]["fault"]
+    session = tomllib.loads(seen["flight"]["saved"])
+    assert session["antenna"]["xyz_m"] == [0.0, 0.0, 0.0]
+    assert session["imu"]["xyz_m"] == [-0.039, 0.0, 0.0]
+    assert session["imu"]["rpy_deg"] == [180.0, 0.0, 0.0]
+    camera = session["camera"]
+    assert (camera["table"], camera["width"], camera["height"]) == ("images.csv", 800, 600)  # the size is the image's
+    assert (camera["fx"], camera["fy"], camera["cx"], camera["cy"]) == (661.4, 661.9, 402.7, 296.1)
+    assert camera["rpy_deg"] == [180.0, 0.0, 0.0]
+    assert session["parcels"] == {"file": "parcels.geojson", "net_inset_m": [1.0, 0.0]}
+    assert "implement" not in session
 
 
 def test_preview__is_on_the_map_before_anything_is_filled_in(seen: dict[str, Any]) -> None:

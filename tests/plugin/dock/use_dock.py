@@ -1,6 +1,7 @@
 """Runs inside the desktop QGIS (scripts/qgis_desktop.sh): does with the plugin's widgets what a user does.
 
-Arguments: folder with a drive's recordings, folder of an earlier run, the worker's command, folder for what it writes.
+Arguments: folder with a drive's recordings, folder of an earlier run, folder with a flight's recordings, the worker's
+command, folder for what it writes.
 Each step is a part of one long story; what was seen is printed at its end as one line of JSON.
 """
 
@@ -32,7 +33,7 @@ from qgis.PyQt.QtGui import QDragEnterEvent, QDropEvent
 from qgis.PyQt.QtTest import QTest
 from qgis.PyQt.QtWidgets import QApplication, QGroupBox, QPushButton, QWidget
 
-RECORDINGS, EARLIER, WORKER, OUT = arguments  # noqa: F821 - given by qgis_desktop.sh
+RECORDINGS, EARLIER, FLIGHT, WORKER, OUT = arguments  # noqa: F821 - given by qgis_desktop.sh
 WINDOW = iface.mainWindow()  # noqa: F821
 LONGEST_S = 400.0
 MOUNTING = {
@@ -165,6 +166,47 @@ def without_worker() -> Iterator[Any]:
     plugin().dock.show_start()
     yield
     SEEN["setup_offered_with_worker"] = widget("furrowmapSetup").isVisible()
+
+
+def flight() -> Iterator[Any]:
+    """The folder of a flight: a form for what it has; what remedies the failed preview is entered by a button."""
+    drop(plugin().dock, [Path(FLIGHT)])
+    yield page("session")
+    shown = ("furrowmapImuGroup", "furrowmapCameraGroup", "furrowmapParcelsGroup", "furrowmapImplementGroup")
+    SEEN["flight"] = {
+        "findings": widget("furrowmapFindings").text(),
+        "vehicle": widget("furrowmapVehicleKind").currentText(),
+        "shown": [name for name in shown if not widget(name).isHidden()],
+    }
+    for k in range(3):
+        widget(f"furrowmapImuTurn{k}").setValue(0.0)
+    widget("furrowmapImu0").setValue(-0.039)
+    widget("furrowmapCameraGroup").setChecked(False)
+    click("furrowmapPreview")
+    yield lambda: plugin().dock.previewer.busy
+    yield previewed
+    SEEN["flight"]["failed"] = [widget("furrowmapPreviewWords").text(), widget("furrowmapRemedy").text()]
+    shot(f"{OUT}/flight.png")  # noqa: F821
+    click("furrowmapRemedy")
+    yield lambda: plugin().dock.previewer.busy
+    yield previewed
+    SEEN["flight"]["remedied"] = [widget("furrowmapPreviewWords").text(), widget("furrowmapRemedy").isVisible()]
+    widget("furrowmapAntennaGroup").setChecked(True)
+    widget("furrowmapCameraGroup").setChecked(True)
+    widget("furrowmapImageTable").setFilePath(f"{FLIGHT}/images.csv")
+    click("furrowmapRun")  # the camera's intrinsics are missing
+    yield
+    SEEN["flight"]["fault"] = widget("furrowmapFindings").text()
+    for name, value in (("fx", 661.4), ("fy", 661.9), ("cx", 402.7), ("cy", 296.1)):
+        widget(f"furrowmapCamera_{name}").setValue(value)
+    widget("furrowmapCameraTurn0").setValue(180.0)
+    widget("furrowmapParcels").setFilePath(f"{FLIGHT}/parcels.geojson")
+    widget("furrowmapInset0").setValue(1.0)
+    click("furrowmapSave")
+    yield
+    SEEN["flight"]["saved"] = (Path(FLIGHT) / "session.toml").read_text(encoding="utf-8")
+    QgsProject.instance().clear()
+    click("furrowmapBack")
 
 
 def new_session() -> Iterator[Any]:
@@ -499,6 +541,7 @@ def story() -> Iterator[Any]:
     for part in (
         reloads,
         without_worker,
+        flight,
         new_session,
         machines,
         many_drives,

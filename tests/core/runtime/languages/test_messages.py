@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
+from furrowmap.core.runtime.errors import SETTINGS, InputError, Notice, RefusedError
 from furrowmap.core.runtime.languages.messages import (
     Choice,
     Hole,
@@ -70,6 +70,22 @@ def test_error_and_notice__in_japanese() -> None:
     assert "have no time" in notice.text
     assert notice.about("harrow").text == f"harrow: {notice.text}"
     assert notice.about("harrow").text_in("ja") == f"harrow：{notice.text_in('ja')}"
+
+
+@pytest.mark.parametrize("key", SETTINGS)
+def test_setting__is_the_line_that_the_remedy_names(key: str) -> None:
+    table, name, value, reason = SETTINGS[key]
+    sentences_of_key = templates("en")[key]
+    assert f"{name} = {{{value}" in sentences_of_key.get("remedy", "") + sentences_of_key.get("text", "")
+    assert f"[{table}]" in " ".join(sentences_of_key.values())
+    values = dict.fromkeys(holes(key), 1.5)
+    assert InputError(key, **values).setting == {"table": table, "key": name, "value": 1.5}
+    assert InputError(key, **(values | {reason: None})).setting is None
+
+
+def test_setting__may_be_a_list() -> None:
+    error = InputError("imu-turned.upright", name="imu.csv", right="[180.0, 0.0, 0.0]")
+    assert error.setting == {"table": "imu", "key": "rpy_deg", "value": [180.0, 0.0, 0.0]}
 
 
 def test_error__comes_back_from_another_process() -> None:
