@@ -12,7 +12,7 @@ from furrowmap.core.runtime.languages.messages import ERROR_PARTS, Value, fill, 
 
 CONTRADICTION: Final = "contradiction"
 """Code of the notice that stands before all others."""
-SETTINGS: Final = {
+SETTING_REMEDIES: Final = {
     "imu-no-overlap": ("imu", "minus_gnss_s", "offset_s", "cause"),
     "imu-turned": ("imu", "rpy_deg", "right", "right"),
     "imu-turned.forward": ("imu", "rpy_deg", "right", "right"),
@@ -194,7 +194,7 @@ class Notice:
 
 def _setting(key: str, values: Mapping[str, Value]) -> dict[str, Any] | None:
     """The line of the session file that remedies a message."""
-    table, name, value, reason = SETTINGS.get(key, ("", "", "", ""))
+    table, name, value, reason = SETTING_REMEDIES.get(key, ("", "", "", ""))
     if not values.get(reason):
         return None
     return {"table": table, "key": name, "value": json.loads(str(values[value]))}

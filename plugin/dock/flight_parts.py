@@ -28,10 +28,10 @@ from .session_lines import SessionLines
 
 tr = partial(QCoreApplication.translate, "FlightParts")
 
-IMU_CLASSES = ("consumer", "industrial", "tactical")
-PIXELS = ("width", "height", "fx", "fy", "cx", "cy")
-DISTORTION = ("k1", "k2", "p1", "p2")
-MAX_PIXELS = 100_000.0
+IMU_CHOICES = ("consumer", "industrial", "tactical")
+CAMERA_PIXELS = ("width", "height", "fx", "fy", "cx", "cy")
+CAMERA_DISTORTION = ("k1", "k2", "p1", "p2")
+MOST_PIXELS = 100_000.0
 FLIGHT_TABLES = ("imu", "attitude", "camera", "parcels")
 """A session with one of these tables and no implement is shown as a flight."""
 
@@ -75,8 +75,8 @@ class FlightParts(QWidget):
             widget.setFilePath(str(lines.get(*place) or ""))
         self.table.setEnabled(lines.get("camera", "files") is None)
         self._with_model = lines.get("camera", "model") is not None
-        fill(self.pixels, [lines.get("camera", key) or 0.0 for key in PIXELS])
-        fill(self.distortion, [lines.get("camera", key) or 0.0 for key in DISTORTION])
+        fill(self.pixels, [lines.get("camera", key) or 0.0 for key in CAMERA_PIXELS])
+        fill(self.distortion, [lines.get("camera", key) or 0.0 for key in CAMERA_DISTORTION])
         for box in (*self.pixels, *self.distortion):
             box.setEnabled(not self._with_model)
         fill(self.net_inset, lines.get("parcels", "net_inset_m"))
@@ -128,7 +128,9 @@ class FlightParts(QWidget):
             lines.set("camera", "table", table)
         if self._with_model:
             return
-        for key, value in zip((*PIXELS, *DISTORTION), values_of([*self.pixels, *self.distortion]), strict=True):
+        for key, value in zip(
+            (*CAMERA_PIXELS, *CAMERA_DISTORTION), values_of([*self.pixels, *self.distortion]), strict=True
+        ):
             if value or lines.get("camera", key) is not None:
                 lines.set("camera", key, int(value) if key in ("width", "height") else value)
 
@@ -166,7 +168,7 @@ class FlightParts(QWidget):
         self.imu_xyz = metre_boxes("furrowmapImu", 3, on_change)
         self.imu_rpy = turn_boxes("furrowmapImuTurn", on_change)
         self.imu_class = QComboBox(objectName="furrowmapImuClass", editable=True)
-        self.imu_class.addItems(["", *IMU_CLASSES])
+        self.imu_class.addItems(["", *IMU_CHOICES])
         self.imu_class.setToolTip(tr("Its class, or its model, such as VN-200. Empty: industrial."))
         hint = tr(
             "Position of the IMU, and rotation of its axes from forward, left, up. An IMU whose z axis points down has "
@@ -188,12 +190,12 @@ class FlightParts(QWidget):
         self.table.fileChanged.connect(on_change)
         made = [
             number_box(
-                f"furrowmapCamera_{key}", MAX_PIXELS, " px", 0 if key in ("width", "height") else 2, 1.0, low=0.0
+                f"furrowmapCamera_{key}", MOST_PIXELS, " px", 0 if key in ("width", "height") else 2, 1.0, low=0.0
             )
-            for key in PIXELS
+            for key in CAMERA_PIXELS
         ]
         self.pixels = made
-        self.distortion = [number_box(f"furrowmapCamera_{key}", 10.0, "", 5, 0.001) for key in DISTORTION]
+        self.distortion = [number_box(f"furrowmapCamera_{key}", 10.0, "", 5, 0.001) for key in CAMERA_DISTORTION]
         for box in self.pixels:
             box.valueChanged.connect(on_change)
         self.camera_xyz = metre_boxes("furrowmapCamera", 3, on_change)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.runtime.errors import SETTINGS, InputError, Notice, RefusedError
+from furrowmap.core.runtime.errors import SETTING_REMEDIES, InputError, Notice, RefusedError
 from furrowmap.core.runtime.languages.messages import (
     Choice,
     Hole,
@@ -72,9 +72,9 @@ def test_error_and_notice__in_japanese() -> None:
     assert notice.about("harrow").text_in("ja") == f"harrow：{notice.text_in('ja')}"
 
 
-@pytest.mark.parametrize("key", SETTINGS)
+@pytest.mark.parametrize("key", SETTING_REMEDIES)
 def test_setting__is_the_line_that_the_remedy_names(key: str) -> None:
-    table, name, value, reason = SETTINGS[key]
+    table, name, value, reason = SETTING_REMEDIES[key]
     sentences_of_key = templates("en")[key]
     assert f"{name} = {{{value}" in sentences_of_key.get("remedy", "") + sentences_of_key.get("text", "")
     assert f"[{table}]" in " ".join(sentences_of_key.values())
