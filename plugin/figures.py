@@ -9,6 +9,7 @@ from functools import partial
 from html import escape
 from typing import Any
 
+from qgis.core import QgsApplication
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 tr = partial(QCoreApplication.translate, "Figures")
@@ -51,6 +52,21 @@ def figures_html(report: dict[str, Any]) -> str:
         f"<tr><td>{escape(label)}&nbsp;&nbsp;</td><td><b>{escape(value)}</b></td></tr>"
         for label, value in figure_rows(report)
     )
+
+
+def verdict_html(report: dict[str, Any]) -> str:
+    """The contradiction in the results and the doubts about them, which stand above the figures."""
+    verdict = object_in(report, "verdict")
+    text, doubts = localized(verdict, "text"), localized(verdict, "doubts")
+    shown = "".join(f"<p>⚠ {escape(str(doubt))}</p>" for doubt in (doubts if isinstance(doubts, list) else []))
+    if not text:
+        return shown
+    return f"<p style='color:#b71c1c'><b>{escape(str(text))}</b></p>{shown}"
+
+
+def localized(table: dict[str, Any], key: str) -> Any:
+    """A text of a report in the language of QGIS if the report has it, as `text_ja` beside `text`."""
+    return table.get(f"{key}_{(QgsApplication.locale() or '')[:2]}") or table.get(key)
 
 
 def _local_time(figures: dict[str, Any]) -> str | None:

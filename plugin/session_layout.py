@@ -28,20 +28,23 @@ from qgis.core import (
     QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
+from qgis.PyQt.QtGui import QTextDocument
 
 from .basemap import attribution_of
-from .figures import figures_html, object_in
+from .figures import figures_html, object_in, verdict_html
 from .legends import label_band, shown_name
 
 tr = partial(QCoreApplication.translate, "SessionLayout")
 
-MAP_MM = (10.0, 22.0, 200.0, 176.0)
-SIDE_MM = (214.0, 22.0, 76.0)
-"""Left, top and width of the column beside the map."""
-FIGURES_MM, LEGEND_AT_MM, SCALE_AT_MM = 58.0, 82.0, 188.0
-LEGEND_FONTS = {"Title": 9.0, "Group": 8.0, "Subgroup": 8.0, "SymbolLabel": 7.5}
-NORTH_MM = (SIDE_MM[0] + 55.0, SCALE_AT_MM + 2.0, 25.0, 8.0)
-TABLE = '<table style="font-family: sans-serif; font-size: 8pt">'
+LEFT_MM, TOP_MM, MAP_WIDTH_MM, BOTTOM_MM = 10.0, 22.0, 190.0, 190.0
+"""Of the map; what is above, below and beside it begins there."""
+SIDE_MM = (204.0, 86.0)
+"""Left and width of the column beside the map, with figures and legend."""
+PAGE_WIDTH_MM = 277.0
+PIXELS_A_MM = 96.0 / 25.4
+LEGEND_FONTS = {"Title": 9.0, "Group": 7.5, "Subgroup": 7.5, "SymbolLabel": 7.0}
+FONT = "font-family: sans-serif; font-size: 8pt"
+TABLE = f'<table style="{FONT}">'
 IS_OVERVIEW = "@atlas_pagename is null or @atlas_pagename = ''"
 """Whether a page shows the whole session."""
 LEGEND_LAYERS = ("events", "trajectory", "misses", "unworked", "boundary", "overlaps", "coverage", "passes", "change")
@@ -71,20 +74,27 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     shown = [layer for layer in root.layerOrder() if layer.id() in visible]
     session = [node.layer() for node in group.findLayers() if node.layer() in shown]
     passes = next((node.layer() for node in group.findLayers() if node.layer().name() == "passes"), None)
-    page_map = _map(layout, project, shown, _extent(project, group))
+    warned = verdict_html(report)
+    warned = warned and f'<div style="{FONT}">{warned}</div>'
+    top_mm = TOP_MM + (_height_mm(warned, PAGE_WIDTH_MM) if warned else 0.0)
+    page_map = _map(layout, project, shown, _extent(project, group), top_mm)
     title = group.name().replace("[%", "[ %") + f"[% if({IS_OVERVIEW}, '', ', ' || @atlas_pagename) %]"
-    _label(layout, title, (MAP_MM[0], 8.0, 277.0, 10.0), size=16.0)
-    _label(layout, _figures(report, passes), (*SIDE_MM, FIGURES_MM), rich=True)
-    _legend(layout, page_map, [layer for layer in session if layer.name() in LEGEND_LAYERS])
+    _label(layout, title, (LEFT_MM, 8.0, PAGE_WIDTH_MM, 10.0), size=16.0)
+    if warned:
+        _label(layout, warned, (LEFT_MM, TOP_MM - 3.0, PAGE_WIDTH_MM, top_mm - TOP_MM), rich=True)
+    of_pass = "<tr><td>&nbsp;</td></tr>" * (len(_pass_rows(report)) + 1)  # times may need two lines
+    figures_mm = max(_height_mm(f"{TABLE}{rows}</table>", SIDE_MM[1]) for rows in (figures_html(report), of_pass))
+    _label(layout, _figures(report, passes), (SIDE_MM[0], top_mm, SIDE_MM[1], figures_mm), rich=True)
+    _legend(layout, page_map, [layer for layer in session if layer.name() in LEGEND_LAYERS], top_mm + figures_mm)
     bar = QgsLayoutItemScaleBar(layout)
     layout.addLayoutItem(bar)
     bar.setId("scale")
     bar.setStyle("Single Box")
     bar.setLinkedMap(page_map)
     bar.applyDefaultSize(Qgis.DistanceUnit.Meters)
-    bar.attemptMove(QgsLayoutPoint(SIDE_MM[0], SCALE_AT_MM, Qgis.LayoutUnit.Millimeters))
-    _label(layout, tr("▲ north"), NORTH_MM)
-    _label(layout, attribution_of(shown), (MAP_MM[0], 200.0, MAP_MM[2], 6.0), size=7.0)
+    bar.attemptMove(QgsLayoutPoint(LEFT_MM + 25.0, BOTTOM_MM + 1.0, Qgis.LayoutUnit.Millimeters))
+    _label(layout, tr("▲ north"), (LEFT_MM, BOTTOM_MM + 4.0, 25.0, 8.0))
+    _label(layout, attribution_of(shown), (LEFT_MM + 100.0, BOTTOM_MM + 5.0, MAP_WIDTH_MM - 100.0, 6.0), size=7.0)
     if passes is not None and passes.featureCount():
         atlas = layout.atlas()
         atlas.setCoverageLayer(passes)
@@ -113,12 +123,20 @@ def _extent(project: QgsProject, group: QgsLayerTreeGroup) -> QgsRectangle:
     return QgsRectangle(0, 0, 1, 1)
 
 
+def _height_mm(rich: str, width_mm: float) -> float:
+    """Height of a text in HTML at a width."""
+    document = QTextDocument()
+    document.setHtml(rich)
+    document.setTextWidth(width_mm * PIXELS_A_MM)
+    return float(document.size().height()) / PIXELS_A_MM
+
+
 def _map(
-    layout: QgsLayout, project: QgsProject, layers: Sequence[QgsMapLayer], extent: QgsRectangle
+    layout: QgsLayout, project: QgsProject, layers: Sequence[QgsMapLayer], extent: QgsRectangle, top_mm: float
 ) -> QgsLayoutItemMap:
     page_map = QgsLayoutItemMap(layout)
     layout.addLayoutItem(page_map)
-    _place(page_map, MAP_MM)
+    _place(page_map, (LEFT_MM, top_mm, MAP_WIDTH_MM, BOTTOM_MM - top_mm))
     page_map.setId("map")
     page_map.setCrs(project.crs())
     page_map.setLayers(layers)
@@ -129,7 +147,8 @@ def _map(
     return page_map
 
 
-def _legend(layout: QgsLayout, page_map: QgsLayoutItemMap, layers: Sequence[QgsMapLayer]) -> None:
+def _legend(layout: QgsLayout, page_map: QgsLayoutItemMap, layers: Sequence[QgsMapLayer], top_mm: float) -> None:
+    """The legend of the map, in two columns below the figures."""
     legend = QgsLayoutItemLegend(layout)
     layout.addLayoutItem(legend)
     legend.setId("legend")
@@ -147,8 +166,12 @@ def _legend(layout: QgsLayout, page_map: QgsLayoutItemMap, layers: Sequence[QgsM
         form = style.textFormat()
         form.setSize(size)
         style.setTextFormat(form)
+    legend.rstyle(QgsLegendStyle.Style.Symbol).setMargin(QgsLegendStyle.Side.Top, 0.8)
     legend.setSymbolHeight(3.0)
-    legend.attemptMove(QgsLayoutPoint(SIDE_MM[0], LEGEND_AT_MM, Qgis.LayoutUnit.Millimeters))
+    legend.setSymbolWidth(5.0)
+    legend.attemptMove(QgsLayoutPoint(SIDE_MM[0], top_mm, Qgis.LayoutUnit.Millimeters))
+    legend.setColumnCount(2)
+    legend.setSplitLayer(True)
     legend.adjustBoxSize()
 
 

@@ -7,9 +7,8 @@ import html
 import time
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from qgis.core import QgsApplication, QgsSettings
+from qgis.core import QgsSettings
 from qgis.PyQt.QtCore import Qt, QTimer, pyqtSignal
 from qgis.PyQt.QtWidgets import (
     QFileDialog,
@@ -26,7 +25,7 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
-from ..figures import figures_html
+from ..figures import figures_html, localized, verdict_html
 from ..processing.description import COMMAND_OPTIONS
 from ..results import read_report, session_name
 from .form_parts import button, side_by_side
@@ -222,7 +221,7 @@ class ResultPage(QWidget):
         """Show the figures of the run in a folder."""
         report = read_report(folder)
         name = html.escape(session_name(report, folder))
-        page = f"<h3>{name}</h3>{self._verdict(report)}<table>{figures_html(report)}</table>"
+        page = f"<h3>{name}</h3>{verdict_html(report)}<table>{figures_html(report)}</table>"
         warnings = [localized(w, "text") or "" for w in report.get("warnings") or [] if isinstance(w, dict)]
         if warnings:
             items = "".join(f"<li>{html.escape(str(text))}</li>" for text in warnings)
@@ -231,23 +230,6 @@ class ResultPage(QWidget):
             page += f"<p>{self.tr('This folder has no report, so the accuracy is unknown.')}</p>"
         self.text.setHtml(page)
         self.text.setAlignment(Qt.AlignmentFlag.AlignLeft)
-
-    def _verdict(self, report: dict[str, Any]) -> str:
-        """The contradictions in the results and the doubts about them, which stand above the figures."""
-        verdict = report.get("verdict")
-        if not isinstance(verdict, dict):
-            return ""
-        text, doubts = localized(verdict, "text"), localized(verdict, "doubts")
-        shown = "".join(f"<p>⚠ {html.escape(str(doubt))}</p>" for doubt in (doubts if isinstance(doubts, list) else []))
-        if not text:
-            return shown
-        title = self.tr("These results contradict each other.")
-        return f"<p style='color:#b71c1c'><b>{title}</b><br>{html.escape(str(text))}</p>{shown}"
-
-
-def localized(table: dict[str, Any], key: str) -> Any:
-    """A text of a report in the language of QGIS if the report has it, as `text_ja` beside `text`."""
-    return table.get(f"{key}_{(QgsApplication.locale() or '')[:2]}") or table.get(key)
 
 
 class BatchPage(QWidget):

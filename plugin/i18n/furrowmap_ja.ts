@@ -753,7 +753,6 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Play the drive in the temporal controller; a visible cloud grows with it</source><translation>走行をテンポラルコントローラで再生します。表示中の点群は走行に合わせて現れます</translation></message>
   <message><source>Print…</source><translation>印刷…</translation></message>
   <message><source>Replay</source><translation>再生</translation></message>
-  <message><source>These results contradict each other.</source><translation>これらの結果は互いに矛盾しています。</translation></message>
   <message><source>This folder has no report, so the accuracy is unknown.</source><translation>このフォルダにはレポートがないため、精度は不明です。</translation></message>
   <message><source>Warnings</source><translation>警告</translation></message>
 </context>

@@ -55,6 +55,8 @@ def dock_rows(report: dict[str, Any]) -> dict[str, str]:
     core.QDateTime = types.SimpleNamespace(  # type: ignore[attr-defined]
         fromString=lambda *_: types.SimpleNamespace(isValid=lambda: False)
     )
+    qgis_core = types.ModuleType("qgis.core")
+    qgis_core.QgsApplication = types.SimpleNamespace(locale=lambda: "en")  # type: ignore[attr-defined]
     core.Qt = types.SimpleNamespace(DateFormat=types.SimpleNamespace(ISODateWithMs=0))  # type: ignore[attr-defined]
     spec = importlib.util.spec_from_file_location("dock_figures", FIGURES)
     assert spec is not None
@@ -62,6 +64,7 @@ def dock_rows(report: dict[str, Any]) -> dict[str, str]:
     module = importlib.util.module_from_spec(spec)
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "qgis", types.ModuleType("qgis"))
+        patch.setitem(sys.modules, "qgis.core", qgis_core)
         patch.setitem(sys.modules, "qgis.PyQt", types.ModuleType("qgis.PyQt"))
         patch.setitem(sys.modules, "qgis.PyQt.QtCore", core)
         spec.loader.exec_module(module)

@@ -10,7 +10,7 @@ import json
 import sys
 from pathlib import Path
 
-from qgis.core import Qgis, QgsApplication, QgsLayoutExporter, QgsProject, QgsVectorLayer
+from qgis.core import Qgis, QgsApplication, QgsLayoutExporter, QgsLayoutItem, QgsProject, QgsVectorLayer
 from qgis.PyQt.QtCore import Qt
 
 HATCHED = Qt.BrushStyle.BDiagPattern
@@ -41,7 +41,13 @@ shown = [
     [category.label(), category.symbol().color().name(), category.symbol().symbolLayer(0).brushStyle() == HATCHED]
     for category in passes.renderer().categories()
 ]
-sys.stdout.write("\n" + json.dumps(shown))
+boxes = []
+for item in layout.items():
+    if isinstance(item, QgsLayoutItem) and item.displayName():
+        box = item.mapRectToScene(item.rect())
+        boxes.append([item.displayName()[:40], box.left(), box.top(), box.right(), box.bottom()])
+sys.stdout.write("\n" + json.dumps([shown, boxes]))
+del item, box
 del passes
 project.clear()
 application.exitQgis()

@@ -25,6 +25,7 @@ def test_pages__of_the_passes_have_their_own_figures(qgis: QgisRoot, tmp_path: P
     result = write_result(tmp_path / "result")
     report = json.loads((result / "report.json").read_text(encoding="utf-8"))
     report["figures"] |= {"time_zone": "Asia/Tokyo", "start_local": "2026-06-12T00:00:00.000+09:00"}
+    report["verdict"] = {"text": "These results contradict each other: positions drift.", "doubts": ["No mounting."]}
     (result / "report.json").write_text(json.dumps(report), encoding="utf-8")
     (tmp_path / "furrowmap").symlink_to(CHECKOUT / "plugin")
     told = qgis.run("python3", Path(__file__).with_name("atlas_in_qgis.py"), tmp_path / "furrowmap", result, tmp_path)
@@ -34,6 +35,7 @@ def test_pages__of_the_passes_have_their_own_figures(qgis: QgisRoot, tmp_path: P
     passes = gpd.read_file(result / "field.gpkg", layer="passes")
     assert f"{report['figures']['worked_area_m2']:.1f} m²" in whole
     assert len(pages) == len(passes) == 3
+    assert all("contradict each other: positions drift." in page and "No mounting." in page for page in (whole, *pages))
     for page, one in zip(pages, passes.itertuples(), strict=True):
         assert f"North field, pass {passes['pass'][one.Index]}" in page
         assert f"{with_margin(one.area_m2, one.area_sigma_m2, ' m²')} (95 %)" in page.replace("m2", "m²")
@@ -42,7 +44,14 @@ def test_pages__of_the_passes_have_their_own_figures(qgis: QgisRoot, tmp_path: P
         local = one.start.tz_convert("Asia/Tokyo")
         assert f"{local:%H:%M:%S}" in page
         assert "(Asia/Tokyo)" in page
-    legend = {label: colour for label, colour, hatched in json.loads(told.splitlines()[-1]) if hatched}
+    shown, boxes = json.loads(told.splitlines()[-1])
+    assert {"map", "legend", "scale"} < {name for name, *_ in boxes}
+    for k, (name, left, top, right, bottom) in enumerate(boxes):
+        assert 0.0 <= left < right <= 297.0, name
+        assert 0.0 <= top < bottom <= 210.0, name
+        for other, *box in boxes[:k]:
+            assert box[0] >= right or box[2] <= left or box[1] >= bottom or box[3] <= top, (name, other)
+    legend = {label: colour for label, colour, hatched in shown if hatched}
     colours = {"first pass": pass_colour(1, 3), "passes between": pass_colour(2, 3), "last pass": pass_colour(3, 3)}
     assert legend == colours  # those of the map, of the report and of KML
     assert len(set(np.round(passes["area_m2"], 1))) > 1
