@@ -26,7 +26,7 @@ quick: $(INSTALLED)  ## style, and the tests that need neither QGIS, browser, sa
 	$(BIN)/ruff check
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile -m "not slow"
 
-test: lint  ## everything that must hold: style, types, tests
+test: lint  ## everything that must hold: style, types for three platforms, tests
 	@$(MAKE) --no-print-directory -j 2 typecheck all-tests
 
 all-tests: $(INSTALLED)
@@ -65,6 +65,7 @@ lint: $(INSTALLED)
 
 typecheck: $(INSTALLED) layout
 	$(BIN)/mypy -p furrowmap
+	$(BIN)/python scripts/platform_types.py
 
 layout:
 	@$(PYTHON) scripts/layout.py

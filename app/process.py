@@ -64,13 +64,12 @@ def keep_freed_memory() -> None:
     time. Two heaps serve all threads: with one heap a thread, 77 million points took 180 MB more. The user's own
     settings in glibc's variables are respected.
     """
-    if not sys.platform.startswith("linux") or any(name.startswith("MALLOC_") for name in os.environ):
-        return
-    with suppress(OSError, AttributeError):
-        mallopt = ctypes.CDLL("libc.so.6").mallopt
-        mallopt(_M_MMAP_THRESHOLD, 32 << 20)
-        mallopt(_M_TRIM_THRESHOLD, 256 << 20)
-        mallopt(_M_ARENA_MAX, 2)
+    if sys.platform == "linux" and not any(name.startswith("MALLOC_") for name in os.environ):
+        with suppress(OSError, AttributeError):
+            mallopt = ctypes.CDLL("libc.so.6").mallopt
+            mallopt(_M_MMAP_THRESHOLD, 32 << 20)
+            mallopt(_M_TRIM_THRESHOLD, 256 << 20)
+            mallopt(_M_ARENA_MAX, 2)
 
 
 @contextmanager
@@ -116,8 +115,8 @@ def reporting_compilation(say: Callable[[str], None]) -> Iterator[None]:
 
 def _caches() -> Path:
     """This user's cache folder."""
-    if stated := os.environ.get("XDG_CACHE_HOME"):
-        return Path(stated)
     if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    return Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")
+        usual = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    else:
+        usual = Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")
+    return Path(os.environ.get("XDG_CACHE_HOME") or usual)

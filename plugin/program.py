@@ -59,16 +59,17 @@ def worker_environment(variables: Mapping[str, str], prefix: Path | None) -> dic
     return {**kept, "PYTHONUTF8": "1", "PYTHONUNBUFFERED": "1"}
 
 
-def own_prefix(application_prefix: str) -> Path | None:
+def own_prefix(application_prefix: str, platform: str = sys.platform) -> Path | None:
     """The folder that only QGIS uses: of an installer or a bundle; None where it is part of the system.
 
     Args:
         application_prefix: `QgsApplication.prefixPath()`.
+        platform: as `sys.platform`.
     """
     prefix = Path(application_prefix)
-    if sys.platform == "win32":  # C:/Program Files/QGIS 3.40/apps/qgis: the libraries are in the folder above
+    if platform == "win32":  # C:/Program Files/QGIS 3.40/apps/qgis: the libraries are in the folder above
         return prefix.parents[1] if prefix.parent.name.lower() == "apps" else prefix
-    if sys.platform == "darwin":
+    if platform == "darwin":
         return next((folder for folder in (prefix, *prefix.parents) if folder.suffix == ".app"), prefix)
     return None if prefix in (Path("/usr"), Path("/usr/local")) else prefix
 

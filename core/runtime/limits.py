@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import sys
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.memory import free_memory_bytes
 from furrowmap.core.runtime.settings import allows
 
 FREE_BYTES: Final = 256 << 20
@@ -41,26 +39,6 @@ def expect_disk(what: str | Path, folder: Path, needed_bytes: int) -> None:
         free = shutil.disk_usage(folder).free
         if needed_bytes > free // 2 and not allows("large"):
             raise RefusedError("too-large.disk", what=what, needed=_size(needed_bytes), folder=folder, free=_size(free))
-
-
-def free_memory_bytes() -> int:
-    """Memory that this process may still take: what the system has free, or a lower limit of the process."""
-    free = 4 << 30
-    if sys.platform == "win32":
-        return free
-    with suppress(ValueError, OSError, AttributeError):
-        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    with suppress(OSError, StopIteration):
-        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
-        free = int(next(line for line in lines if line.startswith("MemAvailable:")).split()[1]) << 10
-    with suppress(ImportError, OSError):
-        import resource
-
-        most = resource.getrlimit(resource.RLIMIT_AS)[0]
-        if most != resource.RLIM_INFINITY:
-            held = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
-            free = min(free, max(0, most - held))
-    return free
 
 
 def _size(size: int) -> str:

@@ -103,8 +103,7 @@ def remove_abandoned(folder: Path) -> None:
         owner = Owner.parse(match[1]) if match else None
         if owner is None or owner.machine != machine() or owner == Owner.here():
             continue
-        # Windows does not show whether a process runs, but it does not remove open files either.
-        if owner.is_running() is False or sys.platform == "win32":
+        if owner.is_running() is False:
             with suppress(OSError):
                 left.unlink()
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import os
 import platform
 import re
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -24,7 +26,7 @@ class Owner:
 
     Attributes:
         machine: 8 hexadecimal digits for the host, its start and its space of process numbers: a container has its own.
-        started: when the process started, in ticks of the kernel; 0 where the system does not report it.
+        started: when the process started, in ticks of the system; 0 where the system does not report it, as on macOS.
     """
 
     machine: str
@@ -49,17 +51,13 @@ class Owner:
     def is_running(self) -> bool | None:
         """Whether the process runs; None where this cannot be seen from here.
 
-        A process of another machine cannot be seen, nor can any on Windows, where signal 0 would end it. Where the
-        system does not report when a process started, its number may be that of a later one.
+        A process of another machine cannot be seen. Where the system does not report when a process started, its number
+        may be that of a later one.
         """
-        if self.machine != machine() or sys.platform == "win32":
+        if self.machine != machine():
             return None
-        try:
-            os.kill(self.process, 0)
-        except (ProcessLookupError, OverflowError):
+        if not _exists(self.process):
             return False
-        except OSError:  # of another user
-            pass
         if not self.started:
             return None
         return self.started == _started(self.process)
@@ -76,12 +74,64 @@ def machine() -> str:
     return hashlib.sha256("\n".join(known).encode()).hexdigest()[:8]
 
 
-def _started(process: int) -> int:
-    """Start of a process in ticks since the system's own; 0 where it is not reported."""
-    try:
-        if str(Path("/proc/self").readlink()) != str(os.getpid()):  # a container that sees the processes of its host
+if sys.platform == "win32":
+    _KERNEL: Final = ctypes.WinDLL("kernel32", use_last_error=True)
+    _KERNEL.OpenProcess.restype = ctypes.c_void_p
+    _KERNEL.OpenProcess.argtypes = (ctypes.c_uint32, ctypes.c_int, ctypes.c_uint32)
+    _KERNEL.WaitForSingleObject.argtypes = (ctypes.c_void_p, ctypes.c_uint32)
+    _KERNEL.GetProcessTimes.argtypes = (ctypes.c_void_p,) * 5
+    _KERNEL.CloseHandle.argtypes = (ctypes.c_void_p,)
+    _QUERY_LIMITED_INFORMATION: Final = 0x1000
+    _SYNCHRONIZE: Final = 0x100000
+    _WAIT_OBJECT_0: Final = 0
+    _ERROR_ACCESS_DENIED: Final = 5
+
+    @contextmanager
+    def _opened(process: int) -> Iterator[int | None]:
+        """A handle of a process; None where there is no such process, or it is of another user."""
+        handle = _KERNEL.OpenProcess(_QUERY_LIMITED_INFORMATION | _SYNCHRONIZE, 0, process)
+        try:
+            yield handle
+        finally:
+            if handle:
+                _KERNEL.CloseHandle(handle)
+
+    def _exists(process: int) -> bool:
+        """Whether a process has not ended: signal 0 would end it on Windows."""
+        if process >= 1 << 32:
+            return False
+        with _opened(process) as handle:
+            if not handle:
+                return ctypes.get_last_error() == _ERROR_ACCESS_DENIED
+            return bool(_KERNEL.WaitForSingleObject(handle, 0) != _WAIT_OBJECT_0)
+
+    def _started(process: int) -> int:
+        """Start of a process in units of 100 ns since 1601; 0 where it is not reported."""
+        times = (ctypes.c_uint64 * 4)()
+        with _opened(process) as handle:
+            if handle:
+                places = (ctypes.byref(times, 8 * k) for k in range(4))
+                _KERNEL.GetProcessTimes(handle, *places)
+        return int(times[0])
+
+else:
+
+    def _exists(process: int) -> bool:
+        """Whether there is a process of this number."""
+        try:
+            os.kill(process, 0)
+        except (ProcessLookupError, OverflowError):
+            return False
+        except OSError:  # of another user
+            pass
+        return True
+
+    def _started(process: int) -> int:
+        """Start of a process in ticks since the system's own; 0 where it is not reported."""
+        try:
+            if str(Path("/proc/self").readlink()) != str(os.getpid()):  # a container that sees its host's processes
+                return 0
+            status = Path(f"/proc/{process}/stat").read_bytes()
+            return int(status.rpartition(b")")[2].split()[19])
+        except (OSError, ValueError, IndexError):
             return 0
-        status = Path(f"/proc/{process}/stat").read_bytes()
-        return int(status.rpartition(b")")[2].split()[19])
-    except (OSError, ValueError, IndexError):
-        return 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -13,6 +12,7 @@ import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, RefusedError, as_furrowmap_error
 from furrowmap.core.runtime.json_text import plain
+from furrowmap.core.runtime.memory import peak_memory_bytes
 from furrowmap.core.runtime.settings import using
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.exporters.files.batch_state import Failure, SessionOutcome, Stamp
@@ -51,7 +51,7 @@ def run_job(job: Job) -> SessionOutcome:
         outcome,
         seconds=round(perf_counter() - wall_s, 3),
         processor_s=round(process_time() - processor_s, 3),
-        peak_mb=round(peak_memory_mb(), 1),
+        peak_mb=round(peak_memory_bytes() / 1e6, 1),
     )
 
 
@@ -81,16 +81,6 @@ def input_stamps(opened: OpenSession) -> tuple[Stamp, ...]:
     """The files of a session as they are now, without their content."""
     files = [file for path in opened.inputs.all for file in (files_in(path) if path.is_dir() else [path])]
     return tuple(stamp(file) for file in files)
-
-
-def peak_memory_mb() -> float:
-    """Peak memory of this process; nan where the system does not report it."""
-    if sys.platform == "win32":
-        return float("nan")
-    import resource
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 1e6 if sys.platform == "darwin" else peak / 1e3
 
 
 def _result(job: Job, opened: OpenSession) -> tuple[Result, bool]:

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Final, Self
 
 from furrowmap.core.runtime.errors import RefusedError
-from furrowmap.core.runtime.limits import free_memory_bytes
+from furrowmap.core.runtime.memory import free_memory_bytes
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.runtime.settings import (
     ALLOWANCES,

@@ -25,10 +25,11 @@ MAX_MEMORY_BYTES: Final = 2 << 30
 def main() -> None:
     """Answer orders until standard input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started the process ends it
-    with suppress(ImportError, OSError, ValueError):  # there is no such limit on Windows, or a lower one is in force
-        import resource
+    if sys.platform != "win32":
+        with suppress(ImportError, OSError, ValueError):  # a lower limit is in force
+            import resource
 
-        resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
+            resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
     sys.path.append(sys.argv[1])
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)

@@ -17,7 +17,8 @@ from furrowmap.core.readers.isoxml.files import open_task_files
 from furrowmap.core.readers.source import Source
 from furrowmap.core.runtime import limits
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
-from furrowmap.core.runtime.limits import expect_disk, expect_memory, free_memory_bytes
+from furrowmap.core.runtime.limits import expect_disk, expect_memory
+from furrowmap.core.runtime.memory import free_memory_bytes
 from furrowmap.core.runtime.npz import read_npz
 from furrowmap.core.runtime.settings import ALLOW_VARIABLE, allowing, allows
 from furrowmap.core.work.saved import load_implement
@@ -111,19 +112,3 @@ def test_promise_10__no_file_takes_more_than_half_of_what_is_free(tmp_path: Path
         assert isinstance(error.value, FurrowmapError)
         with allowing("large"):
             expect()
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="there is no such limit")
-def test_free_memory__is_what_a_limit_of_the_process_leaves() -> None:
-    import resource
-
-    had = resource.getrlimit(resource.RLIMIT_AS)
-    held = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    limit = held + (200 << 20)
-    resource.setrlimit(resource.RLIMIT_AS, (limit, had[1]))
-    try:
-        left = free_memory_bytes()
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, had)
-    assert left == pytest.approx(200 << 20, abs=32 << 20)
-    assert free_memory_bytes() > left

@@ -1,0 +1,107 @@
+"""Free memory of the computer and peak memory of this process, on Linux, macOS and Windows."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+_UNKNOWN_BYTES: Final = 4 << 30
+"""Assumed to be free where the system does not report it."""
+
+
+def free_memory_bytes() -> int:
+    """Memory that this process may still take: what the system has free, or a lower limit of the process.
+
+    4 GiB where the system does not report it.
+    """
+    free = _UNKNOWN_BYTES
+    if sys.platform == "win32":
+        with suppress(OSError, AttributeError):
+            free = _windows_free()
+    else:
+        with suppress(ValueError, OSError, AttributeError):
+            free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        with suppress(OSError, StopIteration):
+            lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+            free = int(next(line for line in lines if line.startswith("MemAvailable:")).split()[1]) << 10
+        if sys.platform == "darwin":
+            with suppress(OSError, ValueError, subprocess.SubprocessError):
+                free = available_of_vm_stat(subprocess.run("/usr/bin/vm_stat", capture_output=True, check=True).stdout)
+        with suppress(ImportError, OSError):
+            import resource
+
+            most = resource.getrlimit(resource.RLIMIT_AS)[0]
+            if most != resource.RLIM_INFINITY:
+                held = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+                free = min(free, max(0, most - held))
+    return free
+
+
+def peak_memory_bytes() -> float:
+    """Peak memory of this process; nan where the system does not report it."""
+    if sys.platform == "win32":
+        with suppress(OSError, AttributeError):
+            return float(_windows_peak())
+    else:
+        with suppress(ImportError, OSError):
+            import resource
+
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+            return float(peak if sys.platform == "darwin" else peak << 10)
+    return float("nan")
+
+
+def available_of_vm_stat(text: bytes) -> int:
+    """Bytes that programs may take without swapping, from what macOS's `vm_stat` prints.
+
+    These are the free pages, those that were read ahead, and those not used lately. Raises ValueError for other text.
+    """
+    page = re.search(rb"page size of (\d+) bytes", text)
+    pages = re.findall(rb"^Pages (?:free|inactive|speculative):\s+(\d+)\.", text, re.MULTILINE)
+    if page is None or not pages:
+        raise ValueError("not the output of vm_stat")
+    return int(page[1]) * sum(map(int, pages))
+
+
+class MemoryStatus(ctypes.Structure):
+    """MEMORYSTATUSEX of the Windows API."""
+
+    _fields_ = (
+        *((name, ctypes.c_uint32) for name in ("length", "load_percent")),
+        *((name, ctypes.c_uint64) for name in ("physical", "physical_free", "commit", "commit_free")),
+        *((name, ctypes.c_uint64) for name in ("address_space", "address_space_free", "extended_free")),
+    )
+
+
+class MemoryCounters(ctypes.Structure):
+    """PROCESS_MEMORY_COUNTERS of the Windows API."""
+
+    _fields_ = (
+        *((name, ctypes.c_uint32) for name in ("length", "faults")),
+        *((name, ctypes.c_size_t) for name in ("peak_working_set", "working_set", "peak_paged", "paged")),
+        *((name, ctypes.c_size_t) for name in ("peak_nonpaged", "nonpaged", "page_file", "peak_page_file")),
+    )
+
+
+if sys.platform == "win32":
+
+    def _windows_free() -> int:
+        status = MemoryStatus(length=ctypes.sizeof(MemoryStatus))
+        if not ctypes.WinDLL("kernel32", use_last_error=True).GlobalMemoryStatusEx(ctypes.byref(status)):
+            raise ctypes.WinError(ctypes.get_last_error())
+        return min(int(status.physical_free), int(status.commit_free))
+
+    def _windows_peak() -> int:
+        kernel = ctypes.WinDLL("kernel32", use_last_error=True)
+        kernel.GetCurrentProcess.restype = ctypes.c_void_p
+        kernel.K32GetProcessMemoryInfo.argtypes = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32)
+        counters, size = MemoryCounters(), ctypes.sizeof(MemoryCounters)
+        if not kernel.K32GetProcessMemoryInfo(kernel.GetCurrentProcess(), ctypes.byref(counters), size):
+            raise ctypes.WinError(ctypes.get_last_error())
+        return int(counters.peak_working_set)
