@@ -82,7 +82,7 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     _label(layout, title, (LEFT_MM, 8.0, PAGE_WIDTH_MM, 10.0), size=16.0)
     if warned:
         _label(layout, warned, (LEFT_MM, TOP_MM - 3.0, PAGE_WIDTH_MM, top_mm - TOP_MM), rich=True)
-    of_pass = "<tr><td>&nbsp;</td></tr>" * (len(_pass_rows(report)) + 1)  # times may need two lines
+    of_pass = "<tr><td>&nbsp;</td></tr>" * len(_pass_rows(report))
     figures_mm = max(_height_mm(f"{TABLE}{rows}</table>", SIDE_MM[1]) for rows in (figures_html(report), of_pass))
     _label(layout, _figures(report, passes), (SIDE_MM[0], top_mm, SIDE_MM[1], figures_mm), rich=True)
     _legend(layout, page_map, [layer for layer in session if layer.name() in LEGEND_LAYERS], top_mm + figures_mm)
@@ -197,7 +197,7 @@ def _pass_rows(report: dict[str, Any]) -> tuple[tuple[str, str], ...]:
     unknown = _literal(tr("unknown"))
     return (
         (tr("Pass"), 'to_string("pass")'),
-        (tr("Time"), f"{times[0]} || ' – ' || {times[1]} || {_literal(f' ({zone})')}"),
+        (tr("Time ({zone})").format(zone=zone), f"{times[0]} || ' – ' || {times[1]}"),
         (tr("Length"), "format_number(\"length_m\", 1) || ' m'"),
         (tr("Width"), "format_number(\"width_m\", 2) || ' m'"),
         (tr("Area"), _with_margin("area_m2", 1, 1, "m²", unknown)),

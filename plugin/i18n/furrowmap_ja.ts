@@ -773,7 +773,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Length</source><translation>長さ</translation></message>
   <message><source>Pass</source><translation>行程</translation></message>
   <message><source>Speed</source><translation>速度</translation></message>
-  <message><source>Time</source><translation>時刻</translation></message>
+  <message><source>Time ({zone})</source><translation>時刻（{zone}）</translation></message>
   <message><source>Width</source><translation>幅</translation></message>
   <message><source>pass</source><translation>行程</translation></message>
   <message><source>unknown</source><translation>不明</translation></message>

@@ -10,7 +10,15 @@ import json
 import sys
 from pathlib import Path
 
-from qgis.core import Qgis, QgsApplication, QgsLayoutExporter, QgsLayoutItem, QgsProject, QgsVectorLayer
+from qgis.core import (
+    Qgis,
+    QgsApplication,
+    QgsLayoutExporter,
+    QgsLayoutItem,
+    QgsLayoutItemPage,
+    QgsProject,
+    QgsVectorLayer,
+)
 from qgis.PyQt.QtCore import Qt
 
 HATCHED = Qt.BrushStyle.BDiagPattern
@@ -43,7 +51,7 @@ shown = [
 ]
 boxes = []
 for item in layout.items():
-    if isinstance(item, QgsLayoutItem) and item.displayName():
+    if isinstance(item, QgsLayoutItem) and not isinstance(item, QgsLayoutItemPage):
         box = item.mapRectToScene(item.rect())
         boxes.append([item.displayName()[:40], box.left(), box.top(), box.right(), box.bottom()])
 sys.stdout.write("\n" + json.dumps([shown, boxes]))
