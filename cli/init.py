@@ -19,7 +19,9 @@ from furrowmap.core.runtime.settings import language_of_user
 def init(
     console: Console, recordings: tuple[Path, ...], output: Path | None, machine: str | None, *, overwrite: bool
 ) -> None:
-    """Examine each RECORDING (LiDAR, GNSS, trajectory) and write a commented session file.
+    """Examine each RECORDING (LiDAR, GNSS, IMU, trajectory) and write a commented session file.
+
+    A table of images, the parcels of a trial and their treatments may be among them, and are found beside them.
 
     What the recordings do not show, such as the mounting of the sensors, is listed, and left in the file as comments to
     fill in.

@@ -182,7 +182,8 @@ def _aid_by_images(
     opened: OpenSession, located: Located, notices: list[Notice], progress: Progress
 ) -> tuple[Located, ImageAid | None]:
     """The trajectory aided by the images of the session's camera, where it has one."""
-    if opened.session.camera is None:
+    camera = opened.session.camera
+    if camera is None or not camera.is_known:
         return located, None
     from furrowmap.core.pipeline.session_aid import aid_session
 
@@ -193,7 +194,11 @@ def _camera_frames(
     opened: OpenSession, trajectory: Trajectory, aid: ImageAid | None, notices: list[Notice]
 ) -> Frames | None:
     """The frames that have a pose, with the camera as they show it, else as stated."""
-    if opened.session.camera is None:
+    camera = opened.session.camera
+    if camera is None:
+        return None
+    if not camera.is_known:
+        notices.append(Notice("images-unused.intrinsics"))
         return None
     if find_spec("PIL") is None:
         notices.append(Notice("images-unused"))

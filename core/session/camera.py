@@ -54,7 +54,7 @@ def camera_faults(source: CameraSource | None) -> Iterator[str]:
         yield "camera.every_s thins the images of camera.topic, which is missing"
     if source.control_pixels is not None and source.control_points is None:
         yield "camera.control_pixels needs camera.control_points, the surveyed places of the same points"
-    if source.topic is not None and not source.has_intrinsics:
+    if not source.has_intrinsics:  # recorded, or still to be filled in
         return
     try:
         camera_of(source)

@@ -252,8 +252,11 @@ class OpenSession:
         """The camera: as stated, else as recorded. Raises InputError if neither has its intrinsics."""
         camera = self.session.camera
         assert camera is not None
-        stated = camera.topic is None or camera.has_intrinsics
-        return camera_of(camera) if stated else mounted(self._image_reader().camera(), camera)
+        if camera.has_intrinsics:
+            return camera_of(camera)
+        if camera.topic is None:
+            raise InputError("no-camera.intrinsics", file=self.file)
+        return mounted(self._image_reader().camera(), camera)
 
     @cached_property
     def _recorded(self) -> tuple[Images, list[Notice]]:

@@ -25,6 +25,7 @@ from furrowmap.core.readers.reader import (
 )
 from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.session.examination import Examined, time_matches
+from furrowmap.core.session.flight import FlownMounting, flight_of
 from furrowmap.core.session.proposed_places import (
     antenna_table,
     camera_comment,
@@ -34,6 +35,7 @@ from furrowmap.core.session.proposed_places import (
     lidar_lines,
     places_missing,
 )
+from furrowmap.core.session.trial_files import NO_TRIAL, ImageTable, TrialFiles
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import ClockReading
 from furrowmap.core.values.machine import Machine
@@ -85,11 +87,14 @@ def common_folder(paths: Sequence[Path]) -> Path:
     return common
 
 
-def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machine | None = None) -> Proposal:
+def propose_session(
+    recordings: Sequence[Examined], folder: Path, machine: Machine | None = None, beside: TrialFiles = NO_TRIAL
+) -> Proposal:
     """Propose a session file for recordings.
 
     Args:
         machine: that made them; the places of its sensors and its tool are copied.
+        beside: files of images and parcels to name.
 
     Raises:
         InputError: if a recording is outside `folder`, has a name that TOML cannot hold, or if a session can use none
@@ -97,7 +102,7 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
     """
     ordered = sorted(recordings, key=lambda r: r.first_s)
     lidar = [r for r in ordered if r.gives(GivesScans)]
-    gnss = [r for r in ordered if r.gives(GivesTrack)]
+    gnss, repeated = _apart([r for r in ordered if r.gives(GivesTrack)])
     poses = [r for r in ordered if r.gives(GivesPoses)]
     states = [r for r in ordered if r.gives(GivesStates)]
     inertial = [r for r in ordered if r.gives(GivesInertial)]
@@ -107,12 +112,14 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
         title, path = ordered[0].inspection.title, ordered[0].path
         finished = path.name if ordered[0].inspection.format == "las" else None
         raise InputError("no-recording.nothing-recorded", other=path, title=title, other_2=finished)
-    matches = list(time_matches(ordered))
+    matches = [match for match in time_matches(ordered) if match.positions not in {r.path for r in repeated}]
     near_s = next((r.scan_clock.first_s for r in lidar if r.scan_clock is not None), None)
     beginnings = [_beginning(r, near_s) for r in gnss + poses]
     crs = next((b.crs for b in beginnings if b.crs is not None), None)
     undated = any(r.position_clock is None for r in gnss)
     date = next((b.date for b in beginnings if b.date), None) if undated else None
+    flight = flight_of(lidar, inertial) if machine is None and not states else None
+    flies = flight is not None or (not states and (bool(attitude) or (bool(inertial) and not lidar)))
     machine, sensed = machine or Machine(), bool(lidar or inertial or attitude)
     text = "\n".join(
         [
@@ -120,38 +127,55 @@ def propose_session(recordings: Sequence[Examined], folder: Path, machine: Machi
             _recording(lidar, gnss, poses, [*states, *inertial, *attitude], folder),
             _times([match.text for match in matches], date, undated=undated),
             _crs(crs),
-            _TRAJECTORY_TABLE.format(_comments(poses), _names(poses, folder)) if poses else antenna_table(machine),
-            *([_lidar(lidar, machine)] if lidar or not (states or inertial or attitude) else []),
-            *(
-                [f"[imu]\n{_comments(inertial)}\nfiles = {_names(inertial, folder)}\n{imu_lines(machine)}"]
-                if inertial
-                else []
-            ),
-            *([_attitude(attitude, folder)] if attitude else []),
-            _implement(states, folder, machine) if states else implement_table(machine),
-            *camera_comment(machine),
-            _FIELD_COMMENT,
+            _trajectory(poses, folder) if poses else antenna_table(machine, flies=flies),
+            *([_lidar(lidar, machine, flight)] if lidar or not (states or inertial or attitude) else []),
+            *([_imu(inertial, folder, machine, flight)] if inertial else []),
+            *([_attitude(attitude, folder, needed=not inertial)] if attitude else []),
+            *([_implement(states, folder, machine)] if states else [] if flies else [implement_table(machine)]),
+            *([_camera(beside.images, folder)] if beside.images is not None else camera_comment(machine)),
+            *([_parcels(beside, folder, measured=flies)] if beside.parcels is not None else []),
+            *([] if flies else [_FIELD_COMMENT]),
         ]
     )
     found = [
         *(Notice("recording", name=r.path.name, title=r.inspection.title) for r in ordered),
+        *([Notice("flight", height_m=flight.height_m)] if flight is not None else []),
         *(Notice("time-overlap", text=match.text) for match in matches if match.shared_s > 0),
         *([Notice("crs", code=crs.code, crs=crs.name, reason=crs.reason)] if crs is not None else []),
         *(Notice("crs-alternative", other=other) for other in (crs.alternatives if crs is not None else ())),
+        *(Notice("recording", name=path.name, title=title) for title, path in beside.titled),
     ]
     lacking = {
         "no-lidar": not (sensed or states),
         "no-positions": not (gnss or poses),
         "no-crs": crs is None,
     }
+    unused = [r for r in ordered if r not in used and r not in repeated]
     missing = [
         *(Notice("time-overlap", text=match.text) for match in matches if match.shared_s <= 0),
         *(Notice("no-place", fault=b.fault) for b in beginnings if b.fault),
-        *(Notice("recording-unused.unused", r=r.path.name, title=r.inspection.title) for r in ordered if r not in used),
+        *(Notice("recording-unused.unused", r=r.path.name, title=r.inspection.title) for r in unused),
+        *(Notice("recording-unused.same-time", r=r.path.name, other=gnss[0].path.name) for r in repeated),
         *(Notice(f"{code}.missing", unknown=FILL_IN) for code, absent in lacking.items() if absent),
-        *places_missing(machine, scans=sensed, states=bool(states), poses=bool(poses), inertial=bool(inertial)),
+        *places_missing(
+            machine, flight, scans=sensed, states=bool(states), poses=bool(poses), inertial=bool(inertial), flies=flies
+        ),
+        *([Notice("camera-uncalibrated")] if beside.images is not None else []),
     ]
     return Proposal(text, tuple(found), tuple(missing))
+
+
+def _apart(gnss: Sequence[Examined]) -> tuple[list[Examined], list[Examined]]:
+    """The logs of positions without those that lie within the time of an earlier one, and these."""
+    kept, repeated = list[Examined](), list[Examined]()
+    for log in gnss:
+        clock = log.position_clock
+        known = [each.position_clock for each in kept]
+        within = clock is not None and any(
+            other is not None and other.first_s <= clock.first_s and clock.last_s <= other.last_s for other in known
+        )
+        (repeated if within else kept).append(log)
+    return kept, repeated
 
 
 @dataclass(frozen=True)
@@ -206,6 +230,14 @@ def _projected_beginning(recording: Examined, e_m: float, n_m: float) -> _Beginn
         fault=f"{recording.path.name} has latitudes and longitudes in the area of {choices[0].code}, but its eastings "
         "and northings are in another CRS: state it in [crs] map."
     )
+
+
+def _trajectory(poses: Sequence[Examined], folder: Path) -> str:
+    return _TRAJECTORY_TABLE.format(_comments(poses), _names(poses, folder))
+
+
+def _imu(inertial: Sequence[Examined], folder: Path, machine: Machine, flight: FlownMounting | None) -> str:
+    return f"[imu]\n{_comments(inertial)}\nfiles = {_names(inertial, folder)}\n{imu_lines(machine, flight)}"
 
 
 def _head(folder: Path, machine: Machine) -> str:
@@ -265,16 +297,57 @@ coordinates = "as-recorded"
 """
 
 
-def _attitude(logs: Sequence[Examined], folder: Path) -> str:
-    """Roll and pitch of the first log that has them, the heading of the last one."""
+def _attitude(logs: Sequence[Examined], folder: Path, *, needed: bool) -> str:
+    """Roll and pitch of the first log that has them, the heading of the last one; a comment where it is not needed."""
     level = next((r for r in logs if "roll_deg" in r.inspection.facts), logs[0])
     heading = next((r for r in reversed(logs) if r.inspection.facts["north"] != "no heading"), logs[-1])
     (roll_pitch,), (north,) = (_paths([recording], folder) for recording in (level, heading))
+    if not needed:
+        return (
+            f"# Attitudes of other devices, which a run uses only without [imu].\n{_comments(logs)}\n# [attitude]\n"
+            f"# roll_pitch = {_quoted(roll_pitch)}\n# heading = {_quoted(north)}\n"
+        )
     return (
         f"[attitude]\n{_comments(logs)}\n"
         "# Log whose roll and pitch, and log whose heading are used; the same, or two.\n"
         f"roll_pitch = {_quoted(roll_pitch)}\nheading = {_quoted(north)}\n{_NORTH_COMMENT}"
     )
+
+
+def _camera(table: ImageTable, folder: Path) -> str:
+    width, height = table.size or (FILL_IN, FILL_IN)
+    return f"""\
+# Camera. Fill in its calibration in pixels, as in OpenCV, and its place; remove the hash signs. Until then a run leaves
+# the images out. The angles are those of a camera that looks down, with the top of its images forward.
+[camera]
+table = {_quoted(*_inside([table.path], folder))}   # {table.images} images
+# width = {width}
+# height = {height}
+# fx = {FILL_IN}
+# fy = {FILL_IN}
+# cx = {FILL_IN}
+# cy = {FILL_IN}
+# k1 = 0.0
+# k2 = 0.0
+# xyz_m = [0.0, 0.0, {FILL_IN}]
+# rpy_deg = [180.0, 0.0, -90.0]
+"""
+
+
+def _parcels(beside: TrialFiles, folder: Path, *, measured: bool) -> str:
+    """The parcels, with their treatments; a comment where their crops are not seen from above."""
+    assert beside.parcels is not None
+    lines = ["[parcels]", f"file = {_quoted(*_inside([beside.parcels.path], folder))}"]
+    lines += [
+        "# Width of the strips that are left out at each end and each side of a parcel, in metres; default: none.",
+        f"# net_inset_m = [{FILL_IN}, {FILL_IN}]",
+    ]
+    if beside.treatments is not None:
+        lines.append(f"treatments = {_quoted(*_inside([beside.treatments], folder))}")
+    if not measured:
+        lines = [line if line.startswith("#") else f"# {line}" for line in lines]
+    count, column = beside.parcels.parcels, printable(beside.parcels.column)
+    return "\n".join([f"# Parcels of a trial: {count} polygons with identifiers in the column {column}.", *lines, ""])
 
 
 def _implement(states: Sequence[Examined], folder: Path, machine: Machine) -> str:
@@ -292,11 +365,11 @@ states = {_names(states, folder)}
 """
 
 
-def _lidar(lidar: Sequence[Examined], machine: Machine) -> str:
+def _lidar(lidar: Sequence[Examined], machine: Machine, flight: FlownMounting | None) -> str:
     facts = (each for r in lidar for each in (r.inspection.facts, r.inspection.facts.get("scans")))  # of a container
     model = next((str(each["model"]) for each in facts if isinstance(each, Mapping) and each.get("model")), None)
     stated = f"model = {_quoted(model)}   # from the recording\n" if model else ""
-    return f"[lidar]\n{stated}{lidar_lines(machine)}"
+    return f"[lidar]\n{stated}{lidar_lines(machine, flight)}"
 
 
 def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> list[str]:
@@ -320,8 +393,13 @@ def _names(recordings: Sequence[Examined], folder: Path) -> str:
 
 def _paths(recordings: Sequence[Examined], folder: Path) -> list[str]:
     """The paths of the recordings relative to `folder`."""
+    return _inside([recording.path for recording in recordings], folder)
+
+
+def _inside(paths: Sequence[Path], folder: Path) -> list[str]:
+    """Paths relative to `folder`. Raises InputError if one is outside."""
     names = []
-    for path in (recording.path.resolve() for recording in recordings):
+    for path in (path.resolve() for path in paths):
         if not path.is_relative_to(folder.resolve()):
             raise InputError("session-path-outside.paths", path=path, folder=folder)
         names.append(path.relative_to(folder.resolve()).as_posix())

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from furrowmap.core.runtime.errors import Notice, printable
+from furrowmap.core.session.flight import LOOKS, FlownMounting
 from furrowmap.core.session.machine import stated, toml_value
 from furrowmap.core.values.machine import NOT_SHOWN_DEG, Machine
 from furrowmap.core.values.margins import margin
@@ -37,21 +38,39 @@ _IMPLEMENT: Final = """\
 # xy_m = [-1.45, 0.0]
 # working_depth_m = 0.12
 """
-NO_IMU_MOUNTING: Final = Notice("no-imu-mounting")
+_ANTENNA_IS_ORIGIN: Final = """\
+# The origin of the vehicle frame may be any point; here it is the phase centre of the GNSS antenna. x points forward,
+# y left, z up; metres and degrees.
+[antenna]
+xyz_m = [0.0, 0.0, 0.0]
+"""
+_FROM_ANTENNA: Final = """\
+# Place of the {}, seen from the antenna: forward, left, up. Measure how far it is below (a negative number), replace
+# the zeros where it is not straight below, and remove the hash sign.
+# xyz_m = [0.0, 0.0, FILL-IN]
+"""
+_FLOWN_LIDAR: Final = """\
+# Roll, pitch, yaw of its axes in the vehicle frame, R = Rz(yaw) Ry(pitch) Rx(roll), so that the ground below is level:
+# for a {} axis that points forward, or else left, backward or right. A run refines them where strips overlap.
+"""
+_FLOWN_IMU: Final = """\
+rpy_deg = {}   # by gravity, with its x axis forward
+# class = "industrial"   # or "consumer", "tactical", or its model
+"""
 
 
-def antenna_table(machine: Machine) -> str:
+def antenna_table(machine: Machine, *, flies: bool) -> str:
     """The table of the antenna."""
     if machine.antenna is None:
-        return _ANTENNA
+        return _ANTENNA_IS_ORIGIN if flies else _ANTENNA
     head = "# Lever arm: phase centre of the GNSS antenna in the vehicle frame.\n[antenna]\n"
     return head + _lines(machine.antenna, "xyz_m")
 
 
-def lidar_lines(machine: Machine) -> str:
+def lidar_lines(machine: Machine, flight: FlownMounting | None) -> str:
     """The place of the scanner in its table."""
     if machine.lidar is None:
-        return _MOUNTING
+        return _MOUNTING if flight is None else _flown_lidar_lines(flight)
     text = "# Mounting of the scanner in the vehicle frame.\n" + _lines(machine.lidar, "xyz_m", "rpy_deg")
     if machine.calibrated is None:
         return text
@@ -60,9 +79,19 @@ def lidar_lines(machine: Machine) -> str:
     return f"{text}# Angles calibrated with the recording of {machine.calibrated.date}: {sigma} degrees (95 %).\n"
 
 
-def imu_lines(machine: Machine) -> str:
+def _flown_lidar_lines(flight: FlownMounting) -> str:
+    angles = [f"rpy_deg = {toml_value(flight.lidar_rpy_deg(look))}   # {look}" for look in LOOKS]
+    words = _FROM_ANTENNA.format("scanner") + _FLOWN_LIDAR.format(flight.looking_axis)
+    return words + "\n# ".join(angles) + "\n"
+
+
+def imu_lines(machine: Machine, flight: FlownMounting | None) -> str:
     """The place of the IMU in its table."""
-    return _IMU if machine.imu is None else _lines(machine.imu, "xyz_m", "rpy_deg", "kind")
+    if machine.imu is not None:
+        return _lines(machine.imu, "xyz_m", "rpy_deg", "kind")
+    if flight is None:
+        return _IMU
+    return _FROM_ANTENNA.format("IMU") + _FLOWN_IMU.format(toml_value(flight.imu_rpy_deg))
 
 
 def implement_table(machine: Machine, more: str = "") -> str:
@@ -89,21 +118,33 @@ def head_words(machine: Machine) -> str:
     return f"# Places of sensors and tool: machine {printable(machine.name)}.\n" if machine.name else ""
 
 
-def places_missing(machine: Machine, *, scans: bool, states: bool, poses: bool, inertial: bool) -> Sequence[Notice]:
+def places_missing(
+    machine: Machine,
+    flight: FlownMounting | None,
+    *,
+    scans: bool,
+    states: bool,
+    poses: bool,
+    inertial: bool,
+    flies: bool,
+) -> Sequence[Notice]:
     """Places that neither the recordings nor the machine's profile show.
 
     Args:
+        flight: what the recordings show of the mounting.
         scans: whether a scanner, or a flight, was recorded.
+        flies: whether the vehicle flies: it has no implement, and its antenna is the origin.
     """
     mounted = machine.lidar is not None and None not in (machine.lidar.xyz_m, machine.lidar.rpy_deg)
+    place = ".place" if flight is not None else ""
     found = []
     if (scans or not states) and not mounted:
-        found.append(Notice("no-mounting"))
-    if not poses and machine.antenna is None:
+        found.append(Notice(f"no-mounting{place}"))
+    if not poses and machine.antenna is None and not flies:
         found.append(Notice("no-antenna.missing"))
-    if machine.implement is None:
+    if machine.implement is None and not flies:
         found.append(Notice("no-implement.place" if states else "no-implement.missing"))
-    return [*found, NO_IMU_MOUNTING] if inertial and machine.imu is None else found
+    return [*found, Notice(f"no-imu-mounting{place}")] if inertial and machine.imu is None else found
 
 
 def _lines(part: Any, *names: str) -> str:

@@ -211,6 +211,11 @@ class CameraSource(TomlTable, frozen=True):
         return any(value is not None for value in (self.width, self.height, *pinhole, self.model))
 
     @property
+    def is_known(self) -> bool:
+        """Whether its intrinsics are stated, or may be recorded with the images."""
+        return self.has_intrinsics or self.topic is not None
+
+    @property
     def mounting(self) -> Mounting:
         """The mounting (extrinsic calibration) of the camera."""
         return Mounting(self.xyz_m, self.rpy_deg)

@@ -114,10 +114,9 @@ def calibrate_mount(
     stated = None
     if camera is not None:
         table = load_session(Path(camera)).camera
-        if table is None:
+        if table is None or not table.is_known:
             raise InputError("no-camera", session_file=Path(camera))
-        recorded = table.topic is not None and not table.has_intrinsics
-        stated = open_session(Path(camera)).camera() if recorded else camera_of(table)
+        stated = camera_of(table) if table.has_intrinsics else open_session(Path(camera)).camera()
     if source.is_dir():
         tables = [path for path in sorted(source.glob("*.csv")) if is_image_table(path)]
         files = [path for path in sorted(source.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES]

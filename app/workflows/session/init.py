@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -13,6 +13,7 @@ from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.machine import load_machine
 from furrowmap.core.session.proposal import Proposal, common_folder
 from furrowmap.core.session.proposal import propose_session as proposal_of
+from furrowmap.core.session.trial_files import TrialFiles
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.workflows.session.machines import machine_file
 
@@ -48,7 +49,8 @@ def propose_session(
     """Write a commented session file with what recordings show; what they do not show is left as a comment.
 
     Args:
-        recordings: LiDAR captures, GNSS logs, trajectories, task data; or a folder of these.
+        recordings: LiDAR captures, GNSS logs, IMU logs, trajectories, task data; or a folder of these. A table of
+            images, parcels of a trial and their treatments may be among them, and are found beside them.
         session_file: the file to write; `session.toml` in their common folder by default.
         machine: name or file of the profile of the machine that made the recordings; its places are copied.
         overwrite: replace the file.
@@ -80,21 +82,28 @@ def proposed(
 ) -> tuple[Proposal, list[Notice]]:
     """The proposal of a session file in `folder`, which is not written, and what is not used in it."""
     profile = load_machine(machine_file(machine)) if machine is not None else None
+    beside = TrialFiles.among([*paths, *sorted(folder.iterdir() if folder.is_dir() else [])])
+    others = {file.resolve() for _, file in beside.titled}
     examined, skipped = [], list[Notice]()
     for path in paths:
         progress(f"Reading {printable(path.name)}", 0.0)
-        examined += _examined(path, skipped)
-    return proposal_of(examined, folder, profile), skipped
+        if path.resolve() not in others:
+            examined += _examined(path, others, skipped)
+    if not examined:
+        raise InputError("no-recording", path=paths[0], names=", ".join(printable(path.name) for path in paths))
+    return proposal_of(examined, folder, profile, beside), skipped
 
 
-def _examined(path: Path, skipped: list[Notice]) -> list[Examined]:
-    """A recording, or those in a folder of recordings; other files there are added to `skipped`."""
+def _examined(path: Path, others: Set[Path], skipped: list[Notice]) -> list[Examined]:
+    """A recording, or those in a folder without `others`; what is not used there is added to `skipped`."""
     if not path.is_dir() or is_recording(path):
         return [Examined.read(path)]
     found: list[Examined] = []
     names = []
     for file in sorted(path.iterdir()):
-        if file.name.startswith(".") or file.suffix.lower() in NOT_RECORDED:
+        if file.name.startswith(".") or file.suffix.lower() in NOT_RECORDED or file.resolve() in others:
+            continue
+        if file.is_dir() and not is_recording(file):
             continue
         try:
             found.append(Examined.read(file))

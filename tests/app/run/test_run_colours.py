@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.scan import PointClass, Scan
+from furrowmap.core.values.session import CameraSource
 from furrowmap.exporters.cloud.chunk import ChunkColumns
 from furrowmap.workflows.run.colours import ColourFigures, RunColours
 from tests.core.images.scenes import cloud, frames_above, texture
@@ -80,3 +82,13 @@ def test_run__without_pillow_goes_on(monkeypatch: pytest.MonkeyPatch, shared_dat
     notices: list[Notice] = []
     assert pipeline._camera_frames(opened, None, None, notices) is None  # type: ignore[arg-type]
     assert [notice.code for notice in notices] == ["images-unused"]
+
+
+def test_run__without_intrinsics_goes_on(shared_data: Path) -> None:
+    from furrowmap.core.session.opened import open_session
+
+    opened = open_session(shared_data / "uav_wheat" / "session.toml")
+    bare = replace(opened, session=msgspec.structs.replace(opened.session, camera=CameraSource(table="images.csv")))
+    notices: list[Notice] = []
+    assert pipeline._camera_frames(bare, None, None, notices) is None  # type: ignore[arg-type]
+    assert ["no intrinsics" in notice.text for notice in notices] == [True]

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import itertools
 import shutil
+import tomllib
 from functools import reduce
 from operator import xor
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
@@ -17,6 +19,8 @@ from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.file import load_session, parse_session
 from furrowmap.core.session.opened import resolve
 from furrowmap.core.session.proposal import FILL_IN, Proposal, common_folder, propose_session
+from furrowmap.core.session.trial_files import TrialFiles
+from furrowmap.core.values.rotation import mounting_rotation
 from furrowmap.core.values.session import Session
 
 
@@ -221,3 +225,39 @@ def test_imu__is_named_with_its_mounting_left_to_fill_in(shared_data: Path) -> N
     assert session.recording.lidar == ()
     assert "no-imu-mounting" in [notice.code for notice in proposal.missing]
     assert not [notice for notice in proposal.missing if notice.code in ("no-lidar", "recording-unused")]
+
+
+def test_flight__is_proposed_with_angles_that_a_run_refines(shared_data: Path) -> None:
+    """Against the mounting that the flight was simulated with; 3° is what a run finds by the strips."""
+    folder = shared_data / "uav_wheat"
+    beside = TrialFiles.among(sorted(folder.iterdir()))
+    recordings = [Examined.read(folder / name) for name in ("recording.pcap.gz", "imu.csv", "gnss.nmea")]
+    proposal = propose_session(recordings, folder, beside=beside)
+    session = parse_session(proposal.text)
+    assert session.lidar.rpy_deg is not None
+    truth = tomllib.loads((folder / "truth" / "mounting_truth.toml").read_text())["lidar"]["rpy_deg"]
+    off = mounting_rotation(*session.lidar.rpy_deg) @ mounting_rotation(*truth).T
+    assert np.degrees(np.arccos((np.trace(off) - 1.0) / 2.0)) < 3.0
+    assert session.imu is not None
+    assert (session.imu.rpy_deg, session.antenna and session.antenna.xyz_m) == ((180.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert session.camera is not None
+    assert (session.camera.table, session.camera.is_known) == ("images.csv", False)
+    assert session.parcels is not None
+    assert (session.parcels.file, session.parcels.treatments) == ("parcels.geojson", "treatments.csv")
+    assert session.crs.map == "EPSG:25832"
+    for word in ("axle", "tiller", "[implement]", "[field]"):
+        assert word not in proposal.text
+    without_camera = proposal.text.partition("[camera]")[0] + proposal.text.partition("[parcels]")[2]
+    assert without_camera.count(FILL_IN) == 4  # numbers to measure
+    assert codes(proposal) == {"no-mounting", "no-imu-mounting", "camera-uncalibrated"}
+
+
+def test_logs_of_the_same_time__the_first_is_used(shared_data: Path) -> None:
+    folder = shared_data / "uav_wheat"
+    names = ("imu.csv", "gnss.nmea", "gnss_outage.nmea", "ahrs_imu.csv")
+    proposal = propose_session([Examined.read(folder / name) for name in names], folder)
+    session = parse_session(proposal.text)
+    assert session.recording.gnss == ("gnss.nmea",)
+    assert "gnss_outage.nmea" in next(n.text for n in proposal.missing if n.code == "recording-unused")
+    assert session.attitude is None  # of no use beside an IMU
+    assert '# roll_pitch = "ahrs_imu.csv"' in proposal.text

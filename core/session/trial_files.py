@@ -1,0 +1,107 @@
+"""Files beside the recordings of a flight: the table of its images, the parcels of a trial and their treatments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.readers.areas.polygon_file import IDS
+from furrowmap.core.readers.exif import image_size
+from furrowmap.core.readers.image_table import is_image_table, read_image_table
+from furrowmap.core.readers.text_table import read_sheet
+from furrowmap.core.readers.vector_file import read_polygons
+from furrowmap.core.runtime.errors import FurrowmapError, InputError
+
+_TABLES: Final = (".csv", ".xlsx", ".xls", ".ods")
+_MOST_TABLE_BYTES: Final = 2_000_000
+"""Larger tables are no treatments."""
+_VECTORS: Final = (".geojson", ".json", ".gpkg", ".fgb", ".kml", ".shp")
+
+
+@dataclass(frozen=True)
+class ImageTable:
+    """A table of images: how many of them are there, and the size of the first in pixels where it can be read."""
+
+    path: Path
+    images: int
+    size: tuple[int, int] | None
+
+
+@dataclass(frozen=True)
+class ParcelFile:
+    """A vector file with several polygons; `column` has their identifiers."""
+
+    path: Path
+    parcels: int
+    column: str
+
+
+@dataclass(frozen=True)
+class TrialFiles:
+    """The first file of each kind; None where there is none."""
+
+    images: ImageTable | None = None
+    parcels: ParcelFile | None = None
+    treatments: Path | None = None
+
+    @classmethod
+    def among(cls, paths: Iterable[Path]) -> TrialFiles:
+        """Those among files; files of other kinds, and those that cannot be read, are passed over."""
+        images, parcels, treatments = None, None, None
+        for path in paths:
+            if path.suffix.lower() in _VECTORS:
+                parcels = parcels or _parcels(path)
+            elif path.suffix.lower() in _TABLES:
+                images = images or _images(path)
+                treatments = treatments or (path if _has_treatments(path) else None)
+        return cls(images, parcels, treatments)
+
+    @property
+    def titled(self) -> list[tuple[str, Path]]:
+        """The files, each after what it is."""
+        found = {
+            "table of images": self.images and self.images.path,
+            "parcels": self.parcels and self.parcels.path,
+            "treatments of parcels": self.treatments,
+        }
+        return [(title, path) for title, path in found.items() if path is not None]
+
+
+NO_TRIAL: Final = TrialFiles()
+
+
+def _images(path: Path) -> ImageTable | None:
+    try:
+        if path.suffix.lower() != ".csv" or not is_image_table(path):
+            return None
+        files = read_image_table(path, path.resolve().parent, []).paths
+        return ImageTable(path, len(files), image_size(files[0]) if files else None)
+    except FurrowmapError:
+        return None
+
+
+def _parcels(path: Path) -> ParcelFile | None:
+    try:
+        rows = read_polygons(path, partial(_unreadable, path)).attributes
+    except FurrowmapError:
+        return None
+    columns = {name.casefold(): name for row in reversed(rows) for name in row}
+    column = next((columns[name] for name in IDS if name in columns), None)
+    return ParcelFile(path, len(rows), column) if len(rows) > 1 and column is not None else None
+
+
+def _has_treatments(path: Path) -> bool:
+    try:
+        if path.stat().st_size > _MOST_TABLE_BYTES:
+            return False
+        table = read_sheet(path, partial(_unreadable, path))
+    except FurrowmapError:
+        return False
+    return "treatment" in table.columns and table.find(IDS) is not None
+
+
+def _unreadable(path: Path, why: str) -> InputError:
+    return InputError("parcels-unreadable", path=path, why=why, formats="")
