@@ -14,7 +14,7 @@ SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/mis
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help demo quick test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin web clean
+.PHONY: help demo quick test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin release-check web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -106,6 +106,7 @@ mutants: $(INSTALLED)  ## do the tests notice mistakes, after make coverage: mak
 	nice $(BIN)/python scripts/mutants.py $(or $(N),20) $(or $(SEED),1)
 
 pages: $(INSTALLED)  ## write the generated pages of docs again
+	$(BIN)/python scripts/project_facts.py
 	$(BIN)/python scripts/code_reference.py
 	$(BIN)/python scripts/command_reference.py
 	$(BIN)/python scripts/reader_reference.py
@@ -119,6 +120,10 @@ pages: $(INSTALLED)  ## write the generated pages of docs again
 plugin: $(INSTALLED)  ## the QGIS plugin as a zip, in dist
 	@mkdir -p dist && rm -f dist/furrowmap-*.zip
 	cd dist && $(CURDIR)/$(BIN)/furrowmap qgis zip
+
+release-check: $(INSTALLED)  ## what a package index and the plugin site of QGIS would refuse, and what only an owner has
+	$(BIN)/python -m pip install -qq --constraint constraints.txt --group release
+	$(BIN)/python scripts/release_check.py
 
 clean:  ## remove everything that can be made again
 	rm -rf $(VENV) build dist demo *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -93,7 +93,7 @@ class Commands(CommandGroup):
 @click.option("--json", "as_json", is_flag=True, help="Print the versions as JSON (with --version).")
 @click.pass_context
 def furrowmap(ctx: click.Context, *, versions: bool, as_json: bool) -> None:
-    """Georeferenced point clouds and worked-ground maps from a tractor's LiDAR and GNSS recording, without an IMU."""
+    """Georeferenced point clouds, surfaces and field maps from LiDAR and GNSS on tractors, drones and vehicles."""
     if versions:
         _put_versions(as_json=as_json)
         ctx.exit()

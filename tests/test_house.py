@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import configparser
 import re
 import runpy
 import subprocess
@@ -260,14 +259,6 @@ def test_versions__have_lower_bounds_that_are_tested() -> None:
     lines = (CHECKOUT / "constraints.txt").read_text().splitlines()[1:]
     pinned = {canonicalize_name(name): version for name, version in (line.split("==") for line in lines)}
     assert [e.name for e in wanted if e.name in bounds and pinned[canonicalize_name(e.name)] not in e.specifier] == []
-
-
-def test_addresses__are_those_of_the_plugin() -> None:
-    metadata = configparser.ConfigParser(interpolation=None)
-    metadata.read(CHECKOUT / "metadata.txt", encoding="utf-8")
-    plugin = {key: metadata["general"][key] for key in ("homepage", "repository", "tracker")}
-    urls = PROJECT["project"]["urls"]
-    assert plugin == {"homepage": urls["Homepage"], "repository": urls["Repository"], "tracker": urls["Issues"]}
 
 
 def test_modules__can_be_imported() -> None:

@@ -19,6 +19,8 @@ from tests.conftest import installed
 from tests.test_house import CHECKOUT, PARTS, PROJECT, repository_files
 
 sys.path.insert(0, str(CHECKOUT / "scripts"))
+import project_facts
+import release_check
 import web_bundle
 from installing import CannotInstallError, apt_install, digest, locked
 from layout import link
@@ -83,6 +85,8 @@ def test_wheel__holds_every_module_and_its_data_and_nothing_else(wheel: Path) ->
 def test_wheel__without_the_page_of_share_has_that_in_its_name(wheel: Path) -> None:
     version = PROJECT["project"]["version"]
     assert wheel.name == f"furrowmap-{version}-0_without_page_of_share-py3-none-any.whl"
+    (found,) = release_check.in_wheel(wheel)
+    assert "no page of furrowmap share" in found
 
 
 def test_wheel__installs_and_imports_as_furrowmap(site: Path) -> None:
@@ -222,3 +226,42 @@ def test_tools__without_debians_packages_are_skipped(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("CI", "true")
     with pytest.raises(pytest.fail.Exception):
         installed("QGIS", "qgis_root.sh")
+
+
+def test_facts__stand_everywhere_as_in_pyproject() -> None:
+    assert list(release_check.facts()) == []
+    assert {name for name in project_facts.facts() if (CHECKOUT / name).is_file()} == {*project_facts.facts()}
+
+
+def test_placeholders__are_listed_for_an_owner() -> None:
+    """Mended by an owner, who takes the line out of here."""
+    listed = "\n".join(release_check.of_an_owner())
+    for what in ("Homepage", "Repository", "Issues", "mail address", "no package index has the name"):
+        assert what in listed
+
+
+def test_facts__with_another_address_are_outdated(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(project_facts.URLS, "Repository", "https://fields.test/furrowmap")
+    texts = {path.name: text for path, text in project_facts.outdated().items()}
+    assert "repository=https://fields.test/furrowmap\n" in texts["metadata.txt"]
+    assert "https://fields.test/furrowmap/blob/HEAD/CHANGELOG.md" in texts["metadata.txt"]
+    assert 'repository-code: "https://fields.test/furrowmap"\n' in texts["CITATION.cff"]
+
+
+def test_install__of_an_extra_is_from_the_checkout_until_an_index_has_the_name(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    written = """Install it: pip install \\".[photo]\\" in the checkout of furrowmap; or not.
+pip install ".[trials,photo]"  # in the checkout of furrowmap
+furrowmap のチェックアウト内で `pip install '.[csf]'` を実行"""
+    published = """Install it: pip install \\"furrowmap[photo]\\"; or not.
+pip install "furrowmap[trials,photo]"
+`pip install 'furrowmap[csf]'` を実行"""
+    assert project_facts.with_install(written) == written
+    assert ".[photo]" in project_facts.with_install(published)
+    monkeypatch.setattr(project_facts, "ON_INDEX", True)
+    assert project_facts.with_install(written) == published
+
+
+def test_readme__has_links_that_lead_somewhere_from_an_index() -> None:
+    assert release_check.relative_links("[a](docs/a.md) ![b](b.png) [c](https://d) [e](#f)") == ["docs/a.md", "b.png"]

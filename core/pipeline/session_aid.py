@@ -38,7 +38,7 @@ def aid_session(
     if source is None or not source.aid:
         return located, None
     if not all(map(find_spec, EXTRA)):
-        notices.append(unused('the extra is not installed: pip install "furrowmap[photo]"'))
+        notices.append(unused('the extra is not installed: pip install ".[photo]" in the checkout of furrowmap'))
         return located, None
     inputs = opened.inputs
     control: ControlPoints | None = None

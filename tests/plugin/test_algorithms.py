@@ -432,7 +432,7 @@ def test_features__are_classes_and_layers(answers: dict[str, Any], folder: Path)
 def test_images__need_an_extra_that_the_worker_does_not_have_and_a_camera(answers: dict[str, Any]) -> None:
     what, _, remedy = answers["calibrate_mount"]["error"].splitlines()
     assert what == "OpenCV is not installed."
-    assert "furrowmap[photo]" in remedy
+    assert 'pip install ".[photo]"' in remedy
     assert answers["colour"]["error"].splitlines()[0].endswith("has no table [camera].")
 
 

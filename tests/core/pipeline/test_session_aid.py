@@ -191,7 +191,7 @@ def test_session__without_the_extra_goes_on_without_images(monkeypatch: pytest.M
     place = located()
     assert session_aid.aid_session(opened, place, SCALE, notices, silent) == (place, None)
     (notice,) = notices
-    assert 'pip install "furrowmap[photo]"' in notice.text
+    assert 'pip install ".[photo]"' in notice.text
 
 
 SESSION = """furrowmap = 1
