@@ -96,7 +96,7 @@ BOUNDARIES = {
     "pickle": [],
     "sqlite3": ["core.readers.rosbag.db3"],
     "zipfile": [
-        "furrowmap.workflows.share.qgis_plugin",  # writes alone
+        "workflows.share.qgis_plugin",  # writes alone
         "core.readers.isoxml.files",
         "core.readers.text_table",
         "core.readers.zipped_layer",
