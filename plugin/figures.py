@@ -14,6 +14,9 @@ from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 tr = partial(QCoreApplication.translate, "Figures")
 
+MOST = 1e15
+"""No figure is larger."""
+
 
 def figure_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     """Pairs of a label and a value with its unit, from a report."""
@@ -117,7 +120,8 @@ def _crop_rows(crops: dict[str, Any]) -> list[tuple[str, str | None]]:
 
 
 def _number(value: Any, form: str) -> str | None:
-    return form.format(value) if isinstance(value, (int, float)) else None
+    """A number in a form; None for what cannot be measured, such as 300 digits of a damaged report."""
+    return form.format(value) if isinstance(value, (int, float)) and abs(value) < MOST else None
 
 
 def _path_length(metres: Any) -> str | None:
@@ -127,7 +131,7 @@ def _path_length(metres: Any) -> str | None:
 
 def _duration(seconds: Any) -> str | None:
     """Seconds, above ten minutes hours and minutes."""
-    if not isinstance(seconds, (int, float)) or seconds < 600:
+    if not isinstance(seconds, (int, float)) or not 600 <= seconds < MOST:
         return _number(seconds, "{:,.0f} s")
     hours, minutes = divmod(round(seconds / 60), 60)
     return f"{hours} h {minutes:02d} min"

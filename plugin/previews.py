@@ -12,6 +12,7 @@ from typing import Any
 from qgis.core import Qgis, QgsMapLayer, QgsProject, QgsRasterLayer, QgsVectorLayer
 from qgis.PyQt.QtCore import QCoreApplication
 
+from .figures import MOST
 from .legends import translate_categories
 from .products import read_object
 from .styles import show_as_surface
@@ -80,6 +81,8 @@ def preview_text(account: dict[str, Any]) -> str:
     figures = account.get("figures") or {}
     used = (account.get("positions") or {}).get("used") or {}
     distance, duration = figures.get("distance_m", 0.0), figures.get("duration_s", 0.0)
+    if not (abs(distance) < MOST and abs(duration) < MOST):
+        return str(tr("the times or positions are damaged"))
     text = str(tr("{distance:,.0f} m in {time:,.0f} s").format(distance=distance, time=duration))
     count = sum(used.values())
     if count:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from furrowmap.core.readers.reader import (
     GivesAttitude,
@@ -20,6 +21,9 @@ from furrowmap.core.readers.reader import (
 from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc
 from furrowmap.core.values.clock_readings import ClockReading, likely_offset, overlap_s
 from furrowmap.core.values.scan import Clock
+
+_LONGEST_S: Final = 1e10
+"""Centuries: a clock that is off by more shows no time at all."""
 
 
 @dataclass(frozen=True)
@@ -128,4 +132,6 @@ def _length(length_s: float) -> str:
     """A duration in a readable unit."""
     if length_s < 2 * HOUR_S:
         return f"{length_s:.1f} s"
+    if length_s > _LONGEST_S:
+        return f"{length_s:.0e} s"
     return f"{length_s / HOUR_S:.2f} h" if length_s < 2 * DAY_S else f"{length_s / DAY_S:,.1f} days"

@@ -20,7 +20,7 @@ from ..interpreter import find_interpreter, is_usable
 from ..options_page import PAGE
 from ..previews import open_preview
 from ..products import product
-from ..results import NoResultsError, groups_of, open_farm_map, opening, read_report
+from ..results import NoResultsError, groups_of, open_farm_map, opening, read_report, session_name
 from ..session_layout import session_layout
 from .base_map_chooser import BaseMapChooser
 from .dropped import DRIVES, MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
@@ -29,7 +29,7 @@ from .pages import BatchPage, ResultPage, RunPage, StartPage
 from .replay import replay
 from .session_lines import NotSimpleError
 from .session_page import SessionPage
-from .tasks import DONE, TASK_END_MS, BatchRunner, CommandTask, Drive, Previewer, RunTask
+from .tasks import TASK_END_MS, WITH_RESULT, BatchRunner, CommandTask, Drive, Previewer, RunTask
 
 NAME = "furrowmap"
 ZOOM_MARGIN = 1.3
@@ -53,6 +53,7 @@ class FurrowmapDock(QgsDockWidget):
         self._task: RunTask | CommandTask | None = None
         self._steps: Any = None
         self._folder = self._session = Path()
+        self._from_drives = False
         self.start, self.session, self.run, self.result = StartPage(), SessionPage(), RunPage(), ResultPage()
         self.drives = BatchPage()
         self.pages = QStackedWidget()
@@ -70,7 +71,8 @@ class FurrowmapDock(QgsDockWidget):
         for signal, slot in (
             (self.start.chosen, self.open_paths),
             (self.start.setup_wanted, self.offer_setup),
-            (self.session.left, self.show_start),
+            (self.start.drives_wanted, self.show_drives),
+            (self.session.left, self.go_back),
             (self.session.saved, self._report_saved),
             (self.session.run_wanted, self.run_session),
             (self.session.preview_wanted, self.preview_session),
@@ -221,12 +223,29 @@ class FurrowmapDock(QgsDockWidget):
         self.pages.setCurrentWidget(self.drives)
         self.batch.begin(program, drives, machine)
 
+    def show_drives(self) -> None:
+        """Show the list of drives, as it is or was."""
+        self.drives.show_drives(self.batch.drives)
+        self.pages.setCurrentWidget(self.drives)
+
+    def go_back(self) -> None:
+        """Back to the list of drives from one that was opened there, else to the start page."""
+        if self._from_drives:
+            self._from_drives = False
+            self.previewer.cancel()
+            self.show_drives()
+        else:
+            self.show_start()
+
     def _open_drive(self, drive: Drive) -> None:
-        if drive.state == DONE:
+        self._from_drives = True
+        if drive.state in WITH_RESULT and drive.folder.is_dir():
+            self.start.remember(drive.session)
             self.open_folder(drive.folder)
-        elif drive.session.is_file():
+            return
+        if drive.session.is_file():
             self.open_session(drive.session)
-        if drive.state != DONE and drive.text:
+        if drive.text:
             self.report(drive.text, Qgis.MessageLevel.Critical)
 
     # machines
@@ -365,6 +384,8 @@ class FurrowmapDock(QgsDockWidget):
     def show_start(self) -> None:
         """Show the start page."""
         self.previewer.cancel()
+        self._from_drives = False
+        self.start.offer_drives(len(self.batch.drives))
         self.start.setup.setVisible(not is_usable(find_interpreter()))
         self.start.show_recent()
         self.pages.setCurrentWidget(self.start)
@@ -465,7 +486,7 @@ class FurrowmapDock(QgsDockWidget):
             QTimer.singleShot(1, self._step)  # other events of the window come first
 
     def _show_result(self, layers: Sequence[QgsMapLayer]) -> None:
-        self.result.show_folder(self._folder)
+        self.result.show_folder(self._folder, from_drives=self._from_drives)
         self.pages.setCurrentWidget(self.result)
         names = {layer.name(): layer for layer in layers}
         layer = names.get("coverage") or names.get("trajectory") or layers[0]
@@ -492,7 +513,7 @@ class FurrowmapDock(QgsDockWidget):
             "print": self._print,
             "farm": lambda: self._choose_farm([self._folder]),
             "edit": self._edit_session,
-            "back": self.show_start,
+            "back": self.go_back,
         }[what]()
 
     def _edit_session(self) -> None:
@@ -546,18 +567,39 @@ class FurrowmapDock(QgsDockWidget):
     def add_to_farm(self, folders: Sequence[Path], path: str) -> None:
         """Have the worker add the results in `folders` to a farm map, a GeoPackage that need not exist; open that."""
         show = partial(self.pages.setCurrentWidget, self.pages.currentWidget())
+        waiting, failed, sessions = list(folders), list[str](), 0
 
-        def added(answer: dict[str, Any]) -> None:
+        def go_on(answer: dict[str, Any]) -> None:  # one at a time: one that fails does not keep the others out
+            nonlocal sessions
+            sessions = answer["sessions"]
+            del waiting[0]
+            begin()
+
+        def fail(text: str, _code: str) -> None:
+            failed.append(f"{session_name(read_report(waiting[0]), waiting[0])}: {text}")
+            del waiting[0]
+            begin()
+
+        def begin() -> None:
+            if waiting:
+                self._command(self.tr("Adding to the farm map"), ["farm", "add", str(waiting[0]), path], go_on, fail)
+                return
             show()
-            QgsSettings().setValue(FARM_KEY, path)
-            layers = open_farm_map(path)
-            text = self.tr("{count} sessions in the farm map.").format(count=answer["sessions"])
-            self.report(text, Qgis.MessageLevel.Success)
-            if layers:
-                self._zoom_to_first(layers)
+            if sessions:
+                self._show_farm(path, sessions)
+            for text in failed:
+                self.report(text, Qgis.MessageLevel.Critical)
 
-        words = ["farm", "add", *map(str, folders), path]
-        self._command(self.tr("Adding to the farm map"), words, added, partial(self._show_and_report, show))
+        begin()
+
+    def _show_farm(self, path: str, sessions: int) -> None:
+        """Open a farm map to which results were added."""
+        QgsSettings().setValue(FARM_KEY, path)
+        layers = open_farm_map(path)
+        text = self.tr("{count} sessions in the farm map.").format(count=sessions)
+        self.report(text, Qgis.MessageLevel.Success)
+        if layers:
+            self._zoom_to_first(layers)
 
     def _open_file(self, path: Path) -> None:
         if not path.exists():

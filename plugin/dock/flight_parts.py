@@ -37,8 +37,8 @@ FLIGHT_TABLES = ("imu", "attitude", "camera", "parcels")
 
 
 def is_flight(lines: SessionLines) -> bool:
-    """Whether a session is one of an aircraft."""
-    return any(map(lines.has, FLIGHT_TABLES)) and not lines.has("implement")
+    """Whether a session is one of an aircraft: `furrowmap init` proposes no implement for it, not even as a comment."""
+    return any(map(lines.has, FLIGHT_TABLES)) and not lines.has("implement") and "# [implement]" not in lines.text
 
 
 class FlightParts(QWidget):
@@ -126,7 +126,7 @@ class FlightParts(QWidget):
         table = name_within(self._folder, self.table.filePath())
         if table:
             lines.set("camera", "table", table)
-        if self._with_model:
+        if self._with_model or not any(values_of(self.pixels[2:])):  # the size alone is not written
             return
         for key, value in zip(
             (*CAMERA_PIXELS, *CAMERA_DISTORTION), values_of([*self.pixels, *self.distortion]), strict=True
@@ -144,11 +144,18 @@ class FlightParts(QWidget):
         return lines.has("imu") and not stated and not any(values_of([*self.imu_xyz, *self.imu_rpy]))
 
     def without_camera(self) -> bool:
-        """Whether the camera's images or pixels are still to be filled in."""
+        """Whether images are to be used, but not how they were taken."""
+        return self._has_camera() and not (self._with_model or all(values_of(self.pixels)))
+
+    def fault(self) -> str:
+        """What of the camera keeps a session from running; "" if nothing."""
         if not self._has_camera():
-            return False
-        named = bool(self.table.filePath().strip()) or not self.table.isEnabled()
-        return not named or not (self._with_model or all(values_of(self.pixels)))
+            return ""
+        if not self.table.filePath().strip() and self.table.isEnabled():
+            return tr("Choose the camera's table of images, or uncheck 'Camera'.")
+        if self.without_camera() and any(values_of(self.pixels[2:])):
+            return tr("Enter the size of the images, fx, fy, cx and cy of the camera.")
+        return ""
 
     def _fill_size(self) -> None:
         """Fill in the size of the images from the first one that the table names, where the session states none."""

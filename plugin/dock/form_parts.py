@@ -29,9 +29,11 @@ MAX_OFFSET_M = 15.0
 """Largest offset from the origin of the vehicle frame that a session may have."""
 FORM_CODES = (
     *("no-lidar", "no-positions", "no-crs", "no-mounting", "no-antenna", "no-implement"),
-    *("no-imu-mounting", "no-camera"),
+    *("no-imu-mounting", "camera-uncalibrated"),
 )
 """Codes of what the form itself finds missing."""
+FILL_IN = "FILL-IN"
+"""What `furrowmap init` writes for required values that are not in the recordings."""
 UNUSED = "recording-unused"
 """Code of a file or folder that a session does not use."""
 
@@ -182,7 +184,7 @@ def findings_html(findings: dict[str, Any] | None, missing: Sequence[str] = (), 
         "no-antenna": tr("GNSS antenna: position. Until then no accuracy is stated."),
         "no-implement": tr("Implement: width and position. Until then no worked ground is computed."),
         "no-imu-mounting": tr("IMU: position and rotation of its axes. Until then its axes are those of the vehicle."),
-        "no-camera": tr("Camera: its table of images, their size, fx, fy, cx and cy; or uncheck 'Camera'."),
+        "camera-uncalibrated": tr("Camera: fx, fy, cx and cy. Until then the images are not used."),
     }
     found = (findings or {}).get("found") or []
     others = [notice for notice in (findings or {}).get("missing") or [] if notice.get("code") not in FORM_CODES]

@@ -25,15 +25,26 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
-from ..figures import figures_html, localized, verdict_html
+from ..figures import figures_html, localized, object_in, verdict_html
 from ..processing.description import COMMAND_OPTIONS
 from ..results import read_report, session_name
 from .form_parts import button, side_by_side
-from .tasks import CANCELLED, DONE, ENDED, FAILED, RUNNING, TO_FILL_IN, WAITING, Drive
+from .tasks import CANCELLED, CUT, DONE, DOUBTFUL, ENDED, FAILED, RUNNING, TO_FILL_IN, WAITING, Drive
 
 RECENT_KEY = "furrowmap/recent"
 MAX_RECENT = 10
-DRIVE_MARKS = {WAITING: "·", RUNNING: "▸", DONE: "✓", FAILED: "✗", TO_FILL_IN: "?", CANCELLED: "–"}
+MAX_STATE = 200
+"""Characters of a drive's state in its row; its tip has all of them."""
+DRIVE_MARKS = {
+    WAITING: "·",
+    RUNNING: "▸",
+    DONE: "✓",
+    DOUBTFUL: "⚠",
+    CUT: "⚠",
+    FAILED: "✗",
+    TO_FILL_IN: "?",
+    CANCELLED: "–",
+}
 
 
 class StartPage(QWidget):
@@ -42,10 +53,12 @@ class StartPage(QWidget):
     Signals:
         chosen: with a list of paths.
         setup_wanted: the user pressed *Set up*.
+        drives_wanted: back to the last list of drives.
     """
 
     chosen = pyqtSignal(object)
     setup_wanted = pyqtSignal()
+    drives_wanted = pyqtSignal()
 
     def __init__(self) -> None:
         super().__init__()
@@ -70,11 +83,14 @@ class StartPage(QWidget):
         here.setAlignment(Qt.AlignmentFlag.AlignCenter)
         here.setMinimumHeight(120)
         here.setStyleSheet("QLabel { border: 2px dashed palette(mid); border-radius: 6px; }")
+        self.drives = button("furrowmapDrives", "", self.drives_wanted.emit)
+        self.drives.hide()
         for widget in (
             self.setup,
             here,
             button("furrowmapChoose", self.tr("Choose recordings or a session…"), self._choose_files),
             button("furrowmapChooseResults", self.tr("Open the folder of a run…"), self._choose_folder),
+            self.drives,
             QLabel(self.tr("Recent sessions")),
         ):
             layout.addWidget(widget)
@@ -82,6 +98,11 @@ class StartPage(QWidget):
         self.recent.itemActivated.connect(lambda item: self.chosen.emit([Path(item.data(Qt.ItemDataRole.UserRole))]))
         layout.addWidget(self.recent, 1)
         self.show_recent()
+
+    def offer_drives(self, count: int) -> None:
+        """Offer the way back to a list of so many drives; none for 0."""
+        self.drives.setVisible(count > 0)
+        self.drives.setText(self.tr("The last list of {count} drives…").format(count=count))
 
     def remember(self, session: str | Path) -> None:
         """Move a session to the top of the recent ones."""
@@ -205,10 +226,11 @@ class ResultPage(QWidget):
             ("farm", self.tr("Add to farm map…"), self.tr("One file of all sessions, a layer for each kind")),
             ("print", self.tr("Print…"), self.tr("A layout with map, legend and figures, and a page per pass")),
             ("edit", self.tr("Edit this session"), self.tr("Back to its form, to change it and run it again")),
-            ("back", self.tr("Other session"), self.tr("Back to the start page")),
         )
         for k, (name, text, tip) in enumerate(actions):
             grid.addWidget(button(f"furrowmapDo_{name}", text, partial(self.wanted.emit, name), tip), *divmod(k, 2))
+        self.back = button("furrowmapDo_back", "", partial(self.wanted.emit, "back"))
+        grid.addWidget(self.back, 3, 1)
         export, menu = QPushButton(self.tr("Export"), objectName="furrowmapExport"), QMenu(self)
         for name in COMMAND_OPTIONS["export"]["--to"]["choices"]:
             menu.addAction(name, partial(self.export_wanted.emit, name))
@@ -217,12 +239,16 @@ class ResultPage(QWidget):
         grid.addWidget(export, 4, 0, 1, 2)
         layout.addLayout(grid)
 
-    def show_folder(self, folder: Path) -> None:
-        """Show the figures of the run in a folder."""
+    def show_folder(self, folder: Path, *, from_drives: bool) -> None:
+        """Show the figures of the run in a folder, which was opened from the list of drives or otherwise."""
+        self.back.setText(self.tr("Back to the drives") if from_drives else self.tr("Other session"))
         report = read_report(folder)
         name = html.escape(session_name(report, folder))
         page = f"<h3>{name}</h3>{verdict_html(report)}<table>{figures_html(report)}</table>"
-        warnings = [localized(w, "text") or "" for w in report.get("warnings") or [] if isinstance(w, dict)]
+        verdict = object_in(report, "verdict")
+        above = {verdict.get("text"), *(verdict.get("doubts") or [])}
+        others = [w for w in report.get("warnings") or [] if isinstance(w, dict) and w.get("text") not in above]
+        warnings = [localized(warning, "text") or "" for warning in others]
         if warnings:
             items = "".join(f"<li>{html.escape(str(text))}</li>" for text in warnings)
             page += f"<h4>{self.tr('Warnings')}</h4><ul style='margin-left:-20px'>{items}</ul>"
@@ -256,10 +282,15 @@ class BatchPage(QWidget):
         self.list.itemActivated.connect(self._open)
         hint = self.tr("Double-click a drive to open its result, or its session where something is missing.")
         self.cancel = button("furrowmapBatchCancel", self.tr("Cancel"), self.cancelled.emit)
-        self.farm = button("furrowmapBatchFarm", self.tr("Add all to farm map…"), self._add_to_farm)
+        self.farm = button("furrowmapBatchFarm", self.tr("Add what is done to farm map…"), self._add_to_farm)
         self.back = button("furrowmapBatchBack", self.tr("Other session"), self.left.emit)
-        buttons = side_by_side(self.cancel, self.farm, self.back)
-        for widget in (self.title, self.list, QLabel(hint, wordWrap=True), buttons):
+        for widget in (
+            self.title,
+            self.list,
+            QLabel(hint, wordWrap=True),
+            self.farm,
+            side_by_side(self.cancel, self.back),
+        ):
             layout.addWidget(widget)
 
     def show_drives(self, drives: list[Drive]) -> None:
@@ -277,12 +308,15 @@ class BatchPage(QWidget):
             WAITING: self.tr("waiting"),
             RUNNING: self.tr("running"),
             DONE: self.tr("done"),
+            DOUBTFUL: self.tr("done, but it contradicts itself"),
+            CUT: self.tr("done, but the recording is cut"),
             FAILED: self.tr("failed"),
             TO_FILL_IN: self.tr("not run: recordings or places are missing"),
             CANCELLED: self.tr("cancelled"),
         }
         name = drive.session.parent.name + ("" if drive.session.stem == "session" else f" / {drive.session.stem}")
         state = f"{words[drive.state]}: {drive.text.splitlines()[0]}" if drive.text else words[drive.state]
+        state = state if len(state) <= MAX_STATE else f"{state[:MAX_STATE]}…"
         item.setText(f"{DRIVE_MARKS[drive.state]} {name}\n    {state}")
         item.setToolTip(drive.text or str(drive.session))
         item.setData(Qt.ItemDataRole.UserRole, number)

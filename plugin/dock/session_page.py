@@ -24,6 +24,7 @@ from qgis.PyQt.QtWidgets import (
 
 from .flight_parts import FlightParts, is_flight, remedy_words
 from .form_parts import (
+    FILL_IN,
     MAX_OFFSET_M,
     below,
     button,
@@ -45,8 +46,6 @@ from .machines import PLACES, Places, machine_names, machine_path, read_places
 from .session_lines import NotSimpleError, SessionLines
 from .vehicle_view import VehiclePlaces, VehicleView
 
-FILL_IN = "FILL-IN"
-"""What `furrowmap init` writes for required values that are not in the recordings."""
 PLACES_ASKED = ("no-mounting", "no-antenna")
 """Codes of missing places: the form asks before it runs a session without them."""
 
@@ -272,7 +271,7 @@ class SessionPage(QWidget):
             "no-antenna": self._without_antenna(),
             "no-implement": not self.flight and not self.implement_group.isChecked(),
             "no-imu-mounting": self.flight_parts.without_imu_place(self._lines),
-            "no-camera": self.flight_parts.without_camera(),
+            "camera-uncalibrated": self.flight_parts.without_camera(),
         }
         return [code for code, wanted in needed.items() if wanted]
 
@@ -350,9 +349,7 @@ class SessionPage(QWidget):
             )
         if not self.crs.crs().isValid():
             return self.tr("Choose the map's coordinate reference system.")
-        if self.flight_parts.without_camera():
-            return self.tr("Enter the camera's table of images, their size, fx, fy, cx and cy, or uncheck 'Camera'.")
-        return ""
+        return self.flight_parts.fault()
 
     def fault(self) -> str:
         """Why the session in the form cannot be run; "" if it can."""
@@ -561,7 +558,7 @@ class SessionPage(QWidget):
         self._mark(self.antenna_group, self.tr("GNSS antenna"), missing="no-antenna" in missing)
         self._mark(self.lidar_group, self.tr("Scanner"), missing="no-mounting" in missing)
         self._mark(parts.imu_group, self.tr("IMU"), missing="no-imu-mounting" in missing)
-        self._mark(parts.camera_group, self.tr("Camera"), missing="no-camera" in missing)
+        self._mark(parts.camera_group, self.tr("Camera"), missing="camera-uncalibrated" in missing)
         places, with_tool = self.places(), self._with_implement()
         self.vehicle.show_places(
             VehiclePlaces(

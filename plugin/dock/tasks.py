@@ -7,7 +7,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,22 +17,33 @@ from qgis.core import (
     QgsProcessingContext,
     QgsProcessingFeedback,
     QgsProject,
+    QgsSettings,
     QgsTask,
 )
-from qgis.PyQt.QtCore import QObject, pyqtSignal
+from qgis.PyQt.QtCore import QCoreApplication, QObject, pyqtSignal
 
+from ..figures import localized
 from ..previews import open_preview, preview_text, read_account, remove_previews
 from ..processing.algorithm import ERROR_CODE, ERROR_SETTING
+from ..products import product
+from ..results import REPORT, read_report
 from ..worker import WorkerError, run_command
-from .form_parts import FORM_CODES
+from .form_parts import FILL_IN, FORM_CODES
 
 QUIET = QgsTask.Flag.CanCancel | QgsTask.Flag.Silent
 """The dock itself shows how its tasks end."""
 TASK_END_MS = 8000
 """A cancelled task has this long to end before the plugin is unloaded."""
-WAITING, RUNNING, DONE = "waiting", "running", "done"
+WAITING, RUNNING, DONE, DOUBTFUL, CUT = "waiting", "running", "done", "doubtful", "cut"
 FAILED, TO_FILL_IN, CANCELLED = "failed", "to fill in", "cancelled"
-ENDED = (DONE, FAILED, TO_FILL_IN, CANCELLED)
+WITH_RESULT = (DONE, DOUBTFUL, CUT)
+ENDED = (*WITH_RESULT, FAILED, TO_FILL_IN, CANCELLED)
+CUT_CODES = ("bag-cut", "cut-capture", "cut-stream", "stream-cut")
+"""Codes of recordings that end within something."""
+SHORTEST_DRIVE_S = 10.0
+"""A shorter recording was cut, or began by mistake."""
+DRIVES_KEY = "furrowmap/drives"
+"""Setting: the last list of drives, as JSON."""
 
 
 class StageFeedback(QgsProcessingFeedback):
@@ -190,6 +201,10 @@ class Previewer(QObject):
             self.opened.emit(layers)
 
 
+PATHS = ("session", "recordings", "folder")
+"""Attributes of a drive that are paths."""
+
+
 @dataclass
 class Drive:
     """A drive in the queue.
@@ -209,6 +224,21 @@ class Drive:
     text: str = ""
 
 
+def judged(folder: Path) -> tuple[str, str]:
+    """The state of a drive by the report of its run, and why it is not simply done."""
+    report = read_report(folder)
+    verdict, figures = report.get("verdict") or {}, report.get("figures") or {}
+    warnings = [warning for warning in report.get("warnings") or [] if isinstance(warning, dict)]
+    cut = next((localized(warning, "text") for warning in warnings if warning.get("code") in CUT_CODES), "")
+    duration_s = figures.get("duration_s")
+    if localized(verdict, "text"):
+        return DOUBTFUL, str(localized(verdict, "text"))
+    if isinstance(duration_s, (int, float)) and duration_s < SHORTEST_DRIVE_S:
+        text = QCoreApplication.translate("BatchPage", "It lasts {duration:.1f} s.").format(duration=duration_s)
+        return CUT, " ".join(filter(None, (text, cut)))
+    return (CUT, str(cut)) if cut else (DONE, "")
+
+
 class BatchRunner(QObject):
     """Runs one drive at a time, without questions; one that fails does not stop the others.
 
@@ -225,6 +255,17 @@ class BatchRunner(QObject):
         self._program: Sequence[str] = ()
         self._machine: Path | None = None
         self._task: RunTask | CommandTask | None = None
+        for known in json.loads(QgsSettings().value(DRIVES_KEY, "[]", str)):
+            drive = Drive(**{key: Path(text) if key in PATHS and text else text for key, text in known.items()})
+            drive.state = drive.state if drive.state in ENDED else CANCELLED
+            self.drives.append(drive)
+        self.changed.connect(self._keep)
+
+    def _keep(self, number: int) -> None:
+        """Keep the list for the next start of QGIS."""
+        if self.drives[number].state != RUNNING:
+            known = [{key: str(v) if key in PATHS and v else v for key, v in asdict(d).items()} for d in self.drives]
+            QgsSettings().setValue(DRIVES_KEY, json.dumps(known))
 
     @property
     def busy(self) -> bool:
@@ -248,7 +289,16 @@ class BatchRunner(QObject):
         return task
 
     def _begin_next(self) -> None:
-        self._at = next((k for k, drive in enumerate(self.drives) if drive.state not in ENDED), -1)
+        self._at = -1
+        for number, drive in enumerate(self.drives):
+            if drive.state in ENDED:
+                continue
+            known = _state_before(drive) if drive.recordings is None else None
+            if known is None:
+                self._at = number
+                break
+            drive.state, drive.text = known
+            self.changed.emit(number)
         if self._at < 0:
             return
         drive = self.drives[self._at]
@@ -277,7 +327,7 @@ class BatchRunner(QObject):
         parameters = {"SESSION": str(drive.session), "OUTPUT": str(drive.folder), "OPEN": False}
         task = RunTask(parameters, self._show_stage)
         task.executed.connect(
-            lambda ok, _: self._finish(task, DONE if ok else FAILED, "" if ok else task.feedback.error)
+            lambda ok, _: self._finish(task, *(judged(drive.folder) if ok else (FAILED, task.feedback.error)))
         )
         self._add(task)
 
@@ -298,3 +348,15 @@ class BatchRunner(QObject):
         drive.state, drive.text = state, text
         self.changed.emit(self._at)
         self._begin_next()
+
+
+def _state_before(drive: Drive) -> tuple[str, str] | None:
+    """The state of a drive that cannot run as its session is, or whose result is newer than that; None to run it."""
+    try:
+        lines = drive.session.read_text(encoding="utf-8").splitlines()
+        if any(f'"{FILL_IN}"' in line and not line.lstrip().startswith("#") for line in lines):
+            return TO_FILL_IN, ""
+        report = product(drive.folder, REPORT)
+        return judged(drive.folder) if report.stat().st_mtime > drive.session.stat().st_mtime else None
+    except (OSError, UnicodeDecodeError):
+        return None  # the run says why

@@ -139,7 +139,7 @@ class VehicleView(QWidget):
         p = self._places
         if p.flies:
             view.polygon([(-0.2, -0.03), (-0.22, -0.15), (0.2, -0.15), (0.26, -0.08), (0.2, -0.03)], BODY_COLOUR)
-            for x in (-1, 1):
+            for x in (-1.0, 1.0):
                 view.line((0.15 * x, -0.08), (ROTOR_AT_M * x, -0.04), TYRE_COLOUR, 3.0)
                 view.line((ROTOR_AT_M * x - ROTOR_M, 0.0), (ROTOR_AT_M * x + ROTOR_M, 0.0), TYRE_COLOUR, 2.0)
                 view.line((0.12 * x, -0.15), (0.18 * x, -0.45), TYRE_COLOUR, 2.0)
@@ -160,7 +160,7 @@ class VehicleView(QWidget):
     def _draw_above(self, view: _View) -> None:
         p = self._places
         if p.flies:
-            for x, y in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+            for x, y in ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)):
                 view.line((0.0, 0.0), (ROTOR_AT_M * x, ROTOR_AT_M * y), TYRE_COLOUR, 3.0)
                 view.disc((ROTOR_AT_M * x, ROTOR_AT_M * y), ROTOR_M, BODY_COLOUR)
             view.polygon([(-0.2, -0.12), (-0.2, 0.12), (0.2, 0.12), (0.3, 0.0), (0.2, -0.12)], BODY_COLOUR)

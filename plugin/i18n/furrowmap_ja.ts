@@ -438,12 +438,15 @@ The other layers do not need it. Check the address and the network, or choose a 
 </context>
 <context>
   <name>BatchPage</name>
-  <message><source>Add all to farm map…</source><translation>すべて農場マップに追加…</translation></message>
+  <message><source>Add what is done to farm map…</source><translation>完了分を農場地図に追加…</translation></message>
   <message><source>Cancel</source><translation>キャンセル</translation></message>
   <message><source>Double-click a drive to open its result, or its session where something is missing.</source><translation>走行をダブルクリックすると結果を開きます。不足があるときはセッションを開きます。</translation></message>
+  <message><source>It lasts {duration:.1f} s.</source><translation>長さは {duration:.1f} 秒です。</translation></message>
   <message><source>Other session</source><translation>別のセッション</translation></message>
   <message><source>cancelled</source><translation>キャンセル済み</translation></message>
   <message><source>done</source><translation>完了</translation></message>
+  <message><source>done, but it contradicts itself</source><translation>完了（結果に矛盾あり）</translation></message>
+  <message><source>done, but the recording is cut</source><translation>完了（記録が途切れています）</translation></message>
   <message><source>failed</source><translation>失敗</translation></message>
   <message><source>not run: recordings or places are missing</source><translation>未実行：記録または位置が不足しています</translation></message>
   <message><source>running</source><translation>実行中</translation></message>
@@ -500,7 +503,7 @@ The other layers do not need it. Check the address and the network, or choose a 
 <context>
   <name>Findings</name>
   <message><source>CRS: the recordings contain no position.</source><translation>CRS：記録に位置がありません。</translation></message>
-  <message><source>Camera: its table of images, their size, fx, fy, cx and cy; or uncheck 'Camera'.</source><translation>カメラ：画像の表、画像の大きさ、fx、fy、cx、cy。使わない場合は「カメラ」のチェックを外してください。</translation></message>
+  <message><source>Camera: fx, fy, cx and cy. Until then the images are not used.</source><translation>カメラ：fx、fy、cx、cy。入力するまで画像は使いません。</translation></message>
   <message><source>Found in the recordings: a {kind}</source><translation>記録から分かったこと：{kind}</translation></message>
   <message><source>GNSS antenna: position. Until then no accuracy is stated.</source><translation>GNSS アンテナ：位置。記入するまで精度は示されません。</translation></message>
   <message><source>IMU: position and rotation of its axes. Until then its axes are those of the vehicle.</source><translation>IMU：位置と軸の回転。入力するまで軸は車体と同じとみなします。</translation></message>
@@ -517,8 +520,10 @@ The other layers do not need it. Check the address and the network, or choose a 
 <context>
   <name>FlightParts</name>
   <message><source>Camera</source><translation>カメラ</translation></message>
+  <message><source>Choose the camera's table of images, or uncheck 'Camera'.</source><translation>カメラの画像の表を選ぶか、「カメラ」のチェックを外してください。</translation></message>
   <message><source>Class</source><translation>等級</translation></message>
   <message><source>Enter it: {name} = {value}</source><translation>入力する：{name} = {value}</translation></message>
+  <message><source>Enter the size of the images, fx, fy, cx and cy of the camera.</source><translation>カメラの画像の大きさ、fx、fy、cx、cy を入力してください。</translation></message>
   <message><source>File</source><translation>ファイル</translation></message>
   <message><source>Files</source><translation>ファイル</translation></message>
   <message><source>IMU</source><translation>IMU</translation></message>
@@ -729,6 +734,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <name>Previews</name>
   <message><source>Preview: {name}</source><translation>プレビュー：{name}</translation></message>
   <message><source>coarse surface</source><translation>粗いサーフェス</translation></message>
+  <message><source>the times or positions are damaged</source><translation>時刻または位置が壊れています</translation></message>
   <message><source>trajectory</source><translation>軌跡</translation></message>
   <message><source>{distance:,.0f} m in {time:,.0f} s</source><translation>{distance:,.0f} m、{time:,.0f} 秒</translation></message>
   <message><source>{share:.0%} RTK fixed</source><translation>RTK FIX {share:.0%}</translation></message>
@@ -739,7 +745,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Add to farm map…</source><translation>農場マップに追加…</translation></message>
   <message><source>Add to map</source><translation>地図に追加</translation></message>
   <message><source>Back to its form, to change it and run it again</source><translation>フォームに戻り、変更してもう一度実行します</translation></message>
-  <message><source>Back to the start page</source><translation>開始ページに戻る</translation></message>
+  <message><source>Back to the drives</source><translation>走行一覧に戻る</translation></message>
   <message><source>Edit this session</source><translation>このセッションを編集</translation></message>
   <message><source>Export</source><translation>エクスポート</translation></message>
   <message><source>GeoJSON, Shapefile, KML, CSV, ISO 11783 task data and others</source><translation>GeoJSON、Shapefile、KML、CSV、ISO 11783 タスクデータなど</translation></message>
@@ -793,7 +799,6 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Choose the map's coordinate reference system.</source><translation>地図の座標参照系を選んでください。</translation></message>
   <message><source>Depth</source><translation>深さ</translation></message>
   <message><source>Drone or helicopter</source><translation>ドローン・ヘリコプター</translation></message>
-  <message><source>Enter the camera's table of images, their size, fx, fy, cx and cy, or uncheck 'Camera'.</source><translation>カメラの画像の表、画像の大きさ、fx、fy、cx、cy を入力するか、「カメラ」のチェックを外してください。</translation></message>
   <message><source>Enter the width of the implement, or uncheck 'Implement'.</source><translation>作業機の幅を入力するか、「作業機」のチェックを外してください。</translation></message>
   <message><source>Field</source><translation>圃場</translation></message>
   <message><source>Fill in the position and the approximate angles of the scanner first.</source><translation>先にスキャナの位置とおおよその角度を記入してください。</translation></message>
@@ -886,6 +891,7 @@ Several sessions or folders run one after another.</source><translation>ここ�
   <message><source>Recent sessions</source><translation>最近のセッション</translation></message>
   <message><source>Recordings of one drive, or a session</source><translation>1 回の走行の記録、またはセッション</translation></message>
   <message><source>Set up…</source><translation>設定…</translation></message>
+  <message><source>The last list of {count} drives…</source><translation>前回の走行一覧（{count} 件）…</translation></message>
 </context>
 <context>
   <name>VehicleView</name>

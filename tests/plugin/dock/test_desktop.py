@@ -246,6 +246,13 @@ def test_drop__of_many_drives_runs_one_after_another_with_the_state_of_each(seen
     assert seen["incomplete"] == [True, "(missing: drop the recording here)\ngnss.nmea"]
 
 
+def test_drives__list_is_there_after_a_restart_and_computes_nothing_again(seen: dict[str, Any]) -> None:
+    assert seen["back_in_list"]
+    assert seen["drives_after_restart"] == seen["drives"]
+    assert seen["drives_again"] == seen["drives"]
+    assert not seen["computed_again"]
+
+
 def test_result__is_exported_and_added_to_a_farm_map_from_the_dock(seen: dict[str, Any]) -> None:
     assert seen["formats"] == list(FORMAT_CHOICES)
     assert {"passes.geojson", "trajectory.geojson"} <= set(seen["exported"])

@@ -194,10 +194,11 @@ def flight() -> Iterator[Any]:
     widget("furrowmapAntennaGroup").setChecked(True)
     widget("furrowmapCameraGroup").setChecked(True)
     widget("furrowmapImageTable").setFilePath(f"{FLIGHT}/images.csv")
-    click("furrowmapRun")  # the camera's intrinsics are missing
+    widget("furrowmapCamera_fx").setValue(661.4)
+    click("furrowmapRun")  # the camera's other intrinsics are missing
     yield
     SEEN["flight"]["fault"] = widget("furrowmapFindings").text()
-    for name, value in (("fx", 661.4), ("fy", 661.9), ("cx", 402.7), ("cy", 296.1)):
+    for name, value in (("fy", 661.9), ("cx", 402.7), ("cy", 296.1)):
         widget(f"furrowmapCamera_{name}").setValue(value)
     widget("furrowmapCameraTurn0").setValue(180.0)
     widget("furrowmapParcels").setFilePath(f"{FLIGHT}/parcels.geojson")
@@ -321,6 +322,7 @@ def many_drives() -> Iterator[Any]:
     SEEN["waiting"] = rows.item(2).text()
     yield lambda: not plugin().dock.batch.busy
     SEEN["drives"] = [rows.item(k).text() for k in range(rows.count())]
+    computed_ns = (many / "positions" / "session_result" / "report.json").stat().st_mtime_ns
     shot(f"{OUT}/drives.png")  # noqa: F821
     rows.itemActivated.emit(rows.item(1))
     SEEN["incomplete"] = [page("session")(), widget("furrowmapRecordings").text()]
@@ -328,6 +330,20 @@ def many_drives() -> Iterator[Any]:
     rows.itemActivated.emit(rows.item(2))
     yield page("result")
     yield from passed_on()
+    click("furrowmapDo_back")
+    SEEN["back_in_list"] = page("drives")()
+    assert qgis.utils.unloadPlugin("furrowmap")
+    assert qgis.utils.loadPlugin("furrowmap")
+    assert qgis.utils.startPlugin("furrowmap")
+    plugin().dock.show()
+    click("furrowmapDrives")
+    rows = widget("furrowmapBatch")
+    SEEN["drives_after_restart"] = [rows.item(k).text() for k in range(rows.count())]
+    drop(plugin().dock, sorted(many.iterdir()))
+    yield lambda: not plugin().dock.batch.busy
+    report = many / "positions" / "session_result" / "report.json"
+    SEEN["drives_again"] = [rows.item(k).text() for k in range(rows.count())]
+    SEEN["computed_again"] = report.stat().st_mtime_ns != computed_ns
     QgsProject.instance().clear()
     plugin().dock.open_session(Path(RECORDINGS) / "session.toml")
     yield page("session")
