@@ -23,7 +23,7 @@ from ..products import product
 from ..results import NoResultsError, groups_of, open_farm_map, opening, read_report, session_name
 from ..session_layout import session_layout
 from .base_map_chooser import BaseMapChooser
-from .dropped import DRIVES, MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
+from .dropped import CLOUDS, DRIVES, MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
 from .machines import add_machine, read_places
 from .pages import BatchPage, ResultPage, RunPage, StartPage
 from .replay import replay
@@ -128,8 +128,21 @@ class FurrowmapDock(QgsDockWidget):
             self.begin_batch(dropped.paths, dropped.machine)
         elif dropped.kind == MACHINE:
             self.add_machine(dropped.paths[0])
+        elif dropped.kind == CLOUDS:
+            self._offer_surfaces(dropped.paths)
         else:
             self.begin_session(dropped.paths, dropped.machine)
+
+    def _offer_surfaces(self, clouds: Sequence[Path]) -> None:
+        """Say that finished clouds have no session, and offer what can be made of them."""
+        bar, names = self._iface.messageBar(), ", ".join(path.name for path in clouds)
+        text = self.tr("{names}: a point cloud alone needs no session. Surfaces can be made of it.").format(names=names)
+        message = bar.createMessage(NAME, text)
+        parameters = {"CLOUDS": [str(path) for path in clouds]}
+        surfaces = QPushButton(self.tr("Make surfaces…"), objectName="furrowmapSurfaces")
+        surfaces.clicked.connect(lambda: _show_algorithm("furrowmap:surface", parameters))
+        message.layout().addWidget(surfaces)
+        bar.pushWidget(message, Qgis.MessageLevel.Info)
 
     # sessions
 
@@ -617,6 +630,13 @@ class FurrowmapDock(QgsDockWidget):
         window = designer.window()
         window.resize(window.size().expandedTo(DESIGNER_SIZE))
         QTimer.singleShot(0, designer.view().zoomFull)  # after the window was resized
+
+
+def _show_algorithm(name: str, parameters: dict[str, Any]) -> None:
+    """Show the dialog of an algorithm of the toolbox."""
+    from qgis import processing  # QGIS adds it when its plugin Processing is loaded
+
+    processing.createAlgorithmDialog(name, parameters).show()
 
 
 def folder_for(session: Path) -> Path:

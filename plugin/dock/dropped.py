@@ -16,7 +16,11 @@ from ..results import CLOUD, FIELD_FILE, REPORT
 from .machines import is_machine
 
 RESULTS, PREVIEW, SESSION, MACHINE, RECORDINGS = "results", "preview", "session", "machine", "recordings"
-DRIVES = "drives"
+DRIVES, CLOUDS = "drives", "clouds"
+
+
+CLOUD_SUFFIXES = (".las", ".laz")
+"""Of point clouds without positions of a scanner."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +28,9 @@ class Dropped:
     """What was dropped.
 
     Attributes:
-        kind: "results", "preview", "session", "machine", "recordings" or "drives".
-        paths: one folder of results or of a preview, one session file, one profile, the recordings of one drive, or
-            session files and folders of many drives.
+        kind: "results", "preview", "session", "machine", "recordings", "drives" or "clouds".
+        paths: one folder of results or of a preview, one session file, one profile, the recordings of one drive,
+            session files and folders of many drives, or finished point clouds.
         machine: profile that was dropped with recordings; None for none.
     """
 
@@ -49,6 +53,8 @@ def recognise(paths: Iterable[Path]) -> Dropped | None:
         return Dropped(PREVIEW, (preview,))
     machine = next(filter(is_machine, paths), None)
     paths = tuple(path for path in paths if path != machine)
+    if paths and all(path.suffix.lower() in CLOUD_SUFFIXES for path in paths):
+        return Dropped(CLOUDS, paths)
     if len(paths) > 1 and all(map(_is_drive, paths)):
         return Dropped(DRIVES, paths, machine)
     sessions = [path / "session.toml" if path.is_dir() else path for path in paths]

@@ -38,7 +38,9 @@ FLIGHT_TABLES = ("imu", "attitude", "camera", "parcels")
 
 def is_flight(lines: SessionLines) -> bool:
     """Whether a session is one of an aircraft: `furrowmap init` proposes no implement for it, not even as a comment."""
-    return any(map(lines.has, FLIGHT_TABLES)) and not lines.has("implement") and "# [implement]" not in lines.text
+    if lines.has("implement") or not any(map(lines.has, FLIGHT_TABLES)):
+        return False
+    return "# [implement]" not in lines.text or lines.get("recording", "lidar") is None
 
 
 class FlightParts(QWidget):

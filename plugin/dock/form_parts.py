@@ -176,6 +176,9 @@ def findings_html(findings: dict[str, Any] | None, missing: Sequence[str] = (), 
         missing: codes of :data:`FORM_CODES`.
         flight: whether the session is one of an aircraft.
     """
+    kind = tr("a flight") if flight else tr("a drive")
+    for code, alone in (("no-lidar", tr("positions alone")), ("no-positions", tr("scans alone"))):
+        kind = alone if code in missing else kind
     words = {
         "no-lidar": tr("The scanner's recording. Drop it together with the receiver's log."),
         "no-positions": tr("The receiver's log. Drop it together with the scanner's recording."),
@@ -188,9 +191,8 @@ def findings_html(findings: dict[str, Any] | None, missing: Sequence[str] = (), 
     }
     found = (findings or {}).get("found") or []
     others = [notice for notice in (findings or {}).get("missing") or [] if notice.get("code") not in FORM_CODES]
-    kind = tr("flight") if flight else tr("drive")
     lists = (
-        (tr("Found in the recordings: a {kind}").format(kind=kind), found),
+        (tr("Found in the recordings: {kind}").format(kind=kind), found),
         (tr("Missing"), [{"text": words[code]} for code in missing]),
         (tr("To check"), [notice for notice in others if notice.get("code") != UNUSED]),
         (tr("Not used"), [notice for notice in others if notice.get("code") == UNUSED]),

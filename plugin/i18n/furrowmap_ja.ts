@@ -504,7 +504,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <name>Findings</name>
   <message><source>CRS: the recordings contain no position.</source><translation>CRS：記録に位置がありません。</translation></message>
   <message><source>Camera: fx, fy, cx and cy. Until then the images are not used.</source><translation>カメラ：fx、fy、cx、cy。入力するまで画像は使いません。</translation></message>
-  <message><source>Found in the recordings: a {kind}</source><translation>記録から分かったこと：{kind}</translation></message>
+  <message><source>Found in the recordings: {kind}</source><translation>記録から分かったこと：{kind}</translation></message>
   <message><source>GNSS antenna: position. Until then no accuracy is stated.</source><translation>GNSS アンテナ：位置。記入するまで精度は示されません。</translation></message>
   <message><source>IMU: position and rotation of its axes. Until then its axes are those of the vehicle.</source><translation>IMU：位置と軸の回転。入力するまで軸は車体と同じとみなします。</translation></message>
   <message><source>Implement: width and position. Until then no worked ground is computed.</source><translation>作業機：幅と位置。入力するまでは作業済みの範囲を計算しません。</translation></message>
@@ -514,8 +514,10 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>The receiver's log. Drop it together with the scanner's recording.</source><translation>受信機のログ。スキャナの記録と一緒にドロップしてください。</translation></message>
   <message><source>The scanner's recording. Drop it together with the receiver's log.</source><translation>スキャナの記録。受信機のログと一緒にドロップしてください。</translation></message>
   <message><source>To check</source><translation>確認が必要な項目</translation></message>
-  <message><source>drive</source><translation>走行</translation></message>
-  <message><source>flight</source><translation>飛行</translation></message>
+  <message><source>a drive</source><translation>走行</translation></message>
+  <message><source>a flight</source><translation>飛行</translation></message>
+  <message><source>positions alone</source><translation>測位のみ</translation></message>
+  <message><source>scans alone</source><translation>スキャンのみ</translation></message>
 </context>
 <context>
   <name>FlightParts</name>
@@ -566,6 +568,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>File or folder of the export</source><translation>エクスポート先のファイルまたはフォルダ</translation></message>
   <message><source>Inspecting the recordings</source><translation>記録を調べています</translation></message>
   <message><source>Log</source><translation>ログ</translation></message>
+  <message><source>Make surfaces…</source><translation>サーフェスを作成…</translation></message>
   <message><source>Opened the existing session of these recordings.</source><translation>この記録の既存のセッションを開きました。</translation></message>
   <message><source>Running {name}</source><translation>{name} を実行中</translation></message>
   <message><source>Saved the machine {name}.</source><translation>機械 {name} を保存しました。</translation></message>
@@ -579,6 +582,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>The run failed; see the log.</source><translation>実行に失敗しました。ログを確認してください。</translation></message>
   <message><source>The session file of this result is not there any more: {path}.</source><translation>この結果のセッションファイルはもうありません：{path}。</translation></message>
   <message><source>{count} sessions in the farm map.</source><translation>農場マップには {count} 件のセッションがあります。</translation></message>
+  <message><source>{names}: a point cloud alone needs no session. Surfaces can be made of it.</source><translation>{names}：点群だけならセッションは不要です。サーフェスを作成できます。</translation></message>
   <message><source>{path} cannot be added: {reason}.</source><translation>{path} を追加できません：{reason}。</translation></message>
   <message><source>{path} cannot be read: {reason}.</source><translation>{path} を読めません：{reason}。</translation></message>
   <message><source>{path} does not exist.</source><translation>{path} が存在しません。</translation></message>
