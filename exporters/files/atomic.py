@@ -6,9 +6,11 @@ import os
 import re
 import secrets
 import sys
-from collections.abc import Iterator, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -20,6 +22,9 @@ _UNFINISHED: Final = re.compile(rf"\.furrowmap-({PATTERN})-[0-9a-f]{{8}}\b.*", r
 
 _AT_A_TIME: Final = 8
 """Files that are flushed at a time: the file system writes its journal once for all that wait."""
+
+_HELD_S: Final = 3.0 if sys.platform == "win32" else 0.0
+"""Virus scanners and indexers hold new files for moments, in which Windows does not rename them."""
 
 _LIBRARIES: Final = ("pyogrio", "rasterio", "sqlite3")
 """Packages whose errors on a full disk are not system errors."""
@@ -38,7 +43,8 @@ def atomic_output(path: Path) -> Iterator[Path]:
         library creates under a name that begins the same are removed at the end.
 
     Raises:
-        OSError: if the file cannot be written or renamed (another program may have it open).
+        OSError: if the file cannot be written.
+        RefusedError: if another program has `path` open, on Windows.
     """
     remove_abandoned(path.parent)
     unfinished = path.with_name(f".furrowmap-{Owner.here().words()}-{secrets.token_hex(4)}{path.suffix[:16]}")
@@ -48,7 +54,10 @@ def atomic_output(path: Path) -> Iterator[Path]:
             staged = is_staged(path)
             if not staged:
                 flush(unfinished)
-            unfinished.replace(path)
+            try:
+                move(unfinished, path)
+            except PermissionError:
+                raise RefusedError("output-open", path=path) from None
             if not staged:
                 flush_folder(path.parent)
     finally:
@@ -86,6 +95,44 @@ def refuse_existing(path: Path, *, overwrite: bool) -> None:
     """
     if path.exists() and not overwrite:
         raise RefusedError("output-exists.refuse-existing", path=path)
+
+
+def move(source: Path, target: Path) -> None:
+    """Rename a file, replacing another; a program that holds one of them for a moment on Windows is waited for.
+
+    Raises:
+        PermissionError: if a program keeps it open.
+    """
+    _while_held(partial(source.replace, target))
+
+
+def refuse_open(files: Iterable[Path]) -> None:
+    """Check that no other program keeps files from being replaced, as Windows does with open ones.
+
+    Raises:
+        RefusedError: if one is open.
+    """
+    for path in files:
+        if path.is_file():
+            try:
+                _while_held(partial(path.rename, path))
+            except PermissionError:
+                raise RefusedError("output-open", path=path) from None
+            except OSError:  # a file system that refuses to rename a file to its own name
+                pass
+
+
+def _while_held(rename: Callable[[], object]) -> None:
+    until = time.monotonic() + _HELD_S
+    while True:
+        try:
+            rename()
+        except PermissionError:
+            if time.monotonic() >= until:
+                raise
+            time.sleep(0.05)
+        else:
+            return
 
 
 def relative_path(path: Path, start: Path) -> str | None:

@@ -26,6 +26,8 @@ from furrowmap.exporters.files.owner import PATTERN, Owner
 PREFIX: Final = ".furrowmap-run-"
 STAGED_PRODUCTS: Final = "products"
 """Folder in a lease whose files become products together."""
+COMPLETE: Final = "complete.json"
+"""File in a lease whose products are valid; it names them. With it, the folder stays until they are in their places."""
 BEAT_S: Final = 1.0
 """Time between two changes of the heartbeat."""
 MAX_SILENCE_S: Final = 10.0
@@ -45,7 +47,7 @@ def hold_lease(folder: Path) -> Iterator[Path]:
     """Keep other runs from writing to `folder`.
 
     Yields:
-        A folder of one's own inside `folder`, which is removed at the end.
+        A folder of one's own inside `folder`, which is removed at the end, unless it has a file COMPLETE.
 
     Raises:
         RefusedError: if another run is writing there.
@@ -62,7 +64,10 @@ def hold_lease(folder: Path) -> Iterator[Path]:
     finally:
         stopped.set()
         heart.join()
-        shutil.rmtree(own, ignore_errors=True)
+        if (own / COMPLETE).exists():
+            (own / _ENDED).touch()
+        else:
+            shutil.rmtree(own, ignore_errors=True)
 
 
 def leases(folder: Path) -> list[Path]:

@@ -13,8 +13,9 @@ from typing import Any, Final
 
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.file_names import is_relative_name
-from furrowmap.exporters.files.atomic import flush, flush_folder, flush_together
+from furrowmap.exporters.files.atomic import flush, flush_folder, flush_together, move, refuse_open
 from furrowmap.exporters.files.lease import (
+    COMPLETE,
     STAGED_PRODUCTS,
     hold_lease,
     is_real_folder,
@@ -23,7 +24,6 @@ from furrowmap.exporters.files.lease import (
     refuse_leased,
 )
 
-_COMPLETE: Final = "complete.json"
 _KEPT: Final = "kept.bin"
 
 
@@ -31,11 +31,12 @@ def refuse_products(folder: Path, products: Iterable[str], *, overwrite: bool) -
     """Check, before the work, that a folder has no products of these names, or that they may be replaced.
 
     Raises:
-        RefusedError: if there are any and `overwrite` is not given.
+        RefusedError: if there are any and `overwrite` is not given, or another program has them open, on Windows.
     """
     there = [name for name in products if (folder / name).exists()]
     if there and not overwrite:
         raise RefusedError("output-exists.refuse-products", folder=folder, there=", ".join(there))
+    refuse_open(folder / name for name in there)
 
 
 @contextmanager
@@ -55,7 +56,8 @@ def staged_folder(folder: Path, *, resume: bool = False) -> Iterator[Path]:
 
     Raises:
         InputError: if `folder` cannot be written to.
-        RefusedError: if another run is writing to it.
+        RefusedError: if another run is writing to it; if another program has earlier products open, on Windows: they
+            are unchanged, or, if it opened them at the last moment, the next run or :func:`recover` replaces them.
     """
     created = not folder.exists()
     try:
@@ -91,7 +93,7 @@ def recover(folder: Path) -> None:
     """Complete the move of a killed run's finished products, and remove unfinished ones that cannot be resumed.
 
     Raises:
-        RefusedError: if a run is writing to the folder.
+        RefusedError: if a run is writing to the folder, or another program has earlier products open, on Windows.
         OSError: if finished products cannot be moved.
     """
     if folder.is_dir():
@@ -122,19 +124,21 @@ def _commit(lease: Path, folder: Path) -> None:
         for inner in (folder / part for part in _folders(path)):
             if os.path.lexists(inner) and not is_real_folder(inner):
                 raise InputError("output-no-folder", inner=inner)
+    refuse_open(folder / path for path in products)
     flush_together([staging / path for path in products])
     earlier = {name for name in _listed(folder, names) if _is_product(folder, name)}
     gone = sorted(earlier - names - _listed(staging, names))
     content = json.dumps({"products": sorted(names), "gone": gone})
-    unfinished = lease / f"{_COMPLETE}.part"
+    unfinished = lease / f"{COMPLETE}.part"
     unfinished.write_text(content, encoding="utf-8")
     flush(unfinished)
     if is_revoked(lease):
         raise RefusedError("output-lost", folder=folder)
-    unfinished.replace(lease / _COMPLETE)
+    unfinished.replace(lease / COMPLETE)
     flush_folder(lease)
     _put_in_place(lease, folder)
     flush_folder(folder)
+    (lease / COMPLETE).unlink()
 
 
 def _put_in_place(lease: Path, folder: Path) -> bool:
@@ -142,7 +146,7 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
 
     All changes are renamings out of the lease's folder or into it, so a run that has lost its lease changes nothing.
     """
-    complete = _read(lease / _COMPLETE)
+    complete = _read(lease / COMPLETE)
     if not complete or not is_real_folder(lease / STAGED_PRODUCTS):
         return False
     leaving = lease / secrets.token_hex(4)
@@ -151,7 +155,7 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
     for name in gone if isinstance(gone, list) else ():
         if isinstance(name, str) and _is_product(folder, name):
             with suppress(FileNotFoundError):
-                (folder / name).replace(leaving / secrets.token_hex(8))
+                _move(folder / name, leaving / secrets.token_hex(8), folder / name)
             for part in _folders(Path(name)):
                 with suppress(OSError):  # not empty
                     (folder / part).rmdir()
@@ -159,8 +163,15 @@ def _put_in_place(lease: Path, folder: Path) -> bool:
     for path in _products(staging):
         if all(_made(folder / part) for part in reversed(_folders(path))):
             with suppress(FileNotFoundError):  # another process completes the same
-                (staging / path).replace(folder / path)
+                _move(staging / path, folder / path, folder / path)
     return True
+
+
+def _move(source: Path, target: Path, product: Path) -> None:
+    try:
+        move(source, target)
+    except PermissionError:
+        raise RefusedError("output-open.after", path=product) from None
 
 
 def _made(inner: Path) -> bool:

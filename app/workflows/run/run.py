@@ -29,7 +29,7 @@ from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads, using, using_threads
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.work.boundary import ground_to_map
-from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.atomic import atomic_output, refuse_open
 from furrowmap.exporters.files.file_records import FileRecord, file_records
 from furrowmap.exporters.files.result_folder import REPORT, RUN_PRODUCTS
 from furrowmap.exporters.files.staging import kept, recover, staged_folder
@@ -90,6 +90,7 @@ def run_opened(
     if opened.file.resolve() in {(folder / name).resolve() for name in RUN_PRODUCTS}:
         raise RefusedError("output-is-input.refuse-original", folder=folder, session_file=opened.file.name)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)
+    refuse_open(folder / name for name in RUN_PRODUCTS)
     captures = [path for path in opened.inputs.lidar if path.is_file() and _BAGS.isdisjoint(path.suffixes)]
     needed = SPACE * sum(path.stat().st_size for path in captures)
     there = next(place for place in (folder.absolute(), *folder.absolute().parents) if place.exists())

@@ -8,14 +8,17 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import InputError, RefusedError
+from furrowmap.exporters.files import atomic
+from furrowmap.exporters.files import staging as staging_module
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.lease import leases
-from furrowmap.exporters.files.staging import recover, staged_folder
+from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.plugin.products import product
 
 NAMES = ("cloud.copc.laz", "field.gpkg", "report.json")
@@ -205,3 +208,80 @@ def test_promise_19__a_file_with_the_name_of_a_folder_of_products_leaves_all_as_
 def test_recovery__of_a_folder_that_is_not_there_is_none(tmp_path: Path) -> None:
     recover(tmp_path / "gone")
     assert not (tmp_path / "gone").exists()
+
+
+class HeldFiles:
+    """Files that another program has open as Windows sees it: neither they nor others in their place are renamed."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.held: set[Path] = set()
+        self.refused = 0
+        for name in ("rename", "replace"):
+            monkeypatch.setattr(Path, name, self._renaming(getattr(Path, name)))
+
+    def _renaming(self, rename: Callable[[Path, Path], Path]) -> Callable[[Path, Path], Path]:
+        def renamed(path: Path, target: Path) -> Path:
+            if {path, target} & self.held:
+                self.refused += 1
+                raise PermissionError(13, "The process cannot access the file", str(path), 32, str(target))
+            return rename(path, target)
+
+        return renamed
+
+
+def test_a_product_open_in_another_program__leaves_all_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path, "old")
+    files = HeldFiles(monkeypatch)
+    files.held = {tmp_path / "field.gpkg"}
+    with pytest.raises(RefusedError, match=r"field\.gpkg is open in another program") as error:
+        write(tmp_path, "new")
+    assert error.value.lines[1] == "It cannot be replaced; all files are as they were."
+    assert contents(tmp_path) == {"old"}
+    assert not leases(tmp_path)
+    with pytest.raises(RefusedError, match=r"field\.gpkg is open"):  # before the work
+        refuse_products(tmp_path, NAMES, overwrite=True)
+    with (
+        pytest.raises(RefusedError, match=r"field\.gpkg is open"),
+        atomic_output(tmp_path / "field.gpkg") as unfinished,
+    ):
+        unfinished.write_text("new")
+    files.held.clear()
+    write(tmp_path, "new")
+    assert contents(tmp_path) == {"new"}
+
+
+def test_a_product_opened_at_the_last_moment__the_next_command_puts_the_new_ones_in_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path, "old")
+    files = HeldFiles(monkeypatch)
+    flushed = staging_module.flush_folder
+
+    def opened(folder: Path) -> None:
+        files.held = {tmp_path / "field.gpkg"}
+        flushed(folder)
+
+    monkeypatch.setattr(staging_module, "flush_folder", opened)
+    with pytest.raises(RefusedError, match="new products are complete"):
+        write(tmp_path, "new")
+    monkeypatch.setattr(staging_module, "flush_folder", flushed)
+    for name in NAMES:
+        assert "new" in product(tmp_path, name).read_text()
+    with pytest.raises(RefusedError, match="new products are complete"):
+        recover(tmp_path)
+    files.held.clear()
+    recover(tmp_path)
+    assert contents(tmp_path) == {"new"}
+    assert not leases(tmp_path)
+
+
+def test_a_product_held_for_a_moment__is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    files = HeldFiles(monkeypatch)
+    files.held = {tmp_path / "a.txt"}
+    monkeypatch.setattr(atomic, "_HELD_S", 60.0)
+    monkeypatch.setattr(atomic.time, "sleep", lambda _: files.held.clear())
+    with atomic_output(tmp_path / "a.txt") as unfinished:
+        unfinished.write_text("new")
+    assert (files.refused, (tmp_path / "a.txt").read_text()) == (1, "new")
