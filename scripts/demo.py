@@ -41,6 +41,9 @@ def summary(result: Path, seconds: float) -> Table:
     table = Table("", "", title=report["session"]["name"], title_justify="left", show_header=False)
     table.add_row("points", f"{figures['points']:,} in {figures['scans']} scans")
     table.add_row("distance", f"{figures['distance_m']:.0f} m in {figures['duration_s']:.0f} s")
+    twice_m2, missed_m2 = figures["overlap_area_m2"], figures["missed_area_m2"]
+    table.add_row("worked ground", f"{figures['worked_area_m2']:.1f} m² in {figures['passes']} passes")
+    table.add_row("worked twice, missed", f"{twice_m2:.1f} m², {missed_m2:.1f} m²")
     table.add_row("map frame", f"{figures['crs']}, {figures['heights']} heights")
     table.add_row("positions (95 %, median)", f"{east} east, {north} north, {up} up")
     table.add_row("furrowmap run", f"{whole_s:.1f} s")
@@ -58,10 +61,11 @@ def main() -> None:
     furrowmap("simulate", "demo", "-o", "demo/recording")
     furrowmap("run", "demo/recording/session.toml", "-o", "demo/result")
     picture = DEMO / "result" / "map.png"
-    draw_map(DEMO / "result", picture, "Two passes beside the barn: shaded relief of the ground")
+    draw_map(DEMO / "result", picture, "Three passes beside the barn: worked ground")
     print()
     Console().print(summary(DEMO / "result", time.perf_counter() - start))
     print(f"Map: {picture}")
+    print(f"Open next: {DEMO / 'result' / 'report.html'} in a browser: figures, graphs and warnings of the run")
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     if screen and (viewer := shutil.which("xdg-open")):
         subprocess.Popen([viewer, picture])

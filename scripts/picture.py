@@ -1,4 +1,4 @@
-"""A picture of a run's products: the ground in relief, and the vehicle's path over it."""
+"""A map of a run: worked ground by pass, overlaps, missed strips and the tool's way over the relief of the ground."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 
 import laspy
 import numpy as np
+from geopandas import GeoDataFrame
 from matplotlib import patheffects
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, LightSource, LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -26,17 +26,17 @@ NOT_GROUND = (7, 64, 65)
 CLUTTER_M = 0.15
 """Points this much above a cell's lowest one are not ground."""
 LAST_VIEW_S = 3.0
-MARGIN_M = 6.0
+MARGIN_M = 3.5
 FINEST_CELL_M = 0.04
 LONGEST_SIDE = 1500
 HOLE = 4
 CHUNK = 2_000_000
 EXAGGERATION = 4.0
 
-GROUND_COLOURS = ["#2f4a45", "#5f7a52", "#a39a5c", "#d2b780", "#f3e6cb"]
+GROUND_COLOURS = ["#6f675c", "#a2988a", "#d6cebf"]
 INK = "#1f2a30"
-FORWARD_COLOUR = "#c8102e"
-REVERSE_COLOUR = "#1f4fbf"
+PASS_COLOURS = ["#2f6b9a", "#3f8f6b", "#8a6fb0", "#5b9bb5", "#7aa043"]
+OVERLAP_COLOUR, MISSED_COLOUR = "#e8202a", "#ffd400"
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,22 @@ class HeightGrid:
 
 
 @dataclass(frozen=True)
-class Track:
-    """The vehicle's path: ``en_m`` (n, 2) easting and northing, ``reverse`` (n,) bool."""
+class WorkedGround:
+    """Layers of a run's GeoPackage, empty where the run has none.
 
-    en_m: FloatArray
-    reverse: NDArray[np.bool_]
+    Attributes:
+        track_en_m: (n, 2) easting and northing of the vehicle.
+        passes, overlaps, misses: polygons with their areas; passes with their numbers.
+        tool_path: lines of the tool, with "up", "down" or "unknown".
+        events: points where the tool was lowered or raised.
+    """
+
+    track_en_m: FloatArray
+    passes: GeoDataFrame
+    overlaps: GeoDataFrame
+    misses: GeoDataFrame
+    tool_path: GeoDataFrame
+    events: GeoDataFrame
 
 
 def draw_map(result: Path, picture: Path, title: str) -> None:
@@ -81,41 +92,44 @@ def draw_map(result: Path, picture: Path, title: str) -> None:
     Raises:
         InputError: if one of the two products is missing or empty.
     """
-    track = read_track(result / "field.gpkg")
-    grid = ground_around(result / "cloud.copc.laz", track)
-    _draw(grid, track, title).savefig(picture)
+    worked = read_worked_ground(result / "field.gpkg")
+    grid = ground_around(result / "cloud.copc.laz", worked.track_en_m)
+    _draw(grid, worked, title).savefig(picture)
 
 
-def read_track(path: Path) -> Track:
-    """The layer ``trajectory`` of a run's GeoPackage.
+def read_worked_ground(path: Path) -> WorkedGround:
+    """The layers of a run's GeoPackage.
 
     Raises:
-        InputError: if there is none.
+        InputError: if it has no trajectory.
     """
     if not path.is_file():
         raise _missing(path)
-    table = pyogrio.read_dataframe(path, layer="trajectory", columns=["motion"])
-    if table.empty:
+    there = {name for name, _ in pyogrio.list_layers(path)}
+    names = ("trajectory", "passes", "overlaps", "misses", "tool_path", "events")
+    none = GeoDataFrame(columns=["pass", "implement", "kind", "geometry"], geometry="geometry")
+    layers = [pyogrio.read_dataframe(path, layer=name) if name in there else none for name in names]
+    if layers[0].empty:
         raise _missing(path)
-    return Track(table.get_coordinates().to_numpy(np.float64), (table["motion"] == "reverse").to_numpy())
+    return WorkedGround(layers[0].get_coordinates().to_numpy(np.float64), *layers[1:])
 
 
-def ground_around(path: Path, track: Track) -> HeightGrid:
+def ground_around(path: Path, track_en_m: FloatArray) -> HeightGrid:
     """The ground within a few metres of a track, as it was left at the end.
 
     A cell's height is the mean of what was seen in the last seconds of its view, close above its lowest point.
 
     Args:
         path: a LAS or LAZ file in metres; it is read three times, in pieces.
-        track: in the same coordinates.
+        track_en_m: (n, 2) easting and northing in the same coordinates.
 
     Raises:
         InputError: if the file is missing or has no ground near the track.
     """
     if not path.is_file():
         raise _missing(path)
-    low = np.floor(track.en_m.min(axis=0) - MARGIN_M)
-    size = np.ceil(track.en_m.max(axis=0) + MARGIN_M) - low
+    low = np.floor(track_en_m.min(axis=0) - MARGIN_M)
+    size = np.ceil(track_en_m.max(axis=0) + MARGIN_M) - low
     cell_m = max(FINEST_CELL_M, float(size.max()) / LONGEST_SIDE)
     cols, rows = (int(n) for n in np.ceil(size / cell_m))
 
@@ -159,32 +173,64 @@ def _missing(path: Path) -> InputError:
     )
 
 
-def _draw(grid: HeightGrid, track: Track, title: str) -> Figure:
+def _draw(grid: HeightGrid, worked: WorkedGround, title: str) -> Figure:
     ground = _without_pinholes(grid.height_m)
     west, east, south, north = grid.extent
-    width_in = 10.0
-    map_in = 0.86 * width_in * (north - south) / (east - west)
-    height_in = map_in + 0.7
+    width_in, legend_in = 10.0, 2.2
+    map_in = (width_in - legend_in - 0.4) * (north - south) / (east - west)
+    height_in = map_in + 0.9
     figure = Figure(figsize=(width_in, height_in), dpi=150)
-    axes = figure.add_axes((0.02, 0.25 / height_in, 0.86, map_in / height_in))
+    axes = figure.add_axes((0.02, 0.35 / height_in, (width_in - legend_in - 0.4) / width_in, map_in / height_in))
     norm = Normalize(*np.nanpercentile(ground, [2, 98]))
     colours = LinearSegmentedColormap.from_list("ground", GROUND_COLOURS)
     axes.imshow(_relief(ground, grid.cell_m, colours, norm), extent=grid.extent, origin="lower")
-    _draw_track(axes, track)
+    _draw_worked(axes, worked)
+    _draw_tool(axes, worked)
     _draw_scale_bar(axes, grid.extent)
     _draw_north_arrow(axes)
+    axes.set(xlim=(west, east), ylim=(south, north))
     axes.set_axis_off()
     axes.set_title(title, loc="left", color=INK, fontsize=14, fontweight="bold")
-    box = axes.get_position()
-    legend = figure.add_axes((box.x1 + 0.015, box.y0 + 0.15 * box.height, 0.018, 0.5 * box.height))
-    bar = figure.colorbar(ScalarMappable(norm, colours), cax=legend)
-    bar.set_label("height above the ellipsoid, m", color=INK)
-    bar.outline.set_visible(False)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize=10, labelcolor=INK)
     caption = (
-        f"Cells of {100 * grid.cell_m:.0f} cm, lit from the north-west, relief {EXAGGERATION:.0f} times exaggerated."
+        f"Ground from the laser scanner in cells of {100 * grid.cell_m:.0f} cm, lit from the north-west, relief "
+        f"{EXAGGERATION:.0f} times exaggerated."
     )
-    figure.text(0.02, 0.06 / height_in, caption, color=INK, fontsize=8)
+    figure.text(0.02, 0.1 / height_in, caption, color=INK, fontsize=8)
     return figure
+
+
+def _draw_worked(axes: Axes, worked: WorkedGround) -> None:
+    """Passes, one colour each, and loud over them what was worked twice, and what was left out between them."""
+    for k, number in enumerate(worked.passes["pass"]):
+        colour = PASS_COLOURS[k % len(PASS_COLOURS)]
+        one = worked.passes.iloc[[k]]
+        one.plot(ax=axes, facecolor=colour, alpha=0.55, edgecolor="white", linewidth=1.2, zorder=2)
+        axes.plot([], [], "s", color=colour, alpha=0.7, markersize=11, label=f"pass {number}: {one.area.sum():.1f} m²")
+    layers = ((worked.overlaps, OVERLAP_COLOUR, "worked twice"), (worked.misses, MISSED_COLOUR, "missed"))
+    for layer, colour, label in layers:
+        if not layer.empty:
+            layer.plot(ax=axes, facecolor=colour, alpha=0.9, edgecolor=INK, linewidth=0.6, zorder=3)
+            area = f"{label}: {layer.area.sum():.1f} m²"
+            axes.plot([], [], "s", color=colour, markeredgecolor=INK, markersize=11, label=area)
+
+
+def _draw_tool(axes: Axes, worked: WorkedGround) -> None:
+    """The way of the tool, in the ground and raised, and where it was lowered and raised; else that of the vehicle."""
+    halo = [patheffects.withStroke(linewidth=3.5, foreground="white", alpha=0.8)]
+    if worked.tool_path.empty:
+        axes.plot(*worked.track_en_m.T, color=INK, linewidth=1.4, label="vehicle", path_effects=halo)
+    for state, style, label in (("down", "-", "tool in the ground"), ("up", (0, (4, 2)), "tool raised")):
+        for k, line in enumerate(worked.tool_path.geometry[worked.tool_path["implement"] == state]):
+            part, named = np.asarray(line.coords)[:, :2].T, label if k == 0 else None
+            axes.plot(*part, color=INK, linestyle=style, linewidth=1.4, label=named, path_effects=halo, zorder=4)
+    lowered, raised = (worked.events[worked.events["kind"] == kind].get_coordinates() for kind in ("down", "up"))
+    way = worked.track_en_m if worked.tool_path.empty else worked.tool_path.get_coordinates().to_numpy()
+    marks = {"lowered": (lowered, "v"), "raised": (raised, "^"), "start": (way[:1], "o"), "end": (way[-1:], "s")}
+    for label, (places, mark) in marks.items():
+        if len(places):
+            east, north = np.asarray(places)[:, :2].T
+            axes.plot(east, north, mark, color="white", markeredgecolor=INK, markersize=9, label=label, zorder=5)
 
 
 def _without_pinholes(height_m: FloatArray) -> FloatArray:
@@ -205,18 +251,6 @@ def _relief(ground: FloatArray, cell_m: float, colours: Colormap, norm: Normaliz
     lit[..., 3] = known
     shades: FloatArray = lit
     return shades
-
-
-def _draw_track(axes: Axes, track: Track) -> None:
-    halo = [patheffects.withStroke(linewidth=3.5, foreground="white", alpha=0.8)]
-    for wanted, colour, label in ((False, FORWARD_COLOUR, "driven forward"), (True, REVERSE_COLOUR, "in reverse")):
-        if not (track.reverse == wanted).any():
-            continue
-        way = np.where((track.reverse == wanted)[:, None], track.en_m, np.nan)
-        axes.plot(way[:, 0], way[:, 1], color=colour, linewidth=1.6, label=label, path_effects=halo)
-    axes.plot(*track.en_m[0], "o", color="white", markeredgecolor=INK, markersize=7, label="start")
-    axes.plot(*track.en_m[-1], "s", color="white", markeredgecolor=INK, markersize=7, label="end")
-    axes.legend(loc="upper left", framealpha=0.95, edgecolor="none", fontsize=9, labelcolor=INK)
 
 
 def _draw_scale_bar(axes: Axes, extent: tuple[float, float, float, float]) -> None:

@@ -1,4 +1,4 @@
-"""The map of a run: heights against a surface in closed form, and a picture that shows them."""
+"""The map of a run: heights against a surface in closed form, and a picture with worked ground over them."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ import geopandas as gpd
 import laspy
 import numpy as np
 import pytest
+import shapely
+from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
 from furrowmap.core.runtime.errors import InputError
 
 SCRIPT = runpy.run_path(str(Path(__file__).resolve().parents[1] / "scripts" / "picture.py"))
-Track, draw_map, ground_around = SCRIPT["Track"], SCRIPT["draw_map"], SCRIPT["ground_around"]
+draw_map, ground_around = SCRIPT["draw_map"], SCRIPT["ground_around"]
 
 E0_M, N0_M = 16650.0, 96550.0
-TRACK = Track(np.column_stack([E0_M + np.linspace(0.0, 4.0, 101), np.full(101, N0_M)]), np.arange(101) > 60)
+TRACK_M = np.column_stack([E0_M + np.linspace(0.0, 4.0, 101), np.full(101, N0_M)])
 
 
 def slope_m(e_m: np.ndarray, n_m: np.ndarray) -> np.ndarray:
@@ -40,16 +42,23 @@ def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     las.x, las.y, las.z, las.gps_time, las.classification = e_m, n_m, h_m, t_s, classification
     folder = tmp_path_factory.mktemp("result")
     las.write(folder / "cloud.copc.laz")
-    points = gpd.points_from_xy(*TRACK.en_m.T, np.full(101, 270.0))
-    motion = np.where(TRACK.reverse, "reverse", "forward")
-    gpd.GeoDataFrame({"motion": motion}, geometry=points, crs="EPSG:6677").to_file(
-        folder / "field.gpkg", layer="trajectory"
-    )
+    points = gpd.points_from_xy(*TRACK_M.T, np.full(101, 270.0))
+    boxes = [shapely.box(E0_M, N0_M + low_m, E0_M + 4.0, N0_M + low_m + 2.0) for low_m in (-3.0, -1.2, 1.5)]
+    layers = {
+        "trajectory": gpd.GeoDataFrame({"t_s": np.arange(101)}, geometry=points),
+        "passes": gpd.GeoDataFrame({"pass": [1, 2, 3]}, geometry=boxes),
+        "overlaps": gpd.GeoDataFrame({"pass_a": [1]}, geometry=[boxes[0] & boxes[1]]),
+        "misses": gpd.GeoDataFrame({"kind": ["gap"]}, geometry=[shapely.box(E0_M, N0_M + 0.8, E0_M + 4.0, N0_M + 1.5)]),
+        "tool_path": gpd.GeoDataFrame({"implement": ["down"]}, geometry=[shapely.LineString(TRACK_M)]),
+        "events": gpd.GeoDataFrame({"kind": ["down", "up"]}, geometry=[points[0], points[-1]]),
+    }
+    for name, layer in layers.items():
+        layer.set_crs("EPSG:6677").to_file(folder / "field.gpkg", layer=name)
     return folder
 
 
 def test_ground__is_the_surface_as_last_seen(result: Path) -> None:
-    grid = ground_around(result / "cloud.copc.laz", TRACK)
+    grid = ground_around(result / "cloud.copc.laz", TRACK_M)
     rows, cols = grid.height_m.shape
     e_m = grid.e0_m + (np.arange(cols) + 0.5) * grid.cell_m
     n_m = grid.n0_m + (np.arange(rows)[:, None] + 0.5) * grid.cell_m
@@ -59,17 +68,32 @@ def test_ground__is_the_surface_as_last_seen(result: Path) -> None:
     assert np.isfinite(grid.height_m).all()
     assert np.abs(error_m[clear_of_step]).max() < 0.002  # the slope within a cell
     west, east, south, north = grid.extent
-    assert west <= E0_M - 6 < E0_M + 10 <= east
-    assert south <= N0_M - 6 < N0_M + 6 <= north
+    assert west <= E0_M - 3 < E0_M + 7 <= east
+    assert south <= N0_M - 3 < N0_M + 3 <= north
 
 
-def test_map__is_a_picture_with_relief_and_both_directions(result: Path, tmp_path: Path) -> None:
+def test_map__shows_passes_and_loudly_what_was_worked_twice_or_missed(result: Path, tmp_path: Path) -> None:
     draw_map(result, tmp_path / "map.png", "A slope")
     pixels = imread(tmp_path / "map.png")[..., :3]
     assert pixels.shape[1] == 1500
-    assert np.mean(np.ptp(pixels, axis=2) > 0.05) > 0.5  # most of it is coloured ground, not paper
-    for colour in ((0xC8, 0x10, 0x2E), (0x1F, 0x4F, 0xBF)):
-        assert (np.abs(pixels - np.array(colour) / 255).max(axis=2) < 0.02).sum() > 100
+
+    def of_colour(colour: str) -> int:
+        return int((np.abs(pixels - np.array(to_rgb(colour))).max(axis=2) < 0.1).sum())
+
+    twice, missed = of_colour(SCRIPT["OVERLAP_COLOUR"]), of_colour(SCRIPT["MISSED_COLOUR"])
+    # 0.2 and 0.7 m of 4 m, and a square in the legend each
+    assert missed / twice == pytest.approx(0.7 / 0.2, rel=0.25)
+    greenish = (pixels[..., 1] > pixels[..., 0] + 0.03) & (pixels[..., 1] > pixels[..., 2] + 0.03)
+    assert greenish.sum() > 2 * missed, "the second pass"
+
+
+def test_map__of_a_run_without_an_implement_shows_the_track(result: Path, tmp_path: Path) -> None:
+    (tmp_path / "cloud.copc.laz").symlink_to(result / "cloud.copc.laz")
+    track = gpd.read_file(result / "field.gpkg", layer="trajectory")
+    track.to_file(tmp_path / "field.gpkg", layer="trajectory")
+    draw_map(tmp_path, tmp_path / "map.png", "A slope")
+    dark = (imread(tmp_path / "map.png")[..., :3] < 0.2).all(axis=2)
+    assert dark.any(axis=0).sum() > 400  # a line across 4 of 11 metres
 
 
 @pytest.mark.parametrize("product", ["cloud.copc.laz", "field.gpkg"])
