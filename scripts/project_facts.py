@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -14,6 +15,8 @@ PYPROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-
 PROJECT, URLS = PYPROJECT["project"], PYPROJECT["project"]["urls"]
 ON_INDEX: bool = PYPROJECT["tool"]["furrowmap"]["on-index"]
 MAIL: str = PROJECT["authors"][0]["email"]
+CONDA = {"lazrs": "lazrs-python", "tzdata": "python-tzdata"}
+"""Names at conda-forge that are others than those of the package index."""
 WITH_EXTRAS = ("README.md", "docs/**/*.md", "app/notebooks/*.ipynb", "core/**/*.toml", "core/pipeline/*.py")
 """Files that say how to install an extra."""
 
@@ -45,8 +48,21 @@ def facts() -> dict[str, dict[str, str]]:
             "url: ": f'"{URLS["Homepage"]}"',
             "repository-code: ": f'"{URLS["Repository"]}"',
         },
+        "recipe/recipe.yaml": {
+            "  version: ": PROJECT["version"],
+            "  homepage: ": URLS["Homepage"],
+            "  repository: ": URLS["Repository"],
+            "  summary: ": PROJECT["description"],
+        },
         "mkdocs.yml": {"site_description: ": PROJECT["description"]},
     }
+
+
+def conda_dependencies() -> Iterator[str]:
+    """The lines of the recipe that state what furrowmap needs."""
+    for text in PROJECT["dependencies"]:
+        name, bound = re.fullmatch(r"([\w.-]+)(>=[\d.]+)(?:;.*)?", text).groups()
+        yield f"    - {CONDA.get(name, name)} {bound}\n"
 
 
 def with_facts(name: str, text: str) -> str:
@@ -59,6 +75,8 @@ def with_facts(name: str, text: str) -> str:
         text, found = re.subn(rf"(?m)^{re.escape(start)}.*$", lambda _, line=start + value: line, text)
         if found != 1:
             raise ValueError(f"{name} has no line {start}")
+    if name == "recipe/recipe.yaml":
+        text = re.sub(r"(  run:\n.*\n)(?:    - .*\n)*", lambda head: head[1] + "".join(conda_dependencies()), text)
     if name == "SECURITY.md":
         text = re.sub(r"<[^<>@\s]+@[^<>\s]+>", f"<{MAIL}>", text)
     return with_install(text)

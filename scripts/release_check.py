@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from project_facts import CHECKOUT, MAIL, ON_INDEX, PROJECT, URLS, outdated
 
 PLACEHOLDER = re.compile(r"[/@.](?:example\.(?:org|com|net)|localhost)\b")
-FILLED = ("pyproject.toml", "plugin/metadata.txt", "metadata.txt", "CITATION.cff", "SECURITY.md")
+FILLED = ("pyproject.toml", "plugin/metadata.txt", "metadata.txt", "CITATION.cff", "SECURITY.md", "recipe/recipe.yaml")
 """Files that state addresses of the project: the one place, and those that project_facts.py fills."""
 PAGE = {f"furrowmap/exporters/share/bundle/{name}" for name in ("map.js", "cloud.js", "licences.txt")}
 REQUIRED_KEYS = ("name", "description", "version", "qgisMinimumVersion", "author", "email", "about", "tracker")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from packaging.requirements import Requirement
 
 from tests.conftest import installed
 from tests.test_house import CHECKOUT, PARTS, PROJECT, repository_files
@@ -246,6 +248,14 @@ def test_facts__with_another_address_are_outdated(monkeypatch: pytest.MonkeyPatc
     assert "repository=https://fields.test/furrowmap\n" in texts["metadata.txt"]
     assert "https://fields.test/furrowmap/blob/HEAD/CHANGELOG.md" in texts["metadata.txt"]
     assert 'repository-code: "https://fields.test/furrowmap"\n' in texts["CITATION.cff"]
+
+
+def test_recipe__of_conda_needs_what_pyproject_needs() -> None:
+    _, run = (CHECKOUT / "recipe" / "recipe.yaml").read_text(encoding="utf-8").split("  run:\n")
+    needed = re.findall(r"^    - (\S+) (>=\S+)$", run, re.MULTILINE)
+    names = {"lazrs-python": "lazrs", "python-tzdata": "tzdata"}
+    stated = [Requirement(text) for text in PROJECT["project"]["dependencies"]]
+    assert [(names.get(name, name), bound) for name, bound in needed] == [(e.name, str(e.specifier)) for e in stated]
 
 
 def test_install__of_an_extra_is_from_the_checkout_until_an_index_has_the_name(
