@@ -61,6 +61,7 @@ web:  ## the scripts of the page of furrowmap share, with npm; setup builds them
 
 lint: $(INSTALLED)
 	$(BIN)/ruff check
+	$(BIN)/ruff check --quiet --isolated --preview --target-version py311 --select PLW1514 app plugin $(PARTS)  # text is UTF-8 on Windows, too
 	$(BIN)/ruff format --check
 
 typecheck: $(INSTALLED) layout

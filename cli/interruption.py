@@ -1,4 +1,4 @@
-"""Handling of SIGINT (Ctrl-C) and SIGTERM."""
+"""Handling of SIGINT (Ctrl-C), SIGTERM, and SIGBREAK of Windows."""
 
 from __future__ import annotations
 

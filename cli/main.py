@@ -128,6 +128,8 @@ def main() -> NoReturn:
     """The console command."""
     signal.signal(signal.SIGINT, INTERRUPTION)
     signal.signal(signal.SIGTERM, INTERRUPTION)
+    if sys.platform == "win32":
+        signal.signal(signal.SIGBREAK, INTERRUPTION)  # Ctrl-Break, or the window is closed
     sys.exit(command_line(sys.argv[1:], INTERRUPTION))
 
 

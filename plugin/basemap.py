@@ -126,7 +126,7 @@ def own_layer(own: str, attribution: str = "") -> QgsRasterLayer:
         layer = _tile_layer(tiles, 22, tr("Own base map"))
     elif own.lower().endswith(".mbtiles") and Path(own).is_file():
         try:
-            with closing(sqlite3.connect(f"{Path(own).resolve().as_uri()}?mode=ro", uri=True)) as database:
+            with closing(sqlite3.connect(f"file:{quote(own)}?mode=ro", uri=True)) as database:
                 stated = {str(name): str(value) for name, value in database.execute("select name, value from metadata")}
         except sqlite3.Error:
             stated = {}

@@ -15,13 +15,15 @@ import re
 import shutil
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from qgis.PyQt.QtCore import QCoreApplication
 
-from .interpreter import command_of, environment_folder, python_in
+from .interpreter import command_of, environment_folder
+from .platforms import listed_pythons, python_candidates, python_in
 from .program import ProgramError, run_program
 from .worker import WorkerError, greet
 
@@ -31,7 +33,10 @@ OLDEST_PYTHON, NEWEST_PYTHON = (3, 11), (3, 14)
 """Those for which :data:`LOCKED` has wheels."""
 LOCKED = Path(__file__).with_name("locked_packages.txt")
 """Not named requirements.txt: there are plugins that install such a file into QGIS's Python."""
-_ASKED = f"import ensurepip, sys, venv; print({OLDEST_PYTHON} <= sys.version_info[:2] <= {NEWEST_PYTHON})"
+_ASKED = (
+    "import ctypes, ensurepip, sqlite3, ssl, sys, venv; "  # without QGIS's PATH, libraries of some of these are missing
+    f"print({OLDEST_PYTHON} <= sys.version_info[:2] <= {NEWEST_PYTHON})"
+)
 _OFFLINE = re.compile("NewConnectionError|NameResolutionError|ConnectTimeout|ProxyError|SSLError|Retrying")
 OnLine = Callable[[str], None]
 IsCancelled = Callable[[], bool]
@@ -169,11 +174,10 @@ def base_python(is_cancelled: IsCancelled) -> str:
     Raises:
         InstallError: if there is none.
     """
-    prefix = Path(sys.base_prefix)
-    running = Path(sys.executable or "")  # in the desktop on Windows that is QGIS
-    candidates = [str(running)] if running.stem.lower().startswith("python") else []
-    candidates += [str(prefix / name) for name in ("python.exe", "bin/python3") if (prefix / name).is_file()]
-    candidates += [found for found in map(shutil.which, ("python3", "python")) if found]
+    candidates = python_candidates(sys.platform, Path(sys.executable or ""), Path(sys.base_prefix))
+    if sys.platform == "win32" and (launcher := shutil.which("py")):
+        with suppress(ProgramError):
+            candidates += listed_pythons(run_program([launcher, "--list-paths"], lambda _line: None, is_cancelled))
     for candidate in dict.fromkeys(candidates):
         try:
             if run_program([candidate, "-I", "-c", _ASKED], lambda _line: None, is_cancelled).strip() == "True":

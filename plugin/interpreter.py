@@ -10,13 +10,14 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from qgis.core import QgsApplication, QgsSettings
 from qgis.PyQt.QtCore import QCoreApplication, QStandardPaths
+
+from .platforms import python_in
 
 tr = partial(QCoreApplication.translate, "Interpreter")
 
@@ -87,11 +88,6 @@ def environment_folder() -> Path:
     """Folder of the plugin's own environment: per user, beside QGIS's profiles, never in QGIS's Python."""
     data = QStandardPaths.writableLocation(QStandardPaths.StandardLocation.GenericDataLocation)
     return Path(data or QgsApplication.qgisSettingsDirPath()) / "furrowmap" / "environment"
-
-
-def python_in(folder: Path) -> Path:
-    """The interpreter of an environment. It works after the folder is renamed; the scripts beside it do not."""
-    return folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
 
 
 def is_usable(interpreter: Interpreter | None) -> bool:

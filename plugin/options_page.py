@@ -24,7 +24,8 @@ from qgis.PyQt.QtWidgets import (
 
 from .dock.form_parts import button, side_by_side
 from .installer import InstallError, check, create_environment, remove_environment
-from .interpreter import CHOSEN_KEY, command_of, environment_folder, find_interpreter, python_in, why
+from .interpreter import CHOSEN_KEY, command_of, environment_folder, find_interpreter, why
+from .platforms import python_in
 from .program import ProgramError
 from .worker import WorkerError
 

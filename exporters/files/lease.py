@@ -64,10 +64,11 @@ def hold_lease(folder: Path) -> Iterator[Path]:
     finally:
         stopped.set()
         heart.join()
-        if (own / COMPLETE).exists():
-            (own / _ENDED).touch()
-        else:
+        if not (own / COMPLETE).exists():
             shutil.rmtree(own, ignore_errors=True)
+        if own.exists():  # or Windows has not removed a file in it that is open
+            with suppress(OSError):
+                (own / _ENDED).touch()
 
 
 def leases(folder: Path) -> list[Path]:

@@ -106,13 +106,13 @@ if sys.platform == "win32":
             return bool(_KERNEL.WaitForSingleObject(handle, 0) != _WAIT_OBJECT_0)
 
     def _started(process: int) -> int:
-        """Start of a process in units of 100 ns since 1601; 0 where it is not reported."""
+        """Start of a process in milliseconds since 1601; 0 where it is not reported."""
         times = (ctypes.c_uint64 * 4)()
         with _opened(process) as handle:
             if handle:
                 places = (ctypes.byref(times, 8 * k) for k in range(4))
                 _KERNEL.GetProcessTimes(handle, *places)
-        return int(times[0])
+        return int(times[0]) // 10_000
 
 else:
 

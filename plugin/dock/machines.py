@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from ..platforms import user_data
 from .session_lines import SessionLines
 
 MACHINE_SUFFIX = ".toml"
@@ -36,15 +37,7 @@ _SCHEMA = re.compile(r"^furrowmap_machine\s*=", re.MULTILINE)
 def machines_folder() -> Path:
     """The folder of the saved machines, the same as that of the command line; it need not exist."""
     stated = os.environ.get("FURROWMAP_MACHINES")
-    if stated:
-        return Path(stated)
-    if sys.platform == "win32":
-        data = Path(os.environ.get("APPDATA") or Path.home() / "AppData" / "Roaming")
-    elif sys.platform == "darwin":
-        data = Path.home() / "Library" / "Application Support"
-    else:
-        data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
-    return data / "furrowmap" / "machines"
+    return Path(stated) if stated else user_data(sys.platform, os.environ, Path.home()) / "furrowmap" / "machines"
 
 
 def machine_names() -> list[str]:

@@ -19,17 +19,14 @@ from typing import Any, Final
 
 LENGTH: Final = struct.Struct("<q")
 MAX_MEMORY_BYTES: Final = 2 << 30
-"""Bytes of address space: no order needs a quarter of it."""
+"""Bytes of address space, or of memory on Windows: no order needs a quarter of it."""
 
 
 def main() -> None:
     """Answer orders until standard input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # who started the process ends it
-    if sys.platform != "win32":
-        with suppress(ImportError, OSError, ValueError):  # a lower limit is in force
-            import resource
-
-            resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
+    with suppress(ImportError, OSError, ValueError):  # a lower limit is in force
+        _limit_memory()
     sys.path.append(sys.argv[1])
     answers = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)
@@ -60,6 +57,30 @@ def main() -> None:
         answers.write(LENGTH.pack(length))
         while rest:
             rest = rest[answers.write(rest) :]
+
+
+if sys.platform == "win32":
+
+    def _limit_memory() -> None:
+        """Put this process into a job, whose limits hold until it ends."""
+        import ctypes
+
+        limits = (ctypes.c_uint64 * 18)()  # JOBOBJECT_EXTENDED_LIMIT_INFORMATION on a 64-bit Windows
+        limits[2] = 0x100  # LimitFlags: JOB_OBJECT_LIMIT_PROCESS_MEMORY
+        limits[14] = MAX_MEMORY_BYTES  # ProcessMemoryLimit
+        kernel = ctypes.WinDLL("kernel32")
+        kernel.CreateJobObjectW.restype = kernel.GetCurrentProcess.restype = ctypes.c_void_p
+        job, extended = ctypes.c_void_p(kernel.CreateJobObjectW(None, None)), 9
+        if kernel.SetInformationJobObject(job, extended, limits, ctypes.sizeof(limits)):
+            kernel.AssignProcessToJobObject(job, ctypes.c_void_p(kernel.GetCurrentProcess()))
+
+else:
+
+    def _limit_memory() -> None:
+        """Limit the address space; macOS takes the limit but does not keep to it."""
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
 
 
 def _stream(order: dict[str, Any]) -> Any:
