@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import datetime as dt
 import io
 import re
@@ -29,6 +30,10 @@ _POSITION_NAME: Final = re.compile(
 )
 _FIELD_PATTERN: Final = re.compile(rb"[^,;\s]+")
 _WHOLE_DIGITS: Final = re.compile(rb'^"?[-+]?\d*')
+_NO_VALUE: Final = frozenset(
+    {"", "na", "n/a", "#n/a", "#na", "<na>", "null", "none", "1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan"}
+)
+"""What programs write in an empty field, in lower case; float() knows `nan`."""
 
 
 @dataclass(frozen=True)
@@ -188,45 +193,53 @@ class CsvFile(Source):
 
     def _numbers(self, piece: bytes, columns: Sequence[str], line: int) -> FloatArray:
         """Rows (n, k) of the numbers in some columns of complete lines; nan where a field is empty."""
-        import pandas as pd  # takes as long as importing all readers
-
-        places = [self.names.index(name) for name in columns]
-        try:
-            frame = pd.read_csv(
-                io.BytesIO(piece),
-                sep=self._separator,
-                header=None,
-                names=list(range(len(self.names))),
-                usecols=places,
-                index_col=False,
-                dtype=np.float64,
-                skipinitialspace=True,
-                encoding="latin-1",
-            )
-        except pd.errors.EmptyDataError:
+        places = {name: self.names.index(name) for name in columns}
+        if not piece.strip():
             return np.empty((0, len(places)))
-        except (ValueError, OverflowError, pd.errors.ParserError):
-            raise self._bad_field(piece, dict(zip(columns, places, strict=True)), line) from None
-        return np.asarray(frame[places].to_numpy())
+        try:
+            numbers: FloatArray = np.loadtxt(
+                io.TextIOWrapper(io.BytesIO(self._with_nan(piece)), "latin-1"),
+                np.float64,
+                comments=None,
+                delimiter=self._separator,
+                quotechar='"',
+                usecols=list(places.values()),
+                ndmin=2,
+            )
+        except ValueError:  # a word for an empty field, a line with too few fields, or no number
+            return np.array(list(self._rows_by_field(piece, places, line))).reshape(-1, len(places))
+        return numbers
 
-    def _bad_field(self, piece: bytes, places: Mapping[str, int], line: int) -> InputError:
-        """The error of lines that are not rows of numbers, with the first such field."""
+    def _with_nan(self, piece: bytes) -> bytes:
+        """Complete lines with `nan` in empty fields, which numpy would refuse."""
+        mark = self._separator.encode()
+        piece = piece.replace(mark + mark, mark + b"nan" + mark).replace(mark + mark, mark + b"nan" + mark)
+        piece = piece.replace(mark + b"\n", mark + b"nan\n").replace(mark + b"\r\n", mark + b"nan\r\n")
+        piece = piece.replace(b"\n" + mark, b"\nnan" + mark)
+        return b"nan" * piece.startswith(mark) + piece + b"nan" * piece.endswith(mark)
+
+    def _rows_by_field(self, piece: bytes, places: Mapping[str, int], line: int) -> Iterator[list[float]]:
+        """Rows of the numbers in some columns; nan where a field is empty or missing.
+
+        Raises:
+            InputError: with the line, if a field is no number.
+        """
         for k, text in enumerate(piece.decode("latin-1").split("\n")):
-            fields = [field.strip().strip('"') for field in text.split(self._separator)]
+            where = f"{self.path}, line {line + k}"
+            try:
+                fields = next(csv.reader([text.strip(" \r")], delimiter=self._separator, skipinitialspace=True))
+            except csv.Error:
+                raise InputError("not-a-number", where=where, what="the line is no row of numbers") from None
+            row = []
             for name, place in places.items():
-                if place < len(fields) and not _is_number(fields[place]):
-                    what = f"column `{name}` holds {fields[place][:40]!r}"
-                    return InputError("not-a-number", where=f"{self.path}, line {line + k}", what=what)
-        where = f"{self.path}, from line {line}"
-        return InputError("not-a-number", where=where, what="the lines are not rows of numbers")
-
-
-def _is_number(field: str) -> bool:
-    try:
-        float(field or "nan")
-    except ValueError:
-        return field.lower() in ("na", "n/a", "null", "none")
-    return True
+                field = fields[place].strip() if place < len(fields) else ""
+                try:
+                    row.append(np.nan if field.lower() in _NO_VALUE else float(field))
+                except ValueError:
+                    what = f"column `{name}` holds {field[:40]!r}"
+                    raise InputError("not-a-number", where=where, what=what) from None
+            if any(fields):
+                yield row
 
 
 def head_columns(head: Head) -> list[str]:
