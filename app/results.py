@@ -14,6 +14,7 @@ from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.files import result_folder
 from furrowmap.exporters.files.result_folder import CHANGE, CLOUD, DSM, DSM_BEFORE, ResultFolder
+from furrowmap.exporters.files.vector_layers import geodataframe
 from furrowmap.points import Points, open_points
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class Layers(Mapping[str, "geopandas.GeoDataFrame"]):
     def __getitem__(self, name: str) -> geopandas.GeoDataFrame:
         if name not in self._folder.layer_names:
             raise KeyError(name)
-        return self._folder.layer(name)
+        return geodataframe(self._folder.layer(name))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._folder.layer_names)
@@ -114,9 +115,9 @@ class Result:
         """The layer of that name.
 
         Raises:
-            InputError: if the run did not write it, or it is damaged.
+            InputError: if the run did not write it, it is damaged, or geopandas is not installed.
         """
-        return self._folder.layer(name)
+        return geodataframe(self._folder.layer(name))
 
     @property
     def layers(self) -> Layers:

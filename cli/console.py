@@ -5,10 +5,11 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import click
 
@@ -20,6 +21,10 @@ from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.process import reporting_compilation
 
 log = logging.getLogger("furrowmap.cli")
+
+CLEARED_LINE: Final = "\r\x1b[2K"
+"""What removes a bar from a terminal."""
+BAR_WIDTH: Final = 30
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,7 @@ class Console:
         """Write a message during the work."""
         log.info(text)
         if not (self.quiet or self.verbose):
-            click.echo(text, err=True)
+            click.echo(f"{CLEARED_LINE}{text}" if sys.stderr.isatty() else text, err=True)
 
     def warn(self, notice: Notice) -> None:
         """Write a warning."""
@@ -79,8 +84,13 @@ class Console:
             if self.quiet or self.verbose or not sys.stderr.isatty():
                 yield _stages_to_log()
             else:
-                with _bars(transient=passing) as progress:
-                    yield progress
+                bar = _Bar(passing=passing)
+                try:
+                    yield bar.show
+                    bar.end()
+                except BaseException:
+                    bar.leave()
+                    raise
 
 
 def _stages_to_log() -> Progress:
@@ -95,37 +105,45 @@ def _stages_to_log() -> Progress:
     return show
 
 
-@contextmanager
-def _bars(*, transient: bool) -> Iterator[Progress]:
-    from rich.console import Console as RichConsole
-    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as RichProgress
+class _Bar:
+    """A bar for the stage that runs, with its share and the remaining time; a stage ends when the next begins."""
 
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(compact=True, elapsed_when_finished=True),
-    )
-    console = RichConsole(stderr=True, no_color=colour() is False)
-    with RichProgress(*columns, console=console, transient=transient) as bar:
-        tasks: dict[str, Any] = {}
+    def __init__(self, *, passing: bool) -> None:
+        self._passing = passing
+        self._begun_s: dict[str, float] = {}
+        self._percent = 0
 
-        def show(stage: str, share: float) -> None:
-            INTERRUPTION.check()
-            if stage not in tasks:
-                log.info(stage)
-                end_stages()
-                tasks[stage] = bar.add_task(stage, total=None)  # a moving bar until a share is known
-            if share > 0.0:
-                bar.update(tasks[stage], total=1.0, completed=min(share, 1.0))
+    def show(self, stage: str, share: float) -> None:
+        """Draw the progress of a stage."""
+        INTERRUPTION.check()
+        percent = min(int(100.0 * share), 100)
+        if stage not in self._begun_s:
+            log.info(stage)
+            self.end()
+            self._begun_s[stage] = time.monotonic()
+            self._draw(percent)
+        elif stage == next(reversed(self._begun_s)) and percent > self._percent:
+            self._draw(percent)
 
-        def end_stages() -> None:
-            for task in tasks.values():
-                bar.update(task, total=1.0, completed=1.0)
+    def end(self) -> None:
+        """Draw the last stage as finished, or remove its bar."""
+        if self._begun_s:
+            self._draw(100)
+            self.leave()
 
-        yield show
-        end_stages()
+    def leave(self) -> None:
+        """Leave the bar as it is, or remove it."""
+        if self._begun_s:
+            click.echo(CLEARED_LINE if self._passing else "", nl=not self._passing, err=True)
+
+    def _draw(self, percent: int) -> None:
+        self._percent = percent
+        stage, begun_s = next(reversed(self._begun_s.items()))
+        passed_s = time.monotonic() - begun_s
+        seconds = round(passed_s * (100 - percent) / percent if 0 < percent < 100 else passed_s)
+        clock = f"{seconds // 60}:{seconds % 60:02}" if percent else "-:--"
+        drawn = "#" * (BAR_WIDTH * percent // 100)
+        click.echo(f"{CLEARED_LINE}{stage} [{drawn:.<{BAR_WIDTH}}] {percent:3} % {clock}", nl=False, err=True)
 
 
 def put_json(value: object) -> None:

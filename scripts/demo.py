@@ -14,9 +14,6 @@ import sys
 import time
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 from furrowmap.core.values.margins import margin
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -33,25 +30,23 @@ def furrowmap(*arguments: str) -> None:
         sys.exit(status)
 
 
-def summary(result: Path, seconds: float) -> Table:
-    """A table of the main results."""
+def summary(result: Path, seconds: float) -> str:
+    """The main results, and the size of each product."""
     report = json.loads((result / "report.json").read_text(encoding="utf-8"))
     figures, whole_s = report["figures"], report["timings"]["whole"]
     east, north, up = (margin(report["accuracy"][f"sigma_{axis}_m"]["median"], " cm", 100) for axis in "enh")
-    table = Table("", "", title=report["session"]["name"], title_justify="left", show_header=False)
-    table.add_row("points", f"{figures['points']:,} in {figures['scans']} scans")
-    table.add_row("distance", f"{figures['distance_m']:.0f} m in {figures['duration_s']:.0f} s")
-    twice_m2, missed_m2 = figures["overlap_area_m2"], figures["missed_area_m2"]
-    table.add_row("worked ground", f"{figures['worked_area_m2']:.1f} m² in {figures['passes']} passes")
-    table.add_row("worked twice, missed", f"{twice_m2:.1f} m², {missed_m2:.1f} m²")
-    table.add_row("map frame", f"{figures['crs']}, {figures['heights']} heights")
-    table.add_row("positions (95 %, median)", f"{east} east, {north} north, {up} up")
-    table.add_row("furrowmap run", f"{whole_s:.1f} s")
-    table.add_row("whole demo", f"{seconds:.0f} s")
-    table.add_section()
-    for path in sorted(result.iterdir()):
-        table.add_row(path.name, f"{path.stat().st_size / 1e6:,.2f} MB")
-    return table
+    rows = {
+        "points": f"{figures['points']:,} in {figures['scans']} scans",
+        "distance": f"{figures['distance_m']:.0f} m in {figures['duration_s']:.0f} s",
+        "worked ground": f"{figures['worked_area_m2']:.1f} m² in {figures['passes']} passes",
+        "worked twice, missed": f"{figures['overlap_area_m2']:.1f} m², {figures['missed_area_m2']:.1f} m²",
+        "map frame": f"{figures['crs']}, {figures['heights']} heights",
+        "positions (95 %, median)": f"{east} east, {north} north, {up} up",
+        "furrowmap run": f"{whole_s:.1f} s",
+        "whole demo": f"{seconds:.0f} s",
+        **{path.name: f"{path.stat().st_size / 1e6:,.2f} MB" for path in sorted(result.iterdir())},
+    }
+    return "\n".join([report["session"]["name"], *(f"  {name:<24} {text}" for name, text in rows.items())])
 
 
 def main() -> None:
@@ -63,7 +58,7 @@ def main() -> None:
     picture = DEMO / "result" / "map.png"
     draw_map(DEMO / "result", picture, "Three passes beside the barn: worked ground")
     print()
-    Console().print(summary(DEMO / "result", time.perf_counter() - start))
+    print(summary(DEMO / "result", time.perf_counter() - start))
     print(f"Map: {picture}")
     print(f"Open next: {DEMO / 'result' / 'report.html'} in a browser: figures, graphs and warnings of the run")
     screen = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")

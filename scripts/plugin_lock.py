@@ -33,6 +33,8 @@ PLATFORMS = {  # (sys_platform, platform_machine) → pip's tags
     ("win32", "AMD64"): ["win_amd64"],
 }
 SYSTEMS = {"linux": "Linux", "darwin": "Darwin", "win32": "Windows"}
+EXTRAS = ("bags",)
+"""What the plugin installs besides: recordings in ROS bags are opened from its dock."""
 Target = tuple[str, str, str]  # sys_platform, platform_machine, Python
 HEAD = """\
 # The dependencies of furrowmap, with the SHA-256 of their wheels: what the plugin installs into its environment.
@@ -48,7 +50,7 @@ def pinned() -> dict[str, str]:
 
 
 def needed(target: Target) -> set[str]:
-    """Packages that furrowmap needs on a target, and those that build it from a checkout."""
+    """Packages that furrowmap needs on a target with some extras, and those that build it from a checkout."""
     platform, machine, python = target
     environment = {
         "sys_platform": platform,
@@ -63,6 +65,7 @@ def needed(target: Target) -> set[str]:
     }
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
     waiting = [*project["project"]["dependencies"], *project["build-system"]["requires"]]
+    waiting += [text for extra in EXTRAS for text in project["project"]["optional-dependencies"][extra]]
     found: set[str] = set()
     while waiting:
         requirement = Requirement(waiting.pop())

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 import web_bundle
 from installing import CHECKOUT, CannotInstallError, apt_install
 
-EXTRAS = "cluster,csf,notebooks,parquet,photo,postgis,remote,trials,xarray"
+EXTRAS = "bags,cluster,csf,notebooks,parquet,photo,postgis,remote,trials,xarray"
 
 
 def main(folder: str = ".venv", group: str = "dev", constraints: str = "constraints.txt") -> None:

@@ -54,7 +54,7 @@ def read_fields(path: Path) -> list[FieldOutline]:
         apart = datum_shift_m(base, round(middle.x, 1), round(middle.y, 1))
     except InputError:
         raise
-    except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS, PROJ and pandas have no family of their own
+    except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS and PROJ have no family of their own
         raise _unreadable(path, str(error) or type(error).__name__) from None
     if apart is not None and apart > LARGEST_DATUM_SHIFT_M:
         raise InputError("boundary-datum", path=path, base=base.name, apart=apart)

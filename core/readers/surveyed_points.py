@@ -9,12 +9,14 @@ from typing import Any, Final
 
 import numpy as np
 import pyproj
+import shapely
 
 from furrowmap.core.geodesy.crs_change import crs_change
 from furrowmap.core.readers.areas.area import nothing_within, read_area
 from furrowmap.core.readers.areas.polygon_file import horizontal_part
 from furrowmap.core.readers.text_table import TextTable, read_table
 from furrowmap.core.readers.vector_file import named_by_content
+from furrowmap.core.readers.vector_layer import read_vector_layer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 
@@ -154,26 +156,18 @@ def in_degrees(path: Path) -> bool:
 
 
 def _from_geopackage(path: Path) -> tuple[dict[str, Any], pyproj.CRS | None]:
-    import geopandas
-    import shapely
-
     try:
         with named_by_content(path) as named:
-            table = geopandas.read_file(named, engine="pyogrio")
-    except Exception as error:  # noqa: BLE001 GDAL's and pandas' errors have no family of their own
+            layer = read_vector_layer(named, times_as_text=True)
+    except Exception as error:  # noqa: BLE001 the errors of GDAL have no family of their own
         raise _unreadable(path, f"cannot be read ({str(error)[:100]})") from None
-    if not isinstance(table, geopandas.GeoDataFrame):
-        raise _unreadable(path, "holds a table without geometries as its first layer")
-    shapes = np.asarray(table.geometry.array, object)
-    if not len(shapes) or not all(isinstance(shape, shapely.Point) for shape in shapes):
+    if not len(layer) or not all(isinstance(shape, shapely.Point) for shape in layer.shapes):
         raise _unreadable(path, "holds other geometries than points in its first layer")
-    attributes = table.drop(columns=table.geometry.name)
-    cells = {str(name).strip().casefold(): attributes[name].astype(str).tolist() for name in attributes.columns}
-    _, columns = _columns(TextTable(cells, list(range(1, 1 + len(shapes))), decimal_comma=False))
-    columns["x"], columns["y"] = shapely.get_x(shapes), shapely.get_y(shapes)
-    z = shapely.get_z(shapes)
+    cells = {name.strip().casefold(): values.astype(str).tolist() for name, values in layer.columns.items()}
+    _, columns = _columns(TextTable(cells, list(range(1, 1 + len(layer))), decimal_comma=False))
+    columns["x"], columns["y"], z = layer.coordinates.T
     columns["h"] = np.where(np.isfinite(z), z, columns["h"])
-    return columns, pyproj.CRS.from_user_input(table.crs) if table.crs is not None else None
+    return columns, layer.crs
 
 
 def _columns(table: TextTable) -> tuple[dict[str, str | None], dict[str, Any]]:

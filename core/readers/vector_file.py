@@ -22,6 +22,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
 from furrowmap.core.readers.text_table import number_or_text
+from furrowmap.core.readers.vector_layer import read_vector_layer
 from furrowmap.core.readers.zipped_layer import ZIP, unpacked_layer
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.foreign_content import binary_kind
@@ -161,7 +162,7 @@ def read_polygons(path: Path, unreadable: Unreadable) -> Polygons:
         raise
     except InputError as error:
         raise unreadable(error.what.removeprefix(f"{path}: ").rstrip(".")) from None
-    except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS, PROJ and pandas have no family of their own
+    except Exception as error:  # noqa: BLE001 the errors of GDAL, GEOS and PROJ have no family of their own
         raise unreadable(str(error) or type(error).__name__) from None
     if not found.shapes:
         raise unreadable(f"{found.others} features, but no polygon")
@@ -206,20 +207,12 @@ def _is_json(head: bytes) -> bool:
 
 
 def _by_gdal(path: Path) -> Polygons:
-    import geopandas  # half a second, and most sessions name no vector file
-    import pandas as pd
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a ring that is not closed is closed
-        table = geopandas.read_file(path, engine="pyogrio")
-    if not isinstance(table, geopandas.GeoDataFrame):
-        raise ValueError("its first layer is a table without geometries")  # noqa: TRY004 of the file, not of a type
-    kept = np.array([isinstance(shape, shapely.Polygon | shapely.MultiPolygon) for shape in table.geometry], bool)
-    if kept.any() and table.crs is None:
+        layer = read_vector_layer(path, times_as_text=True)
+    kept = np.array([isinstance(shape, shapely.Polygon | shapely.MultiPolygon) for shape in layer.shapes], bool)
+    if kept.any() and layer.crs is None:
         raise ValueError("it states no CRS")
-    polygons = table[kept]
-    columns = polygons.drop(columns=table.geometry.name).astype(object)
-    rows = columns.where(~pd.isna(columns), None).to_dict("records")
-    shapes = tuple(shapely.force_2d(np.array(polygons.geometry, object)))
-    attributes = tuple({str(name): value for name, value in row.items()} for row in rows)
-    return Polygons(shapes, attributes, CRS.from_user_input(table.crs or 4326), len(table) - len(shapes))
+    polygons = layer.where(kept)
+    shapes = tuple(shapely.force_2d(polygons.shapes))
+    return Polygons(shapes, tuple(polygons.rows()), layer.crs or CRS.from_epsg(4326), len(layer) - len(shapes))

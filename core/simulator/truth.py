@@ -131,8 +131,7 @@ def swept(sweep: ToolSweep, width_m: float) -> shapely.Polygon | shapely.MultiPo
 
 def write_worked(file: Path, sweeps: list[ToolSweep], width_m: float, site: SimulatedSite) -> dict[str, Any]:
     """The layers passes, coverage and overlaps; their figures."""
-    import geopandas as gpd
-    import pyogrio
+    import pyogrio.raw
 
     corner = np.array([site.e0_m, site.n0_m])
     found = [shapely.transform(swept(sweep, width_m), lambda xy: xy + corner) for sweep in sweeps]
@@ -140,20 +139,20 @@ def write_worked(file: Path, sweeps: list[ToolSweep], width_m: float, site: Simu
     lengths = [float(np.hypot(np.diff(sweep.e_m), np.diff(sweep.n_m)).sum()) for sweep in sweeps]
     passes = {
         "pass": np.arange(1, len(sweeps) + 1),
-        "start": [_iso(site, sweep.begin_s) for sweep in sweeps],
-        "end": [_iso(site, sweep.end_s) for sweep in sweeps],
-        "t_start_s": [site.t0_s + sweep.begin_s for sweep in sweeps],
-        "t_end_s": [site.t0_s + sweep.end_s for sweep in sweeps],
-        "length_m": lengths,
-        "width_m": [width_m] * len(sweeps),
-        "area_m2": [float(shape.area) for shape in shapes],
+        "start": np.array([_iso(site, sweep.begin_s) for sweep in sweeps], object),
+        "end": np.array([_iso(site, sweep.end_s) for sweep in sweeps], object),
+        "t_start_s": np.array([site.t0_s + sweep.begin_s for sweep in sweeps], np.float64),
+        "t_end_s": np.array([site.t0_s + sweep.end_s for sweep in sweeps], np.float64),
+        "length_m": np.array(lengths, np.float64),
+        "width_m": np.full(len(sweeps), width_m),
+        "area_m2": np.array([shape.area for shape in shapes], np.float64),
     }
     coverage = shapely.union_all(shapes)
     overlaps = _overlaps(shapes)
     layers = {
         "passes": (passes, [_multi(shape) for shape in shapes], "MultiPolygon"),
         "coverage": (
-            {"area_m2": [float(coverage.area)] * (len(shapes) > 0)},
+            {"area_m2": np.array([coverage.area] * (len(shapes) > 0), np.float64)},
             [_multi(coverage)] * (len(shapes) > 0),
             "MultiPolygon",
         ),
@@ -171,8 +170,16 @@ def write_worked(file: Path, sweeps: list[ToolSweep], width_m: float, site: Simu
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": _iso(site, 0.0)})
     try:
         for layer, (columns, geometry, kind) in layers.items():
-            table = gpd.GeoDataFrame(columns, geometry=geometry, crs=site.crs)
-            table.to_file(file, layer=layer, driver="GPKG", engine="pyogrio", geometry_type=kind)
+            pyogrio.raw.write(
+                file,
+                shapely.to_wkb(np.array(geometry, object)),
+                list(columns.values()),
+                list(columns),
+                layer=layer,
+                driver="GPKG",
+                geometry_type=kind,
+                crs=site.crs,
+            )
     finally:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": None})
     total = float(sum(shape.area for shape in shapes))

@@ -7,15 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 from xml.etree import ElementTree as ET
 from zoneinfo import ZoneInfo
 
 import numpy as np
-import pandas as pd
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
+from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.errors import Notice, printable
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
@@ -24,9 +24,6 @@ from furrowmap.exporters.files.result_folder import TRAJECTORY, packaged_style, 
 from furrowmap.exporters.reports.drawings import pass_colour
 from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
 from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES, VALUES
-
-if TYPE_CHECKING:
-    import geopandas as gpd
 
 _NAMESPACE: Final = "http://www.opengis.net/kml/2.2"
 _TITLES: Final = ("pass", "kind", "zone", "implement", "scan")
@@ -50,7 +47,7 @@ class _KmlStyles:
         return _style_name(layer, value if value in self.by_value else "")
 
 
-def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin, zone: ZoneInfo) -> list[Notice]:
+def write_kml(path: Path, layers: Mapping[str, VectorLayer], origin: Origin, zone: ZoneInfo) -> list[Notice]:
     """Write one KML file with a folder a layer; the trajectory becomes a line for each quality of its positions.
 
     Layers are in WGS 84; heights are left out, as viewers relate them to their own terrain model.
@@ -76,8 +73,7 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
             _add_lines(folder, layer, styles[name])
             notices.append(Notice("kml-trajectory"))
         else:
-            for row in layer.to_dict("records"):
-                shape = row.pop(str(layer.geometry.name))
+            for shape, row in zip(layer.shapes, layer.rows(), strict=True):
                 if shape is not None and not shape.is_empty:
                     _add_placemark(folder, name, shape, row, styles[name], zone)
     ET.indent(root)
@@ -85,7 +81,7 @@ def write_kml(path: Path, layers: Mapping[str, gpd.GeoDataFrame], origin: Origin
     return notices
 
 
-def _read_styles(name: str, layer: gpd.GeoDataFrame) -> _KmlStyles:
+def _read_styles(name: str, layer: VectorLayer) -> _KmlStyles:
     """Styles of a layer, from its packaged QGIS style."""
     if f"{name}.qml" not in packaged_styles():
         return _KmlStyles(None, {"": _DEFAULT_COLOURS})
@@ -95,8 +91,8 @@ def _read_styles(name: str, layer: gpd.GeoDataFrame) -> _KmlStyles:
     mark, fill = symbols["0"]
     if name == _PASSES:
         # A damaged layer may have something else in place of numbers.
-        passes = pd.to_numeric(layer["pass"], errors="coerce") if "pass" in layer else np.empty(0)
-        numbers = [int(number) for number in passes[np.isfinite(passes)]]
+        values = [row.get("pass") for row in layer.rows()]
+        numbers = [int(value) for value in values if isinstance(value, int | float) and np.isfinite(value)]
         colours = {n: pass_colour(n, max(numbers)) for n in numbers}
         abgr = {str(n): (mark, f"{fill[:2]}{c[5:7]}{c[3:5]}{c[1:3]}") for n, c in colours.items()}
         return _KmlStyles("pass", {"": symbols["0"]} | abgr)
@@ -125,14 +121,12 @@ def _style_name(layer: str, value: str) -> str:
     return "-".join([layer, *value.split()])
 
 
-def _add_lines(folder: ET.Element, trajectory: gpd.GeoDataFrame, styles: _KmlStyles) -> None:
+def _add_lines(folder: ET.Element, trajectory: VectorLayer, styles: _KmlStyles) -> None:
     """The trajectory in parts of one quality of the positions; each begins where the one before ends."""
-    points = trajectory.geometry
-    if len(points) < 2:
+    if len(trajectory) < 2:
         return
-    xy = np.column_stack([points.x, points.y])
-    known = "fix" in trajectory
-    fix = np.array([_field_text(value) or "" for value in trajectory["fix"]] if known else [""] * len(xy), object)
+    xy = trajectory.coordinates
+    fix = np.array([_field_text(row.get("fix")) or "" for row in trajectory.rows()], object)
     edges = np.flatnonzero(fix[1:] != fix[:-1]) + 1
     for begin, end in pairwise([0, *edges.tolist(), len(xy)]):
         part = xy[max(begin - 1, 0) : end]
@@ -149,9 +143,9 @@ def _add_placemark(
 ) -> None:
     """A feature with its fields; times are in a zone."""
     for name, value in row.items():
-        if isinstance(value, dt.datetime) and value == value and value.tzinfo is not None:  # NaT is not itself
+        if isinstance(value, dt.datetime):
             row[name] = value.astimezone(zone)
-    fields = {str(name): text for name, value in row.items() if (text := _field_text(value)) is not None}
+    fields = {name: text for name, value in row.items() if (text := _field_text(value)) is not None}
     mark = ET.SubElement(folder, "Placemark")
     key = next((key for key in _TITLES if key in fields), None)
     _text(mark, "name", layer if key is None else f"{key} {fields[key]}" if key == "pass" else fields[key])
@@ -193,11 +187,10 @@ def _coordinates(xy: Any) -> str:
 
 def _field_text(value: Any) -> str | None:
     """A field's value as text; None for NULL."""
-    if value is None or value != value:  # as nan and NaT do
+    if value is None:
         return None
-    if hasattr(value, "isoformat"):
-        text = str(value.isoformat(timespec="milliseconds"))
-        return text.replace("+00:00", "Z") if value.tzinfo is not None else f"{text}Z"
+    if isinstance(value, dt.datetime):
+        return value.isoformat(timespec="milliseconds").replace("+00:00", "Z")
     return f"{value:.4f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import zipfile
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -21,6 +21,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.readers.isoxml.files import MAIN
 from furrowmap.core.readers.isoxml.tasks import ACTUAL_WIDTH, EFFECTIVE_DISTANCE, EFFECTIVE_TIME, TOTAL_AREA, WORK_STATE
 from furrowmap.core.readers.isoxml.time_log import EPOCH_S
+from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.values.gnss import Fix
@@ -30,9 +31,6 @@ from furrowmap.exporters.exchange.vectors import changed_crs
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.result_folder import BOUNDARY, TRAJECTORY, ResultFolder
 from furrowmap.exporters.files.staging import staged_folder
-
-if TYPE_CHECKING:
-    import geopandas as gpd
 
 WGS84: Final = Geod(ellps="WGS84")
 
@@ -71,7 +69,7 @@ def write_task_data(result: ResultFolder, target: Path) -> list[Notice]:
     t_s, state, fix, tool = _tool_records(result, implement)
     outline, notices = _boundary(result, implement)
     layers, changed = changed_crs({"tool": tool}, CRS("EPSG:4326"))
-    place = shapely.get_coordinates(layers["tool"].geometry.to_numpy(), include_z=True)
+    place = layers["tool"].coordinates
     header = ET.Element("TIM", A="", D="4")
     ET.SubElement(header, "PTN", dict.fromkeys("ABCDHI", ""))
     for ddi in (WORK_STATE, ACTUAL_WIDTH):
@@ -94,54 +92,49 @@ def write_task_data(result: ResultFolder, target: Path) -> list[Notice]:
 
 def _tool_records(
     result: ResultFolder, implement: dict[str, Any]
-) -> tuple[FloatArray, NDArray[np.int8], NDArray[np.uint8], gpd.GeoDataFrame]:
+) -> tuple[FloatArray, NDArray[np.int8], NDArray[np.uint8], VectorLayer]:
     """(t_s, state, fix, place) of the records: the poses, and the times at which the tool was lowered or lifted."""
-    import geopandas as gpd
-
-    poses, passes = result.layer(TRAJECTORY), _of_tool(result.layer("passes"), implement)
-    t_s = poses["t_s"].to_numpy(np.float64)
-    attitude = (poses[f"{name}_deg"].to_numpy(np.float64) for name in ("roll", "pitch", "heading"))
+    layer, passes = result.layer(TRAJECTORY), _of_tool(result.layer("passes"), implement)
+    poses = layer.columns
+    t_s = poses["t_s"]
+    attitude = (poses[f"{name}_deg"] for name in ("roll", "pitch", "heading"))
     turn = quaternion_to_matrix(attitude_to_quaternion(*attitude))
-    origin = shapely.get_coordinates(poses.geometry.to_numpy(), include_z=True)
-    xyz = origin + turn @ np.array([*implement["xy_m"], 0.0])
+    xyz = layer.coordinates + turn @ np.array([*implement["xy_m"], 0.0])
     begin_s, end_s = (
-        passes[name].dt.tz_convert("UTC").dt.tz_localize(None).to_numpy("datetime64[ms]").astype(np.int64) / 1000.0
-        for name in ("start", "end")
+        passes.columns[name].astype("datetime64[ms]").astype(np.int64) / 1000.0 for name in ("start", "end")
     )
     moments = np.concatenate([begin_s, end_s])
     moments = moments[(moments > t_s[0]) & (moments < t_s[-1])]
     all_s = np.unique(np.round(np.concatenate([t_s, moments]) * 1000.0)) / 1000.0
     before = np.clip(np.searchsorted(t_s, all_s + 5e-4, side="right") - 1, 0, len(t_s) - 1)
-    words = poses["implement"].to_numpy(object)[before]
+    words = poses["implement"][before]
     state = np.select([words == ToolState.UP.label, words == ToolState.DOWN.label], [0, 0], UNDEFINED).astype(np.int8)
     for first_s, last_s in zip(begin_s.tolist(), end_s.tolist(), strict=True):
         state[(all_s >= first_s - 5e-4) & (all_s < last_s - 5e-4)] = 1
     codes = {fix.label: int(fix) for fix in Fix}
-    fix = np.array([codes.get(word, NO_STATUS) for word in poses["fix"].to_numpy(object)], np.uint8)[before]
+    fix = np.array([codes.get(word, NO_STATUS) for word in poses["fix"]], np.uint8)[before]
     place = np.column_stack([np.interp(all_s, t_s, xyz[:, k]) for k in range(3)])
-    return all_s, state, fix, gpd.GeoDataFrame(geometry=shapely.points(place), crs=poses.crs)
+    return all_s, state, fix, VectorLayer(shapely.points(place), {}, layer.crs)
 
 
-def _of_tool(layer: gpd.GeoDataFrame, implement: dict[str, Any]) -> gpd.GeoDataFrame:
+def _of_tool(layer: VectorLayer, implement: dict[str, Any]) -> VectorLayer:
     """The features of the tool that moves the soil, where a layer has those of several."""
-    return layer[layer["tool"] == implement["name"]] if "tool" in layer else layer
+    return layer.where(layer.columns["tool"] == implement["name"]) if "tool" in layer.columns else layer
 
 
 def _boundary(result: ResultFolder, implement: dict[str, Any]) -> tuple[BaseGeometry, list[Notice]]:
     """The field's boundary in longitude and latitude: the session's, or the outline of the worked ground."""
-    import geopandas as gpd
-
     if BOUNDARY in result.layer_names:
         changed, _ = changed_crs({BOUNDARY: result.layer(BOUNDARY)}, CRS("EPSG:4326"))
-        return shapely.union_all(changed[BOUNDARY].geometry.to_numpy()), []
+        return shapely.union_all(changed[BOUNDARY].shapes), []
     notice = Notice("boundary-from-work")
     coverage = _of_tool(result.layer("coverage"), implement)
     half = 0.5 * float(implement["width_m"])
-    whole = shapely.union_all(coverage.geometry.to_numpy())
+    whole = shapely.union_all(coverage.shapes)
     closed = shapely.buffer(shapely.buffer(whole, half, join_style="mitre"), -half, join_style="mitre")
-    outline = gpd.GeoDataFrame(geometry=[shapely.simplify(closed, OUTLINE_TOLERANCE_M)], crs=coverage.crs)
+    outline = VectorLayer(np.array([shapely.simplify(closed, OUTLINE_TOLERANCE_M)]), {}, coverage.crs)
     changed, _ = changed_crs({"outline": outline}, CRS("EPSG:4326"))
-    return changed["outline"].geometry.iloc[0], [notice]
+    return changed["outline"].shapes[0], [notice]
 
 
 def _log(t_s: FloatArray, place: FloatArray, state: NDArray[np.int8], fix: NDArray[np.uint8], width_mm: int) -> bytes:

@@ -37,12 +37,12 @@ def write_trajectory(target: Path, to: str, result: ResultFolder) -> None:
     heights = str(result.report["session"]["crs"]["heights"])
     if to == SBET and heights != ELLIPSOIDAL:
         raise RefusedError("sbet-heights", folder=result.folder, heights=heights)
-    layer = result.layer(TRAJECTORY).sort_values("t_s")
+    layer = result.layer(TRAJECTORY)
+    layer = layer.where(np.argsort(layer.columns["t_s"], kind="stable"))
     crs = CRS(layer.crs)
     crs = crs.sub_crs_list[0] if crs.is_compound else crs
-    t_s = layer["t_s"].to_numpy(np.float64)
-    attitude_deg = layer[["roll_deg", "pitch_deg", "heading_deg"]].to_numpy(np.float64)
-    xyz_m = np.column_stack([layer.geometry.x, layer.geometry.y, layer.geometry.z]).astype(np.float64)
+    t_s, xyz_m = layer.columns["t_s"], layer.coordinates
+    attitude_deg = np.column_stack([layer.columns[f"{name}_deg"] for name in ("roll", "pitch", "heading")])
     to_degrees = Transformer.from_crs(crs, crs.geodetic_crs or crs, always_xy=True)
     lon_lat_deg = np.column_stack(to_degrees.transform(xyz_m[:, 0], xyz_m[:, 1])).astype(np.float64)
     with atomic_output(target) as unfinished:
@@ -65,7 +65,8 @@ def write_trajectory(target: Path, to: str, result: ResultFolder) -> None:
             np.savetxt(unfinished, table, fmt="%.6f" + " %.5f" * 3 + " %.9f" * 4)
         else:
             sigmas = [f"sigma_{name}" for name in SIGMA_NAMES]
-            table = np.column_stack([t_s, xyz_m, lon_lat_deg, attitude_deg, layer[sigmas].to_numpy(np.float64)])
+            columns = (layer.columns[name] for name in sigmas)
+            table = np.column_stack([t_s, xyz_m, lon_lat_deg, attitude_deg, *columns])
             form, head = "%.6f" + ",%.5f" * 3 + ",%.10f" * 2 + ",%.6f" * 9, ",".join([_CSV_HEAD, *sigmas])
             np.savetxt(unfinished, table, fmt=form, header=head, comments="", encoding="ascii")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import errno
 import io
 import os
@@ -9,16 +10,19 @@ import struct
 import unicodedata
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Any, Final
 from zoneinfo import ZoneInfo
 
 import numpy as np
+import shapely
+from numpy.typing import NDArray
 from pyproj import CRS
 
 from furrowmap.core.geodesy.crs_change import crs_change
+from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice
 from furrowmap.core.runtime.file_names import inside
@@ -29,11 +33,9 @@ from furrowmap.exporters.files.ogr import pyogrio
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD
 from furrowmap.exporters.files.staging import staged_folder
+from furrowmap.exporters.files.vector_layers import geodataframe, write_vector_layer
 from furrowmap.exporters.vectors.geopackage import write_styles
 from furrowmap.exporters.vectors.qgis_styles import StyleClock
-
-if TYPE_CHECKING:
-    import geopandas as gpd
 
 UTC: Final = ZoneInfo("UTC")
 WGS84_CRS: Final = CRS("EPSG:4326")
@@ -42,7 +44,7 @@ DIGITS_DEG: Final = 9
 _SHAPEFILE_NAME_BYTES: Final = 10
 """Maximum length of a field's name in a Shapefile."""
 
-Layers = Mapping[str, "gpd.GeoDataFrame"]
+Layers = Mapping[str, VectorLayer]
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,7 @@ class VectorFormat:
 
     suffix: str
     write_all: Callable[[Path, Layers, Origin, ZoneInfo], list[Notice]] | None = None
-    write_one: Callable[[Path, gpd.GeoDataFrame], None] | None = None
+    write_one: Callable[[Path, VectorLayer], None] | None = None
     notices: Callable[[Layers], list[Notice]] = lambda _: []
     crs: CRS | None = None
 
@@ -91,22 +93,22 @@ def _layer_files(folder: Path, names: Sequence[str], suffix: str) -> list[Path]:
     return paths
 
 
-def changed_crs(layers: Layers, target: CRS | None) -> tuple[dict[str, gpd.GeoDataFrame], list[Notice]]:
+def changed_crs(layers: Layers, target: CRS | None) -> tuple[dict[str, VectorLayer], list[Notice]]:
     """The layers in another CRS (None keeps theirs); heights and area fields are unchanged."""
-    import shapely
-
     filled = [layer for layer in layers.values() if len(layer)]
     if target is None or not filled:
         return dict(layers), []
-    whole = [float(v) for v in shapely.total_bounds([shapely.box(*layer.total_bounds) for layer in filled])]
-    change = crs_change(filled[0].crs, target, (whole[0], whole[1], whole[2], whole[3]))
+    whole = [float(v) for v in shapely.total_bounds([shapely.box(*layer.bounds) for layer in filled])]
+    change = crs_change(CRS(filled[0].crs), target, (whole[0], whole[1], whole[2], whole[3]))
 
     def moved(xyz: FloatArray) -> FloatArray:
         return np.column_stack([change.points(xyz[:, :2]), xyz[:, 2:]])
 
     return {
-        name: layer.set_geometry(
-            shapely.transform(layer.geometry.array, moved, include_z=bool(layer.has_z.any())), crs=target
+        name: VectorLayer(
+            shapely.transform(layer.shapes, moved, include_z=bool(shapely.has_z(layer.shapes).any())),
+            layer.columns,
+            target,
         )
         for name, layer in layers.items()
     }, list(change.notices)
@@ -116,38 +118,42 @@ def _write_geopackage(path: Path, layers: Layers, origin: Origin, zone: ZoneInfo
     """One GeoPackage with its styles."""
     for name, layer in layers.items():
         metadata = None if path.exists() else origin.metadata
-        layer.to_file(path, layer=name, driver="GPKG", engine="pyogrio", dataset_metadata=metadata)
-    times = [layer[name].dropna() for layer in layers.values() for name in ("start", "end", "time") if name in layer]
-    seconds = [moment.timestamp() for part in times if len(part) for moment in (part.min(), part.max())]
+        write_vector_layer(path, layer, name, "GPKG", metadata)
+    times = [layer.columns[k] for layer in layers.values() for k in ("start", "end", "time") if k in layer.columns]
+    known = [part[~np.isnat(part)].astype("datetime64[ms]").astype(np.int64) / 1000.0 for part in times]
+    seconds = [float(edge) for part in known if len(part) for edge in (part.min(), part.max())]
     write_styles(path, list(layers), StyleClock(zone, min(seconds), max(seconds)) if seconds else None)
     return []
 
 
-def _write_geoparquet(path: Path, layer: gpd.GeoDataFrame) -> None:
+def _write_geoparquet(path: Path, layer: VectorLayer) -> None:
     """GeoParquet 1.1, compressed by zstandard, with the bounding box of each row."""
     try:
-        layer.to_parquet(path, index=False, compression="zstd", schema_version="1.1.0", write_covering_bbox=True)
+        geodataframe(layer).to_parquet(
+            path, index=False, compression="zstd", schema_version="1.1.0", write_covering_bbox=True
+        )
     except ImportError:
         raise FurrowmapError("extra-missing.write-geoparquet") from None
 
 
-def _write_through_memory(path: Path, layer: gpd.GeoDataFrame, driver: str, **options: object) -> None:
+def _write_through_memory(path: Path, layer: VectorLayer, driver: str, **options: object) -> None:
     """One file, which GDAL lays out in memory: on a disk that is full it reports no error of the last bytes."""
     content = io.BytesIO()
-    layer.to_file(content, driver=driver, layer=path.stem, engine="pyogrio", **options)
+    write_vector_layer(content, layer, path.stem, driver, **options)
     path.write_bytes(content.getbuffer())
 
 
-def _write_shapefile(path: Path, layer: gpd.GeoDataFrame) -> None:
+def _write_shapefile(path: Path, layer: VectorLayer) -> None:
     """Shapefile with shortened names of fields, and times as text: the format has dates only."""
-    table = _with_texts(layer).rename(columns=_short_names(layer))
-    table.to_file(path, driver="ESRI Shapefile", engine="pyogrio", ENCODING="UTF-8")
+    short = _short_names(layer)
+    table = replace(layer, columns={short[name]: values for name, values in _with_texts(layer).items()})
+    write_vector_layer(path, table, path.stem, "ESRI Shapefile", ENCODING="UTF-8")
     # GDAL reports no error of the last bytes on a full disk, nor of the header that it completes at the end.
     info = pyogrio.read_info(path, force_feature_count=True)
     with path.with_suffix(".dbf").open("rb") as file:
         rows, header, row = struct.unpack("<4xIHH", file.read(12))
         whole = header + rows * row < file.seek(0, os.SEEK_END)
-    if not whole or rows != len(layer) or (info["features"], len(info["fields"])) != (rows, len(layer.columns) - 1):
+    if not whole or rows != len(layer) or (info["features"], len(info["fields"])) != (rows, len(layer.columns)):
         raise OSError(errno.EIO, "differs from what was written", str(path))
 
 
@@ -159,20 +165,29 @@ def _shortened(layers: Layers) -> list[Notice]:
     return [Notice("shapefile-names", pairs=pairs)]
 
 
-def _write_csv(path: Path, layer: gpd.GeoDataFrame) -> None:
+def _write_csv(path: Path, layer: VectorLayer) -> None:
     """CSV: points by their coordinates, other geometries as WKT, times as ISO 8601, no text that is evaluated."""
-    geometry = layer.geometry
-    table = _with_texts(layer).drop(columns=geometry.name)
-    texts = table.select_dtypes(exclude="number").columns
-    table = table.assign(**{name: table[name].map(cell, na_action="ignore") for name in texts}).rename(columns=cell)
-    if set(geometry.geom_type.dropna()) <= {"Point"}:
-        names = ("lon_deg", "lat_deg") if geometry.crs.is_geographic else ("e_m", "n_m")
-        table[names[0]], table[names[1]] = geometry.x.round(DIGITS_DEG), geometry.y.round(DIGITS_DEG)
-        if geometry.has_z.any():
-            table["h_m"] = geometry.z.round(4)
+    geographic = CRS(layer.crs).is_geographic
+    table = {cell(name): values for name, values in _with_texts(layer).items()}
+    if {shape.geom_type for shape in layer.shapes if shape is not None} <= {"Point"}:
+        x, y, z = layer.coordinates.T
+        names = ("lon_deg", "lat_deg") if geographic else ("e_m", "n_m")
+        table |= {names[0]: x.round(DIGITS_DEG), names[1]: y.round(DIGITS_DEG)}
+        if shapely.has_z(layer.shapes).any():
+            table["h_m"] = z.round(4)
     else:
-        table["wkt"] = geometry.to_wkt(rounding_precision=DIGITS_DEG if geometry.crs.is_geographic else 4)
-    table.to_csv(path, index=False, lineterminator="\n")
+        table["wkt"] = shapely.to_wkt(layer.shapes, rounding_precision=DIGITS_DEG if geographic else 4)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(table)
+        writer.writerows(zip(*(_cells(values) for values in table.values()), strict=True))
+
+
+def _cells(values: NDArray[Any]) -> list[object]:
+    """A column as cells of a CSV; empty ones where nothing is known."""
+    if values.dtype.kind == "f":
+        return ["" if np.isnan(value) else str(value) for value in values]
+    return ["" if value is None else cell(value) for value in values]
 
 
 FORMATS: Final[Mapping[str, VectorFormat]] = {
@@ -196,24 +211,21 @@ FORMATS: Final[Mapping[str, VectorFormat]] = {
 }
 
 
-def _with_texts(layer: gpd.GeoDataFrame) -> gpd.GeoDataFrame:
-    """The layer with its times as ISO 8601 UTC with milliseconds."""
-    texts = {}
-    for name, dtype in layer.dtypes.items():
-        if getattr(dtype, "kind", "") == "M":
-            times = layer[name]
-            if times.dt.tz is not None:  # GDAL gives a layer without rows no zone
-                times = times.dt.tz_convert("UTC")
-            text = times.dt.strftime("%Y-%m-%dT%H:%M:%S.%f").str[:-3] + "Z"
-            texts[str(name)] = text.where(times.notna(), None)
-    return layer.assign(**texts)
+def _with_texts(layer: VectorLayer) -> dict[str, NDArray[Any]]:
+    """The fields of a layer, times as ISO 8601 UTC with milliseconds."""
+    fields = dict(layer.columns)
+    for name, values in layer.columns.items():
+        if values.dtype.kind == "M":
+            texts = np.datetime_as_string(values, "ms", timezone="UTC").astype(object)
+            fields[name] = np.where(np.isnat(values), None, texts)
+    return fields
 
 
-def _short_names(layer: gpd.GeoDataFrame) -> dict[str, str]:
+def _short_names(layer: VectorLayer) -> dict[str, str]:
     """Names of at most ten bytes that differ in more than case: the words before the unit are cut to one length."""
     short: dict[str, str] = {}
     taken: set[str] = set()
-    for name in (str(column) for column in layer.columns if column != layer.geometry.name):
+    for name in layer.columns:
         words = name.split("_")
         room = _SHAPEFILE_NAME_BYTES
         while room > 1 and len("_".join(word[:room] for word in words).encode()) > _SHAPEFILE_NAME_BYTES:

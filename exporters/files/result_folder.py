@@ -8,20 +8,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 from zoneinfo import ZoneInfo
 
 import msgspec
 import numpy as np
 import shapely
 
+from furrowmap.core.readers.vector_layer import VectorLayer, read_vector_layer
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.runtime.file_names import inside
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.staging import recover, refuse_products
-
-if TYPE_CHECKING:
-    import geopandas as gpd
 
 CLOUD: Final = "cloud.copc.laz"
 DSM: Final = "dsm.tif"
@@ -232,21 +230,19 @@ class ResultFolder:
         except (OSError, ValueError, KeyError):  # a damaged report, or a zone that this system does not know
             return ZoneInfo("UTC")
 
-    def layer(self, name: str) -> gpd.GeoDataFrame:
+    def layer(self, name: str) -> VectorLayer:
         """The features of a layer in the session's CRS.
 
         Raises:
             InputError: if `field.gpkg` has no such layer, or is damaged.
         """
-        import geopandas as gpd
-
         if name not in self.layer_names:
             raise InputError(
                 "no-such-layer", folder=self.folder / FIELD, name=name, layer_names=", ".join(self.layer_names)
             )
         with reading_result(self.folder / FIELD):
-            layer = gpd.read_file(self.folder / FIELD, layer=name)
-            if layer.crs is None or not np.isfinite(shapely.get_coordinates(layer.geometry.to_numpy())).all():
+            layer = read_vector_layer(self.folder / FIELD, name)
+            if layer.crs is None or not np.isfinite(shapely.get_coordinates(layer.shapes)).all():
                 raise ValueError(f"layer '{name}' has no CRS, or coordinates that are not finite")
         return layer
 

@@ -89,7 +89,7 @@ def dated_surface(result: ResultFolder) -> DatedSurface:
     after = surface_file(result.folder / DSM)
     before = surface_file(result.folder / DSM_BEFORE) if (result.folder / DSM_BEFORE).is_file() else after
     known = "coverage" in result.layer_names
-    shapes = result.layer("coverage").geometry.to_numpy() if known else []
+    shapes = result.layer("coverage").shapes if known else []
     start = dt.datetime.fromisoformat(result.report["figures"]["start"])
     tool = result.report["session"].get("implement")
     worked = shapely.union_all(shapely.make_valid(np.asarray(shapes, object)))
@@ -99,10 +99,9 @@ def dated_surface(result: ResultFolder) -> DatedSurface:
 
 def _sigma(result: ResultFolder) -> FloatArray:
     """Medians over the session, no smaller than :data:`MIN_MOVE_SIGMA`."""
-    poses = result.layer("trajectory")
-    found = np.array(
-        [float(np.nanmedian(poses[name])) if poses[name].notna().any() else np.nan for name in _SIGMA_COLUMNS]
-    )
+    poses = result.layer("trajectory").columns
+    known = [poses[name][np.isfinite(poses[name])] for name in _SIGMA_COLUMNS]
+    found = np.array([float(np.median(values)) if len(values) else np.nan for values in known])
     found[3:] = np.radians(found[3:])
     found[3:5] = np.hypot(*found[3:5])  # roll and pitch are of the vehicle, whatever its heading
     out: FloatArray = np.maximum(np.where(np.isfinite(found), found, _UNKNOWN_SIGMA), MIN_MOVE_SIGMA)

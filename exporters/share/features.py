@@ -7,21 +7,19 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 from zoneinfo import ZoneInfo
 
 import numpy as np
 import shapely
 
 from furrowmap.core.geodesy.local_time import clock_words, local_time
+from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.errors import printable
 from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
 from furrowmap.exporters.share.shown_layers import LAYER_TITLES
 from furrowmap.exporters.share.symbols import LayerStyle, Symbol, layer_style
-
-if TYPE_CHECKING:
-    import geopandas as gpd
 
 MAX_SHOWN_FEATURES: Final = 5000
 """Of a layer; of more, every second, third… is shown."""
@@ -33,25 +31,24 @@ Format = Callable[[Any, Mapping[str, Any]], str]
 """Of a value, and of the fields of its row."""
 
 
-def shared_layer(name: str, layer: gpd.GeoDataFrame, zone: ZoneInfo, *, alone: bool) -> dict[str, Any] | None:
+def shared_layer(name: str, layer: VectorLayer, zone: ZoneInfo, *, alone: bool) -> dict[str, Any] | None:
     """A layer of `field.gpkg` as the page reads it; None for no features.
 
     Args:
         alone: whether there is no other layer, so that it is shown at first whatever it is.
     """
-    layer = layer[~(layer.geometry.isna() | layer.geometry.is_empty)]
+    layer = layer.where(~(shapely.is_missing(layer.shapes) | shapely.is_empty(layer.shapes)))
     every = max(1, math.ceil(len(layer) / MAX_SHOWN_FEATURES))
-    layer = layer.iloc[::every]
-    if layer.empty:
+    layer = layer.where(slice(None, None, every))
+    if not len(layer):
         return None
-    geometry = str(layer.geometry.name)
-    style = layer_style(name, {str(column): layer[column] for column in layer if column != geometry})
+    style = layer_style(name, layer.columns)
     symbols: list[Symbol] = []
     features = []
-    flat = shapely.simplify(shapely.force_2d(layer.geometry.to_numpy()), SIMPLIFICATION_M)
+    flat = shapely.simplify(shapely.force_2d(layer.shapes), SIMPLIFICATION_M)
     shapes = shapely.to_geojson(shapely.transform(flat, lambda xy: np.round(xy, MAP_DIGITS)))
-    for shape, row in zip(map(json.loads, shapes), layer.drop(columns=geometry).to_dict("records"), strict=True):
-        known = {str(key): value for key, value in row.items() if not _missing(value)}
+    for shape, row in zip(map(json.loads, shapes), layer.rows(), strict=True):
+        known = {key: value for key, value in row.items() if value is not None}
         symbol = _symbol_of(style, known)
         if symbol not in symbols:
             symbols.append(symbol)
@@ -77,7 +74,7 @@ def _symbol_of(style: LayerStyle, row: Mapping[str, Any]) -> Symbol:
     return style.by_value.get(str(row.get(style.attribute, "")), style.default)
 
 
-def _legend(style: LayerStyle, symbols: list[Symbol], layer: gpd.GeoDataFrame) -> list[dict[str, Any]]:
+def _legend(style: LayerStyle, symbols: list[Symbol], layer: VectorLayer) -> list[dict[str, Any]]:
     """The categories that the layer has, or the ends of the ramp."""
     if style.ramp is not None:
         ends = dict.fromkeys((style.ramp.low, 0.5 * (style.ramp.low + style.ramp.high), style.ramp.high))
@@ -93,9 +90,9 @@ def _legend(style: LayerStyle, symbols: list[Symbol], layer: gpd.GeoDataFrame) -
                 }
             )
         return legend
-    if not style.by_value or style.attribute not in layer:
+    if not style.by_value or style.attribute not in layer.columns:
         return []
-    there = {"" if _missing(value) else str(value) for value in layer[style.attribute]}
+    there = {"" if row[style.attribute] is None else str(row[style.attribute]) for row in layer.rows()}
     chosen = {value if value in style.by_value else "" for value in there}
     return [
         {"label": style.labels[value], "symbol": symbols.index(symbol)}
@@ -124,10 +121,6 @@ def feature_rows(row: Mapping[str, Any], style: LayerStyle, zone: ZoneInfo) -> l
     return rows
 
 
-def _missing(value: Any) -> bool:
-    return value is None or value != value  # as nan and NaT do
-
-
 def _clock(moment: Any, zone: ZoneInfo) -> str:
     t_s = float(moment.timestamp())
     return f"{local_time(t_s, zone):%Y-%m-%d} {clock_words(t_s, zone)}"
@@ -151,7 +144,7 @@ def _with_level(words: str) -> str:
 
 
 def _text(value: Any, row: Mapping[str, Any]) -> str:  # noqa: ARG001 (one of the formats)
-    return ("yes" if value else "no") if isinstance(value, bool | np.bool_) else str(value)
+    return ("yes" if value else "no") if isinstance(value, bool) else str(value)
 
 
 SHOWN_FIELDS: Final[Mapping[str, tuple[str, Format]]] = {

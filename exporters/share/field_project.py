@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
+import shapely
 from pyproj import CRS
 
 from furrowmap.core.readers.geotiff import open_geotiff
@@ -127,7 +128,7 @@ def _copy(result: ResultFolder, name: str, staging: Path) -> None:
 def _place(result: ResultFolder) -> tuple[CRS, Box]:
     """CRS and bounds of the layers."""
     layers = [result.layer(name) for name in result.layer_names]
-    boxes = [layer.total_bounds.tolist() for layer in layers if not layer.geometry.isna().all()]
+    boxes = [layer.bounds for layer in layers if not shapely.is_missing(layer.shapes).all()]
     west, south = (min(box[axis] for box in boxes) for axis in (0, 1))
     east, north = (max(box[axis] for box in boxes) for axis in (2, 3))
     return CRS.from_user_input(layers[0].crs).to_2d(), (west, south, east, north)

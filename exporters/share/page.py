@@ -106,7 +106,7 @@ def _layers(result: ResultFolder, zone: ZoneInfo) -> tuple[list[dict[str, Any]],
         crs = layer.crs
         if shared is not None:
             found.append(shared)
-            boxes.append(layer.total_bounds.tolist())
+            boxes.append(layer.bounds)
     assert crs is not None
     lows, highs = [min(box[i] for box in boxes) for i in (0, 1)], [max(box[i] for box in boxes) for i in (2, 3)]
     box = (lows[0] - EXTENT_MARGIN_M, lows[1] - EXTENT_MARGIN_M, highs[0] + EXTENT_MARGIN_M, highs[1] + EXTENT_MARGIN_M)

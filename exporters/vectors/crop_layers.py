@@ -13,15 +13,17 @@ from typing import Any, Final
 
 import numpy as np
 import shapely
-from pyproj import CRS
+from pyproj import CRS, Transformer
 
 from furrowmap.core.crops.growth import GrownParcel, Growth
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.crops.stand import PERCENTILES, Stand
+from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.errors import UsageError
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.vector_layers import write_vector_layer
 from furrowmap.exporters.files.workbook import write_workbook
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts
 
@@ -165,20 +167,17 @@ def expect_suffix(path: Path) -> None:
 
 def write_parcels(path: Path, parcels: Sequence[Parcel], crs: CRS) -> None:
     """Write the gross parcels with id, block and attributes; GeoJSON in degrees of the CRS's own datum."""
-    import geopandas as gpd
-
     expect_suffix(path)
-    rows = [{"id": each.id, "block": each.block, **each.attributes} for each in parcels]
-    table = gpd.GeoDataFrame(rows, geometry=[each.gross for each in parcels], crs=crs)
-    for name in ("row", "column"):
-        if name in table:
-            table[name] = table[name].astype(int)
+    columns: Columns = {"id": texts(each.id for each in parcels), "block": texts(each.block for each in parcels)}
+    columns |= _attribute_columns(parcels, columns)
+    columns |= {name: columns[name].astype(np.int64) for name in ("row", "column") if name in columns}
+    shapes = geometry_array([each.gross for each in parcels])
     with atomic_output(path) as unfinished:
         if path.suffix.lower() == ".gpkg":
-            table.to_file(unfinished, layer=_PLOTS, driver="GPKG", engine="pyogrio")
+            write_vector_layer(unfinished, VectorLayer(shapes, columns, crs), _PLOTS, "GPKG")
             return
-        base = crs.geodetic_crs or crs
-        degrees = table.to_crs(base.to_2d()).set_crs("EPSG:4326", allow_override=True)
-        content = io.BytesIO()
-        degrees.to_file(content, driver="GeoJSON", layer=_PLOTS, engine="pyogrio", COORDINATE_PRECISION=_CORNER_DIGITS)
+        change = Transformer.from_crs(crs, (crs.geodetic_crs or crs).to_2d(), always_xy=True)
+        degrees = shapely.transform(shapes, change.transform, interleaved=False)
+        content, layer = io.BytesIO(), VectorLayer(degrees, columns, CRS("EPSG:4326"))
+        write_vector_layer(content, layer, _PLOTS, "GeoJSON", COORDINATE_PRECISION=_CORNER_DIGITS)
         unfinished.write_bytes(content.getbuffer())

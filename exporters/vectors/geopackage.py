@@ -23,11 +23,10 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.ogr import pyogrio, unflushed
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles
+from furrowmap.exporters.files.vector_layers import UTC_OFFSET
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
 from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES, StyleClock, in_language, in_local_times, with_words
 
-_UTC_OFFSET: Final = 100
-"""OGR's time zone code of UTC (0 unknown, 1 local, 100 UTC)."""
 PAGE_BYTES: Final = 1024
 """Page size of the file: a few rows of `trajectory`."""
 INDEXED_FROM: Final = 1000
@@ -111,7 +110,7 @@ def write_layer(
         geometry_type=layer.kind or None,
         crs=(crs.to_wkt() if isinstance(crs, CRS) else crs) if layer.kind else None,
         append=append,
-        gdal_tz_offsets={name: np.full(len(layer.shapes), _UTC_OFFSET, np.int8) for name in times},
+        gdal_tz_offsets={name: np.full(len(layer.shapes), UTC_OFFSET, np.int8) for name in times},
         layer_options={} if append else options,
         dataset_metadata=origin.metadata if origin is not None else None,
     )
@@ -190,7 +189,7 @@ def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False)
         driver="GPKG",
         append=append,
         layer_options={} if append else {"FID": "id"},
-        gdal_tz_offsets={"update_time": np.full(n, _UTC_OFFSET, np.int8)},
+        gdal_tz_offsets={"update_time": np.full(n, UTC_OFFSET, np.int8)},
     )
 
 

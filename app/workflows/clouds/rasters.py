@@ -16,6 +16,7 @@ from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod, cloud_tiles
 from furrowmap.core.readers.las.cloud import Box
+from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.depressions import Depressions, find_depressions
@@ -35,6 +36,7 @@ from furrowmap.exporters.files.result_folder import (
     ROUGHNESS,
     SLOPE,
 )
+from furrowmap.exporters.files.vector_layers import write_vector_layer
 from furrowmap.exporters.rasters.cog import FILLED_BAND, SURFACE_BANDS, Band, Bands, cog_output, surface_arrays
 from furrowmap.exporters.rasters.windows import is_last, plots_of, share_done, shared_cells, window, windows
 from furrowmap.settings import SurfaceSettings
@@ -215,20 +217,14 @@ class CloudRasters:
         with cog_output(self.folder / LOW_SPOTS, coarse, self.clouds.crs, [Band("depth of water")], origin) as put:
             put(coarse, [spots.depth_m])
         if len(spots):
-            path = self.folder / LOW_SPOT_OUTLINES
-            import geopandas
-
-            frame = geopandas.GeoDataFrame(
-                {
-                    "level_m": spots.level_m,
-                    "depth_m": spots.greatest_depth_m,
-                    "area_m2": spots.area_m2,
-                    "volume_m3": spots.volume_m3,
-                },
-                geometry=spots.polygons(),
-                crs=self.clouds.crs,
-            )
-            frame.to_file(path, layer="low_spots", driver="GPKG", engine="pyogrio", dataset_metadata=origin.metadata)
+            columns = {
+                "level_m": spots.level_m,
+                "depth_m": spots.greatest_depth_m,
+                "area_m2": spots.area_m2,
+                "volume_m3": spots.volume_m3,
+            }
+            layer = VectorLayer(np.array(spots.polygons(), object), columns, self.clouds.crs)
+            write_vector_layer(self.folder / LOW_SPOT_OUTLINES, layer, "low_spots", "GPKG", origin.metadata)
         if factor == 1:
             return spots, None
         return spots, Notice("low-spots-coarser", cell_m=coarse.cell_m, factor=factor)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from furrowmap.core.checking.evaluation import Evaluation
 from furrowmap.core.checking.receivers import evaluate_logs
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.reports.evaluation_figures import table_rows
 from furrowmap.exporters.reports.evaluation_page import write_evaluation
@@ -74,7 +75,12 @@ def evaluation_table(evaluations: Mapping[str, Evaluation]) -> pd.DataFrame:
         One row a service, kind of fix ("all" for all epochs) and quantity (3D, 2D, X, Y, Z, along, across), with the
         columns `service`, `fix`, `quantity`, `epochs`, `average_m`, `standard_deviation_m`, `rmse_m`, `p95_m`,
         `greatest_m`.
-    """
-    import pandas as pd
 
+    Raises:
+        InputError: if pandas is not installed.
+    """
+    try:
+        import pandas as pd
+    except ImportError:
+        raise InputError("extra-missing.tables", package="pandas") from None
     return pd.DataFrame(list(table_rows(evaluations)))

@@ -110,8 +110,7 @@ def _passes(folder: Path, crs: CRS) -> NDArray[np.object_]:
     layer = open_result(folder).layer(PASSES)
     if not same_map(CRS(layer.crs), crs):
         layer = changed_crs({PASSES: layer}, crs)[0][PASSES]
-    shapes: NDArray[np.object_] = layer.geometry.to_numpy()
-    return shapes[~shapely.is_missing(shapes)]
+    return layer.shapes[~shapely.is_missing(layer.shapes)]
 
 
 def _write_tables(tables: SessionTables) -> PartAccount:
@@ -139,15 +138,13 @@ def _write_tables(tables: SessionTables) -> PartAccount:
         else:
             layer = open_result(tables.source).layer(TRAJECTORY)
             with reading_result(tables.source / FIELD):
-                layer = layer.sort_values("t_s")
-                xyz = np.column_stack([layer.geometry.x, layer.geometry.y, layer.geometry.z]).astype(np.float64)
-                columns = {name: layer[name].to_numpy() for name in layer.columns if name != layer.geometry.name}
-                columns |= {
-                    "time": layer["t_s"].to_numpy(np.float64),
+                layer = layer.where(np.argsort(layer.columns["t_s"], kind="stable"))
+                columns = layer.columns | {
+                    "time": layer.columns["t_s"],
                     "session": np.full(len(layer), tables.name, object),
                 }
                 if len(layer):
-                    partition.write(_to_season_crs(xyz, tables), columns)
+                    partition.write(_to_season_crs(layer.coordinates, tables), columns)
     return {"files": [list(one) for one in partition.files], "bounds_m": partition.bounds_m.tolist()}
 
 

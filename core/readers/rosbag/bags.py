@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
@@ -70,6 +71,8 @@ class _RosBag(FileReader):
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
         super().__init__(paths, options)
+        if find_spec("rosbags") is None or find_spec("lz4") is None:
+            raise InputError("extra-missing.bags", path=self.paths[0])
         self.clock = Clock.RECORDER
         self.clocks: tuple[ClockReading, ...] = ()
         self.share_read = 0.0
