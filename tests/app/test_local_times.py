@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 
 import furrowmap
+from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.exporters.share.features import shared_layer
 from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_local_times, offset_changes
 from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions
@@ -76,7 +77,7 @@ def test_kml_and_page__show_each_pass_at_the_same_time(
     export([result.path], "kml", tmp_path / "field.kml")
     folders = ET.parse(tmp_path / "field.kml").findall(".//{*}Folder")
     (folder,) = (one for one in folders if one.findtext("{*}name") == "passes")
-    page = shared_layer("passes", passes, TOKYO, alone=False)
+    page = shared_layer("passes", open_result(result.path).layer("passes"), TOKYO, alone=False)
     assert page is not None
     for one, mark, shown in zip(passes.itertuples(), folder.findall("{*}Placemark"), page["features"], strict=True):
         local = one.start.tz_convert(TOKYO)

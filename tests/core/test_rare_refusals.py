@@ -9,7 +9,6 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
-import geopandas
 import numpy as np
 import pandas as pd
 import pytest
@@ -31,6 +30,7 @@ from furrowmap.core.readers.areas.area import read_area
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.exif import expect_pillow
 from furrowmap.core.readers.text_table import MAX_SHEET_BYTES, read_sheet
+from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.runtime.options import Option
 from furrowmap.core.session.file import parse_session
@@ -203,7 +203,7 @@ def test_tasks__near_a_pole_need_a_stated_crs(tmp_path: Path) -> None:
 
 
 def test_layers__for_geoparquet_need_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    layers = {"field": geopandas.GeoDataFrame({"a": [1]}, geometry=[shapely.Point(1, 2)], crs=MAP)}
+    layers = {"field": VectorLayer(np.array([shapely.Point(1, 2)]), {"a": np.array([1])}, CRS(MAP))}
     for name in [name for name in sys.modules if name.split(".")[0] == "pyarrow"]:
         monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.setitem(sys.modules, "pyarrow", None)

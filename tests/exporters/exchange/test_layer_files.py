@@ -11,7 +11,9 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from pyproj import CRS
 
+from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.exporters.exchange.vectors import FORMATS, _short_names, write_vectors
 from furrowmap.exporters.files.provenance import Origin
@@ -32,8 +34,10 @@ def result(written: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(written, tmp_path / "result"))
 
 
-def layer() -> gpd.GeoDataFrame:
-    return gpd.GeoDataFrame({"a": [1]}, geometry=[shapely.Point(1, 2)], crs="EPSG:6677")
+def layer(*names: str) -> VectorLayer:
+    """A point with fields of these names."""
+    columns = {name: np.array([k]) for k, name in enumerate(names, start=1)}
+    return VectorLayer(np.array([shapely.Point(1, 2)]), columns, CRS("EPSG:6677"))
 
 
 @pytest.mark.parametrize(
@@ -54,7 +58,7 @@ def test_promise_23__layer_names_do_not_lead_out_of_the_folder(
 @pytest.mark.parametrize("names", [("Passes", "passes"), ("ä", "Ä"), ("e\u0301", "é")])
 def test_layers_whose_files_would_be_one__are_refused(tmp_path: Path, names: tuple[str, str]) -> None:
     with pytest.raises(InputError) as raised:
-        layers = dict.fromkeys(("other", *names, "third"), layer())
+        layers = dict.fromkeys(("other", *names, "third"), layer("a"))
         write_vectors(FORMATS["shapefile"], tmp_path / "out", layers, Origin("x"))
     assert raised.value.code == "layer-names-equal"
     assert f"on some systems: {names[0]}, {names[1]}." in str(raised.value)
@@ -63,8 +67,7 @@ def test_layers_whose_files_would_be_one__are_refused(tmp_path: Path, names: tup
 
 @given(names=st.lists(st.text("abAB_äÄ圃m123", min_size=1, max_size=24), unique=True, max_size=12))
 def test_shapefile_names__are_ten_bytes_and_differ_in_more_than_case(names: list[str]) -> None:
-    table = gpd.GeoDataFrame({name: [0] for name in names}, geometry=[shapely.Point(0, 0)])
-    short = _short_names(table)
+    short = _short_names(layer(*names))
     assert list(short) == names
     assert all(0 < len(name.encode()) <= 10 for name in short.values())
     assert len({name.casefold() for name in short.values()}) == len(names)
@@ -74,17 +77,17 @@ def test_shapefile_names__are_ten_bytes_and_differ_in_more_than_case(names: list
 
 def test_shapefile__tells_which_names_of_fields_it_shortened(tmp_path: Path) -> None:
     """As they are in the file; those of ten letters stay."""
-    table = layer().rename(columns={"a": "working_depth"}).assign(tencolumns=2, b=3)
+    table = layer("working_depth", "tencolumns", "b")
     _, notices = write_vectors(FORMATS["shapefile"], tmp_path / "out", {"passes": table}, Origin("x"))
     (short,) = set(gpd.read_file(tmp_path / "out" / "passes.shp").columns) - {"tencolumns", "b", "geometry"}
     (notice,) = notices
     assert notice.text.endswith(f": working_depth is {short}.")
-    few = {"passes": table.drop(columns="working_depth")}
+    few = {"passes": layer("tencolumns", "b")}
     assert write_vectors(FORMATS["shapefile"], tmp_path / "few", few, Origin("x"))[1] == []
 
 
 def test_shapefile__with_long_names_of_other_scripts_is_read_back(tmp_path: Path) -> None:
-    table = layer().rename(columns={"a": "作業面積の合計"}).assign(作業面積の平均=2, Ha=3, ha=4)
+    table = layer("作業面積の合計", "作業面積の平均", "Ha", "ha")
     write_vectors(FORMATS["shapefile"], tmp_path / "out", {"passes": table}, Origin("x"))
     back = gpd.read_file(tmp_path / "out" / "passes.shp")
     assert sorted(int(back[name].iloc[0]) for name in back.columns if name != "geometry") == [1, 2, 3, 4]
