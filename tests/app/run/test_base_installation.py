@@ -85,7 +85,7 @@ def test_bags__without_their_extra_are_refused(tmp_path: Path, monkeypatch: pyte
     bag = write_bag1(tmp_path / "drive.bag", mixed(ROS1))
     monkeypatch.setitem(sys.modules, "rosbags", None)
     with pytest.raises(InputError, match="rosbags and lz4, which are not installed") as refused:
-        furrowmap.inspect([bag])
+        furrowmap.inspect(bag)
     assert refused.value.code == "extra-missing"
     assert 'pip install "furrowmap[bags]"' in refused.value.remedy
 
