@@ -87,7 +87,7 @@ def test_bags__without_their_extra_are_refused(tmp_path: Path, monkeypatch: pyte
     with pytest.raises(InputError, match="rosbags and lz4, which are not installed") as refused:
         furrowmap.inspect(bag)
     assert refused.value.code == "extra-missing"
-    assert 'pip install "furrowmap[bags]"' in refused.value.remedy
+    assert 'pip install ".[bags]"' in refused.value.remedy
 
 
 @pytest.mark.parametrize("package", ["geopandas", "pandas"])
@@ -97,4 +97,4 @@ def test_tables__without_their_extra_are_refused(
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(InputError, match=f"{package} is not installed") as refused:
         _ = result.trajectory if package == "geopandas" else evaluation_table({})
-    assert 'pip install "furrowmap[notebooks]"' in refused.value.remedy
+    assert 'pip install ".[notebooks]"' in refused.value.remedy
