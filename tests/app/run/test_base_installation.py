@@ -34,7 +34,7 @@ BASE = {
         "laspy",
     ),
     *("lazrs", "llvmlite", "markupsafe", "msgspec", "numba", "numpy", "packaging", "pyogrio", "pyparsing", "pyproj"),
-    *("rasterio", "scipy", "shapely", "tomli-w", "typing-extensions", "tzdata", "tzfpy"),
+    *("rasterio", "scipy", "shapely", "tomli-w", "tzdata", "tzfpy"),
 }
 COMMANDS = """
 import sys
