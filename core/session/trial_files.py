@@ -78,9 +78,12 @@ def _images(path: Path) -> ImageTable | None:
         if path.suffix.lower() != ".csv" or not is_image_table(path):
             return None
         files = read_image_table(path, path.resolve().parent, []).paths
-        return ImageTable(path, len(files), image_size(files[0]) if files else None)
     except FurrowmapError:
         return None
+    try:
+        return ImageTable(path, len(files), image_size(files[0]) if files else None)
+    except InputError:  # without Pillow
+        return ImageTable(path, len(files), None)
 
 
 def _parcels(path: Path) -> ParcelFile | None:

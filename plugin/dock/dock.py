@@ -10,7 +10,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from qgis.core import Qgis, QgsApplication, QgsMapLayer, QgsMessageLog, QgsProject, QgsSettings
+from qgis.core import (
+    Qgis,
+    QgsApplication,
+    QgsMapLayer,
+    QgsMessageLog,
+    QgsPointCloudLayer,
+    QgsProject,
+    QgsSettings,
+)
 from qgis.gui import QgisInterface, QgsDockWidget
 from qgis.PyQt.QtCore import QSize, QTimer, QUrl
 from qgis.PyQt.QtGui import QDesktopServices, QDragEnterEvent, QDropEvent
@@ -134,15 +142,23 @@ class FurrowmapDock(QgsDockWidget):
             self.begin_session(dropped.paths, dropped.machine)
 
     def _offer_surfaces(self, clouds: Sequence[Path]) -> None:
-        """Say that finished clouds have no session, and offer what can be made of them."""
+        """Show finished clouds, which have no session, and offer what can be made of them."""
         bar, names = self._iface.messageBar(), ", ".join(path.name for path in clouds)
+        made = (
+            QgsPointCloudLayer(str(p), p.stem, "copc" if p.name.lower().endswith(".copc.laz") else "pdal")
+            for p in clouds
+        )
+        layers = [layer for layer in made if layer.isValid()]
+        QgsProject.instance().addMapLayers(layers)
+        if layers:
+            self._zoom_to_first(layers)
         text = self.tr("{names}: a point cloud alone needs no session. Surfaces can be made of it.").format(names=names)
         message = bar.createMessage(NAME, text)
-        parameters = {"CLOUDS": [str(path) for path in clouds]}
+        parameters = {"CLOUDS": [layer.id() for layer in layers]}
         surfaces = QPushButton(self.tr("Make surfaces…"), objectName="furrowmapSurfaces")
         surfaces.clicked.connect(lambda: _show_algorithm("furrowmap:surface", parameters))
         message.layout().addWidget(surfaces)
-        bar.pushWidget(message, Qgis.MessageLevel.Info)
+        bar.pushWidget(message, Qgis.MessageLevel.Info, 30)
 
     # sessions
 

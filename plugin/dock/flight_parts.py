@@ -32,6 +32,8 @@ IMU_CHOICES = ("consumer", "industrial", "tactical")
 CAMERA_PIXELS = ("width", "height", "fx", "fy", "cx", "cy")
 CAMERA_DISTORTION = ("k1", "k2", "p1", "p2")
 MOST_PIXELS = 100_000.0
+LOOKING_DOWN = [180.0, 0.0, -90.0]
+"""Roll, pitch, yaw of a camera that looks down, with the top of its images forward."""
 FLIGHT_TABLES = ("imu", "attitude", "camera", "parcels")
 """A session with one of these tables and no implement is shown as a flight."""
 
@@ -53,6 +55,7 @@ class FlightParts(QWidget):
     def __init__(self, on_change: Callable[..., None]) -> None:
         super().__init__()
         self._folder = Path()
+        self._flight = False
         self._with_model = False
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -61,7 +64,7 @@ class FlightParts(QWidget):
 
     def show_session(self, lines: SessionLines, folder: Path, *, flight: bool) -> None:
         """Read a session in `folder`: its IMU if it has one, camera and parcels where they are or could be."""
-        self._folder = folder
+        self._folder, self._flight = folder, flight
         self.imu_group.setVisible(lines.has("imu"))
         self.camera_group.setVisible(flight or lines.has("camera"))
         self.parcels_group.setVisible(flight or lines.has("parcels"))
@@ -90,7 +93,7 @@ class FlightParts(QWidget):
         fill(self.imu_rpy, places["imu", "rpy_deg"])
         self.imu_class.setEditText(str(places["imu", "class"] or ""))
         fill(self.camera_xyz, places["camera", "xyz_m"])
-        fill(self.camera_rpy, places["camera", "rpy_deg"])
+        fill(self.camera_rpy, places["camera", "rpy_deg"] or (LOOKING_DOWN if self._flight else None))
 
     def places(self, lines: SessionLines) -> Places:
         """The places of IMU and camera in the form; None for those that the session does not have."""
@@ -142,8 +145,7 @@ class FlightParts(QWidget):
 
     def without_imu_place(self, lines: SessionLines) -> bool:
         """Whether the mounting of the session's IMU is still to be filled in."""
-        stated = lines.get("imu", "rpy_deg") is not None or lines.get("imu", "xyz_m") is not None
-        return lines.has("imu") and not stated and not any(values_of([*self.imu_xyz, *self.imu_rpy]))
+        return lines.has("imu") and lines.get("imu", "xyz_m") is None and not any(values_of(self.imu_xyz))
 
     def without_camera(self) -> bool:
         """Whether images are to be used, but not how they were taken."""

@@ -189,6 +189,9 @@ def findings_html(findings: dict[str, Any] | None, missing: Sequence[str] = (), 
         "no-imu-mounting": tr("IMU: position and rotation of its axes. Until then its axes are those of the vehicle."),
         "camera-uncalibrated": tr("Camera: fx, fy, cx and cy. Until then the images are not used."),
     }
+    if flight:  # the angles are proposed from the ground and from gravity
+        words["no-mounting"] = tr("Scanner: position. Until then no accuracy is stated.")
+        words["no-imu-mounting"] = tr("IMU: position. Until then it is taken as that of the antenna.")
     found = (findings or {}).get("found") or []
     others = [notice for notice in (findings or {}).get("missing") or [] if notice.get("code") not in FORM_CODES]
     lists = (

@@ -3,7 +3,7 @@
 
 QGIS may have a Python without `tomllib`, which cannot write either. So the form reads the part of TOML that
 `furrowmap init` writes: tables with one value per line. It does not edit files with anything else. Of several tables of
-one name, such as `[[implement]]`, it edits the first.
+one name, such as `[[implement]]`, it edits one at a time.
 """
 
 from __future__ import annotations
@@ -49,9 +49,19 @@ class SessionLines:
         """Whether there is such a table."""
         return table in self._ends
 
-    def several(self, table: str) -> bool:
-        """Whether there are several tables of this name."""
-        return f"{table}[1]" in self._ends
+    def tables(self, name: str) -> list[str]:
+        """The tables of a name in their order, as :meth:`get` takes them, such as `name` and `name[1]`."""
+        return [table for table in self._ends if table == name or table.startswith(f"{name}[")]
+
+    def add(self, name: str) -> str:
+        """Add a table of a name, `[name]`, or `[[name]]` beside others; returns it as :meth:`get` takes it."""
+        known = self.tables(name)
+        if len(known) == 1:
+            number = self._headers[name]
+            self._lines[number] = re.sub(rf"^\s*\[{name}\]", f"[[{name}]]", self._lines[number])
+        self._lines += ["", f"[[{name}]]" if known else f"[{name}]"]
+        self._index()
+        return self.tables(name)[-1]
 
     def set(self, table: str, key: str, value: Any) -> None:
         """Set the value of a key, in its line or in a new one at the end of its table."""

@@ -46,6 +46,7 @@ from .machines import PLACES, Places, machine_names, machine_path, read_places
 from .session_lines import NotSimpleError, SessionLines
 from .vehicle_view import VehiclePlaces, VehicleView
 
+IMPLEMENT = "implement"
 PLACES_ASKED = ("no-mounting", "no-antenna")
 """Codes of missing places: the form asks before it runs a session without them."""
 
@@ -80,7 +81,8 @@ class SessionPage(QWidget):
         self._found: dict[str, Any] | None = None
         self._files: list[str] = []
         self._remedy: dict[str, Any] | None = None
-        self.flight = self._faulty = False
+        self._tool = IMPLEMENT
+        self.flight = False
         inside = QWidget()
         layout = QVBoxLayout(inside)
         self.findings = small_text("furrowmapFindings")
@@ -147,7 +149,9 @@ class SessionPage(QWidget):
         code = lines.get("crs", "map")
         self.crs.setCrs(QgsCoordinateReferenceSystem("" if code in (None, FILL_IN) else str(code)))
         self.flight_parts.show_session(lines, path.parent, flight=self.flight)
-        self._fill_places({place: lines.get(*place) for place in PLACES})
+        self._tool = IMPLEMENT
+        self._fill_places(self._places_in_lines())
+        self._show_tools()
         self._show_hints()
         self.boundary.setDefaultRoot(str(path.parent))
         self.boundary.setFilePath(str(lines.get("field", "boundary") or ""))
@@ -155,14 +159,14 @@ class SessionPage(QWidget):
         self.error.hide()
         self.show_preview_status("")
         self.show_machines()
-        self._show_findings()
+        self._draw()
         self._scroll.verticalScrollBar().setValue(0)
 
     def _change_kind(self, number: int) -> None:
         self.flight = number == 1
         self.flight_parts.show_session(self._lines, self.path.parent, flight=self.flight)
         self._show_hints()
-        self._show_findings()
+        self._draw()
 
     def _show_hints(self) -> None:
         """Ask for what the vehicle can have: an aircraft has no implement, and no rear axle to measure from."""
@@ -190,9 +194,17 @@ class SessionPage(QWidget):
             )
         self.lidar_hint.setText(turns)
 
-    def _show_findings(self) -> None:
-        self._faulty = True
-        self._draw()
+    def _write_findings(self, missing: Sequence[str]) -> None:
+        """List what was found and what is missing; what is below stays where it is on the screen."""
+        page, width = findings_html(self._found, missing, flight=self.flight), self.findings.width()
+        if page != self.findings.text():
+            higher = -self.findings.heightForWidth(width)
+            self.findings.setText(page)
+            higher += self.findings.heightForWidth(width)
+            bar = self._scroll.verticalScrollBar()
+            bar.setValue(bar.value() + higher if bar.value() else 0)
+        if self.anyway.isVisible() and not set(PLACES_ASKED) & set(missing):
+            self.error.hide()
 
     def _fill_places(self, places: Places) -> None:
         self.antenna_group.setChecked(places["antenna", "xyz_m"] is not None)
@@ -225,10 +237,10 @@ class SessionPage(QWidget):
 
     def use_places(self, places: Places) -> None:
         """Fill in the places of a machine; what it does not have stays as it is, and so do several implements."""
-        kept = "implement" if self._lines.several("implement") else ""
+        kept = IMPLEMENT if len(self._lines.tables(IMPLEMENT)) > 1 else ""
         known = {place: value for place, value in places.items() if value not in (None, "") and place[0] != kept}
         self._fill_places({**self.places(), **known})
-        self._show_findings()
+        self._draw()
 
     def show_machines(self, chosen: str = "") -> None:
         """List the saved machines; the one with the form's places is selected unless another one is chosen."""
@@ -279,8 +291,7 @@ class SessionPage(QWidget):
         lines = self._lines
         stated = None not in (lines.get("lidar", "xyz_m"), lines.get("lidar", "rpy_deg"))
         scans = bool(texts_of(lines.get("recording", "lidar")))
-        placed = any(values_of([*self.lidar_xyz, *self.lidar_rpy] if self.flight else self.lidar_xyz))
-        return scans and not stated and not placed
+        return scans and not stated and not any(values_of(self.lidar_xyz))
 
     def _without_antenna(self) -> bool:
         if self._lines.has("trajectory"):
@@ -303,7 +314,7 @@ class SessionPage(QWidget):
             self._show_fault(fault)
             return
         self._lines.set(self._remedy["table"], self._remedy["key"], self._remedy["value"])
-        self._fill_places({place: self._lines.get(*place) for place in PLACES})
+        self._fill_places(self._places_in_lines())
         self.show_remedy(None)
         self.error.hide()
         self._draw()
@@ -354,7 +365,9 @@ class SessionPage(QWidget):
     def fault(self) -> str:
         """Why the session in the form cannot be run; "" if it can."""
         fault = self.fault_of_preview()
-        if not fault and self._with_implement() and self.width_m.value() <= 0:
+        others = [table for table in self._lines.tables(IMPLEMENT) if table != self._tool]
+        widths = [self.width_m.value(), *(self._lines.get(table, "width_m") or 0.0 for table in others)]
+        if not fault and self._with_implement() and min(widths) <= 0:
             return self.tr("Enter the width of the implement, or uncheck 'Implement'.")
         return fault
 
@@ -373,7 +386,7 @@ class SessionPage(QWidget):
             lines.drop("antenna")
         elif self.flight or any(values_of(self.antenna)) or lines.has("antenna"):
             lines.set("antenna", "xyz_m", values_of(self.antenna))
-        placed = any(values_of([*self.lidar_xyz, *self.lidar_rpy] if self.flight else self.lidar_xyz))
+        placed = any(values_of(self.lidar_xyz))
         if placed or lines.get("lidar", "xyz_m") is not None:
             lines.set("lidar", "xyz_m", values_of(self.lidar_xyz))
         if placed or any(values_of(self.lidar_rpy)) or lines.get("lidar", "rpy_deg") is not None:
@@ -391,17 +404,60 @@ class SessionPage(QWidget):
 
     def _save_implement(self, lines: SessionLines) -> None:
         if not self._with_implement():
-            lines.drop("implement")
-            if lines.has("implement"):  # another one, which is now the first
-                of_next = {place: lines.get(*place) for place in PLACES if "implement" in place}
-                self._fill_places({**self.places(), **of_next})
+            lines.drop(self._tool)
+            self._tool = IMPLEMENT
+            if lines.has(IMPLEMENT):  # another one, which is now the first
+                self._show_tool(IMPLEMENT)
             return
-        lines.set("implement", "width_m", self.width_m.value())
-        lines.set("implement", "xy_m", values_of(self.implement_xy))
-        if self.kind.text() or lines.get("implement", "kind"):
-            lines.set("implement", "kind", self.kind.text())
+        lines.set(self._tool, "width_m", self.width_m.value())
+        lines.set(self._tool, "xy_m", values_of(self.implement_xy))
+        if self.kind.text() or lines.get(self._tool, "kind"):
+            lines.set(self._tool, "kind", self.kind.text())
         if self.depth_m.value() > 0:
-            lines.set("implement", "working_depth_m", self.depth_m.value())
+            lines.set(self._tool, "working_depth_m", self.depth_m.value())
+        tools = lines.tables(IMPLEMENT)
+        for number, table in enumerate(tools if len(tools) > 1 else (), 1):  # each of several needs a name of its own
+            kind, name = lines.get(table, "kind"), lines.get(table, "name")
+            if not name or (kind and name == self._number_name(number)):
+                taken = [lines.get(other, "name") for other in tools if other != table]
+                lines.set(table, "name", kind if kind and kind not in taken else self._number_name(number))
+        self._show_tools()
+
+    def _number_name(self, number: int) -> str:
+        return self.tr("tool {number}").format(number=number)
+
+    def _places_in_lines(self) -> Places:
+        """The places in the session's file; of its implements, those of the one that the form shows."""
+        tables = [self._tool if table == IMPLEMENT else table for table, _ in PLACES]
+        return {place: self._lines.get(table, place[1]) for place, table in zip(PLACES, tables, strict=True)}
+
+    def _show_tools(self) -> None:
+        """List the implements, if there are several."""
+        tools = self._lines.tables(IMPLEMENT)
+        self.tool.clear()
+        self.tool.addItems([str(self._lines.get(table, "name") or table) for table in tools])
+        self.tool.setCurrentIndex(tools.index(self._tool) if self._tool in tools else 0)
+        self.tool.setVisible(len(tools) > 1)
+
+    def _show_tool(self, table: str) -> None:
+        """Show another implement of the session in the form."""
+        self._tool = table
+        of_tool = {place: value for place, value in self._places_in_lines().items() if place[0] == IMPLEMENT}
+        self._fill_places({**self.places(), **of_tool})
+        self._show_tools()
+        self._draw()
+
+    def _choose_tool(self, number: int) -> None:
+        chosen = self._lines.tables(IMPLEMENT)[number]
+        if self._with_implement():
+            self._save_implement(self._lines)
+        self._show_tool(chosen)
+
+    def _add_tool(self) -> None:
+        self._save_implement(self._lines)
+        self._show_tool(self._lines.add(IMPLEMENT))
+        self._lines.set(self._tool, "width_m", 0.0)
+        self.implement_group.setChecked(True)
 
     def _error_part(self) -> QWidget:
         self.error_text = small_text("furrowmapErrorText")
@@ -501,11 +557,16 @@ class SessionPage(QWidget):
             "Working width, and the middle of the working line relative to the rear axle; x is negative behind "
             "it. Depth 0 means unknown. Unchecked: no worked ground is computed."
         )
+        self.tool = QComboBox(objectName="furrowmapTool")
+        self.tool.activated.connect(self._choose_tool)
+        add = button("furrowmapAddTool", self.tr("Add another tool"), self._add_tool)
         rows = [
+            self.tool,
             (self.tr("Kind"), self.kind),
             (self.tr("Width"), self.width_m),
             row_of(self.tr("x, y"), self.implement_xy),
             (self.tr("Depth"), self.depth_m),
+            add,
         ]
         self.implement_group = group_box(self.tr("Implement"), rows, hint, self._draw, "furrowmapImplementGroup")
         return self.implement_group
@@ -546,15 +607,12 @@ class SessionPage(QWidget):
 
     def _show_fault(self, fault: str) -> None:
         """Show a fault in place of the findings, until the form is changed."""
-        self._faulty = True
         self.findings.setText(f"<b>{escaped(fault)}</b>")
         self._scroll.ensureWidgetVisible(self.findings)
 
     def _draw(self, *_: object) -> None:
-        if self._faulty:
-            self._faulty = False
-            self.findings.setText(findings_html(self._found, self.missing(), flight=self.flight))
         missing, parts = self.missing(), self.flight_parts
+        self._write_findings(missing)
         self._mark(self.antenna_group, self.tr("GNSS antenna"), missing="no-antenna" in missing)
         self._mark(self.lidar_group, self.tr("Scanner"), missing="no-mounting" in missing)
         self._mark(parts.imu_group, self.tr("IMU"), missing="no-imu-mounting" in missing)

@@ -7,7 +7,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -201,10 +201,6 @@ class Previewer(QObject):
             self.opened.emit(layers)
 
 
-PATHS = ("session", "recordings", "folder")
-"""Attributes of a drive that are paths."""
-
-
 @dataclass
 class Drive:
     """A drive in the queue.
@@ -256,16 +252,17 @@ class BatchRunner(QObject):
         self._machine: Path | None = None
         self._task: RunTask | CommandTask | None = None
         for known in json.loads(QgsSettings().value(DRIVES_KEY, "[]", str)):
-            drive = Drive(**{key: Path(text) if key in PATHS and text else text for key, text in known.items()})
-            drive.state = drive.state if drive.state in ENDED else CANCELLED
-            self.drives.append(drive)
+            session, recordings, folder, state, text = (known.get(each.name) for each in fields(Drive))
+            state = state if state in ENDED else CANCELLED
+            self.drives.append(
+                Drive(Path(session), Path(recordings) if recordings else None, Path(folder), state, text)
+            )
         self.changed.connect(self._keep)
 
     def _keep(self, number: int) -> None:
         """Keep the list for the next start of QGIS."""
         if self.drives[number].state != RUNNING:
-            known = [{key: str(v) if key in PATHS and v else v for key, v in asdict(d).items()} for d in self.drives]
-            QgsSettings().setValue(DRIVES_KEY, json.dumps(known))
+            QgsSettings().setValue(DRIVES_KEY, json.dumps([asdict(drive) for drive in self.drives], default=str))
 
     @property
     def busy(self) -> bool:

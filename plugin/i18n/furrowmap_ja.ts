@@ -507,10 +507,12 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Found in the recordings: {kind}</source><translation>記録から分かったこと：{kind}</translation></message>
   <message><source>GNSS antenna: position. Until then no accuracy is stated.</source><translation>GNSS アンテナ：位置。記入するまで精度は示されません。</translation></message>
   <message><source>IMU: position and rotation of its axes. Until then its axes are those of the vehicle.</source><translation>IMU：位置と軸の回転。入力するまで軸は車体と同じとみなします。</translation></message>
+  <message><source>IMU: position. Until then it is taken as that of the antenna.</source><translation>IMU：位置。入力するまでアンテナと同じ位置とみなします。</translation></message>
   <message><source>Implement: width and position. Until then no worked ground is computed.</source><translation>作業機：幅と位置。入力するまでは作業済みの範囲を計算しません。</translation></message>
   <message><source>Missing</source><translation>不足している項目</translation></message>
   <message><source>Not used</source><translation>使わないファイル</translation></message>
   <message><source>Scanner: position and orientation. Until then the surfaces are not usable.</source><translation>スキャナ：位置と向き。入力するまではサーフェスを利用できません。</translation></message>
+  <message><source>Scanner: position. Until then no accuracy is stated.</source><translation>スキャナ：位置。入力するまで精度は示しません。</translation></message>
   <message><source>The receiver's log. Drop it together with the scanner's recording.</source><translation>受信機のログ。スキャナの記録と一緒にドロップしてください。</translation></message>
   <message><source>The scanner's recording. Drop it together with the receiver's log.</source><translation>スキャナの記録。受信機のログと一緒にドロップしてください。</translation></message>
   <message><source>To check</source><translation>確認が必要な項目</translation></message>
@@ -794,6 +796,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>(missing: drop the recording here)</source><translation>（未指定：記録をここにドロップしてください）</translation></message>
   <message><source>A projected CRS in metres, for computation and output.</source><translation>計算と出力に使う、メートル単位の投影 CRS。</translation></message>
   <message><source>A recording is missing. Drop it here: the scanner's recording and the receiver's log, from one folder.</source><translation>記録が足りません。スキャナの記録と受信機のログを、同じフォルダからここにドロップしてください。</translation></message>
+  <message><source>Add another tool</source><translation>作業機を追加</translation></message>
   <message><source>Back</source><translation>戻る</translation></message>
   <message><source>Boundary</source><translation>境界</translation></message>
   <message><source>CRS</source><translation>CRS</translation></message>
@@ -841,6 +844,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Width</source><translation>幅</translation></message>
   <message><source>Working width, and the middle of the working line relative to the rear axle; x is negative behind it. Depth 0 means unknown. Unchecked: no worked ground is computed.</source><translation>作業幅と、後車軸から見た作業線の中央。後方では x が負になります。深さ 0 は不明を表します。チェックを外すと作業済みの範囲を計算しません。</translation></message>
   <message><source>roll, pitch, yaw</source><translation>ロール、ピッチ、ヨー</translation></message>
+  <message><source>tool {number}</source><translation>作業機 {number}</translation></message>
   <message><source>x, y</source><translation>x、y</translation></message>
   <message><source>x, y, z</source><translation>x、y、z</translation></message>
   <message><source>{path} cannot be written: {reason}.</source><translation>{path} に書き込めません：{reason}。</translation></message>

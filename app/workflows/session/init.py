@@ -24,6 +24,10 @@ NOT_RECORDED: Final = frozenset(
 """Suffixes of what else is in a folder of recordings."""
 
 
+NAMED_FILES: Final = 5
+"""Files of a folder without recordings that an error names."""
+
+
 @dataclass(frozen=True)
 class ProposedSession:
     """A session file that was written.
@@ -111,7 +115,9 @@ def _examined(path: Path, others: Set[Path], skipped: list[Notice]) -> list[Exam
             names.append(printable(file.name))
             skipped.append(Notice("recording-unused", file=printable(file.name), what=error.what))
     if not found:
-        raise InputError("no-recording", path=path, names=", ".join(names) or "it is empty")
+        there = names or [printable(file.name) for file in sorted(path.iterdir())]
+        more = ", …" if len(there) > NAMED_FILES else ""
+        raise InputError("no-recording", path=path, names=", ".join(there[:NAMED_FILES]) + more)
     return found
 
 

@@ -184,7 +184,7 @@ def test_flight__session_has_what_was_entered(seen: dict[str, Any]) -> None:
     camera = session["camera"]
     assert (camera["table"], camera["width"], camera["height"]) == ("images.csv", 800, 600)  # the size is the image's
     assert (camera["fx"], camera["fy"], camera["cx"], camera["cy"]) == (661.4, 661.9, 402.7, 296.1)
-    assert camera["rpy_deg"] == [180.0, 0.0, 0.0]
+    assert camera["rpy_deg"] == [180.0, 0.0, -90.0]  # as proposed: it looks down
     assert session["parcels"] == {"file": "parcels.geojson", "net_inset_m": [1.0, 0.0]}
     assert "implement" not in session
 
@@ -210,6 +210,15 @@ def test_form__asks_before_a_run_whose_places_are_not_filled_in(seen: dict[str, 
     assert seen["asked"]["may_go_on"]
     assert "no accuracy is stated" in seen["asked"]["words"]
     assert seen["asked"]["marked"] == ["GNSS antenna: not filled in", "Scanner: not filled in"]
+
+
+def test_tools__another_one_is_added_and_removed(seen: dict[str, Any]) -> None:
+    first, second = tomllib.loads(seen["two_tools"])["implement"]
+    assert (first["kind"], first["name"], first["width_m"]) == ("rotary tiller", "rotary tiller", 1.7)
+    assert (second["name"], second["width_m"], second["xy_m"]) == ("tool 2", 1.5, [-2.4, 0.0])
+    assert seen["tools"] == ["rotary tiller", "tool 2"]
+    assert [tool["width_m"] for tool in tomllib.loads(seen["one_tool"])["implement"]] == [1.7]
+    assert seen["first_tool"] == [1.7, False]
 
 
 def test_machines__are_saved_from_the_form_chosen_from_the_list_and_dropped(seen: dict[str, Any]) -> None:

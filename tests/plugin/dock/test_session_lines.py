@@ -116,10 +116,27 @@ name = "North"
 """
 
 
+def test_add__makes_one_table_the_first_of_several(session_lines: ModuleType) -> None:
+    lines = session_lines.SessionLines(
+        'furrowmap = 1\n[implement]   # behind\nwidth_m = 1.7\n[field]\nname = "North"\n'
+    )
+    second = lines.add("implement")
+    lines.set(second, "width_m", 1.5)
+    lines.set("implement", "width_m", 1.8)
+    written = tomllib.loads(lines.text)
+    assert written["implement"] == [{"width_m": 1.8}, {"width_m": 1.5}]
+    assert written["field"] == {"name": "North"}
+    assert "# behind" in lines.text
+    assert session_lines.SessionLines(lines.text).get(second, "width_m") == 1.5
+    alone = session_lines.SessionLines("furrowmap = 1\n")
+    assert alone.add("implement") == "implement"
+    assert tomllib.loads(alone.text) == {"furrowmap": 1, "implement": {}}
+
+
 def test_several_tables_of_one_name__the_first_is_edited_and_the_others_stay(session_lines: ModuleType) -> None:
     lines = session_lines.SessionLines(SEVERAL)
-    assert lines.several("implement")
-    assert not lines.several("field")
+    assert lines.tables("implement") == ["implement", "implement[1]"]
+    assert lines.tables("field") == ["field"]
     lines.set("implement", "width_m", 2.5)
     lines.set("implement", "kind", "roller")
     front, rear = tomllib.loads(lines.text)["implement"]

@@ -200,7 +200,6 @@ def flight() -> Iterator[Any]:
     SEEN["flight"]["fault"] = widget("furrowmapFindings").text()
     for name, value in (("fy", 661.9), ("cx", 402.7), ("cy", 296.1)):
         widget(f"furrowmapCamera_{name}").setValue(value)
-    widget("furrowmapCameraTurn0").setValue(180.0)
     widget("furrowmapParcels").setFilePath(f"{FLIGHT}/parcels.geojson")
     widget("furrowmapInset0").setValue(1.0)
     click("furrowmapSave")
@@ -252,6 +251,24 @@ def new_session() -> Iterator[Any]:
     drop(plugin().dock, [Path(plugin().dock.previewer._folders[-1])])  # what `furrowmap run --preview` writes, too
     SEEN["dropped_preview"] = groups()
     shot(f"{OUT}/session.png")  # noqa: F821
+    yield from two_tools()
+
+
+def two_tools() -> Iterator[Any]:
+    """A second tool is added, and removed again."""
+    path = Path(RECORDINGS) / "session.toml"
+    click("furrowmapAddTool")
+    widget("furrowmapWidth").setValue(1.5)
+    widget("furrowmapImplementXy0").setValue(-2.4)
+    click("furrowmapSave")
+    yield
+    SEEN["two_tools"] = path.read_text(encoding="utf-8")
+    SEEN["tools"] = [widget("furrowmapTool").itemText(k) for k in range(widget("furrowmapTool").count())]
+    widget("furrowmapImplementGroup").setChecked(False)
+    click("furrowmapSave")
+    yield
+    SEEN["one_tool"] = path.read_text(encoding="utf-8")
+    SEEN["first_tool"] = [widget("furrowmapWidth").value(), widget("furrowmapTool").isVisible()]
 
 
 def machines() -> Iterator[Any]:
