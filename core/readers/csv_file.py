@@ -234,7 +234,7 @@ class CsvFile(Source):
             for name, place in places.items():
                 field = fields[place].strip() if place < len(fields) else ""
                 try:
-                    row.append(np.nan if field.lower() in _NO_VALUE else float(field))
+                    row.append(np.nan if field.lower() in _NO_VALUE else float(field.replace("_", "?")))
                 except ValueError:
                     what = f"column `{name}` holds {field[:40]!r}"
                     raise InputError("not-a-number", where=where, what=what) from None

@@ -91,8 +91,8 @@ def _read_styles(name: str, layer: VectorLayer) -> _KmlStyles:
     mark, fill = symbols["0"]
     if name == _PASSES:
         # A damaged layer may have something else in place of numbers.
-        values = [row.get("pass") for row in layer.rows()]
-        numbers = [int(value) for value in values if isinstance(value, int | float) and np.isfinite(value)]
+        passes = [row.get("pass") for row in layer.rows()]
+        numbers = [int(value) for value in passes if isinstance(value, int | float) and np.isfinite(value)]
         colours = {n: pass_colour(n, max(numbers)) for n in numbers}
         abgr = {str(n): (mark, f"{fill[:2]}{c[5:7]}{c[3:5]}{c[1:3]}") for n, c in colours.items()}
         return _KmlStyles("pass", {"": symbols["0"]} | abgr)

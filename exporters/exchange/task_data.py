@@ -114,7 +114,7 @@ def _tool_records(
     codes = {fix.label: int(fix) for fix in Fix}
     fix = np.array([codes.get(word, NO_STATUS) for word in poses["fix"]], np.uint8)[before]
     place = np.column_stack([np.interp(all_s, t_s, xyz[:, k]) for k in range(3)])
-    return all_s, state, fix, VectorLayer(shapely.points(place), {}, layer.crs)
+    return all_s, state, fix, VectorLayer(np.asarray(shapely.points(place)), {}, layer.crs)
 
 
 def _of_tool(layer: VectorLayer, implement: dict[str, Any]) -> VectorLayer:

@@ -136,7 +136,7 @@ def _write_geoparquet(path: Path, layer: VectorLayer) -> None:
         raise FurrowmapError("extra-missing.write-geoparquet") from None
 
 
-def _write_through_memory(path: Path, layer: VectorLayer, driver: str, **options: object) -> None:
+def _write_through_memory(path: Path, layer: VectorLayer, driver: str, **options: Any) -> None:
     """One file, which GDAL lays out in memory: on a disk that is full it reports no error of the last bytes."""
     content = io.BytesIO()
     write_vector_layer(content, layer, path.stem, driver, **options)
@@ -217,7 +217,8 @@ def _with_texts(layer: VectorLayer) -> dict[str, NDArray[Any]]:
     for name, values in layer.columns.items():
         if values.dtype.kind == "M":
             texts = np.datetime_as_string(values, "ms", timezone="UTC").astype(object)
-            fields[name] = np.where(np.isnat(values), None, texts)
+            texts[np.isnat(values)] = None
+            fields[name] = texts
     return fields
 
 

@@ -31,7 +31,7 @@ def write_vector_layer(
     name: str,
     driver: str,
     metadata: Mapping[str, str] | None = None,
-    **options: object,
+    **options: Any,
 ) -> None:
     """Write a layer into a new file, or a new layer of a GeoPackage.
 

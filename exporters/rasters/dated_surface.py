@@ -89,7 +89,7 @@ def dated_surface(result: ResultFolder) -> DatedSurface:
     after = surface_file(result.folder / DSM)
     before = surface_file(result.folder / DSM_BEFORE) if (result.folder / DSM_BEFORE).is_file() else after
     known = "coverage" in result.layer_names
-    shapes = result.layer("coverage").shapes if known else []
+    shapes: Any = result.layer("coverage").shapes if known else []
     start = dt.datetime.fromisoformat(result.report["figures"]["start"])
     tool = result.report["session"].get("implement")
     worked = shapely.union_all(shapely.make_valid(np.asarray(shapes, object)))
