@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
@@ -18,7 +18,7 @@ import pytest
 from packaging.requirements import Requirement
 
 from tests.conftest import installed
-from tests.test_house import CHECKOUT, PARTS, PROJECT, repository_files
+from tests.test_house import CHECKOUT, PARTS, PROJECT, UNTESTED, repository_files
 
 sys.path.insert(0, str(CHECKOUT / "scripts"))
 import project_facts
@@ -163,7 +163,13 @@ def test_page__has_the_licence_of_each_library_in_it(page_scripts: None) -> None
     assert text.count("Redistribution and use") + text.count("Permission to use") + text.count("Permission is") >= 4
 
 
+def test_setup__installs_every_extra_that_tests_load() -> None:
+    setup = runpy.run_path(str(CHECKOUT / "scripts" / "setup.py"))
+    assert {*setup["EXTRAS"].split(",")} == {*PROJECT["project"]["optional-dependencies"]} - UNTESTED
+
+
 def test_locked__waits_for_others(tmp_path: Path) -> None:
+    fcntl = pytest.importorskip("fcntl")
     with locked(tmp_path / "lock"), (tmp_path / "lock").open() as other, pytest.raises(BlockingIOError):
         fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
     with (tmp_path / "lock").open() as other:
