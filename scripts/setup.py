@@ -17,7 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 import web_bundle
 from installing import CHECKOUT, CannotInstallError, apt_install
 
-EXTRAS = "bags,cluster,csf,notebooks,parquet,photo,postgis,remote,trials,xarray"
+LEFT_OUT = {"open3d"}
+"""Extras that no test loads: 400 MB."""
 
 
 def main(folder: str = ".venv", group: str = "dev", constraints: str = "constraints.txt") -> None:
@@ -26,6 +27,10 @@ def main(folder: str = ".venv", group: str = "dev", constraints: str = "constrai
         sys.exit(f"furrowmap needs Python 3.11 or newer, not {sys.executable}; with make: make PYTHON=python3.11 ...")
     if importlib.util.find_spec("ensurepip") is None:  # Debian ships it in a package of its own
         apt_install("ensurepip", "python{}.{}-venv".format(*sys.version_info))
+    import tomllib
+
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = ",".join(name for name in project["optional-dependencies"] if name not in LEFT_OUT)
     python = CHECKOUT / folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     # An environment whose interpreter is gone, or whose checkout was moved, is made anew.
     whole = python.exists() and subprocess.run([python, "-m", "pip", "--version"], capture_output=True, check=False)
@@ -34,7 +39,7 @@ def main(folder: str = ".venv", group: str = "dev", constraints: str = "constrai
     install = [python, "-m", "pip", "install", "-qq"]
     subprocess.run([*install, "--constraint", "constraints.txt", "--upgrade", "pip"], cwd=CHECKOUT, check=True)
     constrained = ["--no-compile", "--constraint", constraints, "--build-constraint", "constraints.txt"]
-    subprocess.run([*install, *constrained, "--editable", f".[{EXTRAS}]", "--group", group], cwd=CHECKOUT, check=True)
+    subprocess.run([*install, *constrained, "--editable", f".[{extras}]", "--group", group], cwd=CHECKOUT, check=True)
     try:
         web_bundle.build()
     except CannotInstallError as error:
