@@ -240,11 +240,22 @@ def test_facts__stand_everywhere_as_in_pyproject() -> None:
     assert {name for name in project_facts.facts() if (CHECKOUT / name).is_file()} == {*project_facts.facts()}
 
 
-def test_placeholders__are_listed_for_an_owner() -> None:
-    """Mended by an owner, who takes the line out of here."""
-    listed = "\n".join(release_check.of_an_owner())
-    for what in ("Homepage", "Repository", "Issues", "mail address", "no package index has the name"):
-        assert what in listed
+def test_placeholders__are_listed_for_an_owner(monkeypatch: pytest.MonkeyPatch) -> None:
+    def listed() -> str:
+        return "\n".join(line for line in release_check.of_an_owner() if "user.signingkey" not in line)
+
+    for name in ("Homepage", "Repository", "Issues"):
+        monkeypatch.setitem(release_check.URLS, name, "https://fields.test/")
+    monkeypatch.setattr(release_check, "MAIL", "owner@fields.test")
+    monkeypatch.setattr(release_check, "ON_INDEX", True)
+    assert listed() == ""
+    monkeypatch.setitem(release_check.URLS, "Issues", "https://example.org/issues")
+    monkeypatch.setattr(release_check, "MAIL", "furrowmap@example.com")
+    monkeypatch.setattr(release_check, "ON_INDEX", False)
+    found = listed()
+    assert "Issues in [project.urls] is a placeholder" in found
+    assert all(what in found for what in ("mail address", "no package index has the name"))
+    assert "Homepage" not in found
 
 
 def test_facts__with_another_address_are_outdated(monkeypatch: pytest.MonkeyPatch) -> None:
