@@ -234,6 +234,7 @@ class CsvFile(Source):
             for name, place in places.items():
                 field = fields[place].strip() if place < len(fields) else ""
                 try:
+                    # float() would take 1_0 for ten
                     row.append(np.nan if field.lower() in _NO_VALUE else float(field.replace("_", "?")))
                 except ValueError:
                     what = f"column `{name}` holds {field[:40]!r}"
