@@ -168,7 +168,7 @@ def _shortened(layers: Layers) -> list[Notice]:
 def _write_csv(path: Path, layer: VectorLayer) -> None:
     """CSV: points by their coordinates, other geometries as WKT, times as ISO 8601, no text that is evaluated."""
     geographic = CRS(layer.crs).is_geographic
-    table = {cell(name): values for name, values in _with_texts(layer).items()}
+    table = _with_texts(layer)
     if {shape.geom_type for shape in layer.shapes if shape is not None} <= {"Point"}:
         x, y, z = layer.coordinates.T
         names = ("lon_deg", "lat_deg") if geographic else ("e_m", "n_m")
@@ -179,7 +179,7 @@ def _write_csv(path: Path, layer: VectorLayer) -> None:
         table["wkt"] = shapely.to_wkt(layer.shapes, rounding_precision=DIGITS_DEG if geographic else 4)
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(table)
+        writer.writerow(map(cell, table))
         writer.writerows(zip(*(_cells(values) for values in table.values()), strict=True))
 
 

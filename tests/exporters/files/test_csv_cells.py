@@ -6,13 +6,16 @@ import csv
 import io
 from pathlib import Path
 
-import geopandas as gpd
+import numpy as np
 import pandas as pd
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from pyproj import CRS
 
 from furrowmap.core.checking.point_check import CHECK_COLUMNS, PointCheck
+from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.exporters.exchange.vectors import FORMATS
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.reports.check_table import write_check_table
@@ -63,9 +66,9 @@ def test_promise_25__exported_table_is_harmless_in_cells_and_header(
     names: list[str], tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "hostile.csv"
-    values = {f"=f{i}{name}": [name, None] for i, name in enumerate(names)}
-    points = gpd.GeoSeries.from_xy([-1.5, 2.0], [-3.25, 4.0], crs="EPSG:6677")
-    layer = gpd.GeoDataFrame({**values, "change_m": [-0.25, 1.0]}, geometry=points)
+    values = {f"=f{i}{name}": np.array([name, None], object) for i, name in enumerate(names)}
+    points = shapely.points([(-1.5, -3.25), (2.0, 4.0)])
+    layer = VectorLayer(points, {**values, "change_m": np.array([-0.25, 1.0])}, CRS("EPSG:6677"))
     write = FORMATS["csv"].write_one
     assert write is not None
     write(path, layer)
