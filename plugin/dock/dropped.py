@@ -19,7 +19,7 @@ RESULTS, PREVIEW, SESSION, MACHINE, RECORDINGS = "results", "preview", "session"
 DRIVES, CLOUDS = "drives", "clouds"
 
 
-CLOUD_SUFFIXES = (".las", ".laz")
+FINISHED_CLOUDS = (".las", ".laz")
 """Of point clouds without positions of a scanner."""
 
 
@@ -53,7 +53,7 @@ def recognise(paths: Iterable[Path]) -> Dropped | None:
         return Dropped(PREVIEW, (preview,))
     machine = next(filter(is_machine, paths), None)
     paths = tuple(path for path in paths if path != machine)
-    if paths and all(path.suffix.lower() in CLOUD_SUFFIXES for path in paths):
+    if paths and all(path.suffix.lower() in FINISHED_CLOUDS for path in paths):
         return Dropped(CLOUDS, paths)
     if len(paths) > 1 and all(map(_is_drive, paths)):
         return Dropped(DRIVES, paths, machine)
