@@ -72,12 +72,18 @@ def localized(table: dict[str, Any], key: str) -> Any:
     return table.get(f"{key}_{(QgsApplication.locale() or '')[:2]}") or table.get(key)
 
 
-def _local_time(figures: dict[str, Any]) -> str | None:
-    """The field's local time with its zone; UTC where a report has no other."""
+def local_start(figures: dict[str, Any]) -> tuple[QDateTime, str]:
+    """The start in the field's local time, and the zone; in that of this computer where an old report has no zone."""
     zone = figures.get("time_zone")
-    text = str(figures.get("start_local" if zone else "start"))
-    moment = QDateTime.fromString(text, Qt.DateFormat.ISODateWithMs)
-    return f"{moment.toString('yyyy-MM-dd HH:mm')} ({zone or 'UTC'})" if moment.isValid() else None
+    moment = QDateTime.fromString(str(figures.get("start_local" if zone else "start")), Qt.DateFormat.ISODateWithMs)
+    if not zone:
+        moment = moment.toLocalTime()
+    return moment, zone or moment.timeZoneAbbreviation()
+
+
+def _local_time(figures: dict[str, Any]) -> str | None:
+    moment, zone = local_start(figures)
+    return f"{moment.toString('yyyy-MM-dd HH:mm')} ({zone})" if moment.isValid() else None
 
 
 def _fixes(shares: Any) -> str | None:

@@ -1,7 +1,15 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Legend labels in the user's language: of the categories in the products' styles, and of rasters."""
 
-from qgis.core import QgsCategorizedSymbolRenderer, QgsLayerTreeLayer, QgsMapLayerLegendUtils, QgsVectorLayer
+from qgis.core import (
+    QgsCategorizedSymbolRenderer,
+    QgsColorRampShader,
+    QgsLayerTreeLayer,
+    QgsMapLayerLegendUtils,
+    QgsRasterLayer,
+    QgsSingleBandPseudoColorRenderer,
+    QgsVectorLayer,
+)
 from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
 
 CATEGORY_LABELS = (
@@ -40,6 +48,13 @@ CATEGORY_LABELS = (
     QT_TRANSLATE_NOOP("Legends", "unknown"),
 )
 """Labels of the categories in the styles of products."""
+COLOUR_LABELS = (
+    QT_TRANSLATE_NOOP("Legends", "1.2 m and more"),
+    QT_TRANSLATE_NOOP("Legends", "2 m and more"),
+    QT_TRANSLATE_NOOP("Legends", "none: turns alone"),
+    QT_TRANSLATE_NOOP("Legends", "4 and more"),
+)
+"""Labels of colours in the styles of rasters, other than numbers with units."""
 BAND_LABELS = {
     "change": QT_TRANSLATE_NOOP("Legends", "Height change (m)"),
     "swaths": QT_TRANSLATE_NOOP("Legends", "Height difference of swaths (m)"),
@@ -112,6 +127,22 @@ def translate_categories(layer: QgsVectorLayer) -> None:
     if isinstance(renderer, QgsCategorizedSymbolRenderer):
         for number, category in enumerate(renderer.categories()):
             renderer.updateCategoryLabel(number, QCoreApplication.translate("Legends", category.label()))
+
+
+def translate_colours(layer: QgsRasterLayer) -> None:
+    """Translate the labels of a raster's colours."""
+    renderer = layer.renderer()
+    if isinstance(renderer, QgsSingleBandPseudoColorRenderer):
+        ramp = renderer.shader().rasterShaderFunction()
+        items = ramp.colorRampItemList()
+        ramp.setColorRampItemList(
+            [
+                QgsColorRampShader.ColorRampItem(
+                    item.value, item.color, QCoreApplication.translate("Legends", item.label)
+                )
+                for item in items
+            ]
+        )
 
 
 def label_band(node: QgsLayerTreeLayer, *, worked: bool = True) -> None:

@@ -111,7 +111,12 @@ def _passes(session: str, layer: QgsVectorLayer) -> list[dict[str, Any]]:
                 "layer": layer.id(),
                 "feature": feature.id(),
                 "pass": int(feature["pass"]),
-                "words": f"{float(area):,.1f} m²" if isinstance(area, (int, float)) else "",
+                "words": ", ".join(
+                    [
+                        *([str(feature["tool"])] if fields.indexOf("tool") >= 0 else []),
+                        *([f"{float(area):,.1f} m²"] if isinstance(area, (int, float)) else []),
+                    ]
+                ),
             }
         )
     return found

@@ -22,7 +22,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
-from .legends import label_band, name_node, translate_categories
+from .legends import label_band, name_node, translate_categories, translate_colours
 from .previews import remove_previews
 from .processing.loading import sources
 from .products import product, read_object
@@ -186,6 +186,7 @@ def surface_layers(folder: Path) -> Iterator[QgsRasterLayer]:
             styled = path.with_suffix(".qml").is_file()  # QGIS has loaded that style already
             if path.stem != "orthophoto":
                 (show_as_change if path.stem in COLOURED_SURFACES else show_as_surface)(layer, styled=styled)
+            translate_colours(layer)
         yield layer
 
 

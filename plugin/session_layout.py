@@ -27,11 +27,11 @@ from qgis.core import (
     QgsRectangle,
     QgsVectorLayer,
 )
-from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
+from qgis.PyQt.QtCore import QCoreApplication
 from qgis.PyQt.QtGui import QTextDocument
 
 from .basemap import attribution_of
-from .figures import figures_html, object_in, verdict_html
+from .figures import figures_html, local_start, object_in, verdict_html
 from .legends import label_band, shown_name
 
 tr = partial(QCoreApplication.translate, "SessionLayout")
@@ -98,9 +98,12 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     if passes is not None and passes.featureCount():
         atlas = layout.atlas()
         atlas.setCoverageLayer(passes)
-        atlas.setPageNameExpression(f"'{tr('pass')} ' || \"pass\"")
+        # Each of several tools has passes of its own, numbered from 1 on.
+        several = passes.fields().indexOf("tool") >= 0
+        page = f"'{tr('pass')} ' || \"pass\""
+        atlas.setPageNameExpression(f"\"tool\" || ', ' || {page}" if several else page)
         atlas.setSortFeatures(True)
-        atlas.setSortExpression('"pass"')
+        atlas.setSortExpression('"tool" || lpad("pass", 9, \' \')' if several else '"pass"')
         page_map.setAtlasDriven(True)
         page_map.setAtlasScalingMode(QgsLayoutItemMap.AtlasScalingMode.Auto)
         page_map.setAtlasMargin(ATLAS_MARGIN)
@@ -182,20 +185,21 @@ def _figures(report: dict[str, Any], passes: QgsVectorLayer | None) -> str:
         return whole
     rows = "".join(
         f" || '<tr><td>{escape(label)}&nbsp;&nbsp;</td><td><b>' || {value} || '</b></td></tr>'"
-        for label, value in _pass_rows(report)
+        for label, value in _pass_rows(report, several=passes.fields().indexOf("tool") >= 0)
     )
     of_pass = f"{_literal(TABLE)}{rows} || '</table>'"
     return f"[% if({IS_OVERVIEW}, {_literal(whole)}, {of_pass}) %]"
 
 
-def _pass_rows(report: dict[str, Any]) -> tuple[tuple[str, str], ...]:
+def _pass_rows(report: dict[str, Any], *, several: bool) -> tuple[tuple[str, str], ...]:
     """Pairs of a label and an expression for the figures of a pass."""
     figures = object_in(report, "figures")
-    moment = QDateTime.fromString(str(figures.get("start_local")), Qt.DateFormat.ISODateWithMs)
-    zone, offset_s = (figures.get("time_zone"), moment.offsetFromUtc()) if moment.isValid() else ("UTC", 0)
+    moment, zone = local_start(figures)
+    zone, offset_s = (zone, moment.offsetFromUtc()) if moment.isValid() else ("UTC", 0)
     times = [f"format_date(\"{name}\" + to_interval('{offset_s} seconds'), 'HH:mm:ss')" for name in ("start", "end")]
     unknown = _literal(tr("unknown"))
     return (
+        *(((tr("Tool"), '"tool"'),) if several else ()),
         (tr("Pass"), 'to_string("pass")'),
         (tr("Time ({zone})").format(zone=zone), f"{times[0]} || ' – ' || {times[1]}"),
         (tr("Length"), "format_number(\"length_m\", 1) || ' m'"),

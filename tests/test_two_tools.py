@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
+import sqlite3
 import tomllib
+from contextlib import closing
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import geopandas as gpd
 import numpy as np
@@ -18,6 +22,7 @@ from furrowmap.core.session.file import load_session
 from furrowmap.core.simulator.scenario import FrontImplement, Scenario, ScenarioDrive, ScenarioField, ScenarioLidar
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.exporters.farm.results import read_result
+from furrowmap.exporters.share.features import shared_layer
 
 DEPTH_M = 0.12
 TOOLS = (
@@ -100,6 +105,21 @@ def test_layers__name_the_tool_and_only_the_one_in_the_soil_has_a_depth(result: 
     assert np.isfinite(passes.depth_m["rear tool"])
     assert np.isnan(passes.depth_m["front roller"])
     assert passes.width_m.to_dict() == {"rear tool": 1.7, "front roller": 2.2}
+
+
+def test_pass__is_named_with_its_tool_wherever_passes_are_shown(result: furrowmap.Result, tmp_path: Path) -> None:
+    """Each tool has a pass 1."""
+    both = {"rear tool", "front roller"}
+    with closing(sqlite3.connect(result.path / "field.gpkg")) as database:
+        styles = dict(database.execute("SELECT f_table_name, styleQML FROM layer_styles"))
+    assert """"&quot;tool&quot; || ' ' || &quot;pass&quot;\"""" in styles["passes"]
+    assert all(re.search(r'<mapTip[^>]*>\[% "tool" %\]: ', styles[name]) for name in ("passes", "tool_path", "events"))
+    shown = shared_layer("passes", result.layer("passes").to_crs("EPSG:4326"), ZoneInfo("Asia/Tokyo"), alone=False)
+    assert shown is not None
+    assert {feature["label"] for feature in shown["features"]} == {f"{tool} 1" for tool in both}
+    furrowmap.export([result.path], "kml", tmp_path / "out.kml", layers=["passes"])
+    names = re.findall("<name>(.*?, pass .*?)</name>", (tmp_path / "out.kml").read_text("utf-8"))
+    assert set(names) == {f"{tool}, pass 1" for tool in both}
 
 
 def test_report__shows_each_tool_in_the_language_of_the_page(result: furrowmap.Result) -> None:

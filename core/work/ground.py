@@ -183,6 +183,8 @@ class WorkFigures:
         overlap: the places of all pairs of passes, added up.
         missed: all strips missed.
         field: how much of the field was worked; None where its boundary is not known.
+        passes: those whose ground is known at least in part.
+        unplaced_passes: those with time without a position, whose ground is not known there, or nowhere.
         length_m: driven forward with the tool down.
         speed_mps: mean while working; nan where nothing was worked.
         work_rate_ha_h: ground worked an hour in the field, turns and stops included; nan likewise.
@@ -194,6 +196,7 @@ class WorkFigures:
     missed: AreaFigure
     field: FieldFigures | None
     passes: int
+    unplaced_passes: int
     length_m: float
     speed_mps: float
     work_rate_ha_h: float
@@ -265,7 +268,8 @@ def worked_ground(
         overlap=overlap,
         missed=missing,
         field=areas.measure_field(boundary, coverage, _all(left), doubtful) if boundary is not None else None,
-        passes=len(passes),
+        passes=sum(not one.ground.is_empty for one in passes),
+        unplaced_passes=sum(_has_gap(trajectory, when) for when in times),
         length_m=length_m,
         speed_mps=length_m / moving_s if moving_s else float("nan"),
         work_rate_ha_h=0.36 * worked.ellipsoid_m2 / spent.field_s if spent.field_s else float("nan"),
@@ -285,6 +289,16 @@ def worked_ground(
 
 def _all(places: Sequence[tuple[str, shapely.Polygon]]) -> shapely.MultiPolygon:
     return shapely.MultiPolygon([ground for _, ground in places])
+
+
+def _has_gap(trajectory: Trajectory, times: PassTimes) -> bool:
+    """Whether a pass has time without a position: in a gap of the trajectory, or beyond its ends."""
+    begin_s, end_s = trajectory.span_s
+    beyond_s = max(begin_s - times.begin_s, times.end_s - end_s)
+    gaps_s = trajectory.gaps_s
+    return beyond_s > trajectory.max_gap_s or bool(
+        ((gaps_s[:, 0] < times.end_s) & (gaps_s[:, 1] > times.begin_s)).any()
+    )
 
 
 def _unplaced_ground(

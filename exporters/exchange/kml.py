@@ -148,7 +148,8 @@ def _add_placemark(
     fields = {name: text for name, value in row.items() if (text := _field_text(value)) is not None}
     mark = ET.SubElement(folder, "Placemark")
     key = next((key for key in _TITLES if key in fields), None)
-    _text(mark, "name", layer if key is None else f"{key} {fields[key]}" if key == "pass" else fields[key])
+    name = layer if key is None else f"{key} {fields[key]}" if key == "pass" else fields[key]
+    _text(mark, "name", f"{fields['tool']}, {name}" if "tool" in fields else name)
     if "start" in fields:  # for the time slider of viewers
         span = ET.SubElement(mark, "TimeSpan")
         _text(span, "begin", fields["start"])

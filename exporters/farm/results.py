@@ -305,7 +305,7 @@ def _task_result(
         "duration_s": float(driven.columns["t_s"][-1] - driven.columns["t_s"][0]),
         "hours": area_m2 / 10_000.0 / rate if rate > 0 else float("nan"),
         "field_name": task["field"] or None,
-        "passes": np.int64(len(passes.shapes) if passes is not None else 0),
+        "passes": np.int64(np.count_nonzero(~shapely.is_empty(passes.shapes)) if passes is not None else 0),
         "width_m": float(np.nanmax(widths)),
         "crs": crs.to_string(),
         "heights": TASK_HEIGHTS,

@@ -28,8 +28,6 @@ from furrowmap.exporters.files.result_folder import (
     HEIGHT_ABOVE_GROUND,
     STRIP_OVERLAP,
     SWATHS,
-    packaged_style,
-    style_of,
 )
 from furrowmap.exporters.rasters.cog import (
     CHANGE_BANDS,
@@ -40,6 +38,7 @@ from furrowmap.exporters.rasters.cog import (
     surface_arrays,
     with_heights,
 )
+from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 
 STYLES: Final = {
     DSM: "dsm.qml",
@@ -138,7 +137,7 @@ def write_rasters(
         (folder / SWATHS).unlink()
         del kinds[SWATHS]
     for name in (*kinds, *(_GROUND if found.strips else ())):
-        (folder / style_of(name)).write_text(packaged_style(STYLES[name]), encoding="utf-8")
+        write_raster_style(folder / name, STYLES[name])
     moved = sums.moved() if passages else None
     grounds = tuple(outlines.grounds(found.strips))
     return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, moved, differences, grounds)

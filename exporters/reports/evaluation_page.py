@@ -12,10 +12,12 @@ from furrowmap.core.checking.evaluation import Evaluation
 from furrowmap.core.checking.statistics import DEFINITIONS, QUANTILES, ErrorTable
 from furrowmap.core.geodesy.local_time import in_local_time, span_words, zone_at
 from furrowmap.core.runtime.json_text import json_text
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.files.staging import refuse_products, staged_folder
 from furrowmap.exporters.reports import evaluation_drawings
 from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, write_epochs, write_table
+from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
 from furrowmap.exporters.vectors.gnss_layers import gnss_layers
@@ -45,7 +47,8 @@ def write_evaluation(folder: Path, evaluations: Mapping[str, Evaluation], *, ove
             write_layer(staging / "evaluation.gpkg", layer, "EPSG:4326", indexed=True)
         clock = StyleClock(_zone(evaluations), *_span_s(evaluations))
         write_styles(staging / "evaluation.gpkg", [layer.name for layer in layers], clock)
-        (staging / "evaluation.html").write_text(page(evaluations), encoding="utf-8", errors="xmlcharrefreplace")
+        shown = in_language(page(evaluations), language_of_user())
+        (staging / "evaluation.html").write_text(shown, encoding="utf-8", errors="xmlcharrefreplace")
 
 
 def page(evaluations: Mapping[str, Evaluation]) -> str:
@@ -111,7 +114,7 @@ def _continuity(found: Evaluation) -> list[tuple[str, str]]:
     """Names and texts of the figures of a log."""
     log = found.continuity
     shares = ", ".join(f"{kind} {share:.1%}" for kind, share in log.share_by_fix.items())
-    firsts = ", ".join(f"{kind} after {seconds:.1f} s" for kind, seconds in log.first_by_fix_s.items())
+    firsts = ", ".join(f"{kind} {seconds:.1f} s" for kind, seconds in log.first_by_fix_s.items())
     age = (
         f"median {log.age.median_s:.1f} s, 95 % below {log.age.p95_s:.1f} s, greatest {log.age.greatest_s:.1f} s"
         if log.age

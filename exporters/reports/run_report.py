@@ -284,6 +284,7 @@ def _worked(ground: WorkedGround | None) -> dict[str, Any]:
         "swept_area_m2": round(worked.swept_m2, 3),
         **{f"{kind}_area_m2": round(area_m2, 3) for kind, area_m2 in zones.items()},
         "passes": worked.passes,
+        "unplaced_passes": worked.unplaced_passes,
         "worked_length_m": round(worked.length_m, 2),
         "working_speed_mps": round(worked.speed_mps, 3),
         "work_rate_ha_h": round(worked.work_rate_ha_h, 4),

@@ -23,6 +23,10 @@ Number = float | FloatArray
 WIDTH: Final = 640.0
 """Width of every drawing; a unit is a CSS pixel."""
 MAX_HEIGHT: Final = 640.0
+SCALE_STRIP: Final = 28.0
+"""Height of the strip below a map that has its scale bar and north arrow."""
+MIN_STRIP: Final = 180.0
+"""Its least width."""
 LINE_TOLERANCE: Final = 0.3
 """Tolerance of simplified lines in units."""
 _ROUND_STEPS: Final = (1.0, 2.0, 5.0, 10.0)
@@ -107,19 +111,18 @@ class Sheet:
         return element("text", text, class_="number", x=x, y=y + 4)
 
     def svg(self, parts: Sequence[str], title: str) -> Markup:
-        """The map with a scale bar and a north arrow."""
+        """The map, and in a strip below it a scale bar and a north arrow, which cover nothing of it."""
         width, height = self.size
         length_m = _round_step(0.25 * width / self.scale)
-        bar = f"M12 {height - 12:.1f}H{12.0 + length_m * self.scale:.1f}"
-        x = width - 18.0
+        whole = max(width, MIN_STRIP)
+        y, x, arrow = height + 0.6 * SCALE_STRIP, 12.0 + length_m * self.scale, whole - 36.0
         frame = (
-            element("path", class_="halo", d=bar),
-            element("path", class_="bar", d=bar),
-            label(12, height - 18, f"{length_m:g} m"),
-            element("path", class_="arrow", d=f"M{x:.1f} 8l7 20l-7 -5l-7 5Z"),
-            element("text", "N", class_="number", x=x, y=44),
+            element("path", class_="bar", d=f"M12 {y:.1f}H{x:.1f}"),
+            label(x + 8, y + 4, f"{length_m:g} m"),
+            element("path", class_="arrow", d=f"M{arrow:.1f} {height + 5:.1f}l7 20l-7 -5l-7 5Z"),
+            element("text", "N", class_="number", x=whole - 18.0, y=y + 4),
         )
-        return drawing(width, height, [*parts, *frame], title)
+        return drawing(whole, height + SCALE_STRIP, [*parts, *frame], title)
 
     def _at(self, en_m: FloatArray) -> FloatArray:
         west, _, _, north = self.box_m

@@ -54,7 +54,8 @@ def shared_layer(name: str, layer: VectorLayer, zone: ZoneInfo, *, alone: bool) 
             symbols.append(symbol)
         feature = {"symbol": symbols.index(symbol), "geometry": shape, "rows": feature_rows(known, style, zone)}
         if style.label_attribute in known:
-            feature["label"] = printable(str(known[style.label_attribute]))
+            parts = [known[name] for name in ("tool", style.label_attribute) if name in known]
+            feature["label"] = printable(" ".join(map(str, parts)))
         features.append(feature)
     return {
         "name": name,

@@ -45,7 +45,7 @@ from furrowmap.exporters.share.shown_layers import (
     rasters_of,
     title_of,
 )
-from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_language, in_local_times, with_words
+from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_language, in_local_times, naming_tools, with_words
 
 PROJECT_FILE: Final = "field.qgs"
 FIELD_PRODUCTS: Final = (PROJECT_FILE, FIELD)
@@ -87,7 +87,9 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         title = _in(language, LAYER_TITLES.get(name, name.replace("_", " ")))
         style = _style(f"{name}.qml", language)
         if style is not None:
-            style = with_words(in_local_times(style, [clock]), about["fields"].tolist(), language, report=False)
+            fields = about["fields"].tolist()
+            style = in_local_times(style, [clock])
+            style = with_words(naming_tools(style) if "tool" in fields else style, fields, language, report=False)
         if name == PASSES and style is not None and (result.folder / CHANGE).is_file():
             style = style.replace('name="style" type="QString" value="solid"', HATCHED)
         layer = ProjectLayer(name, kind, source, "ogr", style, title, read_only=True)

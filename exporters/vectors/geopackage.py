@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.runtime.languages.catalogue import ENGLISH, translated
+from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
@@ -25,7 +25,14 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles
 from furrowmap.exporters.files.vector_layers import UTC_OFFSET
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
-from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES, StyleClock, in_language, in_local_times, with_words
+from furrowmap.exporters.vectors.qgis_styles import (
+    LAYER_NAMES,
+    StyleClock,
+    in_language,
+    in_local_times,
+    naming_tools,
+    with_words,
+)
 
 PAGE_BYTES: Final = 1024
 """Page size of the file: a few rows of `trajectory`."""
@@ -69,7 +76,8 @@ def write_field(
             write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
         clock = StyleClock(zone, float(poses.t_s[0]), float(poses.t_s[-1])) if zone is not None else None
         fields = {layer.name: tuple(layer.columns) for layer in layers} if path.name == FIELD else None
-        write_styles(unfinished, [layer.name for layer in layers], clock, fields=fields, language=language)
+        tools = [layer.name for layer in layers if "tool" in layer.columns]
+        write_styles(unfinished, [layer.name for layer in layers], clock, fields=fields, several_tools=tools)
         with closing(sqlite3.connect(unfinished)) as database:
             database.execute("PRAGMA synchronous=OFF")
             database.execute(f"PRAGMA page_size={PAGE_BYTES}")  # outlines and empty tables leave less of it unused
@@ -145,17 +153,24 @@ def write_styles(
     clock: StyleClock | None = None,
     *,
     fields: Mapping[str, Sequence[str]] | None = None,
-    language: str = ENGLISH,
+    several_tools: Collection[str] = (),
 ) -> None:
-    """Store the packaged style of each layer as its default style in QGIS, with map tips by a clock (None: UTC).
+    """Store the packaged style of each layer as its default style in QGIS, in the language of the user.
 
-    `fields` names the fields of each layer of a run, for the words and actions of its table; None for neither.
+    Args:
+        path: the GeoPackage.
+        layers: their names.
+        clock: of the times in map tips; None for UTC.
+        fields: of each layer of a run, for the words and actions of its table; None for neither.
+        several_tools: layers whose features are of one of several tools, which their field `tool` names.
     """
+    language = language_of_user()
     packaged = packaged_styles()
     styles = {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged}
     styles = {name: in_language(style, language) for name, style in styles.items()}
     if clock is not None:
         styles = {name: in_local_times(style, [clock]) for name, style in styles.items()}
+    styles = {name: naming_tools(style) if name in several_tools else style for name, style in styles.items()}
     if fields is not None:
         styles = {n: with_words(style, fields[n], language, report=True) for n, style in styles.items()}
     store_styles(path, styles)

@@ -11,13 +11,16 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 from zoneinfo import ZoneInfo
 
 from furrowmap.core.geodesy.local_time import local_time
 from furrowmap.core.runtime.languages.catalogue import ENGLISH, catalogue, translated
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.qgis_project import DOCTYPE
+from furrowmap.exporters.files.result_folder import packaged_style, style_of
 from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
 
 _CATEGORIES: Final = "Fields|Forms|Actions"
@@ -183,6 +186,24 @@ def in_language(style: str, language: str) -> str:
     for tip in root.iter("mapTip"):
         tip.text = _LINE.sub(lambda line: _line(line[0], language), tip.text or "")
     return DOCTYPE + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def naming_tools(style: str) -> str:
+    """A style whose labels and map tips name the tool (field `tool`), which has passes of its own from 1 on.
+
+    For layers of several tools; colours by the number of a pass are those of the passes of one tool, too.
+    """
+    label = """fieldName="&quot;tool&quot; || ' ' || &quot;pass&quot;"\\1isExpression="1\""""
+    style = re.sub('fieldName="pass"([^>]*)isExpression="0"', label, style)
+    style = re.sub(r"(minimum|maximum)\(&quot;pass&quot;\)", r"\1(&quot;pass&quot;, &quot;tool&quot;)", style)
+    return re.sub(r"(<mapTip[^>]*>)(?!<)", r'\1[% "tool" %]: ', style)
+
+
+def write_raster_style(raster: Path, style: str) -> None:
+    """Write a packaged style beside a raster, in the language of the user; QGIS loads it with the raster."""
+    raster.with_name(style_of(raster.name)).write_text(
+        in_language(packaged_style(style), language_of_user()), encoding="utf-8"
+    )
 
 
 def tip_line(line: str) -> tuple[str, list[str]]:

@@ -621,6 +621,9 @@ The other layers do not need it. Check the address and the network, or choose a 
 </context>
 <context>
   <name>Legends</name>
+  <message><source>1.2 m and more</source><translation>1.2 m 以上</translation></message>
+  <message><source>2 m and more</source><translation>2 m 以上</translation></message>
+  <message><source>4 and more</source><translation>4 以上</translation></message>
   <message><source>Boundary of the field</source><translation>圃場の境界</translation></message>
   <message><source>Change of the surface</source><translation>地表面の変化</translation></message>
   <message><source>Cultivated path</source><translation>耕うん経路</translation></message>
@@ -680,6 +683,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>missed along the boundary</source><translation>境界沿いの作業残し</translation></message>
   <message><source>missed between passes</source><translation>行程間の作業残し</translation></message>
   <message><source>no position</source><translation>測位なし</translation></message>
+  <message><source>none: turns alone</source><translation>なし（旋回のみ）</translation></message>
   <message><source>other</source><translation>その他</translation></message>
   <message><source>other, or from a file</source><translation>その他、またはファイルから</translation></message>
   <message><source>passes between</source><translation>間の行程</translation></message>
@@ -786,6 +790,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Pass</source><translation>行程</translation></message>
   <message><source>Speed</source><translation>速度</translation></message>
   <message><source>Time ({zone})</source><translation>時刻（{zone}）</translation></message>
+  <message><source>Tool</source><translation>作業機</translation></message>
   <message><source>Width</source><translation>幅</translation></message>
   <message><source>pass</source><translation>行程</translation></message>
   <message><source>unknown</source><translation>不明</translation></message>

@@ -13,13 +13,14 @@ from pathlib import Path
 from qgis.core import (
     Qgis,
     QgsApplication,
+    QgsField,
     QgsLayoutExporter,
     QgsLayoutItem,
     QgsLayoutItemPage,
     QgsProject,
     QgsVectorLayer,
 )
-from qgis.PyQt.QtCore import Qt
+from qgis.PyQt.QtCore import QMetaType, Qt
 
 HATCHED = Qt.BrushStyle.BDiagPattern
 
@@ -54,8 +55,15 @@ for item in layout.items():
     if isinstance(item, QgsLayoutItem) and not isinstance(item, QgsLayoutItemPage):
         box = item.mapRectToScene(item.rect())
         boxes.append([item.displayName()[:40], box.left(), box.top(), box.right(), box.bottom()])
-sys.stdout.write("\n" + json.dumps([shown, boxes]))
-del item, box
-del passes
+passes.addExpressionField("if(\"pass\" = 2, 'front', 'rear')", QgsField("tool", QMetaType.Type.QString))
+atlas = printing.session_layout(project, group, {}).atlas()
+atlas.setEnabled(True)
+atlas.updateFeatures()
+names = [atlas.nameForPage(page) for page in range(atlas.count())]
+old = importlib.import_module("furrowmap.figures").figure_rows({"figures": {"start": "2026-06-11T16:23:40.937Z"}})
+sys.stdout.write(
+    "\n" + json.dumps({"legend": shown, "boxes": boxes, "pages of two tools": names, "old report": dict(old)})
+)
+del item, box, passes, atlas
 project.clear()
 application.exitQgis()

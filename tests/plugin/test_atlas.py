@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import geopandas as gpd
 import numpy as np
+import pytest
 
 from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.reports.drawings import pass_colour
@@ -20,8 +21,11 @@ if TYPE_CHECKING:
 CHECKOUT = Path(__file__).resolve().parents[2]
 
 
-def test_pages__of_the_passes_have_their_own_figures(qgis: QgisRoot, tmp_path: Path) -> None:
+def test_pages__of_the_passes_have_their_own_figures(
+    qgis: QgisRoot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """It begins at 15:00 UTC, midnight in Japan."""
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
     result = write_result(tmp_path / "result")
     report = json.loads((result / "report.json").read_text(encoding="utf-8"))
     report["figures"] |= {"time_zone": "Asia/Tokyo", "start_local": "2026-06-12T00:00:00.000+09:00"}
@@ -44,14 +48,16 @@ def test_pages__of_the_passes_have_their_own_figures(qgis: QgisRoot, tmp_path: P
         local = one.start.tz_convert("Asia/Tokyo")
         assert f"{local:%H:%M:%S}" in page
         assert "(Asia/Tokyo)" in page
-    shown, boxes = json.loads(told.splitlines()[-1])
-    assert {"map", "legend", "scale"} < {name for name, *_ in boxes}
-    for k, (name, left, top, right, bottom) in enumerate(boxes):
+    seen = json.loads(told.splitlines()[-1])
+    assert seen["pages of two tools"] == ["front, pass 2", "rear, pass 1", "rear, pass 3"]
+    assert "2026-06-12 01:23 (JST)" in seen["old report"].values()
+    assert {"map", "legend", "scale"} < {name for name, *_ in seen["boxes"]}
+    for k, (name, left, top, right, bottom) in enumerate(seen["boxes"]):
         assert 0.0 <= left < right <= 297.0, name
         assert 0.0 <= top < bottom <= 210.0, name
-        for other, *box in boxes[:k]:
+        for other, *box in seen["boxes"][:k]:
             assert box[0] >= right or box[2] <= left or box[1] >= bottom or box[3] <= top, (name, other)
-    legend = {label: colour for label, colour, hatched in shown if hatched}
+    legend = {label: colour for label, colour, hatched in seen["legend"] if hatched}
     colours = {"first pass": pass_colour(1, 3), "passes between": pass_colour(2, 3), "last pass": pass_colour(3, 3)}
     assert legend == colours  # those of the map, of the report and of KML
     assert len(set(np.round(passes["area_m2"], 1))) > 1

@@ -91,8 +91,10 @@ def test_plugin__imports_only_qgis_and_the_standard_library(path: Path) -> None:
 
 
 def test_legends__have_the_words_of_every_category_in_the_products_styles() -> None:
-    styles = (CHECKOUT / "exporters" / "styles").glob("*.qml")
-    labels = {label for path in styles for label in re.findall(r'<category [^>]*label="([^"]+)"', path.read_text())}
+    styles = [path.read_text(encoding="utf-8") for path in (CHECKOUT / "exporters" / "styles").glob("*.qml")]
+    labels = {label for style in styles for label in re.findall(r'<category [^>]*label="([^"]+)"', style)}
+    colours = {label for style in styles for label in re.findall(r'<item [^>]*label="([^"]+)"', style)}
+    labels |= {label for label in colours if not re.fullmatch(r"[-\d.]+( m| mm)?", label)}
     tree = ast.parse((CHECKOUT / "plugin" / "legends.py").read_text(encoding="utf-8"))
     assert labels <= {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
 

@@ -16,6 +16,7 @@ import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, Notice, as_furrowmap_error
 from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import (
     STATE,
     BatchState,
@@ -290,7 +291,7 @@ class _Batch:
         of |= {name: (file, "") for name, (file, _) in plan.failures.items()}
         rows = tuple(Row(name, *of[name], outcomes[name]) for name in sorted(of) if name in outcomes)
         return Batch(
-            self.url or str(self.results),
+            without_passwords(self.url) or str(self.results),
             rows,
             tuple(plan.due),
             tuple(sorted(set(plan.jobs) - set(plan.due) - set(plan.failures))),

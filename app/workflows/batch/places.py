@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
+from urllib.parse import urlsplit
 
 import msgspec
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
 from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import SessionOutcome, Stamp, same_files
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
 from furrowmap.workflows.batch.sources import BatchSource, holds_scans
@@ -32,6 +34,11 @@ class Store:
 
     url: str
 
+    @property
+    def shown(self) -> str:
+        """The URL without a password: what is shown and stored."""
+        return without_passwords(self.url)
+
     def files(self) -> dict[str, Stamp]:
         """All files below the folder, by their path relative to it."""
         system, root = self._opened()
@@ -43,7 +50,7 @@ class Store:
                 facts.get(key) for key in ("ETag", "etag", "md5Hash", "mtime", "LastModified", "modified", "created")
             ]
             mark = next((str(one) for one in known if one is not None), "")
-            found[name] = Stamp(f"{self.url}/{name}", int(facts["size"]), mark)
+            found[name] = Stamp(f"{self.shown}/{name}", int(facts["size"]), mark)
         return found
 
     def read(self, name: str) -> bytes | None:
@@ -122,14 +129,15 @@ def find_remote(url: str) -> Iterator[BatchSource]:
             continue
         of_session.append(home)
         inside = tuple(stamp for name, stamp in sorted(files.items()) if _is_in(name, home))
-        parts = tuple(home.split("/")) if home else (posixpath.basename(store.url),)
+        parts = tuple(home.split("/")) if home else (posixpath.basename(store.shown),)
         yield BatchSource(Path(SESSION_FILE), parts, made, inside, url=f"{store.url}/{home}".rstrip("/"))
 
 
 def fetch_session(url: str, stamps: Sequence[Stamp], folder: Path) -> Path:
     """The session file of a source in a store, after its files have been copied into a folder."""
-    home = folder / (posixpath.basename(url) or "session")
-    Store(url).fetch([posixpath.relpath(one.path, url) for one in stamps], home)
+    store = Store(url)
+    home = folder / (posixpath.basename(store.shown) or "session")
+    store.fetch([posixpath.relpath(one.path, store.shown) for one in stamps], home)
     return home / SESSION_FILE
 
 
@@ -159,7 +167,9 @@ def scratch() -> TemporaryDirectory[str]:
 
 def store_failure(url: str, error: Exception) -> FurrowmapError:
     """What a store or its library raised, as an error with a remedy."""
-    return FurrowmapError("batch-store", url=url, name=type(error).__name__, error=error)
+    password = urlsplit(url).password  # some libraries repeat it as part of a path
+    told = str(error).replace(f":{password}@", "@") if password else error
+    return FurrowmapError("batch-store", url=url, name=type(error).__name__, error=told)
 
 
 def _is_in(name: str, folder: str) -> bool:

@@ -11,6 +11,7 @@ from typing import Final
 
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import Stamp
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
 
@@ -39,8 +40,8 @@ class BatchSource:
 
     @property
     def place(self) -> str:
-        """Path or URL of the session file."""
-        return f"{self.url}/{self.file.name}" if self.url else str(self.file)
+        """Path of the session file, or its URL without a password: what is shown and stored."""
+        return without_passwords(f"{self.url}/{self.file.name}") if self.url else str(self.file)
 
 
 def find_sources(folders: Sequence[Path], results: Path) -> list[BatchSource]:

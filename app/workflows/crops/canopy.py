@@ -35,13 +35,12 @@ from furrowmap.exporters.files.result_folder import (
     CANOPY_PROFILES,
     CANOPY_REPORT,
     CANOPY_TABLE,
-    packaged_style,
-    style_of,
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.rasters.cog import Band, cog_output
 from furrowmap.exporters.vectors.crop_layers import CANOPY_LAYER, canopy_layer, write_parcel_table, write_profiles
 from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
+from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 from furrowmap.settings import CanopySettings
 from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
 from furrowmap.workflows.clouds.surface import ground_method, no_warning
@@ -144,7 +143,7 @@ def _write_products(
                 put(tile.grid, [np.maximum(tile.above_m, 0.0)])
                 _collect(heights, tile, spooled.points, area_at)
         stands, shapes = _stands(heights, clouds, areas, settings, grid.cell_m)
-    (folder / style_of(CANOPY_HEIGHT)).write_text(packaged_style("height_above_ground.qml"), encoding="utf-8")
+    write_raster_style(folder / CANOPY_HEIGHT, "height_above_ground.qml")
     layer = canopy_layer(stands, shapes, areas)
     write_layer(folder / CANOPY, layer, clouds.crs, indexed=len(stands) > INDEXED_FROM, origin=origin)
     write_styles(folder / CANOPY, [CANOPY_LAYER])

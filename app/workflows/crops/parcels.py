@@ -43,13 +43,13 @@ from furrowmap.exporters.files.result_folder import (
     PARCEL_TABLE,
     PARCELS,
     PARCELS_REPORT,
-    packaged_style,
     style_of,
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.rasters.crop_height import CropHeights
 from furrowmap.exporters.vectors.crop_layers import PARCELS_LAYER, parcel_layer, write_parcel_sheet, write_parcel_table
 from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
+from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 from furrowmap.settings import ParcelSettings, SurfaceSettings, soil_file
 from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
 from furrowmap.workflows.clouds.rasters import CloudRasters
@@ -183,7 +183,7 @@ def write_parcels(
             found.append(row)
             progress("measuring parcels", len(found) / len(points.parcels))
         if heights.write(folder / CROP_HEIGHT, crs, origin):
-            (folder / style_of(CROP_HEIGHT)).write_text(packaged_style(style_of(CROP_HEIGHT)), encoding="utf-8")
+            write_raster_style(folder / CROP_HEIGHT, style_of(CROP_HEIGHT))
     day = local_day(origin.span_s[0], crs, (place.x, place.y)) if origin.span_s is not None else None
     treated, notices = _assign_treatments([row.parcel for row in found], settings, day)
     found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]

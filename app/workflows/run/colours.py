@@ -22,8 +22,9 @@ from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.scan import PointClass
 from furrowmap.exporters.cloud.chunk import ChunkColumns
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO, packaged_style, style_of
+from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO
 from furrowmap.exporters.rasters.orthophoto_file import write_orthophoto
+from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 
 SCANS_BEHIND: Final = 32
 """Scans that wait for the depth maps, and those that wait to be packed."""
@@ -123,7 +124,7 @@ class RunColours:
         if not self._ortho_m2:
             photo.unlink()
             return
-        (folder / style_of(ORTHOPHOTO)).write_text(packaged_style("orthophoto.qml"), encoding="utf-8")
+        write_raster_style(photo, "orthophoto.qml")
 
     def figures(self) -> ColourFigures:
         """Figures of the cloud's colours, when it is written."""

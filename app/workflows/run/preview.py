@@ -26,11 +26,12 @@ from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.field_surfaces import FieldPoints
 from furrowmap.exporters.files.file_records import files_in
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK, packaged_style, style_of
+from furrowmap.exporters.files.result_folder import PREVIEW_DSM, PREVIEW_REPORT, PREVIEW_TRACK
 from furrowmap.exporters.files.staging import staged_folder
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, cog_output, surface_arrays, with_heights
 from furrowmap.exporters.reports.run_report import run_origin
 from furrowmap.exporters.vectors.geopackage import write_field
+from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 
 PREVIEW_CELL_M: Final = 0.25
 MAX_PREVIEW_KNOTS: Final = 20_000
@@ -119,5 +120,5 @@ def _write_surface(folder: Path, land: FieldPoints, found: RunResult, origin: Or
         for tile in land.tiles(Passages([]), LOW_RETURNS):
             write(tile.grid, surface_arrays(tile.after))
             seen += int(tile.after.seen.sum())
-    (folder / style_of(PREVIEW_DSM)).write_text(packaged_style("dsm.qml"), encoding="utf-8")
+    write_raster_style(folder / PREVIEW_DSM, "dsm.qml")
     return {"dsm_cell_m": grid.cell_m, "dsm_area_m2": round(seen * grid.cell_area_m2, 1)}

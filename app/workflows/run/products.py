@@ -29,7 +29,6 @@ from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.runtime.background import behind, beside
 from furrowmap.core.runtime.errors import Notice, printable
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.runtime.settings import language_of_user, using
 from furrowmap.core.session.file import together
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.surfaces.local_ground import GroundSampler
@@ -194,17 +193,16 @@ def write_products(
     layers += [parcel_layer(made.parcels.found)] if made.parcels is not None else []
     layers += made.features.layers if made.features is not None else []
     provenance = run_origin(found, made.inputs)
-    with using(language=language_of_user(found.session.report.language)):
-        write_field(
-            staging / FIELD,
-            found.placement.poses,
-            found.frame.wkt,
-            found.work,
-            found.frame.words,
-            provenance,
-            layers,
-            found.zone,
-        )
+    write_field(
+        staging / FIELD,
+        found.placement.poses,
+        found.frame.wkt,
+        found.work,
+        found.frame.words,
+        provenance,
+        layers,
+        found.zone,
+    )
     for number, work in enumerate(found.work.each, start=1):
         if work.states is not None:
             write_states(staging / of_tool(STATES, number), work.states)

@@ -26,7 +26,7 @@ from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.packed import packed, unpacked
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.core.runtime.settings import threads, using, using_threads
+from furrowmap.core.runtime.settings import language_of_user, threads, using, using_threads
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.work.boundary import ground_to_map
 from furrowmap.exporters.files.atomic import atomic_output, refuse_open
@@ -99,7 +99,7 @@ def run_opened(
         raise RefusedError("disk-space", folder=folder, free=free / 1e9, needed=needed / 1e9)
     with (
         staged_folder(folder, resume=resume) as staging,
-        using(scratch_folder=staging),
+        using(scratch_folder=staging, language=language_of_user(opened.session.report.language)),
         using_threads(opened.session.run.threads, by_default=True),
         ThreadPoolExecutor(1, "importing") as pool,
     ):

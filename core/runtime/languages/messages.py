@@ -17,6 +17,8 @@ from importlib.resources import files
 from itertools import product
 from typing import Any, Final, TypeAlias
 
+from furrowmap.core.runtime.urls import without_passwords
+
 Part: TypeAlias = "str | Hole | Choice"
 ERROR_PARTS: Final = ("what", "meaning", "remedy")
 """Parts of an error, as they are printed below each other."""
@@ -131,6 +133,8 @@ def holes(key: str) -> Mapping[str, Hole | Choice]:
 def printed(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
     """Values as they are printed in the sentences of a key: a string for each hole, a bool for each choice alone.
 
+    URLs in them have no passwords.
+
     A key that is not in the catalogue, such as of a reader in another package, takes its sentences themselves: `what`,
     `meaning` and `remedy`, or `text`.
 
@@ -152,7 +156,7 @@ def printed(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
             found[name] = value
         else:
             shown = repr(value) if hole.conversion == "r" else value
-            found[name] = format(shown, hole.spec) if hole.spec else str(shown)
+            found[name] = without_passwords(format(shown, hole.spec) if hole.spec else str(shown))
     return found
 
 

@@ -81,3 +81,26 @@ def test_store__that_holds_nothing_or_cannot_be_opened_is_an_error(tmp_path: Pat
     gone = run_job(Job("n", f"{url}/session.toml", text, "", Settings(), url=url, results_url="bad://x"))
     assert gone.failure is not None
     assert gone.failure.code == "batch-store"
+
+
+def test_password__of_a_url_is_in_no_file_of_the_batch(tmp_path: Path) -> None:
+    """A session that cannot run, from a store whose URL has a password, and results on the disk and in a store."""
+    text = 'furrowmap = 1\n[recording]\nlidar = ["gone.pcap"]\ngnss = ["gone.nmea"]\n[crs]\nmap = "EPSG:6677"\n'
+    place = "memory://me:S3cr3t@host"
+    Store(f"{place}/in").write("north/session.toml", text.encode())
+    local = furrowmap.batch([f"{place}/in"], tmp_path, ONE)
+    assert local.failed == ("north",)
+    assert local.sessions[0].file == "memory://me@host/in/north/session.toml"
+    remote = furrowmap.batch([f"{place}/in/north"], f"{place}/out", ONE)
+    assert remote.results == "memory://me@host/out"
+    told = [line for row in (*local.sessions, *remote.sessions) for line in row.outcome.failure.lines]  # type: ignore[union-attr]
+    assert not [line for line in told if "S3cr3t" in line]
+    written = {path.name: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    there = Store(f"{place}/out")
+    written |= {f"out/{name}": there.read(name) or b"" for name in there.files()}
+    assert {"batch.csv", "batch.html", STATE, "out/batch.csv", f"out/{STATE}"} <= written.keys()
+    assert [name for name, content in written.items() if b"S3cr3t" in content] == []
+    with pytest.raises(InputError) as empty:
+        furrowmap.batch(["memory://me:S3cr3t@host/empty"], tmp_path, ONE)
+    assert "me@host" in str(empty.value)
+    assert "S3cr3t" not in str(empty.value)

@@ -167,6 +167,18 @@ def test_gap_of_positions__is_not_worked_and_told() -> None:
     assert ground.figures.hours.unplaced_s == pytest.approx(5.0, abs=0.21)
 
 
+def test_pass__wholly_in_a_gap_of_positions_is_not_counted_as_seen() -> None:
+    """Down four times: seen, in an outage, partly in it, seen."""
+    truth = drive((80.0, 1.2, 0.0))
+    t = truth.t_s - truth.t_s[0]
+    kept = (t < 25.0) | (t > 50.0)
+    seen = Drive(truth.t_s[kept], truth.en_m[kept], truth.yaw_rad[kept], truth.speed_mps[kept])
+    ground = worked(seen, (2.0, 20.0), (27.0, 38.0), (45.0, 60.0), (70.0, 78.0))
+    assert [one.ground.is_empty for one in ground.passes] == [False, True, False, False]
+    assert (ground.figures.passes, ground.figures.unplaced_passes) == (3, 2)
+    assert ground.passes[2].area.grid_m2 == pytest.approx(1.7 * 1.2 * 10.0, rel=0.03)
+
+
 @pytest.mark.parametrize("gap_s", [(15.0, 20.0), (36.0, 39.5), (0.5, 39.5)])
 def test_gap_of_positions__makes_areas_as_uncertain_as_the_ground_in_it(gap_s: tuple[float, float]) -> None:
     truth = drive((40.0, 1.2, 0.0))

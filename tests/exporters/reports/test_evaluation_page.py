@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import html
 import json
 import re
 import sqlite3
@@ -18,9 +19,11 @@ import shapely
 
 from furrowmap.core.checking.evaluation import Evaluation, evaluate
 from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.runtime.settings import using
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.exporters.reports.evaluation_figures import EPOCH_COLUMNS
 from furrowmap.exporters.reports.evaluation_page import EVALUATION_PRODUCTS, page, write_evaluation
+from tests.exporters.reports.page_texts import texts
 
 
 def driven(n: int = 300, *, source: str = "test.pos", still: bool = False) -> tuple[GnssTrack, GnssTrack]:
@@ -175,3 +178,15 @@ def test_earlier_evaluations__are_not_replaced_unasked(tmp_path: Path) -> None:
         write_evaluation(tmp_path, found, overwrite=False)
     assert error.value.code == "output-exists"
     write_evaluation(tmp_path, found, overwrite=True)
+
+
+def test_page__in_japanese_has_no_english_but_names(tmp_path: Path) -> None:
+    for name, found in {"one": judged(), "two": services()}.items():
+        with using(language="ja"):
+            write_evaluation(tmp_path / name, found, overwrite=False)
+        shown = (tmp_path / name / "evaluation.html").read_text(encoding="utf-8")
+        names = r"furrowmap [0-9.]+|(test|slas|reference)\.pos|--antenna-offset|Asia/Tokyo|Iglewicz and Hoaglin 1993"
+        names += "|MADOCA|SLAS|CLAS|RMSE|FLOAT|GNSS"
+        said = [re.sub(names, "", html.unescape(text)) for text in texts(shown)]
+        assert not [text for text in said if re.search("[A-Za-z]{4}", text)]
+        assert "単独測位" in shown

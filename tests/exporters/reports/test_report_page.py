@@ -84,6 +84,19 @@ def test_scale_bar__is_as_long_as_a_line_of_its_length(west: float, south: float
     assert 0.08 * sheet.size[0] < right - left < 0.3 * sheet.size[0]
 
 
+@given(width=st.floats(10.0, 5e3), shape=st.floats(0.05, 20.0))
+def test_scale_bar__and_north_arrow_cover_nothing_of_the_map(width: float, shape: float) -> None:
+    sheet = Sheet((0.0, 0.0, width, shape * width))
+    root = ET.fromstring(sheet.svg([], "map"))
+    tops = []
+    for mark in root:
+        size = 13.0 if mark.tag == "text" else 1.5  # of letters, and half the width of the bar
+        tops.append(float(mark.attrib.get("y") or re.findall(r"^M[\d.]+ ([\d.]+)", mark.attrib["d"])[0]) - size)
+    assert len(tops) == 4
+    assert min(tops) > sheet.size[1]
+    assert max(tops) < float(root.attrib["viewBox"].split()[3])
+
+
 @pytest.mark.parametrize(
     ("spread_m", "edge"), [(0.002, "10 mm"), (0.02, "50 mm and more"), (0.2, "100 mm and more")], ids=str
 )

@@ -11,7 +11,7 @@ from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.exporters.farm.styling import FARM_LABELS
 from furrowmap.exporters.files.result_folder import packaged_style
 from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
-from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES, VALUES, with_words
+from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES, VALUES, in_language, naming_tools, with_words
 
 FIELDS = ("pass", "start", "end", "area_m2", "speed_mps", "zone", "kind", "of_another_program")
 
@@ -39,6 +39,21 @@ def test_style__has_names_words_and_actions(language: str) -> None:
 def test_style__of_another_file_than_a_run_has_no_actions() -> None:
     root = ET.fromstring(with_words(packaged_style("passes.qml"), FIELDS, "en", report=False))
     assert not list(root.iter("actionsetting"))
+
+
+@pytest.mark.parametrize("language", ["en", "ja"])
+def test_style__of_several_tools_names_them_beside_the_number_of_a_pass(language: str) -> None:
+    root = ET.fromstring(naming_tools(in_language(packaged_style("passes.qml"), language)))
+    (label,) = root.iter("text-style")
+    assert label.attrib["fieldName"] == """"tool" || ' ' || "pass\""""
+    assert label.attrib["isExpression"] == "1"
+    (tip,) = root.iter("mapTip")
+    assert str(tip.text).startswith('[% "tool" %]: <b>')
+    expressions = [str(one.get("attr")) for one in root.iter("renderer-v2")]
+    expressions += [str(one.get("value")) for one in root.iter("Option") if one.get("name") == "expression"]
+    for text in expressions:
+        assert re.findall(r'(?:minimum|maximum)\(("pass".*?)\)', text) == ['"pass", "tool"'] * text.count("imum(")
+        assert "imum(" in text
 
 
 def test_words__are_all_in_japanese() -> None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from importlib.resources import files
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
 
 from furrowmap.core.runtime.settings import using
 from furrowmap.exporters.farm.styling import styles
-from furrowmap.exporters.vectors.qgis_styles import in_language
+from furrowmap.exporters.vectors.qgis_styles import in_language, write_raster_style
 
 FOLDERS = ("furrowmap.exporters", "furrowmap.exporters.farm")
 STYLES = {
@@ -61,6 +62,16 @@ def test_style__keeps_its_fields_and_symbols(name: str) -> None:
         assert set(re.findall(r'"(\w+)"', mine.text or "")) == set(re.findall(r'"(\w+)"', other.text or ""))
         assert (mine.text or "").count("[%") == (other.text or "").count("[%")
     assert in_language(STYLES[name], "en") == STYLES[name]
+
+
+@pytest.mark.parametrize(("language", "most"), [("en", "2 m and more"), ("ja", "2 m 以上")])
+def test_raster__has_the_legend_of_its_style_in_the_language_of_the_user(
+    tmp_path: Path, language: str, most: str
+) -> None:
+    with using(language=language):
+        write_raster_style(tmp_path / "height_above_ground.tif", "height_above_ground.qml")
+    style = (tmp_path / "height_above_ground.qml").read_text(encoding="utf-8")
+    assert [one.get("label") for one in ET.fromstring(style).iter("item")][-1] == most
 
 
 def test_farm_map__has_its_words_in_the_language_of_the_user() -> None:
