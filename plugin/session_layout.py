@@ -82,7 +82,9 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     _label(layout, title, (LEFT_MM, 8.0, PAGE_WIDTH_MM, 10.0), size=16.0)
     if warned:
         _label(layout, warned, (LEFT_MM, TOP_MM - 3.0, PAGE_WIDTH_MM, top_mm - TOP_MM), rich=True)
-    of_pass = "<tr><td>&nbsp;</td></tr>" * len(_pass_rows(report))
+    # Each of several tools has passes of its own, numbered from 1 on.
+    several = passes is not None and passes.fields().indexOf("tool") >= 0
+    of_pass = "<tr><td>&nbsp;</td></tr>" * len(_pass_rows(report, several=several))
     figures_mm = max(_height_mm(f"{TABLE}{rows}</table>", SIDE_MM[1]) for rows in (figures_html(report), of_pass))
     _label(layout, _figures(report, passes), (SIDE_MM[0], top_mm, SIDE_MM[1], figures_mm), rich=True)
     _legend(layout, page_map, [layer for layer in session if layer.name() in LEGEND_LAYERS], top_mm + figures_mm)
@@ -98,8 +100,6 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     if passes is not None and passes.featureCount():
         atlas = layout.atlas()
         atlas.setCoverageLayer(passes)
-        # Each of several tools has passes of its own, numbered from 1 on.
-        several = passes.fields().indexOf("tool") >= 0
         page = f"'{tr('pass')} ' || \"pass\""
         atlas.setPageNameExpression(f"\"tool\" || ', ' || {page}" if several else page)
         atlas.setSortFeatures(True)
