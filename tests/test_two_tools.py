@@ -22,6 +22,7 @@ from furrowmap.core.session.file import load_session
 from furrowmap.core.simulator.scenario import FrontImplement, Scenario, ScenarioDrive, ScenarioField, ScenarioLidar
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.exporters.farm.results import read_result
+from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.exporters.share.features import shared_layer
 
 DEPTH_M = 0.12
@@ -114,7 +115,7 @@ def test_pass__is_named_with_its_tool_wherever_passes_are_shown(result: furrowma
         styles = dict(database.execute("SELECT f_table_name, styleQML FROM layer_styles"))
     assert """"&quot;tool&quot; || ' ' || &quot;pass&quot;\"""" in styles["passes"]
     assert all(re.search(r'<mapTip[^>]*>\[% "tool" %\]: ', styles[name]) for name in ("passes", "tool_path", "events"))
-    shown = shared_layer("passes", result.layer("passes").to_crs("EPSG:4326"), ZoneInfo("Asia/Tokyo"), alone=False)
+    shown = shared_layer("passes", open_result(result.path).layer("passes"), ZoneInfo("Asia/Tokyo"), alone=False)
     assert shown is not None
     assert {feature["label"] for feature in shown["features"]} == {f"{tool} 1" for tool in both}
     furrowmap.export([result.path], "kml", tmp_path / "out.kml", layers=["passes"])
