@@ -44,7 +44,7 @@ BUILD: Final = CHECKOUT / "build" / "mutants"
 COVERAGE: Final = CHECKOUT / "build" / "coverage"
 """What `make coverage` leaves: which test executes which line, and how long each takes."""
 LIBRARIES: Final = (
-    "geopandas", "hypothesis", "laspy", "numba", "pandas", "pyogrio", "pyproj", "rasterio", "rosbags.typesys", "rich",
+    "geopandas", "hypothesis", "laspy", "numba", "pandas", "pyogrio", "pyproj", "rasterio", "rosbags.typesys",
     "scipy.interpolate", "scipy.ndimage", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg", "scipy.spatial",
     "shapely",
 )  # fmt: skip
