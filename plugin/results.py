@@ -166,7 +166,7 @@ def field_layers(folder: Path) -> Iterator[QgsVectorLayer]:
             continue
         layer = QgsVectorLayer(details.uri(), details.name(), details.providerKey())
         layer.loadDefaultStyle()  # again: a new layer takes the symbols of its style, but not the temporal settings
-        translate_categories(layer)
+        load_style_of_language(layer)
         if layer.name() in MEASURED_LAYERS:
             layer.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
         if layer.name() == "trajectory" and "tool_path" in {other.name() for other in found}:

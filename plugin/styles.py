@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from qgis.core import (
+    QgsApplication,
     QgsCategorizedSymbolRenderer,
     QgsColorRampShader,
     QgsHillshadeRenderer,
@@ -22,6 +23,7 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication, Qt
 from qgis.PyQt.QtGui import QColor
+from qgis.PyQt.QtXml import QDomDocument
 
 LIGHT_AZIMUTH_DEG, LIGHT_ALTITUDE_DEG = 315.0, 40.0
 RELIEF_OPACITY = 0.6
@@ -30,7 +32,7 @@ CHANGE_M = 0.10
 CHANGES = (  # metres, colour: sunk, unchanged, risen; as the products' own style
     (-CHANGE_M, "#01665e"),
     (-CHANGE_M / 2, "#80cdc1"),
-    (0.0, "#f5f5f5"),
+    (0.0, "#00f5f5f5"),  # transparent: the surface below is seen
     (CHANGE_M / 2, "#dfc27d"),
     (CHANGE_M, "#8c510a"),
 )
@@ -73,6 +75,17 @@ def show_as_change(layer: QgsRasterLayer, *, styled: bool = False) -> None:
     renderer = set_colours(layer, ramp)
     renderer.setClassificationMin(-CHANGE_M)
     renderer.setClassificationMax(CHANGE_M)
+
+
+def load_style_of_language(layer: QgsVectorLayer) -> None:
+    """Load the style stored for the language of QGIS, such as "passes (ja)", where the default one is in another."""
+    _, numbers, names, _, _ = layer.listStylesInDatabase()
+    wanted = f"{layer.name()} ({(QgsApplication.locale() or '')[:2]})"
+    if wanted in names:
+        text, _ = layer.getStyleFromDatabase(numbers[names.index(wanted)])
+        document = QDomDocument()
+        document.setContent(text)
+        layer.importNamedStyle(document)
 
 
 def hatch(layer: QgsVectorLayer) -> None:

@@ -10,7 +10,7 @@
     <colorrampshader colorRampType="INTERPOLATED" classificationMode="1" clip="0" minimumValue="-0.1" maximumValue="0.1" labelPrecision="2">
      <item value="-0.1" label="-0.10 m" color="#01665e" alpha="255"/>
      <item value="-0.05" label="-0.05 m" color="#80cdc1" alpha="255"/>
-     <item value="0" label="0.00 m" color="#f5f5f5" alpha="255"/>
+     <item value="0" label="0.00 m" color="#f5f5f5" alpha="0"/>
      <item value="0.05" label="0.05 m" color="#dfc27d" alpha="255"/>
      <item value="0.1" label="0.10 m" color="#8c510a" alpha="255"/>
     </colorrampshader>

@@ -176,20 +176,24 @@ def write_styles(
     store_styles(path, styles)
 
 
-def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False) -> None:
-    """Store styles (QML by the name of the layer) as the default styles of their layers in QGIS."""
+def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False, language: str = "") -> None:
+    """Store styles (QML by the name of the layer) for QGIS: as the default styles of their layers.
+
+    Those of another `language` are not the default, and have it in their names: "passes (ja)".
+    """
     n = len(styles)
     empty = np.full(n, "", dtype=object)
     names = np.array(list(styles), dtype=object)
+    titles = [f"{name} ({language})" if language else name for name in styles]
     columns: dict[str, NDArray[Any]] = {
         "f_table_catalog": empty,
         "f_table_schema": empty,
         "f_table_name": names,
         "f_geometry_column": np.full(n, GEOMETRY, dtype=object),
-        "styleName": names,
+        "styleName": np.array(titles, dtype=object),
         "styleQML": np.array(list(styles.values()), dtype=object),
         "styleSLD": empty,
-        "useAsDefault": np.ones(n, bool),
+        "useAsDefault": np.full(n, not language),
         "description": np.full(n, "furrowmap's own", dtype=object),
         "owner": empty,
         "ui": np.full(n, None, dtype=object),
