@@ -22,11 +22,11 @@ from qgis.core import (
 )
 from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
-from .legends import label_band, name_node, translate_categories, translate_colours
+from .legends import label_band, name_node, translate_colours
 from .previews import remove_previews
 from .processing.loading import sources
 from .products import product, read_object
-from .styles import hatch, set_terrain, show_as_change, show_as_surface, show_by_class
+from .styles import hatch, load_style_of_language, set_terrain, show_as_change, show_as_surface, show_by_class
 
 tr = partial(QCoreApplication.translate, "Results")
 

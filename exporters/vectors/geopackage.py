@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.trajectory import ScanPoses
 from furrowmap.core.work.field_work import FieldWork
@@ -155,7 +155,7 @@ def write_styles(
     fields: Mapping[str, Sequence[str]] | None = None,
     several_tools: Collection[str] = (),
 ) -> None:
-    """Store the packaged style of each layer as its default style in QGIS, in the language of the user.
+    """Store the packaged style of each layer for QGIS: the default one in the language of the user, and the others.
 
     Args:
         path: the GeoPackage.
@@ -164,16 +164,17 @@ def write_styles(
         fields: of each layer of a run, for the words and actions of its table; None for neither.
         several_tools: layers whose features are of one of several tools, which their field `tool` names.
     """
-    language = language_of_user()
+    own = language_of_user()
     packaged = packaged_styles()
     styles = {name: packaged_style(f"{name}.qml") for name in layers if f"{name}.qml" in packaged}
-    styles = {name: in_language(style, language) for name, style in styles.items()}
-    if clock is not None:
-        styles = {name: in_local_times(style, [clock]) for name, style in styles.items()}
-    styles = {name: naming_tools(style) if name in several_tools else style for name, style in styles.items()}
-    if fields is not None:
-        styles = {n: with_words(style, fields[n], language, report=True) for n, style in styles.items()}
-    store_styles(path, styles)
+    for language in (own, *(other for other in LANGUAGES if other != own)):
+        ours = {name: in_language(style, language) for name, style in styles.items()}
+        if clock is not None:
+            ours = {name: in_local_times(style, [clock]) for name, style in ours.items()}
+        ours = {name: naming_tools(style) if name in several_tools else style for name, style in ours.items()}
+        if fields is not None:
+            ours = {n: with_words(style, fields[n], language, report=True) for n, style in ours.items()}
+        store_styles(path, ours, append=language != own, language="" if language == own else language)
 
 
 def store_styles(path: Path, styles: Mapping[str, str], *, append: bool = False, language: str = "") -> None:

@@ -17,28 +17,27 @@ from qgis.core import (
     QgsExpressionContext,
     QgsExpressionContextUtils,
     QgsProject,
-    QgsSettings,
     QgsVectorLayer,
 )
+from qgis.PyQt.QtCore import QLocale
 
 plugin, result = (Path(word) for word in sys.argv[1:])
 application = QgsApplication([], True)
-QgsSettings().setValue("locale/userLocale", "ja_JP")
-QgsSettings().setValue("locale/overrideFlag", True)
 application.initQgis()
+QgsApplication.setLocale(QLocale("ja_JP"))
 sys.path.insert(0, str(plugin.parent))
-translator = importlib.import_module("furrowmap.translation").install_translator()
+translator = importlib.import_module("furrowmap.translation").install_translator(QgsApplication.locale())
 results, legends = (importlib.import_module(f"furrowmap.{name}") for name in ("results", "legends"))
 
 
 def words_of(layer: QgsVectorLayer) -> dict[str, list[str]]:
     """Names of fields, words for values, labels of categories, and the map tip of each feature."""
-    renderer, scopes = layer.renderer(), QgsExpressionContextUtils.globalProjectLayerScopes(layer)
+    renderer = layer.renderer()
     setups = [layer.editorWidgetSetup(k) for k in range(layer.fields().count())]
     maps: list[Any] = [setup.config()["map"] for setup in setups if setup.type() == "ValueMap"]
     tips = []
     for feature in layer.getFeatures():
-        context = QgsExpressionContext(scopes)
+        context = QgsExpressionContext(QgsExpressionContextUtils.globalProjectLayerScopes(layer))
         context.setFeature(feature)
         tips.append(QgsExpression.replaceExpressionText(layer.mapTipTemplate(), context))
     return {
