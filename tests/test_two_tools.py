@@ -112,7 +112,7 @@ def test_pass__is_named_with_its_tool_wherever_passes_are_shown(result: furrowma
     """Each tool has a pass 1."""
     both = {"rear tool", "front roller"}
     with closing(sqlite3.connect(result.path / "field.gpkg")) as database:
-        styles = dict(database.execute("SELECT f_table_name, styleQML FROM layer_styles"))
+        styles = dict(database.execute("SELECT f_table_name, styleQML FROM layer_styles WHERE useAsDefault"))
     assert """"&quot;tool&quot; || ' ' || &quot;pass&quot;\"""" in styles["passes"]
     assert all(re.search(r'<mapTip[^>]*>\[% "tool" %\]: ', styles[name]) for name in ("passes", "tool_path", "events"))
     shown = shared_layer("passes", open_result(result.path).layer("passes"), ZoneInfo("Asia/Tokyo"), alone=False)

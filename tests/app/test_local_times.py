@@ -34,7 +34,7 @@ def passes(result: furrowmap.Result) -> pd.DataFrame:
 def tips(path: Path) -> dict[str, str]:
     """Map tips of the layers in a GeoPackage that show times."""
     with closing(sqlite3.connect(path)) as base:
-        styles = dict(base.execute("SELECT f_table_name, styleQML FROM layer_styles"))
+        styles = dict(base.execute("SELECT f_table_name, styleQML FROM layer_styles WHERE useAsDefault"))
     found = {name: style.partition("<mapTip")[2].partition("</mapTip>")[0] for name, style in styles.items()}
     return {name: tip for name, tip in found.items() if re.search(r'format_date\("(start|end|time)"', tip)}
 

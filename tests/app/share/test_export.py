@@ -134,7 +134,7 @@ def test_geopackage__of_some_layers_in_another_crs_has_their_styles(result: Path
     done = export([result], "gpkg", path, layers=["passes", "events"], crs=CRS("EPSG:6678"))
     assert done.files == (path,)
     assert [name for name, kind in pyogrio.list_layers(path) if kind is not None] == ["passes", "events"]
-    assert set(gpd.read_file(path, layer="layer_styles")["styleName"]) == {"passes", "events"}
+    assert set(gpd.read_file(path, layer="layer_styles")["f_table_name"]) == {"passes", "events"}
     copy, truth = gpd.read_file(path, layer="events"), original(result, "events")
     assert_same(copy, truth, 1e-6)
     np.testing.assert_array_equal(copy.geometry.z, truth.geometry.z)

@@ -116,7 +116,7 @@ def test_map_tips__show_the_local_time_of_the_zone_that_they_name(tmp_path: Path
     for zone in (None, ZoneInfo("America/St_Johns")):
         write_field(tmp_path / "field.gpkg", poses, FRAME.crs, work, zone=zone)
         with closing(sqlite3.connect(tmp_path / "field.gpkg")) as base:
-            styles[zone] = dict(base.execute("SELECT f_table_name, styleQML FROM layer_styles"))
+            styles[zone] = dict(base.execute("SELECT f_table_name, styleQML FROM layer_styles WHERE useAsDefault"))
     local = dt.datetime.fromtimestamp(poses.t_s[0], ZoneInfo("America/St_Johns")).utcoffset()
     assert local is not None
     for name in ("events", "passes", "tool_path", "trajectory"):

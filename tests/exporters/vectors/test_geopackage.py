@@ -134,8 +134,10 @@ def test_style__is_stored_as_the_layers_own(field: Path) -> None:
             "SELECT f_table_name, f_geometry_column, useAsDefault, styleQML FROM layer_styles"
         ).fetchall()
         contents = dict(database.execute("SELECT table_name, data_type FROM gpkg_contents"))
-    assert [row[:3] for row in rows] == [("trajectory", "geom", 1)]
-    assert "<qgis" in rows[0][3]
+    assert [row[:3] for row in rows] == [("trajectory", "geom", 1), ("trajectory", "geom", 0)]  # English, Japanese
+    assert all("<qgis" in row[3] for row in rows)
+    assert "RTK fixed" in rows[0][3]
+    assert "単独測位" in rows[1][3]
     assert contents == {"trajectory": "features", "layer_styles": "attributes"}
 
 
