@@ -33,6 +33,11 @@ def is_file_name(name: str) -> bool:
     )
 
 
+def is_portable_name(name: str) -> bool:
+    """Whether a new file may have this name on every system: Windows takes some characters in no name at all."""
+    return is_file_name(name) and not any(c in '<>:"|?*' for c in name)
+
+
 def is_relative_name(name: str) -> bool:
     """Whether `name` is the path of one file below a folder, with slashes: each part is :func:`is_file_name`."""
     return all(is_file_name(part) for part in name.split("/"))

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.file_names import is_portable_name
 from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import Stamp
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
@@ -80,7 +80,7 @@ def assign_names(sources: Iterable[tuple[str, Sequence[str]]], known: Mapping[st
     for identity, parts in wanted.items():
         if identity not in names:
             name = "_".join(part for part in parts if part) or "session"
-            if not is_file_name(name) or name.startswith(".") or len(name) > 120 or name.casefold() in taken:
+            if not is_portable_name(name) or name.startswith(".") or len(name) > 120 or name.casefold() in taken:
                 usable = "".join(c if c.isalnum() or c in " -_.()" else "-" for c in name).strip(" .")[:100]
                 name = f"{usable}-{hashlib.sha256(identity.encode(errors='surrogatepass')).hexdigest()[:6]}"
             names[identity] = name

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.runtime.errors import InputError, UsageError
-from furrowmap.core.runtime.file_names import is_file_name
+from furrowmap.core.runtime.file_names import is_file_name, is_portable_name
 from furrowmap.core.session.file import load_session
 from furrowmap.core.session.machine import load_machine, machine_of, machine_text
 from furrowmap.core.values.machine import Machine
@@ -78,7 +78,7 @@ def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = 
     """
     target = Path(machine)
     if not str(machine).endswith(SUFFIX):
-        if not is_file_name(f"{machine}{SUFFIX}"):
+        if not is_portable_name(f"{machine}{SUFFIX}"):
             raise UsageError("usage.target", machine=str(machine))
         target = machines_folder() / f"{machine}{SUFFIX}"
     found = machine_of(load_session(Path(session)), target.stem)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.file_names import inside, is_file_name
+from furrowmap.core.runtime.file_names import inside, is_file_name, is_portable_name
 
 PARTS = st.sampled_from(
     [
@@ -80,3 +80,9 @@ def test_promise_23__link_that_leads_out_is_refused_and_one_inside_taken(tmp_pat
     for name in ("out", "absolute", "circle"):
         with pytest.raises(InputError):
             inside(folder, name, SOURCE)
+
+
+@pytest.mark.parametrize("name", ["North field?", "3:4 m", 'the "low" one', "a|b", "<1>", "all*", "CON", "field."])
+def test_new_names__are_such_that_windows_takes_them(name: str) -> None:
+    assert not is_portable_name(name)
+    assert is_portable_name("圃場 3 (north), 50 %")
