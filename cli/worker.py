@@ -71,9 +71,7 @@ def worker() -> None:
     """
     prepare_process()
     faulthandler.enable()  # where a native library crashed, for the log
-    # Unbuffered: a thread that waits for input would hold the lock of a buffer when the process exits.
-    with open(0, "rb", buffering=0, closefd=False) as orders:
-        sys.exit(work(orders, _own_output()))
+    sys.exit(work(_own_input(), _own_output()))
 
 
 def work(orders: BinaryIO, answers: BinaryIO) -> int:
@@ -167,6 +165,19 @@ class _Sender:
         with self._lock:
             self._answers.write(line.encode() + b"\n")
             self._answers.flush()
+
+
+def _own_input() -> BinaryIO:
+    """Standard input for the protocol alone; others find it empty.
+
+    Libraries look at standard input when they are loaded, as that of Fortran in SciPy. On Windows they would wait until
+    the thread that reads it gets a line.
+    """
+    protocol, empty = os.dup(0), os.open(os.devnull, os.O_RDONLY)
+    os.dup2(empty, 0)
+    os.close(empty)
+    # Unbuffered: a thread that waits for input would hold the lock of a buffer when the process exits.
+    return open(protocol, "rb", buffering=0, closefd=False)
 
 
 def _own_output() -> BinaryIO:

@@ -194,6 +194,27 @@ def test_protocol__has_standard_output_for_itself(capfd: pytest.CaptureFixture[s
     assert capfd.readouterr() == ("a message", "from a library")
 
 
+def test_protocol__has_standard_input_for_itself() -> None:
+    """A library that looks there while a thread waits for orders would wait, too, on Windows."""
+    program = (
+        "import os, threading\n"
+        "from furrowmap.cli.worker import _own_input\n"
+        "orders, lines = _own_input(), []\n"
+        "reader = threading.Thread(target=lambda: lines.append(orders.readline()))\n"
+        "reader.start()\n"
+        "print(os.path.samestat(os.fstat(0), os.stat(os.devnull)), os.read(0, 9), flush=True)\n"
+        "reader.join()\n"
+        "print(lines, flush=True)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stdout.readline().split() == [b"True", b"b''"]
+        process.stdin.write(b"an order\n")
+        process.stdin.flush()
+        assert b"an order" in process.stdout.readline()
+
+
 def test_progress__of_a_stage_is_sent_at_most_ten_times_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     sent: list[tuple[str, float]] = []
     now_s = 100.0
