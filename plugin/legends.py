@@ -1,53 +1,15 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Legend labels in the user's language: of the categories in the products' styles, and of rasters."""
+"""Names of layers and legend labels of rasters in the user's language."""
 
 from qgis.core import (
-    QgsCategorizedSymbolRenderer,
     QgsColorRampShader,
     QgsLayerTreeLayer,
     QgsMapLayerLegendUtils,
     QgsRasterLayer,
     QgsSingleBandPseudoColorRenderer,
-    QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
 
-CATEGORY_LABELS = (
-    QT_TRANSLATE_NOOP("Legends", "RTK fixed"),
-    QT_TRANSLATE_NOOP("Legends", "RTK float"),
-    QT_TRANSLATE_NOOP("Legends", "PPP"),
-    QT_TRANSLATE_NOOP("Legends", "differential"),
-    QT_TRANSLATE_NOOP("Legends", "single"),
-    QT_TRANSLATE_NOOP("Legends", "no position"),
-    QT_TRANSLATE_NOOP("Legends", "other, or from a file"),
-    QT_TRANSLATE_NOOP("Legends", "tool lowered"),
-    QT_TRANSLATE_NOOP("Legends", "tool lifted"),
-    QT_TRANSLATE_NOOP("Legends", "tool down"),
-    QT_TRANSLATE_NOOP("Legends", "tool up"),
-    QT_TRANSLATE_NOOP("Legends", "stop"),
-    QT_TRANSLATE_NOOP("Legends", "drives forward"),
-    QT_TRANSLATE_NOOP("Legends", "drives backwards"),
-    QT_TRANSLATE_NOOP("Legends", "positions end"),
-    QT_TRANSLATE_NOOP("Legends", "missed between passes"),
-    QT_TRANSLATE_NOOP("Legends", "missed along the boundary"),
-    QT_TRANSLATE_NOOP("Legends", "first pass"),
-    QT_TRANSLATE_NOOP("Legends", "passes between"),
-    QT_TRANSLATE_NOOP("Legends", "last pass"),
-    QT_TRANSLATE_NOOP("Legends", "headland"),
-    QT_TRANSLATE_NOOP("Legends", "body of the field"),
-    QT_TRANSLATE_NOOP("Legends", "horizontal plane"),
-    QT_TRANSLATE_NOOP("Legends", "vertical plane"),
-    QT_TRANSLATE_NOOP("Legends", "pole, post or trunk"),
-    QT_TRANSLATE_NOOP("Legends", "wire or rail"),
-    QT_TRANSLATE_NOOP("Legends", "fence"),
-    QT_TRANSLATE_NOOP("Legends", "ditch"),
-    QT_TRANSLATE_NOOP("Legends", "ridge"),
-    QT_TRANSLATE_NOOP("Legends", "edge of a bank"),
-    QT_TRANSLATE_NOOP("Legends", "wall"),
-    QT_TRANSLATE_NOOP("Legends", "other"),
-    QT_TRANSLATE_NOOP("Legends", "unknown"),
-)
-"""Labels of the categories in the styles of products."""
 COLOUR_LABELS = (
     QT_TRANSLATE_NOOP("Legends", "1.2 m and more"),
     QT_TRANSLATE_NOOP("Legends", "2 m and more"),
@@ -119,14 +81,6 @@ def name_node(node: QgsLayerTreeLayer, *, worked: bool = True) -> None:
 def shown_name(layer: str) -> str:
     """The title of a product's layer in the panel and in legends; other layers keep their names."""
     return QCoreApplication.translate("Legends", LAYER_LABELS[layer]) if layer in LAYER_LABELS else layer
-
-
-def translate_categories(layer: QgsVectorLayer) -> None:
-    """Translate the categories of a vector layer."""
-    renderer = layer.renderer()
-    if isinstance(renderer, QgsCategorizedSymbolRenderer):
-        for number, category in enumerate(renderer.categories()):
-            renderer.updateCategoryLabel(number, QCoreApplication.translate("Legends", category.label()))
 
 
 def translate_colours(layer: QgsRasterLayer) -> None:

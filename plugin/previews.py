@@ -13,9 +13,8 @@ from qgis.core import Qgis, QgsMapLayer, QgsProject, QgsRasterLayer, QgsVectorLa
 from qgis.PyQt.QtCore import QCoreApplication
 
 from .figures import MOST
-from .legends import translate_categories
 from .products import read_object
-from .styles import show_as_surface
+from .styles import load_style_of_language, show_as_surface
 
 tr = partial(QCoreApplication.translate, "Previews")
 
@@ -94,7 +93,7 @@ def _read_layers(folder: Path) -> Iterator[QgsMapLayer]:
     track = QgsVectorLayer(f"{folder / TRACK_FILE}|layername=trajectory", tr("trajectory"), "ogr")
     if track.isValid():
         track.loadDefaultStyle()
-        translate_categories(track)
+        load_style_of_language(track)
         track.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
     yield track
     if (folder / SURFACE_FILE).is_file():

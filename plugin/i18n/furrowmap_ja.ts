@@ -645,7 +645,6 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Number of strips</source><translation>ストリップの数</translation></message>
   <message><source>Orthophoto</source><translation>オルソ画像</translation></message>
   <message><source>Overlap of strips</source><translation>ストリップの重なり</translation></message>
-  <message><source>PPP</source><translation>PPP</translation></message>
   <message><source>Parcels of the trial</source><translation>区画</translation></message>
   <message><source>Passes of the tool</source><translation>行程</translation></message>
   <message><source>Paths of the vehicle</source><translation>車両の経路</translation></message>
@@ -653,8 +652,6 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Point density</source><translation>点密度</translation></message>
   <message><source>Points a square metre</source><translation>1 m²あたりの点数</translation></message>
   <message><source>Positions of the vehicle</source><translation>車両の位置</translation></message>
-  <message><source>RTK fixed</source><translation>RTK FIX</translation></message>
-  <message><source>RTK float</source><translation>RTK FLOAT</translation></message>
   <message><source>Relief</source><translation>起伏</translation></message>
   <message><source>Relief after the work</source><translation>作業後の起伏</translation></message>
   <message><source>Relief before the work</source><translation>作業前の起伏</translation></message>
@@ -669,37 +666,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Work of each season</source><translation>シーズンごとの作業</translation></message>
   <message><source>Work of each session</source><translation>セッションごとの作業</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>
-  <message><source>body of the field</source><translation>圃場の本体</translation></message>
-  <message><source>differential</source><translation>ディファレンシャル</translation></message>
-  <message><source>ditch</source><translation>水路・溝</translation></message>
-  <message><source>drives backwards</source><translation>後退</translation></message>
-  <message><source>drives forward</source><translation>前進</translation></message>
-  <message><source>edge of a bank</source><translation>法肩・法尻</translation></message>
-  <message><source>fence</source><translation>柵</translation></message>
-  <message><source>first pass</source><translation>最初の行程</translation></message>
-  <message><source>headland</source><translation>枕地</translation></message>
-  <message><source>horizontal plane</source><translation>水平面</translation></message>
-  <message><source>last pass</source><translation>最後の行程</translation></message>
-  <message><source>missed along the boundary</source><translation>境界沿いの作業残し</translation></message>
-  <message><source>missed between passes</source><translation>行程間の作業残し</translation></message>
-  <message><source>no position</source><translation>測位なし</translation></message>
   <message><source>none: turns alone</source><translation>なし（旋回のみ）</translation></message>
-  <message><source>other</source><translation>その他</translation></message>
-  <message><source>other, or from a file</source><translation>その他、またはファイルから</translation></message>
-  <message><source>passes between</source><translation>間の行程</translation></message>
-  <message><source>pole, post or trunk</source><translation>柱、杭、幹</translation></message>
-  <message><source>positions end</source><translation>測位の途切れ</translation></message>
-  <message><source>ridge</source><translation>畦・土手</translation></message>
-  <message><source>single</source><translation>単独測位</translation></message>
-  <message><source>stop</source><translation>停止</translation></message>
-  <message><source>tool down</source><translation>作業機 下</translation></message>
-  <message><source>tool lifted</source><translation>作業機を上げた</translation></message>
-  <message><source>tool lowered</source><translation>作業機を下ろした</translation></message>
-  <message><source>tool up</source><translation>作業機 上</translation></message>
-  <message><source>unknown</source><translation>不明</translation></message>
-  <message><source>vertical plane</source><translation>鉛直面</translation></message>
-  <message><source>wall</source><translation>壁</translation></message>
-  <message><source>wire or rail</source><translation>電線、レール</translation></message>
 </context>
 <context>
   <name>Options</name>
