@@ -104,6 +104,7 @@ BOUNDARIES = {
     ],
     "PIL": ["core.readers.exif"],
     "xml": ["core.readers.isoxml.xml"],
+    "pyogrio": ["core.readers.vector_layer", "cli.main"],  # the latter: its version
     "jgdtrans": ["core.geodesy.parameter_file"],
     "japan_geoid": ["core.geodesy.height_system"],
     "rasterio": [
