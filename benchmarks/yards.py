@@ -186,8 +186,11 @@ def _shed(scene: Scene, rng: np.random.Generator, x: float, y: float, most: floa
     _rectangle(scene, other, (length + 2 * over) * along, slope * [-1.0, -1.0, 1.0], Kind.HORIZONTAL, roof)
 
 
-def _wire_fence(scene: Scene, rng: np.random.Generator, x: float, y: float, length: float) -> None:
-    along, _ = _turned(rng)
+def _wire_fence(
+    scene: Scene, rng: np.random.Generator, x: float, y: float, length: float, along: FloatArray | None = None
+) -> None:
+    if along is None:
+        along, _ = _turned(rng)
     spacing, height = rng.uniform(2.0, 3.0), rng.uniform(1.1, 1.5)
     wires = int(rng.integers(2, 5))
     posts = [np.array([x, y, 0.0]) + s * along for s in np.arange(-length / 2, length / 2, spacing)]

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from furrowmap.core.features.classes import Feature
-from furrowmap.core.features.eigenfeatures import Eigenfeatures, neighbourhoods
+from furrowmap.core.features.eigenfeatures import neighbourhoods
 from furrowmap.core.features.ground_surface import heights_above_ground
-from furrowmap.core.features.lines import MIN_LINEARITY, DetectedLine, find_lines
+from furrowmap.core.features.lines import MAX_TURN_DEG, MIN_LINEARITY, DetectedLine, find_lines
 from furrowmap.core.features.neighbours import first_above, sort_into_columns
-from furrowmap.core.features.planes import HORIZONTAL_NORMAL, MIN_PLANE_PURITY, Plane, find_planes
+from furrowmap.core.features.planes import HORIZONTAL_NORMAL, MIN_PLANE_PURITY, Plane, axes_of, find_planes
 from furrowmap.core.features.voxels import Voxels, voxels
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray, IntArray
 from furrowmap.core.values.extents import bounds
@@ -159,8 +159,16 @@ MIN_LEVEL_PURITY: Final = 0.7
 """Of such ground: it need not be as even as a roof or a table."""
 GROUND_STEP_M: Final = 0.2
 """What is flat and nowhere higher than this above the ground beside it is ground."""
+MAX_WALL_SCATTER: Final = 0.3
+"""RMS distance of the voxels from a wall as a share of the tolerance: a third is the noise. Those of a crop or hedge
+spread evenly within the tolerance, with 0.58 of it."""
 MIN_FENCE_PURITY: Final = 0.8
 """Of an open vertical plane, such as the wires of a fence."""
+MIN_FENCE_ORDER: Final = 0.5
+"""Share of its voxels whose neighbourhoods run along it or upright, unless they scatter no more than those of a wall:
+it consists of wires and posts. The side of a crop is open as well, but in no order."""
+MIN_ORDERED: Final = 0.5
+"""Linearity of such a neighbourhood: two wires may be in it."""
 MIN_FENCE_LENGTH_M: Final = 1.5
 MAX_FENCE_NORMAL: Final = 0.2
 """Height of its unit normal."""
@@ -170,9 +178,6 @@ LINE_EVIDENCE: Final = 0.33
 """Of a voxel in a long neighbourhood that is on no line: it needs colours to become one."""
 NOISE_PERCENTILE: Final = 15.0
 """Percentile of the thickness of flat neighbourhoods that is the noise of the scanner."""
-STRIPS_M: Final = 4.0
-"""Width of the strip of ground in which the noise is estimated as well."""
-MIN_STRIP_GROUND: Final = 100
 PLANE_TOLERANCE_M: Final = (0.04, 0.12)
 """Limits of the distance from a plane of a point that is on it: three deviations of the noise."""
 
@@ -202,6 +207,7 @@ class Classified:
     Attributes:
         feature: (n,) :class:`Feature` of each point.
         above_m: (n,) height above the ground, nan without any.
+        hidden: (n,) whether plants hide the ground there.
         of_voxel: (n,) voxel of each point; -1 for those that the first estimate of the ground takes.
         voxel_m: (m, 3) the voxels, of which planes and lines are.
         planes, lines: their members are voxels.
@@ -210,6 +216,7 @@ class Classified:
 
     feature: NDArray[np.uint8]
     above_m: FloatArray
+    hidden: BoolArray
     of_voxel: IntArray
     voxel_m: FloatArray
     planes: list[Plane]
@@ -219,16 +226,18 @@ class Classified:
 
 def classify(tile: FeatureTile) -> Classified:
     """The class of each point of a tile, by voxels."""
-    above, ground = heights_above_ground(tile.xyz_m, tile.ground)
+    heights = heights_above_ground(tile.xyz_m, tile.ground, tile.cell_m)
+    ground = heights.ground
     rest = np.flatnonzero(~ground)
     fine = voxels(tile.xyz_m[rest], tile.cell_m)
-    found, tolerance = _candidate_planes(fine, tile.xyz_m[ground], tile.cell_m)
+    found, tolerance = _candidate_planes(fine, heights.noise_m, tile.cell_m)
     of_ground = _find_ground_planes(tile, ground, fine, found)
     own = np.full(len(fine), Feature.SCATTER, np.uint8)
     if of_ground.any():
         ground = ground.copy()
         ground[rest] = of_ground[fine.of_point]
-        above, ground = heights_above_ground(tile.xyz_m, ground)
+        heights = heights_above_ground(tile.xyz_m, ground, tile.cell_m)
+        ground = heights.ground
         own[of_ground | (fine.mean_of(ground[rest]) > 0.5)] = Feature.GROUND
         found = [plane for plane in found if not of_ground[plane.members].all()]
     evidence = _plane_evidence(own, found)
@@ -249,7 +258,8 @@ def classify(tile: FeatureTile) -> Classified:
     of_voxel[rest] = fine.of_point
     return Classified(
         feature,
-        above,
+        heights.above_m,
+        heights.hidden,
         of_voxel,
         fine.mean_m,
         flat,
@@ -258,25 +268,24 @@ def classify(tile: FeatureTile) -> Classified:
     )
 
 
-def _candidate_planes(fine: Voxels, ground_m: FloatArray, cell_m: float) -> tuple[list[Plane], float]:
-    """Candidates of planes, and the tolerance by the noise of what is flat."""
+def _candidate_planes(fine: Voxels, noise_m: float, cell_m: float) -> tuple[list[Plane], float]:
+    """Candidates of planes, and the tolerance by the noise of the ground or, if that is less, of what is flat."""
     coarse = voxels(fine.mean_m, 2.0 * cell_m)
     (wide,) = neighbourhoods(coarse.mean_m, coarse.mean_m, (8.0 * cell_m,))
-    noise = _thinnest(wide)
+    flat = wide.planarity > 0.4
+    thickness = np.sqrt(wide.eigenvalue_m2[flat, 2])
     # Where hedges outnumber walls the flattest there is may be their faces, but the ground is known.
-    west = ground_m[:, 0].min(initial=np.inf)
-    strip = ground_m[ground_m[:, 0] < west + STRIPS_M]
-    if len(strip) >= MIN_STRIP_GROUND:
-        thin = voxels(strip, 2.0 * cell_m).mean_m
-        noise = min(noise, _thinnest(*neighbourhoods(thin, thin, (8.0 * cell_m,))))
+    noise = min(noise_m, float(np.percentile(thickness, NOISE_PERCENTILE)) if flat.any() else np.inf)
     tolerance = float(np.clip(3.0 * noise, PLANE_TOLERANCE_M[0], max(PLANE_TOLERANCE_M[1], 0.5 * cell_m)))
-    return find_planes(fine.mean_m, wide.at(coarse.of_point), cell_m, tolerance, 3.0 * cell_m), tolerance
+    found = find_planes(fine.mean_m, wide.at(coarse.of_point), cell_m, tolerance, 3.0 * cell_m)
+    return [_as_wall(plane, tolerance) if plane.normal[2] < HORIZONTAL_NORMAL else plane for plane in found], tolerance
 
 
-def _thinnest(shape: Eigenfeatures) -> float:
-    """Thickness of the flattest neighbourhoods: the noise of the scanner; inf where none is flat."""
-    flat = shape.planarity > 0.4
-    return float(np.percentile(np.sqrt(shape.eigenvalue_m2[flat, 2]), NOISE_PERCENTILE)) if flat.any() else np.inf
+def _as_wall(plane: Plane, tolerance_m: float) -> Plane:
+    """An upright plane, with its purity less two standard errors, and less by how far it is less even than a wall."""
+    error = math.sqrt(plane.purity * (1.0 - plane.purity) / len(plane.members))
+    uneven = max(plane.rms_m / tolerance_m - MAX_WALL_SCATTER, 0.0)
+    return replace(plane, purity=plane.purity - 2.0 * error - uneven)
 
 
 def _find_ground_planes(tile: FeatureTile, ground: BoolArray, fine: Voxels, found: list[Plane]) -> BoolArray:
@@ -344,17 +353,21 @@ def _find_bars(
     radii = (5.0 * cell_m, 10.0 * cell_m, 12.0 * cell_m)
     near, wide, widest = (each.at(coarse.of_point) for each in neighbourhoods(xyz_m, coarse.mean_m, radii))
     longer = np.nan_to_num(wide.linearity) > np.nan_to_num(near.linearity)
-    linearity = np.fmax(near.linearity, wide.linearity).astype(np.float64)
+    linearity = np.nan_to_num(np.fmax(near.linearity, wide.linearity)).astype(np.float64)
     direction = np.where(longer[:, None], wide.direction, near.direction).astype(np.float64)
-    bars = find_lines(xyz_m, linearity, direction, cell_m)
+    bars = find_lines(xyz_m, linearity, direction, cell_m, tolerance_m)
     open_planes = find_planes(xyz_m, widest, cell_m, tolerance_m, 6.0 * cell_m, fill=(0.0, math.inf))
     fences = []
     for plane in open_planes:
-        flat, _ = plane.flat(xyz_m[plane.members])
-        long = np.ptp(flat[:, 0]) >= MIN_FENCE_LENGTH_M
-        if plane.purity >= MIN_FENCE_PURITY and abs(plane.normal[2]) < MAX_FENCE_NORMAL and long:
-            fences.append(plane)
-    return bars, fences, np.nan_to_num(linearity)
+        members, axes = plane.members, np.column_stack(axes_of(plane.normal))
+        flat, _ = plane.flat(xyz_m[members])
+        long = np.ptp(flat[:, 0]) >= MIN_FENCE_LENGTH_M and abs(plane.normal[2]) < MAX_FENCE_NORMAL
+        if long and plane.purity >= MIN_FENCE_PURITY:
+            along = np.abs(direction[members] @ axes).max(axis=1) >= math.cos(math.radians(MAX_TURN_DEG))
+            order = np.mean(along & (linearity[members] >= MIN_ORDERED))
+            if order >= MIN_FENCE_ORDER or plane.rms_m <= MAX_WALL_SCATTER * tolerance_m:
+                fences.append(plane)
+    return bars, fences, linearity
 
 
 def _segments(tile: FeatureTile, rest: IntArray, fine: Voxels, asked: BoolArray) -> tuple[IntArray, FloatArray | None]:

@@ -192,7 +192,7 @@ def _own_features(tile: FeatureTile, result: Classified, mine: BoolArray, corner
     tops = plants(tile.xyz_m[scatter] + corner, np.nan_to_num(result.above_m[scatter]))
     own = tile.xyz_m[mine] + corner
     inside = _in_own_cells(tops.top_m, own, OWN_CELL_M)
-    breaks = break_points(tile.xyz_m[result.feature == Feature.GROUND] + corner)
+    breaks = break_points(tile.xyz_m[(result.feature == Feature.GROUND) & ~result.hidden] + corner)
     return FoundFeatures(
         [*pieces(result.planes, side, is_open=False), *pieces(result.fences, 2.0 * side, is_open=True)],
         line_objects(lines),

@@ -32,6 +32,9 @@ MIN_SLENDERNESS: Final = 5.0
 LINE_SURROUNDINGS_M: Final = 0.35
 """Within this distance of a line there is little but the line and other lines."""
 MIN_LINE_PURITY: Final = 0.5
+WIRE_SCATTER: Final = 0.8
+"""Of the tolerance of planes: greatest RMS distance of the voxels of a wire from its course. What is thicker than the
+scanner's noise makes it is no wire, such as a row of plants or the rim of a crop."""
 UPRIGHT: Final = math.cos(math.radians(30.0))
 
 
@@ -57,8 +60,13 @@ class DetectedLine:
         return bool(abs(self.direction[2]) >= UPRIGHT)
 
 
-def find_lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, cell_m: float) -> list[DetectedLine]:
-    """Lines in voxels (n, 3), neither ground nor on planes, by linearity (n,), nan for none, and direction (n, 3)."""
+def find_lines(
+    xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, cell_m: float, tolerance_m: float
+) -> list[DetectedLine]:
+    """Lines in voxels (n, 3), neither ground nor on planes, by linearity (n,), nan for none, and direction (n, 3).
+
+    `tolerance_m` is that of planes: three deviations of the noise.
+    """
     linear = np.flatnonzero(linearity >= MIN_LINEARITY)
     if len(linear) < 3:
         return []
@@ -86,7 +94,8 @@ def find_lines(xyz_m: FloatArray, linearity: FloatArray, direction: FloatArray, 
     calm = np.zeros(len(xyz_m), bool)
     calm[linear] = True
     around = every, calm[every.order], of_line[every.order]
-    found = (_fit_line(xyz_m, number, members, axis_m, around) for number, members in _long_lines(xyz_m, of_line))
+    thick = (axis_m, WIRE_SCATTER * tolerance_m)
+    found = (_fit_line(xyz_m, number, members, thick, around) for number, members in _long_lines(xyz_m, of_line))
     return [line for line in found if line is not None]
 
 
@@ -108,8 +117,10 @@ def _long_lines(xyz_m: FloatArray, of_line: IntArray) -> Iterator[tuple[int, Int
 
 
 def _fit_line(
-    xyz_m: FloatArray, number: int, members: IntArray, axis_m: float, around: _Surroundings
+    xyz_m: FloatArray, number: int, members: IntArray, thick_m: tuple[float, float], around: _Surroundings
 ) -> DetectedLine | None:
+    """The line of some voxels, no thicker than that of a pole and a wire."""
+    axis_m, wire_m = thick_m
     own = xyz_m[members]
     centre = own.mean(axis=0)
     _, vector = np.linalg.eigh(np.cov((own - centre).T, bias=True))
@@ -144,20 +155,21 @@ def _fit_line(
     length = float(s.max() - s.min())
     if length < MIN_LINE_LENGTH_M or length < MIN_SLENDERNESS * math.sqrt(12.0 * max(value[1], 0.0)) * 0.5:
         return None
-    if length < MIN_WIRE_LENGTH_M and abs(direction[2]) < UPRIGHT:
+    path, scatter_m = course(own, s - s.min(), step)
+    if abs(direction[2]) < UPRIGHT and (length < MIN_WIRE_LENGTH_M or scatter_m > wire_m):
         return None
-    path = course(own, s - s.min(), step)
     purity = len(own) / (len(own) + float(disturbed[first : last + 1].sum()))
     return DetectedLine(members, path, direction, purity)
 
 
-def course(own: FloatArray, s: FloatArray, step: float) -> FloatArray:
-    """A straight or parabolic fit through a line's voxels from end to end."""
+def course(own: FloatArray, s: FloatArray, step: float) -> tuple[FloatArray, float]:
+    """A straight or parabolic fit through a line's voxels from end to end, and their RMS distance from it."""
     pieces = max(1, min(int(s.max() / max(step, 1.0)), 50))
     fit = np.polynomial.polynomial.polyfit(s, own, 1 if pieces < 3 else 2)
     at = np.linspace(0.0, s.max(), pieces + 1 if pieces >= 3 else 2)
     out = np.polynomial.polynomial.polyval(at, fit).T
-    return np.asarray(out, np.float64)
+    away = own - np.polynomial.polynomial.polyval(s, fit).T
+    return np.asarray(out, np.float64), math.sqrt(float(np.mean(np.sum(away**2, axis=1))))
 
 
 @numba.njit(cache=True, nogil=True)

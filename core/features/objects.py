@@ -197,7 +197,7 @@ def _merge_lines(group: list[LineObject]) -> LineObject:
     longest = max(group, key=lambda line: line.length_m)
     ends = shapely.get_coordinates(longest.shape, include_z=True)[[0, -1]]
     s = (own - ends[0]) @ _unit(ends[1] - ends[0])
-    path = course(own, s - s.min(), 1.0)
+    path, _ = course(own, s - s.min(), 1.0)
     points = np.array([line.points for line in group])
     height = float(np.average([line.height_m for line in group], weights=points))
     if longest.kind == "pole":

@@ -28,7 +28,7 @@ def test_a_line__takes_what_lies_on_its_axis_and_no_more(along: tuple[float, flo
     linearity = np.append(np.where(crossing, 0.2, 0.95), 0.2)
     direction = np.tile(axis, (len(xyz), 1))
     direction[: len(s)][crossing] = beside
-    found = find_lines(xyz, linearity, direction, 0.1)
+    found = find_lines(xyz, linearity, direction, 0.1, 0.04)
     assert len(found) == 1
     assert sorted(found[0].members.tolist()) == list(range(len(s)))
     assert np.abs(found[0].direction @ axis) == pytest.approx(1.0, abs=1e-6)
@@ -44,7 +44,7 @@ def test_crossing_lines__are_two_in_any_direction(seed: int) -> None:
     xyz = np.concatenate([s[:, None] * axes[0], s[:, None] * axes[1]])
     direction = np.repeat(axes, len(s), axis=0)
     linearity = np.where(np.abs(np.tile(s, 2)) < 0.2, 0.3, 0.95)
-    found = find_lines(xyz, linearity, direction, 0.1)
+    found = find_lines(xyz, linearity, direction, 0.1, 0.04)
     assert len(found) == 2
     shares = sorted(np.abs(np.array([one.direction for one in found]) @ axes.T).max(axis=1))
     assert shares[0] > 1.0 - 1e-3
@@ -61,7 +61,7 @@ def test_directions__of_lines_that_are_not_level_point_upwards(slope: float, see
     turn = Rotation.from_euler("z", 90.0 * seed + 20.0, degrees=True)
     axis = turn.apply([np.sqrt(1.0 - slope**2), 0.0, slope])
     xyz = np.arange(-3.0, 3.0, 0.1)[:, None] * axis
-    (found,) = find_lines(xyz, np.full(len(xyz), 0.95), np.tile(axis, (len(xyz), 1)), 0.1)
+    (found,) = find_lines(xyz, np.full(len(xyz), 0.95), np.tile(axis, (len(xyz), 1)), 0.1, 0.04)
     assert found.direction == pytest.approx(axis, abs=1e-6)
 
 
@@ -70,5 +70,5 @@ def test_directions__of_lines_that_are_nearly_level_point_to_the_east(slope: flo
     turn = Rotation.from_euler("z", 90.0 * seed + 20.0, degrees=True)
     axis = turn.apply([np.sqrt(1.0 - slope**2), 0.0, slope])
     xyz = np.arange(-3.0, 3.0, 0.1)[:, None] * axis
-    (found,) = find_lines(xyz, np.full(len(xyz), 0.95), np.tile(axis, (len(xyz), 1)), 0.1)
+    (found,) = find_lines(xyz, np.full(len(xyz), 0.95), np.tile(axis, (len(xyz), 1)), 0.1, 0.04)
     assert found.direction == pytest.approx(axis if axis[0] > 0.0 else -axis, abs=1e-6)
