@@ -13,6 +13,9 @@ SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/mis
 # Python keeps what it compiles: tests start it a thousand times, and setup.py leaves compilation to the first import.
 unexport PYTHONDONTWRITEBYTECODE
 
+# What mypy knows of unchanged modules serves other checkouts, too: it compares contents, not times or places.
+export MYPY_CACHE_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/furrowmap/types
+
 .DEFAULT_GOAL := help
 .PHONY: help demo quick test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin release-check web clean
 

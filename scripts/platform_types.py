@@ -8,6 +8,7 @@ furrowmap or of another package being Any, for Linux as well: what mypy reports 
 from __future__ import annotations
 
 import ast
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -66,7 +67,8 @@ def conditional_names(module: str) -> frozenset[str]:
 def reported(platform: str, modules: list[str]) -> list[str]:
     """The lines that mypy prints for the modules alone, without notes and summary."""
     command = [sys.executable, "-m", "mypy", "--platform", platform, "--follow-imports=skip", "--no-error-summary"]
-    command += [f"--cache-dir=.mypy_cache/{platform}", *(word for module in modules for word in ("-m", module))]
+    cache_dir = os.environ.get("MYPY_CACHE_DIR", ".mypy_cache")
+    command += [f"--cache-dir={cache_dir}/{platform}", *(word for module in modules for word in ("-m", module))]
     done = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, encoding="utf-8", check=False)
     if done.returncode > 1:  # 1: there are errors
         raise SystemExit(done.stdout + done.stderr)

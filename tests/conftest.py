@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import subprocess
@@ -37,6 +38,17 @@ SLOW_FIXTURES = {"browser", "page_scripts", "qgis", "result", "run_once", "share
 """What takes a QGIS, a browser, npm, the sample recordings, or a whole run."""
 SLOW_FOLDERS = ("app", "core/adjustment", "core/simulator", "exporters/farm", "fuzz", "plugin")
 """Folders of tests that run whole workflows, or take minutes together."""
+
+
+def pytest_collection() -> None:
+    """Collect without garbage collection, which would look through all that stays to the end again and again."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """What was collected and imported is left out of later garbage collections."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
