@@ -1,67 +1,88 @@
-"""The tutorial works as it is typed."""
+"""The tutorial and three how-to pages work as they are typed, and show what the program prints."""
 
 from __future__ import annotations
 
+import gzip
 import json
-import re
 import runpy
-import shlex
-import subprocess
-import sys
+import shutil
 import tomllib
 from pathlib import Path
 
 import laspy
+import numpy as np
 import pytest
-import tomli_w
 from matplotlib.image import imread
 
+from furrowmap.core.values.rotation import mounting_rotation
+from tests.typed_pages import type_page
+
 CHECKOUT = Path(__file__).resolve().parents[1]
-PAGE = (CHECKOUT / "docs" / "tutorial" / "first-map.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
-def typed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
-    """The folder in which the tutorial was followed, and the output of each command."""
+def tutorial(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which the tutorial was followed."""
     folder = tmp_path_factory.mktemp("tutorial")
-    (edit,) = re.findall(r"^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-    answers = {}
-    for line in re.findall(r"^furrowmap .+$", PAGE, re.MULTILINE):
-        _, command, *arguments = shlex.split(line)
-        program = Path(sys.executable).with_name("furrowmap")
-        done = subprocess.run([program, command, *arguments], cwd=folder, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, f"{line}\n{done.stderr}"
-        answers[command] = done.stdout
-        if command == "init":
-            session = tomllib.loads((folder / "first/mine.toml").read_text(encoding="utf-8"))
-            (folder / "first/mine.toml").write_text(tomli_w.dumps(session | tomllib.loads(edit)), encoding="utf-8")
-    return folder, answers
+    assert set(type_page("tutorial/first-map.md", folder)) == {"simulate", "inspect", "init", "run"}
+    return folder
 
 
-def test_tutorial__inspect_shows_what_the_page_says(typed: tuple[Path, dict[str, str]]) -> None:
-    inspected = typed[1]["inspect"]
-    assert "sensor-gps" in inspected
-    assert "overlap" in inspected.splitlines()[-1]
-    assert re.search(r"fix +fixed \d+$", inspected, re.MULTILINE)
+@pytest.fixture(scope="module")
+def own_recording(tutorial: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which the page about recordings of one's own was followed, with the tutorial's recording."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "recording.pcap").write_bytes(gzip.decompress((tutorial / "first" / "recording.pcap.gz").read_bytes()))
+    shutil.copyfile(tutorial / "first" / "gnss.nmea", folder / "gnss.nmea")
+    assert set(type_page("how-to/run-your-own-recording.md", folder)) == {"inspect", "init", "run"}
+    return folder
 
 
-def test_tutorial__mounting_is_the_simulated_one(typed: tuple[Path, dict[str, str]]) -> None:
-    mine, simulated = (tomllib.loads((typed[0] / "first" / name).read_text()) for name in ("mine.toml", "session.toml"))
-    assert (mine["antenna"], mine["lidar"]) == (simulated["antenna"], simulated["lidar"])
+def test_own_recording__comes_to_the_result_of_the_tutorial(tutorial: Path, own_recording: Path) -> None:
+    one, other = (
+        json.loads((folder / "report.json").read_text(encoding="utf-8"))["figures"]
+        for folder in (tutorial / "first" / "result", own_recording / "result")
+    )
+    assert one["overlap_area_m2"] == other["overlap_area_m2"] > 1.0
 
 
-def test_demo__draws_and_summarises_such_a_result(typed: tuple[Path, dict[str, str]], tmp_path: Path) -> None:
+def test_python__page_does_what_it_shows(own_recording: Path) -> None:
+    assert "no-result" in type_page("how-to/use-from-python.md", own_recording)["python"]
+
+
+def test_flight__after_filling_in_what_init_lists_finds_its_mounting(tmp_path: Path) -> None:
+    shown = type_page("how-to/process-a-flight.md", tmp_path)
+    assert {"simulate", "inspect", "init", "run"} <= set(shown)
+    proposed = (tmp_path / "flight" / "mine.toml").read_text(encoding="utf-8")
+    assert "FILL-IN" not in proposed
+    report = json.loads((tmp_path / "flight" / "result" / "report.json").read_text(encoding="utf-8"))
+    scenario = tomllib.loads((tmp_path / "flight" / "scenario.toml").read_text(encoding="utf-8"))
+    found, true = (
+        mounting_rotation(*rpy)
+        for rpy in (report["calibration"]["lidar"]["rpy_deg"], scenario["lidar"]["true_rpy_deg"])
+    )
+    off_deg = np.degrees(np.arccos(min((np.trace(found @ true.T) - 1.0) / 2.0, 1.0)))
+    assert off_deg < 0.03
+
+
+def test_tutorial__mounting_is_the_simulated_one(tutorial: Path) -> None:
+    mine, simulated = (tomllib.loads((tutorial / "first" / name).read_text()) for name in ("mine.toml", "session.toml"))
+    places = ("antenna", "lidar", "implement", "field")
+    assert [mine[table] for table in places] == [simulated[table] for table in places]
+
+
+def test_demo__draws_and_summarises_such_a_result(tutorial: Path, tmp_path: Path) -> None:
     demo = runpy.run_path(str(CHECKOUT / "scripts" / "demo.py"))
-    demo["draw_map"](typed[0] / "first" / "result", tmp_path / "map.png", "The tutorial's map")
+    demo["draw_map"](tutorial / "first" / "result", tmp_path / "map.png", "The tutorial's map")
     assert imread(tmp_path / "map.png").shape[1] == 1500
-    report = json.loads((typed[0] / "first" / "result" / "report.json").read_text(encoding="utf-8"))
-    table = demo["summary"](typed[0] / "first" / "result", 1.0)
+    report = json.loads((tutorial / "first" / "result" / "report.json").read_text(encoding="utf-8"))
+    table = demo["summary"](tutorial / "first" / "result", 1.0)
     cells = [str(cell) for column in table.columns for cell in column.cells]
     assert f"{report['figures']['points']:,} in {report['figures']['scans']} scans" in cells
 
 
-def test_tutorial__ends_with_files_that_open_in_qgis(typed: tuple[Path, dict[str, str]], qgis) -> None:
-    result = typed[0] / "first" / "result"
+def test_tutorial__ends_with_files_that_open_in_qgis(tutorial: Path, qgis) -> None:
+    result = tutorial / "first" / "result"
     layers = qgis.open_layers(result / "cloud.copc.laz", result / "field.gpkg")
     assert [(layer["provider"], layer["crs"], layer["valid"]) for layer in layers] == [
         ("copc", "EPSG:6677", True),

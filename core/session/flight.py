@@ -96,26 +96,27 @@ def flight_of(lidar: Sequence[Examined], inertial: Sequence[Examined]) -> FlownM
     if not (isinstance(measured, GivesInertial) and isinstance(scanned, GivesScans)):
         return None
     imu = measured.inertial()
-    seen: list[tuple[float, FloatArray, FloatArray]] = []
+    heights, lidar_ups, imu_ups = list[float](), list[FloatArray](), list[FloatArray]()
     for scan in scanned.scans():
         if scan.number % _EVERY or not scan.whole:
             continue
         t_s = float(scan.t_s.mean())
         near = slice(*np.searchsorted(imu.t_s, [t_s - _MOMENT_S, t_s + _MOMENT_S]))
-        found = _ground_below(scan.xyz_m.astype(np.float64))
-        if found is not None and near.stop > near.start:
-            seen.append((*found, imu.force_mps2[near].mean(axis=0)))
-        if len(seen) == _MOST_SCANS:
+        ground = _ground_below(scan.xyz_m.astype(np.float64))
+        if ground is not None and near.stop > near.start:
+            heights.append(ground[0])
+            lidar_ups.append(ground[1])
+            imu_ups.append(imu.force_mps2[near].mean(axis=0))
+        if len(heights) == _MOST_SCANS:
             break
-    if len(seen) < _FEWEST_SCANS:
+    height_m = np.array(heights)
+    if len(heights) < _FEWEST_SCANS or np.median(height_m) < _LOWEST_FLIGHT_M:
         return None
-    height_m = np.array([height for height, *_ in seen])
     flown = height_m > 0.5 * np.median(height_m)  # not while taking off
-    if np.median(height_m) < _LOWEST_FLIGHT_M:
-        return None
-    ups = [np.mean([row[k] for row, is_flown in zip(seen, flown, strict=True) if is_flown], axis=0) for k in (1, 2)]
-    lidar_up, imu_up = (up / np.linalg.norm(up) for up in ups)
-    return FlownMounting(float(np.median(height_m[flown])), lidar_up, imu_up)
+    lidar_up, imu_up = np.array(lidar_ups)[flown].mean(axis=0), np.array(imu_ups)[flown].mean(axis=0)
+    return FlownMounting(
+        float(np.median(height_m[flown])), lidar_up / np.linalg.norm(lidar_up), imu_up / np.linalg.norm(imu_up)
+    )
 
 
 def _ground_below(xyz_m: FloatArray) -> tuple[float, FloatArray] | None:

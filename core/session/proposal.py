@@ -128,7 +128,7 @@ def propose_session(
             _times([match.text for match in matches], date, undated=undated),
             _crs(crs),
             _trajectory(poses, folder) if poses else antenna_table(machine, flies=flies),
-            *([_lidar(lidar, machine, flight)] if lidar or not (states or inertial or attitude) else []),
+            *([_lidar(lidar, machine, flight, flies=flies)] if lidar or not (states or inertial or attitude) else []),
             *([_imu(inertial, folder, machine, flight)] if inertial else []),
             *([_attitude(attitude, folder, needed=not inertial)] if attitude else []),
             *([_implement(states, folder, machine)] if states else [] if flies else [implement_table(machine)]),
@@ -365,11 +365,11 @@ states = {_names(states, folder)}
 """
 
 
-def _lidar(lidar: Sequence[Examined], machine: Machine, flight: FlownMounting | None) -> str:
+def _lidar(lidar: Sequence[Examined], machine: Machine, flight: FlownMounting | None, *, flies: bool) -> str:
     facts = (each for r in lidar for each in (r.inspection.facts, r.inspection.facts.get("scans")))  # of a container
     model = next((str(each["model"]) for each in facts if isinstance(each, Mapping) and each.get("model")), None)
     stated = f"model = {_quoted(model)}   # from the recording\n" if model else ""
-    return f"[lidar]\n{stated}{lidar_lines(machine, flight)}"
+    return f"[lidar]\n{stated}{lidar_lines(machine, flight, flies=flies)}"
 
 
 def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> list[str]:

@@ -11,8 +11,9 @@ from furrowmap.core.session.machine import stated, toml_value
 from furrowmap.core.values.machine import NOT_SHOWN_DEG, Machine
 from furrowmap.core.values.margins import margin
 
+_ON_WHEELS: Final = "on the ground below the middle of the rear axle"
 _MOUNTING: Final = """\
-# Mounting of the scanner in the vehicle frame: origin on the ground below the middle of the rear axle; x forward,
+# Mounting of the scanner in the vehicle frame: origin {}; x forward,
 # y left, z up; metres and degrees. R = Rz(yaw) Ry(pitch) Rx(roll) rotates sensor coordinates to the vehicle frame.
 # Measure it, and remove the hash signs.
 # xyz_m = [-0.55, 0.0, 2.35]
@@ -67,10 +68,11 @@ def antenna_table(machine: Machine, *, flies: bool) -> str:
     return head + _lines(machine.antenna, "xyz_m")
 
 
-def lidar_lines(machine: Machine, flight: FlownMounting | None) -> str:
+def lidar_lines(machine: Machine, flight: FlownMounting | None, *, flies: bool) -> str:
     """The place of the scanner in its table."""
     if machine.lidar is None:
-        return _MOUNTING if flight is None else _flown_lidar_lines(flight)
+        mounting = _MOUNTING.format("in the antenna" if flies else _ON_WHEELS)
+        return mounting if flight is None else _flown_lidar_lines(flight)
     text = "# Mounting of the scanner in the vehicle frame.\n" + _lines(machine.lidar, "xyz_m", "rpy_deg")
     if machine.calibrated is None:
         return text

@@ -63,8 +63,8 @@ class TrialFiles:
     def titled(self) -> list[tuple[str, Path]]:
         """The files, each after what it is."""
         found = {
-            "table of images": self.images and self.images.path,
-            "parcels": self.parcels and self.parcels.path,
+            "table of images": self.images.path if self.images is not None else None,
+            "parcels": self.parcels.path if self.parcels is not None else None,
             "treatments of parcels": self.treatments,
         }
         return [(title, path) for title, path in found.items() if path is not None]

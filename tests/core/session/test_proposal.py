@@ -261,3 +261,14 @@ def test_logs_of_the_same_time__the_first_is_used(shared_data: Path) -> None:
     assert "gnss_outage.nmea" in next(n.text for n in proposal.missing if n.code == "recording-unused")
     assert session.attitude is None  # of no use beside an IMU
     assert '# roll_pitch = "ahrs_imu.csv"' in proposal.text
+
+
+def test_attitudes_without_an_imu__are_of_a_flight(shared_data: Path) -> None:
+    folder = shared_data / "uav_wheat"
+    names = ("recording.pcap.gz", "gnss.nmea", "ahrs_imu.csv")
+    proposal = propose_session([Examined.read(folder / name) for name in names], folder)
+    session = parse_session(proposal.text)
+    assert session.attitude is not None
+    assert session.antenna is not None
+    assert session.antenna.xyz_m == (0.0, 0.0, 0.0)
+    assert [word for word in ("axle", "tiller", "[implement]") if word in proposal.text] == []
