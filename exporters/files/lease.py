@@ -7,6 +7,7 @@ if its file does not change while one watches, so no clocks are compared.
 
 from __future__ import annotations
 
+import atexit
 import os
 import platform
 import re
@@ -66,9 +67,11 @@ def hold_lease(folder: Path) -> Iterator[Path]:
         heart.join()
         if not (own / COMPLETE).exists():
             shutil.rmtree(own, ignore_errors=True)
-        if own.exists():  # or Windows has not removed a file in it that is open
+        if own.exists():
             with suppress(OSError):
                 (own / _ENDED).touch()
+        if own.exists() and not (own / COMPLETE).exists():  # Windows keeps the folder of a scratch file that is mapped
+            atexit.register(shutil.rmtree, own, ignore_errors=True)
 
 
 def leases(folder: Path) -> list[Path]:
