@@ -107,7 +107,7 @@ def _drawn(xy_m: FloatArray, draw: int) -> FloatArray:
         for shift, factor in ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)):
             mixed = (mixed ^ (mixed >> np.uint64(shift))) * np.uint64(factor)
         mixed ^= mixed >> np.uint64(31)
-    out: FloatArray = (mixed >> np.uint64(11)) * 2.0**-53
+    out: FloatArray = (mixed >> np.uint64(11)).astype(np.float64) * 2.0**-53
     return out
 
 

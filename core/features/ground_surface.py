@@ -77,8 +77,10 @@ def heights_above_ground(xyz_m: FloatArray, ground: BoolArray, cell_m: float) ->
     known = medians(cell[ground], xyz_m[ground, 2], shape)
     hidden, noise_m = _hidden_cells(xyz_m, cell, corner, known, cell_m)
     bare = np.isfinite(known) & ~hidden
-    near = bare.any() and distance_transform_edt(~bare) * MEDIAN_CELL_M <= MAX_HIDDEN_M
-    surface = _continued(np.where(hidden & near, np.nan, known))
+    if bare.any():
+        near = distance_transform_edt(~bare) * MEDIAN_CELL_M <= MAX_HIDDEN_M
+        known = np.where(hidden & near, np.nan, known)
+    surface = _continued(known)
     above = _above(xyz_m, corner, surface)
     slope = np.hypot(*np.gradient(surface, MEDIAN_CELL_M))
     spread = medians(cell[ground], np.abs(above[ground]), shape)
