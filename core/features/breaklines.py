@@ -29,6 +29,8 @@ BreakKind = Literal["ditch", "ridge", "edge"]
 BREAK_CELL_M: Final = 0.25
 SMOOTH_CELLS: Final = 1.6
 """Deviation of the smoothing: furrows of a metre and less vanish."""
+CUT_DEVIATIONS: Final = 6.0
+"""Where the Gaussian ends: cut at four, the sum of its second derivative takes 100 m of height for a curvature."""
 DEPTH_CELLS: Final = 0.7
 """The same for depths, which smoothing makes less."""
 MIN_CURVATURE: Final = 0.25
@@ -101,7 +103,7 @@ def break_points(xyz_m: FloatArray) -> BreakPoints:
     rough = filled(height)
     ground = gaussian_filter(rough, DEPTH_CELLS, mode="nearest")
     xx, xy, yy = (
-        gaussian_filter(rough, SMOOTH_CELLS, order, mode="nearest") / BREAK_CELL_M**2
+        gaussian_filter(rough, SMOOTH_CELLS, order, mode="nearest", truncate=CUT_DEVIATIONS) / BREAK_CELL_M**2
         for order in ((2, 0), (1, 1), (0, 2))
     )
     # the eigenvalue of greatest magnitude, and its unit vector

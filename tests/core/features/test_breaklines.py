@@ -52,10 +52,11 @@ def test_bank__has_an_upper_and_a_lower_edge(xy: FloatArray) -> None:
     assert foot.depth_m == top.depth_m == 0.0
 
 
-def test_even_ground_and_furrows__have_no_breaklines(xy: FloatArray) -> None:
+@pytest.mark.parametrize("height_m", [0.0, 271.0, 2500.0])
+def test_even_ground_and_furrows__have_no_breaklines_at_any_height(xy: FloatArray, height_m: float) -> None:
     undulating = 0.1 * np.sin(0.6 * xy[:, 0]) * np.cos(0.5 * xy[:, 1])
     furrows = 0.08 * np.sin(2.0 * math.pi * xy[:, 0] / 0.7)
-    assert breaklines(break_points(ground(undulating + furrows, xy))) == []
+    assert breaklines(break_points(ground(height_m + undulating + furrows, xy))) == []
 
 
 @pytest.mark.parametrize("count", [0, 1, 20])
