@@ -51,9 +51,12 @@ FACTORS: Final = {
     "core/simulator/path.py _arc(gear)": 1,
     "core/simulator/path.py _turn.arc(gear)": 1,
     "core/geodesy/parameter_file.py ParameterFile.from_map": True,
+    "core/values/margins.py margin(factor)": 1.0,
+    "core/values/margins.py with_margin(factor)": 1.0,
 }
 """Factors and directions."""
 POINTS: Final = {
+    "core/values/margins.py with_margin(digits)": 1,  # decimals of a figure without a margin
     "exporters/cloud/points.py PointBatch.return_number": 1,  # LAS counts returns from 1
     "exporters/cloud/points.py PointBatch.returns": 1,
     "exporters/cloud/points.py PointBatch.classification": 1,  # LAS: unclassified

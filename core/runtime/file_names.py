@@ -11,7 +11,7 @@ from furrowmap.core.runtime.errors import InputError
 
 MAX_NAME_BYTES: Final = 255
 """Longest name of a file, in UTF-8, on the usual file systems."""
-_RESERVED: Final = re.compile(r"(?i:con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])\s*(\..*)?", re.DOTALL)
+_RESERVED: Final = re.compile(r"(?i:con|prn|aux|nul|conin\$|conout\$|com[0-9¹²³]|lpt[0-9¹²³])\s*([.:].*)?", re.DOTALL)
 """Names of devices on Windows, with any suffix."""
 _DRIVE: Final = re.compile(r"[A-Za-z]:")
 _CONTROL: Final = frozenset({"Cc", "Cs", "Zl", "Zp"})

@@ -481,7 +481,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Not worked</source><translation>未作業</translation></message>
   <message><source>Overlap</source><translation>重複</translation></message>
   <message><source>PPP</source><translation>PPP</translation></message>
-  <message><source>Parcels</source><translation>試験区</translation></message>
+  <message><source>Parcels</source><translation>区画</translation></message>
   <message><source>Passes</source><translation>行程</translation></message>
   <message><source>Path length</source><translation>走行距離</translation></message>
   <message><source>Points</source><translation>点数</translation></message>
@@ -534,7 +534,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Images</source><translation>画像</translation></message>
   <message><source>Its class, or its model, such as VN-200. Empty: industrial.</source><translation>等級、または VN-200 などの型番。空欄：industrial（産業用）。</translation></message>
   <message><source>Optional: the parcels of a trial, for heights and volumes of the crop. The net parcel lies so far inside. Treatments: a table with the identifier of each parcel.</source><translation>任意：試験区のポリゴン。作物の高さと体積を求めます。収量調査区は区画の縁からこの距離だけ内側です。処理：各区画の識別子を含む表。</translation></message>
-  <message><source>Parcels</source><translation>試験区</translation></message>
+  <message><source>Parcels</source><translation>区画</translation></message>
   <message><source>Polygons (*.geojson *.gpkg *.shp *.kml *.csv)</source><translation>ポリゴン (*.geojson *.gpkg *.shp *.kml *.csv)</translation></message>
   <message><source>Position of the IMU, and rotation of its axes from forward, left, up. An IMU whose z axis points down has 180, 0, 0.</source><translation>IMU の位置と、前・左・上の向きからの軸の回転。z 軸が下を向く IMU は 180, 0, 0 です。</translation></message>
   <message><source>Tables (*.csv *.xlsx)</source><translation>表 (*.csv *.xlsx)</translation></message>
@@ -639,7 +639,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Height change (m)</source><translation>高さの変化（m）</translation></message>
   <message><source>Height difference of swaths (m)</source><translation>スワス間の高さの差（m）</translation></message>
   <message><source>Height of the crop</source><translation>作物の高さ</translation></message>
-  <message><source>Height of the crop (m)</source><translation>作物の高さ (m)</translation></message>
+  <message><source>Height of the crop (m)</source><translation>作物の高さ（m）</translation></message>
   <message><source>Machines</source><translation>機械</translation></message>
   <message><source>Missed ground</source><translation>作業残し</translation></message>
   <message><source>Number of strips</source><translation>ストリップの数</translation></message>
