@@ -19,6 +19,7 @@ from furrowmap.core.features.objects import (
     LineObject,
     PlanePiece,
     ground_lines,
+    is_rim,
     join_lines,
     line_objects,
     outline_plane,
@@ -76,7 +77,9 @@ class FoundFeatures:
         """Poles, wires, fences, the feet of the vertical planes among the planes, and lines in the ground."""
         stand = [plane_foot(plane, "fence" if plane.is_open else "wall") for plane in planes if plane.vertical]
         in_ground = ground_lines(breaklines(BreakPoints.joined(self.breaks)))
-        return [*join_lines(self.lines), *stand, *in_ground]
+        walls = [line for line in stand if line.kind == "wall"]
+        free = [line for line in join_lines(self.lines) if not any(is_rim(line, wall) for wall in walls)]
+        return [*free, *stand, *in_ground]
 
     def all_plants(self) -> Plants:
         """The plants of all tiles."""

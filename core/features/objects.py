@@ -227,6 +227,14 @@ def plane_foot(plane: PlanePiece, kind: LineKind) -> LineObject:
     return LineObject(kind, foot, float(high - low), plane.points)
 
 
+def is_rim(line: LineObject, wall: LineObject) -> bool:
+    """Whether a wire lies on a wall, as its upper edge does: there is no air below it."""
+    if line.kind != "wire" or not shapely.buffer(wall.shape, MAX_COURSE_OFFSET_M).contains(line.shape):
+        return False
+    foot, heights = (shapely.get_coordinates(each.shape, include_z=True)[:, 2] for each in (wall, line))
+    return bool(heights.max() <= foot.min() + wall.height_m + MAX_COURSE_OFFSET_M)
+
+
 def _is_same_plane(a: PlanePiece, b: PlanePiece) -> bool:
     """Whether two pieces lie in one plane, beside each other."""
     between = b.centre_m - a.centre_m

@@ -9,10 +9,11 @@ import laspy
 import numpy as np
 import pyproj
 import pytest
+import shapely
 
 from furrowmap.core.features import cloud_features
 from furrowmap.core.features.cloud_features import FoundFeatures, classify_features
-from furrowmap.core.features.objects import join_planes
+from furrowmap.core.features.objects import LineObject, is_rim, join_planes
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import open_clouds
 
@@ -69,3 +70,11 @@ def test_lines_and_planes__across_tiles_are_one_each(
     assert wire.height_m == pytest.approx(5.0 + 0.001 * 20.0**2 / 3.0, abs=0.25)
     assert wire.points == pytest.approx(800, abs=20), "each point counts once"
     assert [each.height_m for each in lines if each.kind == "ditch"] == pytest.approx([0.5], abs=0.15)
+
+
+@pytest.mark.parametrize(("height_m", "aside_m", "rim"), [(1.2, 0.03, True), (1.9, 0.03, False), (1.2, 0.5, False)])
+def test_the_upper_edge_of_a_wall__is_no_wire(height_m: float, aside_m: float, rim: bool) -> None:
+    wall = LineObject("wall", shapely.LineString([(0.0, 0.0, 10.0), (5.0, 0.0, 10.0)]), 1.2, 900)
+    edge = shapely.LineString([(0.2, aside_m, 10.0 + height_m), (4.7, aside_m, 10.0 + height_m)])
+    assert is_rim(LineObject("wire", edge, height_m, 40), wall) is rim
+    assert not is_rim(LineObject("pole", edge, height_m, 40), wall)
