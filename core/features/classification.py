@@ -283,9 +283,13 @@ def _candidate_planes(fine: Voxels, noise_m: float, cell_m: float) -> tuple[list
 
 def _as_wall(plane: Plane, tolerance_m: float) -> Plane:
     """An upright plane, with its purity less two standard errors, and less by how far it is less even than a wall."""
-    error = math.sqrt(plane.purity * (1.0 - plane.purity) / len(plane.members))
     uneven = max(plane.rms_m / tolerance_m - MAX_WALL_SCATTER, 0.0)
-    return replace(plane, purity=plane.purity - 2.0 * error - uneven)
+    return replace(plane, purity=plane.purity - 2.0 * _purity_error(plane) - uneven)
+
+
+def _purity_error(plane: Plane) -> float:
+    """Standard error of a plane's purity, by the number of its voxels."""
+    return math.sqrt(plane.purity * (1.0 - plane.purity) / len(plane.members))
 
 
 def _find_ground_planes(tile: FeatureTile, ground: BoolArray, fine: Voxels, found: list[Plane]) -> BoolArray:
@@ -362,7 +366,7 @@ def _find_bars(
         members, axes = plane.members, np.column_stack(axes_of(plane.normal))
         flat, _ = plane.flat(xyz_m[members])
         long = np.ptp(flat[:, 0]) >= MIN_FENCE_LENGTH_M and abs(plane.normal[2]) < MAX_FENCE_NORMAL
-        if long and plane.purity >= MIN_FENCE_PURITY:
+        if long and plane.purity - _purity_error(plane) >= MIN_FENCE_PURITY:
             along = np.abs(direction[members] @ axes).max(axis=1) >= math.cos(math.radians(MAX_TURN_DEG))
             order = np.mean(along & (linearity[members] >= MIN_ORDERED))
             if order >= MIN_FENCE_ORDER or plane.rms_m <= MAX_WALL_SCATTER * tolerance_m:
