@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from qgis.core import QgsLayerTree, QgsLayerTreeNode, QgsMapLayer, QgsNetworkContentFetcher, QgsProject
-from qgis.PyQt.QtCore import QUrl
+from qgis.PyQt.QtCore import QTimer, QUrl
 from qgis.PyQt.QtNetwork import QNetworkReply, QNetworkRequest
 from qgis.PyQt.QtWidgets import (
     QComboBox,
@@ -36,8 +36,10 @@ from ..basemap import (
     show_base_map,
 )
 from ..map_service import capabilities_url, service_layers
-from .form_parts import below, side_by_side
+from .form_parts import below, side_by_side, small_text
 
+RETRY_MS = 20_000
+"""A map that could not be reached is asked again after this time."""
 HTTP_REFUSALS = (401, 403)
 """Status of a host that answers, but gives no map; so are those from 500 on."""
 
@@ -77,6 +79,11 @@ class BaseMapChooser(QWidget):
             field.returnPressed.connect(self._apply)
         self.inputs = below(side_by_side(self.own, browse), self.attribution)
         form.addRow(self.inputs)
+        self.unreached = small_text("furrowmapUnreached")
+        self.unreached.hide()
+        form.addRow(self.unreached)
+        self._again = QTimer(self, interval=RETRY_MS, singleShot=True)
+        self._again.timeout.connect(self._try_all)
         self.box.activated.connect(self._show_choice)
         QgsProject.instance().readProject.connect(self.follow_project)
         QgsProject.instance().layerTreeRoot().visibilityChanged.connect(self._try_shown_in)
@@ -96,6 +103,7 @@ class BaseMapChooser(QWidget):
 
     def end(self) -> None:
         """Cancel a request, before the plugin is unloaded."""
+        self._again.stop()
         fetcher, self._fetcher = self._fetcher, None
         if fetcher is not None:
             fetcher.cancel()
@@ -115,6 +123,7 @@ class BaseMapChooser(QWidget):
             self._apply()
 
     def _apply(self) -> None:
+        self.unreached.hide()
         key, own, attribution = self.box.currentData(), self.own.text().strip(), self.attribution.text().strip()
         if key == OWN_BASE_MAP and is_service(own):
             self._fetch(capabilities_url(own), lambda text: self._offer(text, own, attribution))
@@ -161,6 +170,10 @@ class BaseMapChooser(QWidget):
             if layer.id() in ([node.layerId()] if QgsLayerTree.isLayer(node) else node.findLayerIds()):
                 self._try_if_visible(layer)
 
+    def _try_all(self) -> None:
+        for layer in base_map_layers(QgsProject.instance()):
+            self._try_if_visible(layer)
+
     def _try_if_visible(self, layer: QgsMapLayer) -> None:
         shown = QgsProject.instance().layerTreeRoot().findLayer(layer.id())
         if shown is not None and shown.isVisible():
@@ -189,8 +202,14 @@ class BaseMapChooser(QWidget):
                     "The map of {host} cannot be reached: {reason}.\nThe other layers do not need it. Check the "
                     "address and the network, or choose a map from a file."
                 )
-                self._report(text.format(host=QUrl(url).host(), reason=reply.errorString().rstrip(".")))
+                text = text.format(host=QUrl(url).host(), reason=reply.errorString().rstrip("."))
+                if self.unreached.isHidden():
+                    self._report(text)
+                self.unreached.setText(text.partition("\n")[0])  # until it is reached, or another one is chosen
+                self.unreached.show()
+                self._again.start()
             else:
+                self.unreached.hide()
                 on_text(fetcher.contentAsString())
             fetcher.deleteLater()
 

@@ -95,6 +95,7 @@ class FurrowmapDock(QgsDockWidget):
             (self.run.cancelled, self.cancel),
             (self.result.wanted, self._do),
             (self.result.export_wanted, self._choose_export),
+            (self.result.share_wanted, self._choose_share),
             (self.batch.changed, self.drives.refresh),
             (self.drives.cancelled, self.batch.cancel),
             (self.drives.opened, self._open_drive),
@@ -154,7 +155,7 @@ class FurrowmapDock(QgsDockWidget):
             self._zoom_to_first(layers)
         text = self.tr("{names}: a point cloud alone needs no session. Surfaces can be made of it.").format(names=names)
         message = bar.createMessage(NAME, text)
-        parameters = {"CLOUDS": [layer.id() for layer in layers]}
+        parameters = {"CLOUDS": [layer.id() for layer in layers] or [str(path) for path in clouds]}
         surfaces = QPushButton(self.tr("Make surfaces…"), objectName="furrowmapSurfaces")
         surfaces.clicked.connect(lambda: _show_algorithm("furrowmap:surface", parameters))
         message.layout().addWidget(surfaces)
@@ -183,8 +184,13 @@ class FurrowmapDock(QgsDockWidget):
             return
         words = ["init", *map(str, recordings), "-o", str(session)]
         words += ["--machine", str(machine)] if machine is not None else []
-        failed = partial(self._show_and_report, self.show_start)
-        self._command(self.tr("Inspecting the recordings"), words, self._show_new_session, failed)
+        self._command(self.tr("Inspecting the recordings"), words, self._show_new_session, self._refuse_recordings)
+
+    def _refuse_recordings(self, text: str, _code: str) -> None:
+        """Say on the start page, in full, why recordings make no session."""
+        QgsMessageLog.logMessage(text, NAME, Qgis.MessageLevel.Critical, notifyUser=False)
+        self.show_start()
+        self.start.show_error(text)
 
     def _complete(self, recordings: Sequence[Path]) -> None:
         """Create the session in the form again, with the recordings that were missing; what was typed is kept."""
@@ -415,6 +421,7 @@ class FurrowmapDock(QgsDockWidget):
         self.previewer.cancel()
         self._from_drives = False
         self.start.offer_drives(len(self.batch.drives))
+        self.start.show_error("")
         self.start.setup.setVisible(not is_usable(find_interpreter()))
         self.start.show_recent()
         self.pages.setCurrentWidget(self.start)
@@ -579,6 +586,31 @@ class FurrowmapDock(QgsDockWidget):
             self.report(self.tr("Exported to {path}").format(path=answer["target"]), Qgis.MessageLevel.Success)
 
         words = ["export", str(self._folder), "--to", name, "-o", target, "--overwrite"]
+        self._command(self.tr("Exporting"), words, written, partial(self._show_and_report, show))
+
+    def _choose_share(self, qfield: bool) -> None:
+        """Ask for the folder of a page, or of a project for QField."""
+        beside = self._folder.with_name(f"{self._folder.name}_{'qfield' if qfield else 'page'}")
+        title = self.tr("Folder of the project") if qfield else self.tr("Folder of the page")
+        target, _ = QFileDialog.getSaveFileName(self, title, str(beside))
+        if target:
+            self.share(target, qfield=qfield)
+
+    def share(self, target: str, *, qfield: bool) -> None:
+        """Have the worker write the result that is shown as a page, and open it, or as a project for QField.
+
+        Args:
+            target: folder; one that exists is replaced.
+        """
+        show = partial(self.pages.setCurrentWidget, self.result)
+
+        def written(answer: dict[str, Any]) -> None:
+            show()
+            self.report(self.tr("Exported to {path}").format(path=answer["start"]), Qgis.MessageLevel.Success)
+            if not qfield:
+                self._open_file(Path(answer["start"]))
+
+        words = ["share", str(self._folder), "-o", target, "--overwrite", *(["--qfield"] if qfield else [])]
         self._command(self.tr("Exporting"), words, written, partial(self._show_and_report, show))
 
     def _choose_farm(self, folders: Sequence[Path]) -> None:

@@ -28,7 +28,7 @@ from qgis.PyQt.QtWidgets import (
 from ..figures import figures_html, localized, object_in, verdict_html
 from ..processing.description import COMMAND_OPTIONS
 from ..results import read_report, session_name
-from .form_parts import button, side_by_side
+from .form_parts import button, side_by_side, small_text
 from .tasks import CANCELLED, CUT, DONE, DOUBTFUL, ENDED, FAILED, RUNNING, TO_FILL_IN, WAITING, Drive
 
 RECENT_KEY = "furrowmap/recent"
@@ -83,11 +83,15 @@ class StartPage(QWidget):
         here.setAlignment(Qt.AlignmentFlag.AlignCenter)
         here.setMinimumHeight(120)
         here.setStyleSheet("QLabel { border: 2px dashed palette(mid); border-radius: 6px; }")
+        self.error = small_text("furrowmapStartError")
+        self.error.setStyleSheet("QLabel { border: 1px solid #b71c1c; border-radius: 4px; padding: 4px; }")
+        self.error.hide()
         self.drives = button("furrowmapDrives", "", self.drives_wanted.emit)
         self.drives.hide()
         for widget in (
             self.setup,
             here,
+            self.error,
             button("furrowmapChoose", self.tr("Choose recordings or a session…"), self._choose_files),
             button("furrowmapChooseResults", self.tr("Open the folder of a run…"), self._choose_folder),
             self.drives,
@@ -98,6 +102,12 @@ class StartPage(QWidget):
         self.recent.itemActivated.connect(lambda item: self.chosen.emit([Path(item.data(Qt.ItemDataRole.UserRole))]))
         layout.addWidget(self.recent, 1)
         self.show_recent()
+
+    def show_error(self, text: str) -> None:
+        """Show the lines of an error, what was dropped first; "" for none."""
+        what, *rest = [html.escape(line, quote=False) for line in text.splitlines()] or [""]
+        self.error.setText("<br>".join([f"<b>{what}</b>", *rest]))
+        self.error.setVisible(bool(text))
 
     def offer_drives(self, count: int) -> None:
         """Offer the way back to a list of so many drives; none for 0."""
@@ -205,10 +215,12 @@ class ResultPage(QWidget):
     Signals:
         wanted: with the name of the action: "map", "replay", "report", "folder", "farm", "print", "edit" or "back".
         export_wanted: with the name of a format.
+        share_wanted: as a page for people without a GIS; True: as a project for QField.
     """
 
     wanted = pyqtSignal(str)
     export_wanted = pyqtSignal(str)
+    share_wanted = pyqtSignal(bool)
 
     def __init__(self) -> None:
         super().__init__()
@@ -232,12 +244,33 @@ class ResultPage(QWidget):
         self.back = button("furrowmapDo_back", "", partial(self.wanted.emit, "back"))
         grid.addWidget(self.back, 3, 1)
         export, menu = QPushButton(self.tr("Export"), objectName="furrowmapExport"), QMenu(self)
+        menu.addAction(self.tr("Web page with map and 3D, to share…"), partial(self.share_wanted.emit, False))  # noqa: FBT003 - as the signal has it
+        menu.addAction(self.tr("Project for QField…"), partial(self.share_wanted.emit, True))  # noqa: FBT003
+        menu.addSeparator()
+        words = self._formats()
         for name in COMMAND_OPTIONS["export"]["--to"]["choices"]:
-            menu.addAction(name, partial(self.export_wanted.emit, name))
+            menu.addAction(words.get(name, name), partial(self.export_wanted.emit, name)).setData(name)
         export.setMenu(menu)
-        export.setToolTip(self.tr("GeoJSON, Shapefile, KML, CSV, ISO 11783 task data and others"))
         grid.addWidget(export, 4, 0, 1, 2)
         layout.addLayout(grid)
+
+    def _formats(self) -> dict[str, str]:
+        """What each format of `furrowmap export` is, and what it is for."""
+        return {
+            "gpkg": self.tr("GeoPackage: any GIS, with styles"),
+            "geoparquet": self.tr("GeoParquet: analysis in Python, R or DuckDB"),
+            "flatgeobuf": self.tr("FlatGeobuf: web maps"),
+            "geojson": self.tr("GeoJSON: web maps, in WGS 84"),
+            "shapefile": self.tr("Shapefile: older GIS"),
+            "kml": self.tr("KML: Google Earth"),
+            "csv": self.tr("CSV: spreadsheets"),
+            "sbet": self.tr("SBET: the trajectory, for LiDAR software"),
+            "tum": self.tr("TUM: the trajectory, for robotics"),
+            "poses": self.tr("CSV of poses: the trajectory, for furrowmap"),
+            "glb": self.tr("glTF: the surface in 3D, with its orthophoto"),
+            "isoxml": self.tr("ISO 11783 task data: farm software"),
+            "stac": self.tr("STAC: a catalogue of the products"),
+        }
 
     def show_folder(self, folder: Path, *, from_drives: bool) -> None:
         """Show the figures of the run in a folder, which was opened from the list of drives or otherwise."""

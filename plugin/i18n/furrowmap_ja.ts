@@ -438,7 +438,7 @@ The other layers do not need it. Check the address and the network, or choose a 
 </context>
 <context>
   <name>BatchPage</name>
-  <message><source>Add what is done to farm map…</source><translation>完了分を農場地図に追加…</translation></message>
+  <message><source>Add what is done to farm map…</source><translation>完了分を農場マップに追加…</translation></message>
   <message><source>Cancel</source><translation>キャンセル</translation></message>
   <message><source>Double-click a drive to open its result, or its session where something is missing.</source><translation>走行をダブルクリックすると結果を開きます。不足があるときはセッションを開きます。</translation></message>
   <message><source>It lasts {duration:.1f} s.</source><translation>長さは {duration:.1f} 秒です。</translation></message>
@@ -533,7 +533,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>IMU</source><translation>IMU</translation></message>
   <message><source>Images</source><translation>画像</translation></message>
   <message><source>Its class, or its model, such as VN-200. Empty: industrial.</source><translation>等級、または VN-200 などの型番。空欄：industrial（産業用）。</translation></message>
-  <message><source>Optional: the parcels of a trial, for heights and volumes of the crop. The net parcel lies so far inside. Treatments: a table with the identifier of each parcel.</source><translation>任意：試験区のポリゴン。作物の高さと体積を求めます。収量調査区は区画の縁からこの距離だけ内側です。処理：各区画の識別子を含む表。</translation></message>
+  <message><source>Optional: the parcels of a trial, for heights and volumes of the crop. The net parcel lies so far inside. Treatments: a table with the identifier of each parcel.</source><translation>任意：試験の区画のポリゴン。作物の高さと体積を求めます。収量調査区は区画の縁からこの距離だけ内側です。処理：各区画の識別子を含む表。</translation></message>
   <message><source>Parcels</source><translation>区画</translation></message>
   <message><source>Polygons (*.geojson *.gpkg *.shp *.kml *.csv)</source><translation>ポリゴン (*.geojson *.gpkg *.shp *.kml *.csv)</translation></message>
   <message><source>Position of the IMU, and rotation of its axes from forward, left, up. An IMU whose z axis points down has 180, 0, 0.</source><translation>IMU の位置と、前・左・上の向きからの軸の回転。z 軸が下を向く IMU は 180, 0, 0 です。</translation></message>
@@ -568,6 +568,8 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Exporting</source><translation>エクスポート中</translation></message>
   <message><source>Farm map</source><translation>農場マップ</translation></message>
   <message><source>File or folder of the export</source><translation>エクスポート先のファイルまたはフォルダ</translation></message>
+  <message><source>Folder of the page</source><translation>ページのフォルダ</translation></message>
+  <message><source>Folder of the project</source><translation>プロジェクトのフォルダ</translation></message>
   <message><source>Inspecting the recordings</source><translation>記録を調べています</translation></message>
   <message><source>Log</source><translation>ログ</translation></message>
   <message><source>Make surfaces…</source><translation>サーフェスを作成…</translation></message>
@@ -723,9 +725,16 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Add to map</source><translation>地図に追加</translation></message>
   <message><source>Back to its form, to change it and run it again</source><translation>フォームに戻り、変更してもう一度実行します</translation></message>
   <message><source>Back to the drives</source><translation>走行一覧に戻る</translation></message>
+  <message><source>CSV of poses: the trajectory, for furrowmap</source><translation>姿勢の CSV：軌跡（furrowmap 用）</translation></message>
+  <message><source>CSV: spreadsheets</source><translation>CSV：表計算ソフト</translation></message>
   <message><source>Edit this session</source><translation>このセッションを編集</translation></message>
   <message><source>Export</source><translation>エクスポート</translation></message>
-  <message><source>GeoJSON, Shapefile, KML, CSV, ISO 11783 task data and others</source><translation>GeoJSON、Shapefile、KML、CSV、ISO 11783 タスクデータなど</translation></message>
+  <message><source>FlatGeobuf: web maps</source><translation>FlatGeobuf：ウェブ地図</translation></message>
+  <message><source>GeoJSON: web maps, in WGS 84</source><translation>GeoJSON：ウェブ地図（WGS 84）</translation></message>
+  <message><source>GeoPackage: any GIS, with styles</source><translation>GeoPackage：各種 GIS、スタイル付き</translation></message>
+  <message><source>GeoParquet: analysis in Python, R or DuckDB</source><translation>GeoParquet：Python・R・DuckDB での解析</translation></message>
+  <message><source>ISO 11783 task data: farm software</source><translation>ISO 11783 作業データ：営農ソフト</translation></message>
+  <message><source>KML: Google Earth</source><translation>KML：Google Earth</translation></message>
   <message><source>One file of all sessions, a layer for each kind</source><translation>すべてのセッションを種類別のレイヤで一つのファイルに</translation></message>
   <message><source>Open folder</source><translation>フォルダを開く</translation></message>
   <message><source>Open report</source><translation>レポートを開く</translation></message>
@@ -735,9 +744,16 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Other session</source><translation>別のセッション</translation></message>
   <message><source>Play the drive in the temporal controller; a visible cloud grows with it</source><translation>走行をテンポラルコントローラで再生します。表示中の点群は走行に合わせて現れます</translation></message>
   <message><source>Print…</source><translation>印刷…</translation></message>
+  <message><source>Project for QField…</source><translation>QField 用プロジェクト…</translation></message>
   <message><source>Replay</source><translation>再生</translation></message>
+  <message><source>SBET: the trajectory, for LiDAR software</source><translation>SBET：軌跡（LiDAR ソフト用）</translation></message>
+  <message><source>STAC: a catalogue of the products</source><translation>STAC：成果物のカタログ</translation></message>
+  <message><source>Shapefile: older GIS</source><translation>シェープファイル：従来の GIS</translation></message>
+  <message><source>TUM: the trajectory, for robotics</source><translation>TUM：軌跡（ロボティクス用）</translation></message>
   <message><source>This folder has no report, so the accuracy is unknown.</source><translation>このフォルダにはレポートがないため、精度は不明です。</translation></message>
   <message><source>Warnings</source><translation>警告</translation></message>
+  <message><source>Web page with map and 3D, to share…</source><translation>共有用のウェブページ（地図と 3D）…</translation></message>
+  <message><source>glTF: the surface in 3D, with its orthophoto</source><translation>glTF：オルソ画像付きの 3D 表面</translation></message>
 </context>
 <context>
   <name>Results</name>

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 HERE = Path(__file__).parent
-PROVOKED = ("another recording", "recoding", "upside down")
+PROVOKED = ("another recording", "recoding", "upside down", "holds no recording")
 LAYERS = {"trajectory", "passes", "coverage", "overlaps", "events", "zones", "tool_path", "dsm", "change", "cloud"}
 
 
@@ -158,6 +158,13 @@ def test_drop__recordings_become_a_form_with_what_was_found_out(seen: dict[str, 
     assert "GNSS antenna" in seen["findings"]
 
 
+def test_drop__of_a_folder_without_recordings_says_in_full_what_it_has(seen: dict[str, Any]) -> None:
+    visible, words = seen["refused_drop"]
+    assert visible
+    assert "pictures holds no recording (a.jpg).</b><br>" in words
+    assert "receiver's log" in words
+
+
 def test_flight__has_a_form_for_its_sensors_without_an_implement(seen: dict[str, Any]) -> None:
     form = seen["flight"]
     assert form["vehicle"] == "Drone or helicopter"
@@ -264,6 +271,7 @@ def test_drives__list_is_there_after_a_restart_and_computes_nothing_again(seen: 
 
 def test_result__is_exported_and_added_to_a_farm_map_from_the_dock(seen: dict[str, Any]) -> None:
     assert seen["formats"] == list(FORMAT_CHOICES)
+    assert seen["format_words"] == []
     assert {"passes.geojson", "trajectory.geojson"} <= set(seen["exported"])
     remembered, layers = seen["farm"]
     assert remembered
@@ -349,6 +357,7 @@ def test_own_base_map__is_a_raster_mbtiles_or_a_service_with_its_attribution(see
         "Parcels": [True, "Land registry office"],
     }
     assert "The map of 127.0.0.1 cannot be reached" in seen["unreachable"]
+    assert seen["unreached"]
 
 
 def test_results__opened_again_replace_themselves_and_survive_in_a_project(seen: dict[str, Any]) -> None:

@@ -170,6 +170,13 @@ def without_worker() -> Iterator[Any]:
 
 def flight() -> Iterator[Any]:
     """The folder of a flight: a form for what it has; what remedies the failed preview is entered by a button."""
+    pictures = Path(OUT) / "pictures"
+    pictures.mkdir()
+    (pictures / "a.jpg").write_bytes(b"")
+    drop(plugin().dock, [pictures])
+    yield page("run")
+    yield page("start")
+    SEEN["refused_drop"] = [widget("furrowmapStartError").isVisible(), widget("furrowmapStartError").text()]
     drop(plugin().dock, [Path(FLIGHT)])
     yield page("session")
     shown = ("furrowmapImuGroup", "furrowmapCameraGroup", "furrowmapParcelsGroup", "furrowmapImplementGroup")
@@ -370,7 +377,8 @@ def passed_on() -> Iterator[Any]:
     """The result that is open: exported, and added to a farm map; the names are those that the file dialogs give."""
     farm, web, dock = Path(OUT) / "farm.gpkg", Path(OUT) / "web", plugin().dock
     formats = widget("furrowmapExport").menu().actions()
-    SEEN["formats"] = [action.text() for action in formats]
+    SEEN["formats"] = [action.data() for action in formats if action.data()]
+    SEEN["format_words"] = [action.text() for action in formats if action.text() == action.data()]
     shot(f"{OUT}/small.png")  # noqa: F821
     dock.export("geojson", str(web))
     yield page("run")
@@ -558,6 +566,7 @@ def own_maps(box: Any) -> Iterator[Any]:
     box.activated.emit(box.count() - 1)
     yield lambda: bar.currentItem() is not None
     SEEN["unreachable"] = bar.currentItem().text()
+    SEEN["unreached"] = widget("furrowmapUnreached").isVisible()
     shot(f"{OUT}/unreachable.png")  # noqa: F821
 
 
