@@ -26,7 +26,7 @@ from .legends import label_band, name_node, translate_colours
 from .previews import remove_previews
 from .processing.loading import sources
 from .products import product, read_object
-from .styles import hatch, load_style_of_language, set_terrain, show_as_change, show_as_surface, show_by_class
+from .styles import load_style_of_language, set_terrain, show_as_change, show_as_surface, show_by_class
 
 tr = partial(QCoreApplication.translate, "Results")
 
@@ -39,11 +39,14 @@ SURFACES = (
 )
 COLOURED_SURFACES = ("crop_height", "change", "swaths", "height_above_ground", "strip_overlap", "density")
 """Rasters in colours, which lie above the hillshade."""
-VISIBLE_LAYERS = (
-    *("events", "misses", "unworked", "boundary", "overlaps", "tool_path", "coverage", "passes", "zones"),
-    *("parcels", "plants", "lines", "planes", "trajectory", "crop_height", "change", "orthophoto", "dsm"),
-)
-"""Layers that are visible at first."""
+_ALWAYS = ("boundary", "trajectory", "plants", "lines", "planes", "orthophoto", "dsm")
+THEMES = {
+    "work": (*_ALWAYS, "events", "misses", "unworked", "overlaps", "coverage", "passes"),
+    "crops": (*_ALWAYS, "parcels", "crop_height"),
+    "surface": (*_ALWAYS, "change", "zones", "tool_path"),
+    "quality": ("trajectory", "boundary", "strip_differences", "strip_overlap", "density", "swaths", "dsm"),
+}
+"""Layers of a run that are seen together."""
 WORKED_LAYERS = ("coverage", "change", "dsm_before")
 """Layers of a tool's work: with them, the surface is that after the work."""
 MEASURED_LAYERS = ("trajectory", "events", "tool_path")
@@ -92,10 +95,6 @@ def opening(folder: str | Path, project: QgsProject | None = None) -> Generator[
             if layer.isValid():
                 layers.append(layer)
             yield
-    if any(layer.name() == "change" for layer in layers):
-        for layer in layers:
-            if layer.name() == "passes":
-                hatch(layer)
     if not layers:
         raise NoResultsError(
             tr("{folder} has no {products} that QGIS can open. Choose the folder of a run.").format(
@@ -117,12 +116,24 @@ def opening(folder: str | Path, project: QgsProject | None = None) -> Generator[
         label_band(node, worked=worked)
         name_node(node, worked=worked)
         group.addChildNode(node)
-        node.setItemVisibilityChecked(layer.name() in VISIBLE_LAYERS)
         node.setExpanded(False)
         yield
+    show_theme(group, next(iter(themes_of(group))))
     set_terrain(project, layers)
     set_time_range(project, report)
     return layers
+
+
+def themes_of(group: QgsLayerTreeGroup) -> list[str]:
+    """The themes for which a run has layers of their own, the first of them shown at first; at least one."""
+    names = {node.layer().name() for node in group.findLayers()}
+    return [name for name, layers in THEMES.items() if names & set(layers) - set(_ALWAYS)] or ["surface"]
+
+
+def show_theme(group: QgsLayerTreeGroup, theme: str) -> None:
+    """Show the layers of one of :data:`THEMES` in a run's group, and hide its others."""
+    for node in group.findLayers():
+        node.setItemVisibilityChecked(node.layer().name() in THEMES[theme])
 
 
 def groups_of(project: QgsProject, folder: Path | None = None) -> list[QgsLayerTreeGroup]:

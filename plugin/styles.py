@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from qgis.core import (
     QgsApplication,
-    QgsCategorizedSymbolRenderer,
     QgsColorRampShader,
     QgsHillshadeRenderer,
     QgsMapLayer,
@@ -21,7 +20,7 @@ from qgis.core import (
     QgsSingleBandPseudoColorRenderer,
     QgsVectorLayer,
 )
-from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication, Qt
+from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
 from qgis.PyQt.QtGui import QColor
 from qgis.PyQt.QtXml import QDomDocument
 
@@ -86,18 +85,6 @@ def load_style_of_language(layer: QgsVectorLayer) -> None:
         document = QDomDocument()
         document.setContent(text)
         layer.importNamedStyle(document)
-
-
-def hatch(layer: QgsVectorLayer) -> None:
-    """Fill the areas of a layer with lines of their colours, between which the surface below is seen."""
-    renderer = layer.renderer()
-    if not isinstance(renderer, QgsCategorizedSymbolRenderer):
-        return
-    for number, category in enumerate(renderer.categories()):
-        symbol = category.symbol().clone()
-        symbol.symbolLayer(0).setBrushStyle(Qt.BrushStyle.BDiagPattern)
-        renderer.updateCategorySymbol(number, symbol)
-    layer.setOpacity(1.0)
 
 
 def set_colours(layer: QgsRasterLayer, ramp: QgsColorRampShader) -> QgsSingleBandPseudoColorRenderer:

@@ -28,7 +28,16 @@ from ..interpreter import find_interpreter, is_usable
 from ..options_page import PAGE
 from ..previews import open_preview
 from ..products import product
-from ..results import NoResultsError, groups_of, open_farm_map, opening, read_report, session_name
+from ..results import (
+    NoResultsError,
+    groups_of,
+    open_farm_map,
+    opening,
+    read_report,
+    session_name,
+    show_theme,
+    themes_of,
+)
 from ..session_layout import session_layout
 from .base_map_chooser import BaseMapChooser
 from .dropped import CLOUDS, DRIVES, MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
@@ -96,6 +105,7 @@ class FurrowmapDock(QgsDockWidget):
             (self.result.wanted, self._do),
             (self.result.export_wanted, self._choose_export),
             (self.result.share_wanted, self._choose_share),
+            (self.result.theme_wanted, self._show_theme),
             (self.batch.changed, self.drives.refresh),
             (self.drives.cancelled, self.batch.cancel),
             (self.drives.opened, self._open_drive),
@@ -524,17 +534,24 @@ class FurrowmapDock(QgsDockWidget):
     def _show_result(self, layers: Sequence[QgsMapLayer]) -> None:
         self.result.show_folder(self._folder, from_drives=self._from_drives)
         self.pages.setCurrentWidget(self.result)
+        self.result.offer_themes(themes_of(groups_of(QgsProject.instance(), self._folder)[0]))
         names = {layer.name(): layer for layer in layers}
         layer = names.get("coverage") or names.get("trajectory") or layers[0]
         if names.get("coverage") and not names["coverage"].featureCount():
             layer = names.get("trajectory", layer)
-        self._zoom_to_first([layer])
+        self._zoom_to_first([layer], [names[name] for name in ("boundary", "parcels") if name in names])
 
-    def _zoom_to_first(self, layers: Sequence[QgsMapLayer]) -> None:
-        """Zoom to the first layer, with a margin for messages."""
+    def _show_theme(self, theme: str) -> None:
+        for group in groups_of(QgsProject.instance(), self._folder):
+            show_theme(group, theme)
+
+    def _zoom_to_first(self, layers: Sequence[QgsMapLayer], beside: Sequence[QgsMapLayer] = ()) -> None:
+        """Zoom to the first layer and those beside it, with a margin for messages."""
         self._iface.setActiveLayer(layers[0])
         canvas = self._iface.mapCanvas()
         extent = canvas.mapSettings().layerExtentToOutputExtent(layers[0], layers[0].extent())
+        for layer in beside:
+            extent.combineExtentWith(canvas.mapSettings().layerExtentToOutputExtent(layer, layer.extent()))
         if extent.isFinite() and not extent.isEmpty():
             extent.scale(ZOOM_MARGIN)
             canvas.setExtent(extent)

@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import html
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 from qgis.core import QgsSettings
 from qgis.PyQt.QtCore import Qt, QTimer, pyqtSignal
 from qgis.PyQt.QtWidgets import (
+    QComboBox,
     QFileDialog,
     QFrame,
     QGridLayout,
@@ -215,12 +217,14 @@ class ResultPage(QWidget):
     Signals:
         wanted: with the name of the action: "map", "replay", "report", "folder", "farm", "print", "edit" or "back".
         export_wanted: with the name of a format.
+        theme_wanted: with the name of a theme of the map.
         share_wanted: as a page for people without a GIS; True: as a project for QField.
     """
 
     wanted = pyqtSignal(str)
     export_wanted = pyqtSignal(str)
     share_wanted = pyqtSignal(bool)
+    theme_wanted = pyqtSignal(str)
 
     def __init__(self) -> None:
         super().__init__()
@@ -228,6 +232,9 @@ class ResultPage(QWidget):
         self.text = QTextBrowser(objectName="furrowmapFigures")
         self.text.setFrameShape(QTextBrowser.Shape.NoFrame)
         layout.addWidget(self.text, 1)
+        self.theme = QComboBox(objectName="furrowmapTheme")
+        self.theme.activated.connect(lambda _number: self.theme_wanted.emit(self.theme.currentData()))
+        layout.addWidget(side_by_side(QLabel(self.tr("On the map")), self.theme))
         grid = QGridLayout()
         replay_tip = self.tr("Play the drive in the temporal controller; a visible cloud grows with it")
         actions = (
@@ -271,6 +278,18 @@ class ResultPage(QWidget):
             "isoxml": self.tr("ISO 11783 task data: farm software"),
             "stac": self.tr("STAC: a catalogue of the products"),
         }
+
+    def offer_themes(self, themes: Sequence[str]) -> None:
+        """Offer these themes of the map, of which the first is shown."""
+        words = {
+            "work": self.tr("Worked ground"),
+            "crops": self.tr("Crops"),
+            "surface": self.tr("Surface and change"),
+            "quality": self.tr("Quality of the data"),
+        }
+        self.theme.clear()
+        for name in themes:
+            self.theme.addItem(words[name], name)
 
     def show_folder(self, folder: Path, *, from_drives: bool) -> None:
         """Show the figures of the run in a folder, which was opened from the list of drives or otherwise."""

@@ -727,6 +727,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Back to the drives</source><translation>走行一覧に戻る</translation></message>
   <message><source>CSV of poses: the trajectory, for furrowmap</source><translation>姿勢の CSV：軌跡（furrowmap 用）</translation></message>
   <message><source>CSV: spreadsheets</source><translation>CSV：表計算ソフト</translation></message>
+  <message><source>Crops</source><translation>作物</translation></message>
   <message><source>Edit this session</source><translation>このセッションを編集</translation></message>
   <message><source>Export</source><translation>エクスポート</translation></message>
   <message><source>FlatGeobuf: web maps</source><translation>FlatGeobuf：ウェブ地図</translation></message>
@@ -735,6 +736,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>GeoParquet: analysis in Python, R or DuckDB</source><translation>GeoParquet：Python・R・DuckDB での解析</translation></message>
   <message><source>ISO 11783 task data: farm software</source><translation>ISO 11783 作業データ：営農ソフト</translation></message>
   <message><source>KML: Google Earth</source><translation>KML：Google Earth</translation></message>
+  <message><source>On the map</source><translation>地図の表示</translation></message>
   <message><source>One file of all sessions, a layer for each kind</source><translation>すべてのセッションを種類別のレイヤで一つのファイルに</translation></message>
   <message><source>Open folder</source><translation>フォルダを開く</translation></message>
   <message><source>Open report</source><translation>レポートを開く</translation></message>
@@ -745,14 +747,17 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Play the drive in the temporal controller; a visible cloud grows with it</source><translation>走行をテンポラルコントローラで再生します。表示中の点群は走行に合わせて現れます</translation></message>
   <message><source>Print…</source><translation>印刷…</translation></message>
   <message><source>Project for QField…</source><translation>QField 用プロジェクト…</translation></message>
+  <message><source>Quality of the data</source><translation>データの品質</translation></message>
   <message><source>Replay</source><translation>再生</translation></message>
   <message><source>SBET: the trajectory, for LiDAR software</source><translation>SBET：軌跡（LiDAR ソフト用）</translation></message>
   <message><source>STAC: a catalogue of the products</source><translation>STAC：成果物のカタログ</translation></message>
   <message><source>Shapefile: older GIS</source><translation>シェープファイル：従来の GIS</translation></message>
+  <message><source>Surface and change</source><translation>地表面と変化</translation></message>
   <message><source>TUM: the trajectory, for robotics</source><translation>TUM：軌跡（ロボティクス用）</translation></message>
   <message><source>This folder has no report, so the accuracy is unknown.</source><translation>このフォルダにはレポートがないため、精度は不明です。</translation></message>
   <message><source>Warnings</source><translation>警告</translation></message>
   <message><source>Web page with map and 3D, to share…</source><translation>共有用のウェブページ（地図と 3D）…</translation></message>
+  <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>glTF: the surface in 3D, with its orthophoto</source><translation>glTF：オルソ画像付きの 3D 表面</translation></message>
 </context>
 <context>

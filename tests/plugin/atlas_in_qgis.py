@@ -20,9 +20,7 @@ from qgis.core import (
     QgsProject,
     QgsVectorLayer,
 )
-from qgis.PyQt.QtCore import QMetaType, Qt
-
-HATCHED = Qt.BrushStyle.BDiagPattern
+from qgis.PyQt.QtCore import QMetaType
 
 plugin, result, out = (Path(word) for word in sys.argv[1:])
 application = QgsApplication([], True)
@@ -45,11 +43,7 @@ written.append(QgsLayoutExporter.exportToPdf(layout.atlas(), str(out / "atlas.pd
 assert written == [QgsLayoutExporter.ExportResult.Success] * 2, written
 passes = project.mapLayersByName("passes")[0]
 passes.loadDefaultStyle()
-importlib.import_module("furrowmap.styles").hatch(passes)
-shown = [
-    [category.label(), category.symbol().color().name(), category.symbol().symbolLayer(0).brushStyle() == HATCHED]
-    for category in passes.renderer().categories()
-]
+shown = {category.label(): category.symbol().color().name() for category in passes.renderer().categories()}
 boxes = []
 for item in layout.items():
     if isinstance(item, QgsLayoutItem) and not isinstance(item, QgsLayoutItemPage):

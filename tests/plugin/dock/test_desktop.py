@@ -297,6 +297,16 @@ def test_run__ends_on_the_map_with_every_layer_styled(seen: dict[str, Any]) -> N
     assert seen["workers_after_run"] == []
 
 
+def test_themes__show_the_layers_of_one_question_each(seen: dict[str, Any]) -> None:
+    themes = seen["themes"]
+    assert list(themes) == ["work", "surface", "quality"]
+    assert {"coverage", "passes", "overlaps", "boundary"} <= set(themes["work"])
+    assert "change" not in themes["work"]
+    assert "change" in themes["surface"]
+    assert not {"passes", "coverage"} & set(themes["surface"])
+    assert all("dsm" in shown for shown in themes.values())
+
+
 def test_run__shows_its_stages_and_figures(seen: dict[str, Any], drive: Path) -> None:
     stages = [text[2:] for text in seen["stages"]]
     assert stages[:4] == ["hashing inputs", "reading scans", "matching scans", "placing points"]

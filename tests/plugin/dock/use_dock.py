@@ -452,6 +452,12 @@ def whole_run() -> Iterator[Any]:
     changed = next(node for node in tree.findLayers() if node.layer().name() == "change")
     SEEN["legend"] = model.layerLegendNodes(changed)[0].data(Qt.ItemDataRole.DisplayRole)
     shot(f"{OUT}/result.png")  # noqa: F821
+    box = widget("furrowmapTheme")
+    SEEN["themes"] = {}
+    for number in (*range(box.count()), 0):
+        box.setCurrentIndex(number)
+        box.activated.emit(number)
+        SEEN["themes"][box.itemData(number)] = [n.layer().name() for n in tree.findLayers() if n.isVisible()]
 
 
 def on_the_map() -> Iterator[Any]:
