@@ -185,6 +185,7 @@ def flight() -> Iterator[Any]:
         "vehicle": widget("furrowmapVehicleKind").currentText(),
         "shown": [name for name in shown if not widget(name).isHidden()],
     }
+    yield previewed  # it begins by itself
     for k in range(3):
         widget(f"furrowmapImuTurn{k}").setValue(0.0)
     widget("furrowmapImu0").setValue(-0.039)
@@ -211,6 +212,7 @@ def flight() -> Iterator[Any]:
     widget("furrowmapInset0").setValue(1.0)
     click("furrowmapSave")
     yield
+    yield drawn
     SEEN["flight"]["saved"] = (Path(FLIGHT) / "session.toml").read_text(encoding="utf-8")
     QgsProject.instance().clear()
     click("furrowmapBack")
@@ -523,6 +525,7 @@ def on_the_map() -> Iterator[Any]:
     click("furrowmapDo_map")
     yield lambda: plugin().dock._steps is None
     SEEN["again_the_same"] = groups() == before
+    yield drawn
     SEEN["project_round_trip"] = _round_trip(project)
 
 
