@@ -218,7 +218,7 @@ def _sway_in_words(sway: AntennaSway) -> str:
     if sway.clock_s:
         return f"the antenna sways as the vehicle does {sway.clock_s:+.2f} s apart from it by the scanner's clock"
     off = ", ".join(
-        f"{with_margin(value, sigma, ' m', sign=True)} (95 %) further {where}"
+        f"further {where} by {with_margin(value, sigma, ' m', sign=True)} (95 %)"
         for value, sigma, where in zip(sway.lever_m, sway.sigma_m, ("forward", "left", "up"), strict=True)
         if abs(value) > LEVER_CERTAIN_SIGMAS * sigma
     )

@@ -37,7 +37,7 @@ SWAY_ALONE = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01), unre
         (Seen(constants=EITHER), Cause.CLOCK_OR_LEVER_ARM, ("does not separate",)),
         (Seen(ground=GroundTilt(178.0, upside_down=True)), Cause.UPSIDE_DOWN, ("178°", "upside down")),
         (Seen(ground=GroundTilt(60.0)), Cause.MOUNTING, ("60°", "mounting of the scanner")),
-        (Seen(sway=SWAY), Cause.LEVER_ARM, ("+0.500 ± 0.020 m (95 %) further up",)),
+        (Seen(sway=SWAY), Cause.LEVER_ARM, ("further up by +0.500 ± 0.020 m (95 %)",)),
         (Seen(sway=SWAY_LATE), Cause.CLOCK, ("-1.00 s apart",)),
         (Seen(sway=SWAY_ALONE), Cause.CLOCK_OR_LEVER_ARM, ("does not separate",)),
         (Seen(slip=5.0, lever_m=(1.85, 0.0, 1.62)), Cause.LEVER_ARM, ("[1.85, 0, 1.62]",)),
@@ -89,7 +89,8 @@ def test_notice__of_a_sway_tells_the_axes_that_are_certain() -> None:
     sway = AntennaSway(lever_m=(0.39, -0.41, 0.5), sigma_m=(0.1, 0.1, 0.2))
     notice = contradiction_notice(Seen(sway=sway))
     assert notice is not None
-    assert "one that is -0.41 ± 0.20 m (95 %) further left." in notice.text
+    assert "次の位置のものです：左へ -0.41 ± 0.20 m（95 %）。原因として" in notice.text_in("ja")
+    assert "one that is further left by -0.41 ± 0.20 m (95 %)." in notice.text
 
 
 @pytest.mark.parametrize(
