@@ -76,9 +76,10 @@ def local_start(figures: dict[str, Any]) -> tuple[QDateTime, str]:
     """The start in the field's local time, and the zone; in that of this computer where an old report has no zone."""
     zone = figures.get("time_zone")
     moment = QDateTime.fromString(str(figures.get("start_local" if zone else "start")), Qt.DateFormat.ISODateWithMs)
-    if not zone:
-        moment = moment.toLocalTime()
-    return moment, zone or moment.timeZoneAbbreviation()
+    if zone or not moment.isValid():
+        return moment, zone or ""
+    moment = moment.toLocalTime()
+    return moment, moment.timeZoneAbbreviation()
 
 
 def _local_time(figures: dict[str, Any]) -> str | None:

@@ -46,5 +46,5 @@ def test_a_stage_that_has_begun_is_not_shown_as_done(
         patched.setattr(sys, "stdout", Terminal())  # libraries that are loaded meanwhile keep it
         assert command_line([command, str(file)]) == 0
     assert "eading" in seen[0]
-    assert "100%" not in seen[0]
-    assert "100%" in terminal.getvalue()[len(seen[0]) :]
+    assert "100 %" not in seen[0]
+    assert "100 %" in terminal.getvalue()[len(seen[0]) :]

@@ -202,7 +202,7 @@ def enums(job: dict[str, Any]) -> Any:
         for node in ast.walk(tree):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("qgis"):
                 module = importlib.import_module(str(node.module))
-                known |= {alias.asname or alias.name: getattr(module, alias.name) for alias in node.names}
+                known |= {alias.asname or alias.name: getattr(module, alias.name, None) for alias in node.names}
         for node in (node for node in ast.walk(tree) if isinstance(node, ast.Attribute)):
             owner = known.get(node.value.id) if isinstance(node.value, ast.Name) else None
             value = getattr(owner, node.attr, None)

@@ -30,8 +30,8 @@ def test_load_scenario__samples_of_another_simulator(shared_data: Path, name: st
     assert scenario_from(as_toml(scenario), "again") == scenario
 
 
-def test_demo_scenario__is_two_passes() -> None:
-    assert demo_scenario().drive.passes == 2
+def test_demo_scenario__is_three_passes() -> None:
+    assert demo_scenario().drive.passes == 3
 
 
 def test_road_scenario__is_asphalt_that_the_tool_leaves_as_it_was() -> None:

@@ -9,11 +9,11 @@ import pytest
 from pyproj import CRS, Geod, Transformer
 from scipy.spatial.transform import Rotation
 
+from furrowmap import open_result
 from furrowmap.core.readers.poses.csv import PoseCsv
 from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.runtime.errors import RefusedError, UsageError
 from furrowmap.exporters.exchange.trajectories import velocity_mps
-from furrowmap.exporters.files.result_folder import open_result
 from furrowmap.workflows.share.export import export
 from tests.exporters.farm.result_folders import write_result
 
