@@ -19,8 +19,7 @@ from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.table import waits
 
 PACKAGED: Final = ("demo", "road", "flight")
-"""Scenarios that come with furrowmap: two passes of a tractor and a turn, 25 seconds; a tractor on a road, 54
-seconds; a flight of two minutes."""
+"""Scenarios that come with furrowmap: three passes of a tractor; a tractor on a road; a flight."""
 
 
 def load_scenario(path: Path) -> Scenario:

@@ -51,6 +51,8 @@ def test_url__without_a_password_stays(scheme: str, user: str, port: str, path: 
         ("s3://b/k?X-Amz-Signature=S3cr3t", "s3://b/k?X-Amz-Signature="),
         ("postgresql://h/db?user=me&password=S3cr3t", "postgresql://h/db?user=me&password="),
         ("C:/field:1/me@home", "C:/field:1/me@home"),
+        ("C:/a:b/me@home", "C:/a:b/me@home"),
+        ("sftp:/me:S3cr3t@h/x does not exist.", "sftp:/me@h/x does not exist."),
         ("圃場/north", "圃場/north"),
     ],
 )
