@@ -90,7 +90,7 @@ def test_growth__is_that_of_the_crop_not_of_the_flights_heights(trial: Path) -> 
         assert 0.0 < row.rate_sigma_m_day < 0.0006
         assert row.days == 3
     # Over eight seeds of the clouds the steps are off by 4.0 mm (RMS), by 4.2 mm with halves drawn by a generator.
-    assert np.sqrt(np.mean(np.square(off_m))) < 0.0045
+    assert np.sqrt(np.mean(np.square(off_m))) < 0.004
     assert np.isnan(layer.loc["far"].rate_m_day)
     assert [warning["code"] for warning in account["warnings"]] == ["growth-unmeasured"]
 
