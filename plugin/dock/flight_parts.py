@@ -199,13 +199,12 @@ class FlightParts(QWidget):
         self.table.setFilter(tr("Tables (*.csv)"))
         self.table.fileChanged.connect(self._fill_size)
         self.table.fileChanged.connect(on_change)
-        made = [
+        self.pixels = [
             number_box(
                 f"furrowmapCamera_{key}", MOST_PIXELS, " px", 0 if key in ("width", "height") else 2, 1.0, low=0.0
             )
             for key in CAMERA_PIXELS
         ]
-        self.pixels = made
         self.distortion = [number_box(f"furrowmapCamera_{key}", 10.0, "", 5, 0.001) for key in CAMERA_DISTORTION]
         for box in self.pixels:
             box.valueChanged.connect(on_change)
