@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.pcap_walk import (
     CONTROL,
     DAMAGE,
+    FRAGMENT,
     MAX_BLOCK,
     MAX_FRAMES,
     MORE,
     SKIPPED,
     credible,
+    no_fragments,
     walk_pcap,
     walk_pcapng,
 )
@@ -60,7 +62,7 @@ class Datagrams:
     """UDP datagrams in one block of a capture.
 
     Attributes:
-        data: (k,) the block's bytes.
+        data: (k,) the block's bytes, and after them those of datagrams that came in fragments.
         offset: (n,) where in `data` each payload begins.
         length: (n,) length of each payload in bytes.
         time_s: (n,) float64, time of capture: UTC by the recorder's clock.
@@ -108,6 +110,7 @@ class Capture:
         self._ticks = np.ones(_MAX_INTERFACES, np.int64)
         self._shift_s = np.zeros(_MAX_INTERFACES, np.float64)
         self._interfaces = 0
+        self._parts = no_fragments()
         self._data = bytearray(source.read(BLOCK_BYTES))
         self._at = 0
         """Offset in the file of the first byte of `_data`."""
@@ -129,7 +132,7 @@ class Capture:
             data = np.frombuffer(self._data, np.uint8)
             if self.format == "pcap":
                 count, self._pos, why = walk_pcap(
-                    data, self._pos, self._big, self.resolution, self._links[0], last_s, *found, counts
+                    data, self._pos, self._big, self.resolution, self._links[0], last_s, self._parts, *found, counts
                 )
             else:
                 count, self._pos, why = walk_pcapng(
@@ -140,14 +143,19 @@ class Capture:
                     self._links,
                     self._ticks,
                     self._shift_s,
+                    self._parts,
                     *found,
                     counts,
                 )
             self.records += int(counts.sum())
-            self.skipped.update({SKIPPED[i]: n for i, n in enumerate(counts.tolist()) if i and n})
+            counts[FRAGMENT] += self._parts.used[2]
+            self.skipped.update({SKIPPED[i]: n for i, n in enumerate(counts.tolist()) if SKIPPED[i] and n})
             counts[:] = 0
             if count:
+                if joined := self._parts.used[0]:
+                    data = np.concatenate([data, self._parts.joined[:joined]])
                 yield Datagrams(data, *(column[:count].copy() for column in found))
+            self._parts.used[[0, 2]] = 0
             if why == CONTROL:
                 if not self._control_block():
                     break
@@ -157,6 +165,8 @@ class Capture:
                 self._step_over(last_s)
             elif why == MORE and not self._refill():
                 break
+        if unjoined := int(self._parts.counts[:, 0].sum()):
+            self.skipped[SKIPPED[FRAGMENT]] += unjoined
         self._left_over = len(self._data) - self._pos
 
     @property

@@ -12,10 +12,10 @@ import numpy as np
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.simulator.flight_scenario import ScenarioLineScanner
 from furrowmap.core.simulator.motion import mount_rotation
-from furrowmap.core.simulator.rays import Firings, Met, make_optics, make_scene
+from furrowmap.core.simulator.rays import Beams, Firings, Met, make_optics, make_scene
 from furrowmap.core.simulator.recording import World, cast_in_order
-from furrowmap.core.simulator.vlp16 import RANGE_STEP_M
 
+_BEAM: Final = Beams(*np.zeros((4, 1)), origin_m=0.0, step_m=0.002, zero_deg=0.0)
 _LINES_PER_BATCH: Final = 20_000
 """Beams cast together."""
 
@@ -25,7 +25,7 @@ def record_lines(
 ) -> dict[str, Any]:
     """Write the scans as CSV: time, angle about the scanner's z axis from its x axis, range; its figures."""
     scenario, site = world.scenario, world.site
-    optics = make_optics(scenario, mount_rotation(scenario.lidar.true_rpy_deg))
+    optics = make_optics(scenario, _BEAM, mount_rotation(scenario.lidar.true_rpy_deg))
     scene = make_scene(scenario, world.ground, world.crop)
     sweeps = max(0, math.floor((duration_s + scenario.lidar.stop_s - scenario.lidar.start_s) * line.rate_hz))
     stamped_s = site.t0_s + scenario.clock.true_lidar_minus_gnss_s
@@ -39,7 +39,7 @@ def record_lines(
             last_s = float(firings.t_s[-1])
             rows = np.column_stack([
                 stamped_s + firings.t_s[seen], -np.degrees(firings.azimuth_rad[seen]),
-                RANGE_STEP_M * returns.ticks[0, seen, 0], returns.reflectivity[0, seen, 0],
+                _BEAM.step_m * returns.ticks[0, seen, 0], returns.reflectivity[0, seen, 0],
             ])  # fmt: skip
             np.savetxt(out, rows, fmt="%.6f,%.4f,%.3f,%d")
             progress("lidar", (first + len(seen)) / (sweeps * line.beams))

@@ -26,7 +26,6 @@ from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.site import CELL_M as CELL
 from furrowmap.core.simulator.site import CROP_CELL_M as CROP_CELL
 from furrowmap.core.simulator.soil import NOISE_BLOCK, Ground, ceiling_of, relief_at
-from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, LASER_S, RANGE_STEP_M, VERTICAL_OFFSET_M
 
 
 class Met(IntEnum):
@@ -91,20 +90,47 @@ class Scene(NamedTuple):
     extinction: float
 
 
+@dataclass(frozen=True)
+class Beams:
+    """Where the k lasers of a scanner point, and how it counts their ranges.
+
+    Attributes:
+        elevation_deg: (k,) of each laser.
+        azimuth_deg: (k,) azimuth of each laser relative to that of the firing, clockwise from above.
+        height_m: (k,) height of each beam's origin above the sensor's origin.
+        laser_s: (k,) firing time of each laser in the firing.
+        origin_m: distance of the beams' origins from the axis, in the direction of the firing; ranges are larger by it.
+        step_m: distance per count.
+        zero_deg: azimuth in the sensor's frame at which a turn begins.
+    """
+
+    elevation_deg: FloatArray
+    azimuth_deg: FloatArray
+    height_m: FloatArray
+    laser_s: FloatArray
+    origin_m: float
+    step_m: float
+    zero_deg: float
+
+
 class Optics(NamedTuple):
     """The sensor and what disturbs it.
 
     Attributes:
         mount: (3, 4) rotation from sensor to vehicle, and origin.
-        lasers: (k, 4) cosine and sine of elevation, vertical offset, range error.
+        lasers: (k, 6) cosine and sine of elevation, vertical offset, range error, azimuth in radians, firing time.
         noise: range noise, its growth at grazing angles, dropout, dust a metre.
         reach: nearest and farthest range.
+        origin_m: as in :class:`Beams`.
+        step_m: as in :class:`Beams`.
     """
 
     mount: FloatArray
     lasers: FloatArray
     noise: FloatArray
     reach: FloatArray
+    origin_m: float
+    step_m: float
     seed: int
 
 
@@ -142,13 +168,13 @@ class Returns:
     """What came back, [strongest, last] of every firing and laser of k; the same twice where there is only one.
 
     Attributes:
-        ticks: (2, n, k) uint16, range in steps of 2 mm, 0 for none.
+        ticks: (2, n, k) uint32, range in the scanner's steps, 0 for none.
         reflectivity: (2, n, k) uint8.
         met: (2, n, k) uint8, :class:`Met`.
         cell: (2, n, k) int32, row * cols + col of the ground's cell, -1 elsewhere.
     """
 
-    ticks: NDArray[np.uint16]
+    ticks: NDArray[np.uint32]
     reflectivity: NDArray[np.uint8]
     met: NDArray[np.uint8]
     cell: NDArray[np.int32]
@@ -209,18 +235,18 @@ def _crop_rows(scenario: Scenario) -> tuple[float, float, float]:
     return east, north, 0.5 - east * x - north * y
 
 
-def make_optics(scenario: Scenario, mount: FloatArray) -> Optics:
+def make_optics(scenario: Scenario, beams: Beams, mount: FloatArray) -> Optics:
     """The sensor of a scenario; `mount` (3, 3) is its true rotation to the vehicle."""
-    lidar, noise = scenario.lidar, scenario.noise
-    elevation, offset = np.radians(ELEVATION_DEG), VERTICAL_OFFSET_M
-    if scenario.line is not None:
-        elevation = offset = np.zeros(1)
+    lidar, noise, elevation = scenario.lidar, scenario.noise, np.radians(beams.elevation_deg)
     bias = random_for(scenario.seed, "lasers").normal(0.0, lidar.laser_bias_m, len(elevation))
+    azimuth = np.radians(beams.azimuth_deg)
     return Optics(
         np.column_stack([mount, lidar.true_xyz_m]),
-        np.column_stack([np.cos(elevation), np.sin(elevation), offset, bias]),
+        np.column_stack([np.cos(elevation), np.sin(elevation), beams.height_m, bias, azimuth, beams.laser_s]),
         np.array([noise.range_m, noise.grazing, noise.dropout, noise.dust]),
         np.array([lidar.min_range_m, lidar.max_range_m]),
+        beams.origin_m,
+        beams.step_m,
         int(random_for(scenario.seed, "beams").integers(2**62)),
     )
 
@@ -228,7 +254,7 @@ def make_optics(scenario: Scenario, mount: FloatArray) -> Optics:
 def cast(scene: Scene, optics: Optics, firings: Firings) -> Returns:
     """The returns of `firings`."""
     shape = (2, len(firings.t_s), len(optics.lasers))
-    ticks, reflectivity, met = (np.zeros(shape, kind) for kind in (np.uint16, np.uint8, np.uint8))
+    ticks, reflectivity, met = (np.zeros(shape, kind) for kind in (np.uint32, np.uint8, np.uint8))
     cell = np.full(shape, -1, np.int32)
     moving = np.column_stack([firings.t_s, firings.azimuth_rad, firings.turn_radps, firings.tool_m, firings.dusty])
     if len(firings.front_m):
@@ -410,7 +436,7 @@ def _record(optics, ray, slot, r, cosine, what, bright, laser, i, ticks, reflect
     if r < optics.reach[0] or r > optics.reach[1]:
         return False
     for k in range(slot, 2):
-        ticks[k, i, laser] = np.uint16(math.floor(r / RANGE_STEP_M + 0.5))
+        ticks[k, i, laser] = np.uint32(math.floor((r + optics.origin_m) / optics.step_m + 0.5))
         reflectivity[k, i, laser] = np.uint8(
             min(255.0, max(1.0, bright + 1.0 * normal * math.sin(2.0 * math.pi * v) + 0.5))
         )
@@ -429,18 +455,17 @@ def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectiv
             mount = mounts[i]
         for laser in range(lasers):
             ray = (number + i) * lasers + laser
-            azimuth = moving[i, 1] + moving[i, 2] * LASER_S * laser
+            azimuth = moving[i, 1] + moving[i, 2] * optics.lasers[laser, 5] + optics.lasers[laser, 4]
             cosine, sine, offset = optics.lasers[laser, 0], optics.lasers[laser, 1], optics.lasers[laser, 2]
             a, b, c = cosine * math.cos(azimuth), -cosine * math.sin(azimuth), sine
             # the beam in the vehicle frame, and in the local one
             vx = mount[0, 0] * a + mount[0, 1] * b + mount[0, 2] * c
             vy = mount[1, 0] * a + mount[1, 1] * b + mount[1, 2] * c
             vz = mount[2, 0] * a + mount[2, 1] * b + mount[2, 2] * c
-            px, py, pz = (
-                mount[0, 3] + mount[0, 2] * offset,
-                mount[1, 3] + mount[1, 2] * offset,
-                mount[2, 3] + mount[2, 2] * offset,
-            )
+            u, v = optics.origin_m * math.cos(moving[i, 1]), -optics.origin_m * math.sin(moving[i, 1])
+            px = mount[0, 3] + mount[0, 0] * u + mount[0, 1] * v + mount[0, 2] * offset
+            py = mount[1, 3] + mount[1, 0] * u + mount[1, 1] * v + mount[1, 2] * offset
+            pz = mount[2, 3] + mount[2, 0] * u + mount[2, 1] * v + mount[2, 2] * offset
             dx = turn[0, 0] * vx + turn[0, 1] * vy + turn[0, 2] * vz
             dy = turn[1, 0] * vx + turn[1, 1] * vy + turn[1, 2] * vz
             dz = turn[2, 0] * vx + turn[2, 1] * vy + turn[2, 2] * vz

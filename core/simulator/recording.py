@@ -23,14 +23,17 @@ from furrowmap.core.simulator.gnss import gprmc
 from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
 from furrowmap.core.simulator.moving_mount import SimulatedMountMotion
 from furrowmap.core.simulator.noise import random_for
+from furrowmap.core.simulator.ouster import OS1_32
 from furrowmap.core.simulator.rays import Firings, Met, Optics, Returns, Scene, cast, make_optics, make_scene
+from furrowmap.core.simulator.scanner import ScannerModel, Spin
 from furrowmap.core.simulator.scenario import Scenario
-from furrowmap.core.simulator.sensor import POSITION_EVERY_S, Spin, data_packets, position_packet
 from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.simulator.soil import Ground
 from furrowmap.core.simulator.truth import SeenAfter
-from furrowmap.core.simulator.vlp16 import DATA_PORT, ELEVATION_DEG, FIRING_S, POSITION_PORT, VLP16_LASERS
+from furrowmap.core.simulator.vlp16 import POSITION_EVERY_S, POSITION_PORT, VLP16, position_packet
 
+MODELS: Final = {"VLP-16": VLP16, "OS1-32": OS1_32}
+"""By the name in a scenario."""
 _FIRINGS_PER_BATCH: Final = 400
 """Data packets cast together, half a second of recording."""
 _POSITION_PHASE_S: Final = 0.393
@@ -79,31 +82,36 @@ class _ReturnCounts:
             self.met += np.bincount(returns.met[1][two], minlength=len(Met))
 
 
-def record(file: Path, world: World, spin: Spin, progress: Progress) -> tuple[dict[str, Any], NDArray[np.uint8]]:
-    """Write the capture; the lidar's figures, and how often each worked cell was seen after its last working."""
+def record(file: Path, world: World, duration_s: float, progress: Progress) -> tuple[dict[str, Any], NDArray[np.uint8]]:
+    """Write the capture of a drive or flight; its figures, and how often each cell was seen after its last working."""
     scenario, site, ground, motion = world.scenario, world.site, world.ground, world.motion
-    optics = make_optics(scenario, mount_rotation(scenario.lidar.true_rpy_deg))
+    model = MODELS[scenario.lidar.model]
+    spin = model.spin(scenario, duration_s)
+    optics = make_optics(scenario, model.beams, mount_rotation(scenario.lidar.true_rpy_deg))
     scene = make_scene(scenario, ground, world.crop)
     rng = random_for(scenario.seed, "computer")
     counts, seen, clock_us, position_packets = _ReturnCounts(), SeenAfter(scenario, ground), 0, 0
     reported = 1 if scenario.lidar.return_mode == "last" else 0
+    if model.beside is not None:
+        name, text = model.beside(scenario)
+        (file.parent / name).write_text(text, encoding="utf-8")
     with _open_capture(file, compress=scenario.lidar.gzip) as out:
         out.write(FILE_HEADER)
         batches = (
-            (first, _firings(spin, first, min(_FIRINGS_PER_BATCH, spin.packets - first), world))
+            (first, _firings(spin, first, min(_FIRINGS_PER_BATCH, spin.packets - first), world, model))
             for first in range(0, spin.packets, _FIRINGS_PER_BATCH)
         )
         for first, firings, returns in cast_in_order(scene, optics, batches):
             counts.add(returns, scenario.lidar.return_mode)
-            seen.add(returns.cell[reported].ravel(), np.repeat(firings.t_s, VLP16_LASERS))
-            payload = data_packets(scenario, site, spin, first, returns)
+            seen.add(returns.cell[reported].ravel(), np.repeat(firings.t_s, len(optics.lasers)))
+            payload = model.packets(scenario, site, spin, first, returns)
             sent_s = spin.time_s((first + 1 + np.arange(len(payload))) * spin.firings_a_packet)
             late = np.abs(rng.standard_normal(len(sent_s))) * scenario.clock.jitter_s
             computer_s = sent_s + late + scenario.clock.computer_minus_utc_s
             computer_us = site.t0_us + np.round(computer_s * 1e6).astype(np.int64)
             stamp_us = np.maximum(np.maximum.accumulate(computer_us), clock_us)
             clock_us = int(stamp_us[-1])
-            data = records(stamp_us, payload, DATA_PORT, 1000 + first)
+            data = records(stamp_us, payload, model.port, 1000 + first)
             begin = 0
             for t_s in _position_times(scenario, spin, first, len(payload)):
                 end = int(np.searchsorted(sent_s, t_s, side="right"))
@@ -116,7 +124,7 @@ def record(file: Path, world: World, spin: Spin, progress: Progress) -> tuple[di
                 begin, position_packets = end, position_packets + 1
             out.write(data[begin:].tobytes())
             progress("lidar", (first + len(payload)) / spin.packets)
-    return _figures(site, spin, counts, optics, position_packets), seen.image
+    return _figures(site, spin, counts, optics, model, position_packets), seen.image
 
 
 def cast_in_order(
@@ -139,14 +147,14 @@ def cast_in_order(
             threads.shutdown(wait=True, cancel_futures=True)
 
 
-def _firings(spin: Spin, first: int, packets: int, world: World) -> Firings:
+def _firings(spin: Spin, first: int, packets: int, world: World, model: ScannerModel) -> Firings:
     number, motion = first * spin.firings_a_packet, world.motion
     t_s = spin.time_s(number + np.arange(packets * spin.firings_a_packet))
     xyz, rotation = motion.at(t_s)
     return Firings(
         number,
         t_s,
-        2.0 * np.pi * (spin.turns(t_s) % 1.0),
+        2.0 * np.pi * (spin.turns(t_s) % 1.0) + np.radians(model.beams.zero_deg),
         spin.turn_radps(t_s),
         xyz,
         rotation,
@@ -159,9 +167,9 @@ def _firings(spin: Spin, first: int, packets: int, world: World) -> Firings:
 
 def _position_times(scenario: Scenario, spin: Spin, first: int, packets: int) -> list[float]:
     """When position packets are sent while the data packets from `first` on are."""
-    if not scenario.lidar.position_packets:
+    if not scenario.lidar.position_packets or not MODELS[scenario.lidar.model].position_packets:
         return []
-    begin, end = (p * spin.firings_a_packet * FIRING_S for p in (first, first + packets))
+    begin, end = (p * spin.firings_a_packet * spin.firing_s for p in (first, first + packets))
     k = np.arange(int(end / POSITION_EVERY_S) + 2)
     since = _POSITION_PHASE_S + k * POSITION_EVERY_S
     return [spin.start_s + float(s) for s in since[(since >= begin) & (since < end)]]
@@ -178,7 +186,7 @@ def _open_capture(file: Path, *, compress: bool) -> Iterator[BufferedIOBase]:
 
 
 def _figures(
-    site: SimulatedSite, spin: Spin, returned: _ReturnCounts, optics: Optics, position_packets: int
+    site: SimulatedSite, spin: Spin, returned: _ReturnCounts, optics: Optics, model: ScannerModel, position_packets: int
 ) -> dict[str, Any]:
     firings = spin.packets * spin.firings_a_packet
     last_packet_s = spin.time_s(np.array([max(0, spin.packets - 1) * spin.firings_a_packet]))
@@ -200,6 +208,9 @@ def _figures(
             "last_packet_unix_s": round(site.t0_s + float(last_packet_s[0]), 6),
         },
         "laser_bias_m": {
-            f"{ELEVATION_DEG[i]:+.0f}": round(float(optics.lasers[i, 3]), 4) for i in np.argsort(ELEVATION_DEG)
+            f"{elevation:+g}": round(bias, 4)
+            for elevation, bias in sorted(
+                zip(model.beams.elevation_deg.tolist(), optics.lasers[:, 3].tolist(), strict=True)
+            )
         },
     }

@@ -273,8 +273,11 @@ class ScenarioAntenna(ScenarioTable, frozen=True):
 
 
 class ScenarioLidar(ScenarioTable, frozen=True):
-    """The VLP-16 and its mounting."""
+    """The scanner and its mounting."""
 
+    model: Annotated[Literal["VLP-16", "OS1-32"], Meta(description="an OS1-32 has 32 beams and 1024 columns")] = (
+        "VLP-16"
+    )
     xyz_m: Annotated[Vector3, Meta(description="sensor origin in the vehicle frame, as stated in the session")] = (
         -0.632,
         0.041,
@@ -433,7 +436,7 @@ class Scenario(ScenarioTable, frozen=True):
         if dt.datetime.fromisoformat(self.t0).tzinfo is None:
             raise ValueError("`t0` has no UTC offset")
         if self.line is not None and self.flight is None:
-            raise ValueError("`line` needs a `flight`: the scanner of a tractor is a VLP-16")
+            raise ValueError("`line` needs a `flight`: the scanner of a tractor turns about its axis")
         msgspec.structs.force_setattr(self, "soil", left_by(self.implement, self.soil, self.seed))
 
     @property

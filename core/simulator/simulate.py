@@ -18,7 +18,6 @@ from furrowmap.core.simulator.path import plan_path
 from furrowmap.core.simulator.recording import World, record
 from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.scenario_file import as_toml
-from furrowmap.core.simulator.sensor import make_spin
 from furrowmap.core.simulator.simulate_flight import Written, moving, session_head, write_flight, write_sensors
 from furrowmap.core.simulator.site import SimulatedSite, find_site, lay_out
 from furrowmap.core.simulator.soil import find_sweeps, make_ground
@@ -83,7 +82,6 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
     ground = make_ground(scenario, sweeps)
     motion = stand_on(ground, track, scenario.tractor, scenario.sway, random_for(scenario.seed, "sway"))
     world = World(scenario, site, ground, motion, mount=moving(scenario), front=ahead)
-    spin = make_spin(scenario, track.duration_s)
     capture = "recording.pcap.gz" if scenario.lidar.gzip else "recording.pcap"
     truth, end_s = folder / "truth", track.duration_s + scenario.lidar.stop_s
     (folder / "session.toml").write_text(_session(scenario, capture), encoding="utf-8")
@@ -92,7 +90,7 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
     for name, (fixes, station) in gnss.items():
         (folder / name).write_text(sentences(fixes, site, station), encoding="ascii", newline="")
     write_sensors(folder, world, end_s)
-    lidar, seen_after = record(folder / capture, world, spin, progress)
+    lidar, seen_after = record(folder / capture, world, track.duration_s, progress)
     progress("truth", 0.0)
     surface = coarse_surface(scenario, ground)
     write_trajectory(truth / "trajectory.csv", motion, site)

@@ -19,9 +19,8 @@ from furrowmap.core.simulator.line_scanner import record_lines
 from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.moving_mount import SimulatedMountMotion
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.recording import World, record
+from furrowmap.core.simulator.recording import MODELS, World, record
 from furrowmap.core.simulator.scenario import Scenario
-from furrowmap.core.simulator.sensor import make_spin
 from furrowmap.core.simulator.site import find_site
 from furrowmap.core.simulator.soil import make_ground
 
@@ -62,7 +61,7 @@ def write_flight(folder: Path, scenario: Scenario, flight: Flight, progress: Pro
     if scenario.line is not None:
         lidar = record_lines(folder / capture, world, scenario.line, length_s, progress)
     else:
-        lidar, _ = record(folder / capture, world, make_spin(scenario, length_s), progress)
+        lidar, _ = record(folder / capture, world, length_s, progress)
     progress("truth", 0.0)
     write_flight_trajectory(truth / "trajectory.csv", motion, site)
     write_mounting(truth / "mounting_truth.toml", scenario.lidar)
@@ -111,7 +110,8 @@ def flight_figures(motion: SimulatedMotion) -> dict[str, Any]:
 def session_head(scenario: Scenario, capture: str) -> str:
     """The session as its user states it, but for an implement and a field."""
     lidar = scenario.lidar
-    model = "" if scenario.line else 'model = "VLP-16"\n'
+    stated = "" if scenario.line else MODELS[lidar.model].stated
+    model = f'model = "{stated}"\n' if stated else ""
     parts = [
         f"""\
 furrowmap = 1

@@ -25,6 +25,7 @@ from furrowmap.core.simulator.scenario_file import as_toml, demo_scenario, scena
 from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.simulator.site import SimulatedSite, find_site
 from furrowmap.core.simulator.soil import make_ground
+from furrowmap.core.simulator.vlp16 import VLP16
 
 FloatArray = NDArray[np.float64]
 DOWN = """
@@ -170,7 +171,7 @@ def test_crop__stops_beams_at_exponential_depth() -> None:
     straight = mount_rotation((0.0, 90.0, 0.0))
     still = np.zeros(n)
     firings = Firings(0, still, still, still, place, np.tile(np.eye(3), (n, 1, 1)), still, still)
-    optics = make_optics(scenario, straight)._replace(lasers=np.array([[1.0, 0.0, 0.0, 0.0]]))
+    optics = make_optics(scenario, VLP16.beams, straight)._replace(lasers=np.array([[1.0, *np.zeros(5)]]))
     returns = cast(make_scene(scenario, ground, crop), optics, firings)
     met = returns.met[0, :, 0]
     top = place[:, 2] + np.asarray(scenario.lidar.xyz_m)[2] - 3.0

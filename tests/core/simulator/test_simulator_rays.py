@@ -22,7 +22,7 @@ from furrowmap.core.simulator.scenario import (
     Tractor,
 )
 from furrowmap.core.simulator.soil import ToolSweep, make_ground
-from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, VERTICAL_OFFSET_M
+from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, VERTICAL_OFFSET_M, VLP16
 
 FLAT = ScenarioSoil(
     slope_percent=0.0, undulation_m=0.0, clod_sigma_m=0.0, row_amplitude_m=0.0, straw_share=0.0, tilled_sigma_m=0.0
@@ -48,7 +48,9 @@ def scene_of(scenario: Scenario, sweeps: list[ToolSweep] | None = None) -> Scene
 def fired(scenario: Scenario, n: int = 720, scene: Scene | None = None, **changes: Any) -> Returns:
     """One turn of `n` firings from the middle of the ground."""
     return cast(
-        scene or scene_of(scenario), make_optics(scenario, mount_rotation(scenario.lidar.rpy_deg)), turn(n, **changes)
+        scene or scene_of(scenario),
+        make_optics(scenario, VLP16.beams, mount_rotation(scenario.lidar.rpy_deg)),
+        turn(n, **changes),
     )
 
 
@@ -206,7 +208,7 @@ def test_cast__dust_hides_what_lies_behind_it_from_the_strongest_return() -> Non
 
 def test_cast__chance_does_not_depend_on_the_batches() -> None:
     scenario = Scenario(field=ScenarioField(size_e_m=20.0, size_n_m=20.0), drive=ScenarioDrive(start_xy_m=(5.0, 5.0)))
-    scene, optics = scene_of(scenario), make_optics(scenario, mount_rotation(scenario.lidar.rpy_deg))
+    scene, optics = scene_of(scenario), make_optics(scenario, VLP16.beams, mount_rotation(scenario.lidar.rpy_deg))
     whole = cast(scene, optics, turn(400, dusty=np.ones(400)))
     half = {"t_s": np.zeros(200), "number": 200, "azimuth_rad": turn(400).azimuth_rad[200:], "dusty": np.ones(200)}
     second = cast(scene, optics, turn(200, **half))

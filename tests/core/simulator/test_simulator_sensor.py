@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from furrowmap.core.simulator.capture import FILE_HEADER, records
 from furrowmap.core.simulator.rays import Returns
 from furrowmap.core.simulator.scenario import Scenario, ScenarioClock, ScenarioLidar
-from furrowmap.core.simulator.sensor import data_packets, make_spin
 from furrowmap.core.simulator.simulate import Simulated
 from furrowmap.core.simulator.site import SimulatedSite
-from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, VERTICAL_OFFSET_M
+from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, VERTICAL_OFFSET_M, VLP16, data_packets
 
 SITE = SimulatedSite("EPSG:6677", 16642.0, 96548.0, 271.4, 41.3, 1_781_143_199_000_000)  # 01:59:59 UTC
 
@@ -47,7 +46,7 @@ def decoded(packets: NDArray[np.uint8], mode: str = "strongest") -> NDArray[Any]
 @pytest.mark.parametrize("rpm", [300, 600, 1200])
 def test_data_packets__are_decoded_as_the_returns_that_went_in(rpm: int) -> None:
     scenario = Scenario(lidar=ScenarioLidar(rpm=rpm))  # type: ignore[arg-type]
-    spin, returns = make_spin(scenario, 20.0), returns_of(24 * 100)
+    spin, returns = VLP16.spin(scenario, 20.0), returns_of(24 * 100)
     points = decoded(data_packets(scenario, SITE, spin, 0, returns))
     there = returns.ticks[0] > 0
     assert len(points) == there.sum()
@@ -76,7 +75,7 @@ def test_data_packets__last_and_dual_returns() -> None:
     last = data_packets(
         msgspec.structs.replace(Scenario(), lidar=ScenarioLidar(return_mode="last")),
         SITE,
-        make_spin(Scenario(), 9.0),
+        VLP16.spin(Scenario(), 9.0),
         0,
         returns,
     )
@@ -84,7 +83,7 @@ def test_data_packets__last_and_dual_returns() -> None:
     assert (last[:, 1204] == 0x38).all()
     assert len(decoded(last)) == (returns.ticks[1] > 0).sum()
     scenario = Scenario(lidar=ScenarioLidar(return_mode="dual"))
-    spin = make_spin(scenario, 9.0)
+    spin = VLP16.spin(scenario, 9.0)
     dual = data_packets(scenario, SITE, spin, 0, returns)
     assert dual.shape == (40, 1206)
     assert (dual[:, 1204] == 0x39).all()
@@ -93,12 +92,12 @@ def test_data_packets__last_and_dual_returns() -> None:
     assert len(points) == (returns.ticks[0] > 0).sum() + (returns.ticks[0] != returns.ticks[1]).sum()
     azimuth = np.ascontiguousarray(dual[:, :1200]).reshape(40, 12, 100)[:, :, 2:4].copy().view("<u2")[..., 0]
     assert (azimuth[:, 0::2] == azimuth[:, 1::2]).all()
-    assert make_spin(scenario, 9.0).packets == pytest.approx(2 * make_spin(Scenario(), 9.0).packets, abs=1)
+    assert VLP16.spin(scenario, 9.0).packets == pytest.approx(2 * VLP16.spin(Scenario(), 9.0).packets, abs=1)
 
 
 def test_data_packets__stamps_start_again_with_the_hour() -> None:
     scenario = Scenario(lidar=ScenarioLidar(start_s=0.0))
-    spin = make_spin(scenario, 5.0)
+    spin = VLP16.spin(scenario, 5.0)
     stamps = np.ascontiguousarray(data_packets(scenario, SITE, spin, 0, returns_of(24 * 1500))[:, 1200:1204]).view(
         "<u4"
     )[:, 0]
@@ -112,7 +111,7 @@ def test_data_packets__tell_the_clock_that_is_off() -> None:
     scenario = Scenario(
         lidar=ScenarioLidar(start_s=0.0), clock=ScenarioClock(lidar_minus_gnss_s=0.0, true_lidar_minus_gnss_s=-0.25)
     )
-    packet = data_packets(scenario, SITE, make_spin(scenario, 5.0), 0, returns_of(24))
+    packet = data_packets(scenario, SITE, VLP16.spin(scenario, 5.0), 0, returns_of(24))
     assert struct.unpack("<I", packet[0, 1200:1204].tobytes())[0] == 3_598_750_000
 
 
