@@ -215,7 +215,8 @@ def walk_pcap(data, pos, big, ticks, link, last_s, parts, offset, length, time_s
     """Walk over frames from `pos`; number of datagrams, offset of the first frame not walked, and why it stopped there.
 
     `data` (k,) are the bytes of a block, `big` is True for big-endian, `ticks` are those per second, `link` is the link
-    type. `parts` keeps fragments from walk to walk. Output: `last_s` (1,) seconds of the last record; `offset`, `length`, `time_s` and `sender` (MAX_FRAMES,) as
+    type. `parts` keeps fragments from walk to walk. Output: `last_s` (1,) seconds of the last record; `offset`,
+    `length`, `time_s` and `sender` (MAX_FRAMES,) as
     in :class:`~furrowmap.core.readers.pcap.Datagrams`; `counts` of frames by reason code.
     """
     end = len(data)

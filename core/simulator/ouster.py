@@ -17,7 +17,7 @@ from furrowmap.core.simulator.scanner import ScannerModel, Spin, clock_us
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import SimulatedSite
 
-COLUMNS: Final = 1024
+OS1_COLUMNS: Final = 1024
 _BEAMS: Final = 32
 _COLUMNS_A_PACKET: Final = 16
 _PROFILE: Final = {False: "RNG19_RFL8_SIG16_NIR16", True: "RNG19_RFL8_SIG16_NIR16_DUAL"}
@@ -57,16 +57,16 @@ def data_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int
     n = returns.ticks.shape[1] // _COLUMNS_A_PACKET
     packets = np.zeros(n, _packet(_DUAL if mode == "dual" else _SINGLE))
     firing = first * _COLUMNS_A_PACKET + np.arange(n * _COLUMNS_A_PACKET)
-    turned = round(spin.first_turn * COLUMNS) + firing
+    turned = round(spin.first_turn * OS1_COLUMNS) + firing
     packets["kind"] = 1
-    packets["frame"] = turned[::_COLUMNS_A_PACKET] // COLUMNS % 65_536
+    packets["frame"] = turned[::_COLUMNS_A_PACKET] // OS1_COLUMNS % 65_536
     packets["init_id"] = np.frombuffer(_INIT_ID.to_bytes(3, "little"), np.uint8)
     packets["serial"] = np.frombuffer(_SERIAL.to_bytes(5, "little"), np.uint8)
     columns = packets["columns"]
     stamp_us = 0 if not scenario.lidar.position_packets else clock_us(scenario, site)
     stamp_ns = np.round(spin.time_s(firing) * 1e9).astype(np.int64) + stamp_us * 1000
     columns["stamp_ns"] = stamp_ns.reshape(n, -1)
-    columns["number"] = (turned % COLUMNS).reshape(n, -1)
+    columns["number"] = (turned % OS1_COLUMNS).reshape(n, -1)
     columns["status"] = 1
     shown = (1,) if mode == "last" else (0, 1) if mode == "dual" else (0,)
     for k, name in zip(shown, ("", "2"), strict=False):
@@ -82,8 +82,8 @@ def data_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int
 def metadata(scenario: Scenario) -> tuple[str, str]:
     """Name and text of the sensor's metadata."""
     profile = _PROFILE[scenario.lidar.return_mode == "dual"]
-    mode = f"{COLUMNS}x{scenario.lidar.rpm // 60}"
-    shift = np.round(_AZIMUTH_DEG * (COLUMNS / 360.0)).astype(int).tolist()
+    mode = f"{OS1_COLUMNS}x{scenario.lidar.rpm // 60}"
+    shift = np.round(_AZIMUTH_DEG * (OS1_COLUMNS / 360.0)).astype(int).tolist()
     said = {
         "sensor_info": {
             "prod_line": "OS-1-32-U0",
@@ -106,9 +106,9 @@ def metadata(scenario: Scenario) -> tuple[str, str]:
         "lidar_data_format": {
             "pixels_per_column": _BEAMS,
             "columns_per_packet": _COLUMNS_A_PACKET,
-            "columns_per_frame": COLUMNS,
+            "columns_per_frame": OS1_COLUMNS,
             "pixel_shift_by_row": shift,
-            "column_window": [0, COLUMNS - 1],
+            "column_window": [0, OS1_COLUMNS - 1],
             "udp_profile_lidar": profile,
             "udp_profile_imu": "LEGACY",
         },
@@ -140,7 +140,7 @@ OS1_32: Final = ScannerModel(
     firings_a_packet=_COLUMNS_A_PACKET,
     firings_a_packet_dual=_COLUMNS_A_PACKET,
     firing_s=float("nan"),
-    columns=COLUMNS,
+    columns=OS1_COLUMNS,
     port=7502,
     packets=data_packets,
     position_packets=False,

@@ -32,7 +32,7 @@ from furrowmap.core.simulator.soil import Ground
 from furrowmap.core.simulator.truth import SeenAfter
 from furrowmap.core.simulator.vlp16 import POSITION_EVERY_S, POSITION_PORT, VLP16, position_packet
 
-MODELS: Final = {"VLP-16": VLP16, "OS1-32": OS1_32}
+SCANNERS: Final = {"VLP-16": VLP16, "OS1-32": OS1_32}
 """By the name in a scenario."""
 _FIRINGS_PER_BATCH: Final = 400
 """Data packets cast together, half a second of recording."""
@@ -85,7 +85,7 @@ class _ReturnCounts:
 def record(file: Path, world: World, duration_s: float, progress: Progress) -> tuple[dict[str, Any], NDArray[np.uint8]]:
     """Write the capture of a drive or flight; its figures, and how often each cell was seen after its last working."""
     scenario, site, ground, motion = world.scenario, world.site, world.ground, world.motion
-    model = MODELS[scenario.lidar.model]
+    model = SCANNERS[scenario.lidar.model]
     spin = model.spin(scenario, duration_s)
     optics = make_optics(scenario, model.beams, mount_rotation(scenario.lidar.true_rpy_deg))
     scene = make_scene(scenario, ground, world.crop)
@@ -167,7 +167,7 @@ def _firings(spin: Spin, first: int, packets: int, world: World, model: ScannerM
 
 def _position_times(scenario: Scenario, spin: Spin, first: int, packets: int) -> list[float]:
     """When position packets are sent while the data packets from `first` on are."""
-    if not scenario.lidar.position_packets or not MODELS[scenario.lidar.model].position_packets:
+    if not scenario.lidar.position_packets or not SCANNERS[scenario.lidar.model].position_packets:
         return []
     begin, end = (p * spin.firings_a_packet * spin.firing_s for p in (first, first + packets))
     k = np.arange(int(end / POSITION_EVERY_S) + 2)

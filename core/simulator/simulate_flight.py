@@ -19,7 +19,7 @@ from furrowmap.core.simulator.line_scanner import record_lines
 from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.moving_mount import SimulatedMountMotion
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.recording import MODELS, World, record
+from furrowmap.core.simulator.recording import SCANNERS, World, record
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import find_site
 from furrowmap.core.simulator.soil import make_ground
@@ -110,7 +110,7 @@ def flight_figures(motion: SimulatedMotion) -> dict[str, Any]:
 def session_head(scenario: Scenario, capture: str) -> str:
     """The session as its user states it, but for an implement and a field."""
     lidar = scenario.lidar
-    stated = "" if scenario.line else MODELS[lidar.model].stated
+    stated = "" if scenario.line else SCANNERS[lidar.model].stated
     model = f'model = "{stated}"\n' if stated else ""
     parts = [
         f"""\
