@@ -215,6 +215,7 @@ class OpenSession:
             time=stated.time if stated is not None else None,
             week=stated.week if stated is not None else None,
             task=recording.task,
+            topic=recording.gnss_topic,
         )
         if stated is not None:
             return _open(self.inputs.positions, options, GivesPoses, "trajectory.files")
@@ -232,9 +233,13 @@ class OpenSession:
 
     def attitude(self, near_s: float) -> tuple[AttitudeReader, AttitudeReader]:
         """Readers of roll and pitch, and of the heading; `near_s` as for :meth:`inertial`."""
-        options, keys = ReadOptions(near_s=near_s), ("attitude.roll_pitch", "attitude.heading")
-        files = zip(self.inputs.attitude, keys, strict=True)
-        level, heading = (cast("AttitudeReader", _open([path], options, GivesAttitude, key)) for path, key in files)
+        table = self.session.attitude
+        assert table is not None
+        stated = {"attitude.roll_pitch": table.roll_pitch_topic, "attitude.heading": table.heading_topic}
+        level, heading = (
+            cast("AttitudeReader", _open([path], ReadOptions(near_s=near_s, topic=topic), GivesAttitude, key))
+            for path, (key, topic) in zip(self.inputs.attitude, stated.items(), strict=True)
+        )
         return level, heading
 
     def images(self, notices: list[Notice]) -> Images:

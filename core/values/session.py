@@ -37,6 +37,7 @@ class Recording(TomlTable, frozen=True):
 
     lidar: tuple[str, ...] = ()
     gnss: tuple[str, ...] = ()
+    gnss_topic: str | None = None
     lidar_minus_gnss_s: float = 0.0
     date: str | None = None
     task: str | None = None
@@ -161,6 +162,8 @@ class Attitude(TomlTable, frozen=True):
 
     roll_pitch: str
     heading: str
+    roll_pitch_topic: str | None = None
+    heading_topic: str | None = None
     north: Literal["true", "grid", "magnetic"] | None = None
     declination_deg: Annotated[float, Meta(ge=-180.0, le=180.0)] | None = None
     roll_pitch_rpy_deg: Vector3 = (0.0, 0.0, 0.0)
@@ -307,6 +310,7 @@ EXAMPLES: Final = {
     "name": '"North field"',
     "recording.lidar": '["recording.pcap"]',
     "recording.gnss": '["gnss.nmea"]',
+    "recording.gnss_topic": '"/gps/fix"',
     "recording.lidar_minus_gnss_s": "0.0",
     "recording.date": '"2026-06-11"',
     "recording.task": '"TSK1"',
@@ -336,6 +340,8 @@ EXAMPLES: Final = {
     "imu.noise": "{ gyro_deg_s_rthz = 0.0035, accel_mg_rthz = 0.14 }",
     "attitude.roll_pitch": '"ahrs_imu.csv"',
     "attitude.heading": '"ahrs_aircraft.csv"',
+    "attitude.roll_pitch_topic": '"/vectornav/IMU"',
+    "attitude.heading_topic": '"/dji_sdk/attitude"',
     "attitude.north": '"true"',
     "attitude.declination_deg": "4.2",
     "attitude.roll_pitch_rpy_deg": "[180.0, 0.0, 0.0]",

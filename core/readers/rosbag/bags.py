@@ -17,13 +17,17 @@ from furrowmap.core.readers.rosbag.mcap import MCAP_MAGIC
 from furrowmap.core.readers.rosbag.messages import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
+    DJI_ATTITUDE,
+    DJI_POSITION,
     IMAGE,
     IMU,
     LASER_SCAN,
     NAV_SAT_FIX,
     POINT_CLOUD,
+    QUATERNION,
     SENTENCE,
     VELODYNE_SCAN,
+    AttitudeLog,
     FixLog,
     ImuLog,
     deserialize,
@@ -47,7 +51,8 @@ if TYPE_CHECKING:
     from furrowmap.core.readers.rosbag.sentences import SentenceLog
 
 T = TypeVar("T")
-Log = TypeVar("Log", "FixLog", "SentenceLog", "ImuLog", "ImageLog")
+Log = TypeVar("Log", "FixLog", "SentenceLog", "ImuLog", "AttitudeLog", "ImageLog")
+_DJI_NODES: Final = frozenset({"dji_sdk", "dji_osdk_ros"})
 _POINT_TIMES: Final = "time stamps of the points, the clock of the scans"
 
 
@@ -60,6 +65,11 @@ class _Topic:
     messages: int
     first_ns: int
     last_ns: int
+
+    @property
+    def is_dji(self) -> bool:
+        """Whether it is of the autopilot, by DJI's node."""
+        return not _DJI_NODES.isdisjoint(self.name.split("/"))
 
 
 class _RosBag(FileReader):
@@ -84,7 +94,10 @@ class _RosBag(FileReader):
         yield from self._scans(chosen, self._decoder(chosen))
 
     def track(self) -> GnssTrack:
-        """The positions in NMEA sentences, or if there are none, in NavSatFix messages."""
+        """The positions of the topic that `options` name, else in NMEA sentences, else in NavSatFix messages.
+
+        Those of a DJI autopilot are read if there are no others.
+        """
         return self._positions()[0]
 
     def inertial(self) -> InertialTrack:
@@ -92,12 +105,8 @@ class _RosBag(FileReader):
         return self._inertial()[0]
 
     def attitude(self) -> AttitudeTrack:
-        """The orientations in the same messages."""
-        _, chosen, log = self._inertial()
-        notices: list[Notice] = []
-        track = log.attitude(self._source(chosen), notices)
-        self._add_notices(*notices)
-        return track
+        """The orientations of the topic that `options` name, else of that with the most Imu messages."""
+        return self._attitudes()[0]
 
     def images(self) -> Images:
         """The images of the topic that `options` name, else of that with the most messages; their bytes are on disk."""
@@ -144,6 +153,8 @@ class _RosBag(FileReader):
         }
         clocks = [ClockReading(Clock.RECORDER, first_s, last_s, "times of reception by the recorder")]
         looks = [("imu", self._imu_facts), ("scans", self._scan_facts), ("positions", self._position_facts)]
+        if any(topic.type in (QUATERNION, DJI_ATTITUDE) for topic in topics):
+            looks.append(("attitudes", self._attitude_facts))
         if any(topic.type in (IMAGE, COMPRESSED_IMAGE) for topic in topics):
             looks.append(("images", self._image_facts))
         for name, look_into in looks:
@@ -178,7 +189,10 @@ class _RosBag(FileReader):
         return self._topics
 
     def _choose(self, what: str, *kinds: str, wanted: str | None = None) -> _Topic:
-        """The topic to read for `what`: `wanted`, else of the first recorded type the one with the most messages."""
+        """The topic to read for `what`: `wanted`, else of the first recorded type the one with the most messages.
+
+        An autopilot's topics come after those of other devices, which are recorded because they are more accurate.
+        """
         found = [topic for topic in self._found() if topic.type in kinds and wanted in (None, topic.name)]
         if not found:
             there = ", ".join(f"{topic.name} ({topic.type})" for topic in self._found()[:8])
@@ -190,7 +204,7 @@ class _RosBag(FileReader):
                 there=there,
                 kinds=" or ".join(kinds),
             )
-        chosen, *others = sorted(found, key=lambda topic: (kinds.index(topic.type), -topic.messages, topic.name))
+        chosen, *others = sorted(found, key=lambda t: (t.is_dji, kinds.index(t.type), -t.messages, t.name))
         if others:
             rest = ", ".join(f"{topic.name} ({topic.messages})" for topic in others)
             source = self._source(chosen)
@@ -224,7 +238,7 @@ class _RosBag(FileReader):
         """The positions, their topic, and its messages."""
         from furrowmap.core.readers.facts import jump_notices
 
-        chosen = self._choose("positions", SENTENCE, NAV_SAT_FIX)
+        chosen = self._choose("positions", SENTENCE, NAV_SAT_FIX, DJI_POSITION, wanted=self.options.topic)
         log: FixLog | SentenceLog
         if chosen.type == SENTENCE:
             from furrowmap.core.readers.rosbag.sentences import SentenceLog
@@ -235,14 +249,16 @@ class _RosBag(FileReader):
             if fault is None:
                 self._add_notices(*positions.notices)
             else:
-                if all(topic.type != NAV_SAT_FIX for topic in self._found()):
+                if self.options.topic is not None or all(topic.type != NAV_SAT_FIX for topic in self._found()):
                     raise fault
                 self._add_notices(Notice("bag-sentences-unused", value=fault.what.rstrip(".")))
                 chosen = self._choose("positions", NAV_SAT_FIX)
-        if chosen.type == NAV_SAT_FIX:
+        if chosen.type != SENTENCE:
             log = self._collect(chosen, FixLog())
             track, notices = log.track(self._source(chosen))
             self._add_notices(*notices)
+            if chosen.is_dji or chosen.type == DJI_POSITION:
+                self._add_notices(Notice("positions-of-autopilot", source=self._source(chosen)))
         track, _, dropped = drop_implausible_positions(track)
         self._add_notices(*dropped, *jump_notices(track))
         return track, chosen, log
@@ -252,6 +268,15 @@ class _RosBag(FileReader):
         log = self._collect(chosen, ImuLog())
         notices: list[Notice] = []
         track = log.track(self._source(chosen), notices)
+        self._add_notices(*notices)
+        return track, chosen, log
+
+    def _attitudes(self) -> tuple[AttitudeTrack, _Topic, AttitudeLog]:
+        chosen = self._choose("attitudes", IMU, QUATERNION, DJI_ATTITUDE, wanted=self.options.topic)
+        log = self._collect(chosen, AttitudeLog())
+        notices: list[Notice] = []
+        true_north = chosen.is_dji or chosen.type == DJI_ATTITUDE
+        track = log.attitude(self._source(chosen), notices, true_north=true_north)
         self._add_notices(*notices)
         return track, chosen, log
 
@@ -309,6 +334,14 @@ class _RosBag(FileReader):
         facts = {"topic": chosen.name, "frame_id": log.frame_id, **inertial_facts(track), "oriented": log.oriented()}
         note = f"time stamps of the IMU by its driver; received {log.delay_s():.3f} s later (median)"
         return facts, ClockReading(Clock.RECORDER, float(track.t_s[0]), float(track.t_s[-1]), note)
+
+    def _attitude_facts(self) -> tuple[dict[str, Any], ClockReading]:
+        from furrowmap.core.readers.inertial_rows import attitude_facts
+
+        track, chosen, log = self._attitudes()
+        note = f"time stamps of the attitudes by their driver; received {log.delay_s():.3f} s later (median)"
+        clock = ClockReading(Clock.RECORDER, float(track.t_s[0]), float(track.t_s[-1]), note)
+        return {"topic": chosen.name, **attitude_facts(track)}, clock
 
     def _position_facts(self) -> tuple[dict[str, Any], ClockReading]:
         from furrowmap.core.readers.facts import position_facts, timing_facts

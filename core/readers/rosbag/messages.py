@@ -1,14 +1,17 @@
-"""ROS messages as `rosbags` deserialises them; positions and inertial measurements collected from them.
+"""ROS messages as `rosbags` deserialises them; positions, attitudes and inertial measurements collected from them.
 
 An Imu message has specific force in m/s² and angular rate in rad/s, along the axes of its frame (REP-103, REP-145); at
 rest the force points up. A covariance that begins with −1 means that its quantity was not measured.
 
-Definitions: the ROS packages sensor_msgs, velodyne_msgs and nmea_msgs. `rosbags` is imported with the first message,
-because all readers are imported at each start.
+Definitions: the ROS packages sensor_msgs, velodyne_msgs, nmea_msgs and dji_sdk. DJI's node publishes attitudes as
+AttitudeQuaternion (forward, right, down to north, east, down) and positions as GlobalPosition up to version 3.2, and
+both as messages of ROS from 3.3 on; its headings are from true north, its heights from the barometer, above sea level.
+`rosbags` is imported with the first message, because all readers are imported at each start.
 """
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
@@ -28,9 +31,10 @@ from array import array
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, inertial_track
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.inertial import InertialTrack
-from furrowmap.core.values.pose_track import UNSTATED_NORTH, AttitudeTrack
+from furrowmap.core.values.pose_track import TRUE_NORTH, UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.rotation import quaternion_to_attitude
 
 NOT_MEASURED: Final = -1.0
@@ -55,17 +59,15 @@ class ImuLog:
         ):
             if covariance[0] == NOT_MEASURED:
                 raise Damage(f"its covariance states that it has no {name}")
-        rate, force, turn = content.angular_velocity, content.linear_acceleration, content.orientation
+        rate, force = content.angular_velocity, content.linear_acceleration
         values = (rate.x, rate.y, rate.z, force.x, force.y, force.z)
         if not np.isfinite(values).all():
             raise Damage("its angular velocity or linear acceleration is not a number")
-        has_turn = content.orientation_covariance[0] != NOT_MEASURED
-        turned = (turn.w, turn.x, turn.y, turn.z) if has_turn else (np.nan,) * 4
-        self._rows.extend((stamp_s(content, message), *values, *turned, message.received_ns * 1e-9))
+        self._rows.extend((stamp_s(content, message), *values, *_orientation(content), message.received_ns * 1e-9))
         self.frame_id = self.frame_id or str(content.header.frame_id)
 
     @property
-    def _table(self) -> NDArray[np.float64]:
+    def _table(self) -> FloatArray:
         """Stamp, angular rate, specific force, orientation (w, x, y, z), time of reception."""
         return np.array(self._rows).reshape(-1, 12)
 
@@ -76,22 +78,7 @@ class ImuLog:
 
     def oriented(self) -> int:
         """Number of messages with an orientation."""
-        return int(np.isclose(np.linalg.norm(self._table[:, 7:11], axis=1), 1.0, atol=0.01).sum())
-
-    def attitude(self, source: str, notices: list[Notice]) -> AttitudeTrack:
-        """The orientations, of the axes of the IMU against east, north and up (REP-103).
-
-        The message does not state whether north is true or magnetic.
-
-        Raises:
-            InputError: if there are none, or the stamps do not increase.
-        """
-        table = self._table
-        known = np.isclose(np.linalg.norm(table[:, 7:11], axis=1), 1.0, atol=0.01)
-        if not known.any():
-            raise InputError("no-orientation", source=source, table=len(table))
-        angles = np.column_stack(quaternion_to_attitude(table[known, 7:11]))
-        return attitude_track(table[known, 0], angles, UNSTATED_NORTH, source, notices)
+        return int(_is_turn(self._table[:, 7:11]).sum())
 
     def track(self, source: str, notices: list[Notice]) -> InertialTrack:
         """All measurements in the order of recording.
@@ -113,12 +100,70 @@ class ImuLog:
         return inertial_track(table[:, 0], table[:, 1:7], source, notices)
 
 
+class AttitudeLog:
+    """Orientations collected from Imu, QuaternionStamped or AttitudeQuaternion messages."""
+
+    def __init__(self) -> None:
+        self._rows = array("d")
+
+    def add(self, content: Any, message: BagMessage) -> None:
+        """Add one message."""
+        self._rows.extend((stamp_s(content, message), *_orientation(content), message.received_ns * 1e-9))
+
+    @property
+    def _table(self) -> FloatArray:
+        """Stamp, orientation (w, x, y, z), time of reception."""
+        return np.array(self._rows).reshape(-1, 6)
+
+    def delay_s(self) -> float:
+        """Median of reception minus stamp."""
+        table = self._table
+        return float(np.median(table[:, -1] - table[:, 0]))
+
+    def attitude(self, source: str, notices: list[Notice], *, true_north: bool) -> AttitudeTrack:
+        """The orientations, of the axes of the device against east, north and up (REP-103).
+
+        Args:
+            true_north: whether north is the true one; the messages do not state it.
+
+        Raises:
+            InputError: if there are none, or the stamps do not increase.
+        """
+        table = self._table
+        known = _is_turn(table[:, 1:5])
+        if not known.any():
+            raise InputError("no-orientation", source=source, table=len(table))
+        angles = np.column_stack(quaternion_to_attitude(table[known, 1:5]))
+        return attitude_track(table[known, 0], angles, TRUE_NORTH if true_north else UNSTATED_NORTH, source, notices)
+
+
+def _orientation(content: Any) -> tuple[float, ...]:
+    """The rotation (w, x, y, z) from forward, left, up to east, north, up; nan where it is not measured."""
+    if hasattr(content, "q0"):
+        w, x, y, z = content.q0, content.q1, content.q2, content.q3
+        # (w, x, -y, -z) is the rotation to north, west, up: a quarter turn about up is left
+        return tuple(math.sqrt(0.5) * part for part in (w + z, x + y, x - y, w - z))
+    if hasattr(content, "orientation_covariance") and content.orientation_covariance[0] == NOT_MEASURED:
+        return (math.nan,) * 4
+    turn = content.orientation if hasattr(content, "orientation") else content.quaternion
+    return turn.w, turn.x, turn.y, turn.z
+
+
+def _is_turn(quaternion: FloatArray) -> NDArray[np.bool_]:
+    """Whether quaternions (n, 4) are rotations: of norm 1."""
+    known: NDArray[np.bool_] = np.isclose(np.linalg.norm(quaternion, axis=1), 1.0, atol=0.01)
+    return known
+
+
 POINT_CLOUD: Final = "sensor_msgs/msg/PointCloud2"
 VELODYNE_SCAN: Final = "velodyne_msgs/msg/VelodyneScan"
 LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
 NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
 SENTENCE: Final = "nmea_msgs/msg/Sentence"
 IMU: Final = "sensor_msgs/msg/Imu"
+QUATERNION: Final = "geometry_msgs/msg/QuaternionStamped"
+DJI_ATTITUDE: Final = "dji_sdk/msg/AttitudeQuaternion"
+DJI_POSITION: Final = "dji_sdk/msg/GlobalPosition"
 IMAGE: Final = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
@@ -131,6 +176,10 @@ _DEFINITIONS: Final = {
     "velodyne_msgs/msg/VelodynePacket": f"builtin_interfaces/Time stamp\nuint8[{PACKET_BYTES}] data\n",
     VELODYNE_SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets\n",
     SENTENCE: "std_msgs/Header header\nstring sentence\n",
+    DJI_ATTITUDE: "std_msgs/Header header\nint32 ts\n"
+    + "".join(f"float32 {name}\n" for name in ("q0", "q1", "q2", "q3", "wx", "wy", "wz")),
+    DJI_POSITION: "std_msgs/Header header\nint32 ts\nfloat64 latitude\nfloat64 longitude\n"
+    "float32 altitude\nfloat32 height\nint8 health\n",
 }
 """Those that the stores of `rosbags` do not have."""
 
@@ -173,11 +222,11 @@ def seconds(stamp: Any) -> float:
 
 
 class FixLog:
-    """A track collected from NavSatFix messages.
+    """A track collected from NavSatFix or GlobalPosition messages.
 
     The status of a NavSatFix is a fix (0), one with satellite-based augmentation (1) or with ground-based augmentation
     (2). These become single, dgps, and fixed or float by the stated standard deviation. Its altitude is above the
-    ellipsoid by definition.
+    ellipsoid by definition. A GlobalPosition is single, and none at health 0.
     """
 
     def __init__(self) -> None:
@@ -196,11 +245,14 @@ class FixLog:
         lat, lon, height = float(content.latitude), float(content.longitude), float(content.altitude)
         if abs(lat) > 90.0 or abs(lon) > 360.0:
             raise Damage(f"latitude {lat:g} or longitude {lon:g} is out of range")
-        known = int(content.position_covariance_type) > 0
-        variance = np.asarray(content.position_covariance, np.float64)[::4]
-        with np.errstate(invalid="ignore"):
-            sigma = np.sqrt(variance) if known else np.full(3, np.nan)
-        fix = {0: Fix.SINGLE, 1: Fix.DGPS, 2: Fix.FLOAT}.get(int(content.status.status), Fix.NONE)
+        sigma = np.full(3, np.nan)
+        if hasattr(content, "health"):
+            fix = Fix.SINGLE if content.health else Fix.NONE
+        else:
+            fix = {0: Fix.SINGLE, 1: Fix.DGPS, 2: Fix.FLOAT}.get(int(content.status.status), Fix.NONE)
+            if int(content.position_covariance_type) > 0:
+                with np.errstate(invalid="ignore"):
+                    sigma = np.sqrt(np.asarray(content.position_covariance, np.float64)[::4])
         if fix is Fix.FLOAT and np.hypot(sigma[0], sigma[1]) <= FIXED_SIGMA_M:
             fix = Fix.FIXED
         if not np.isfinite((lat, lon)).all():

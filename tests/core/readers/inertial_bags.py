@@ -12,6 +12,11 @@ from tests.core.readers.small_bags import ROS1, ROS2, T0_NS, Recorded, header
 
 for _store in (ROS1, ROS2):
     _store.register(get_types_from_msg("std_msgs/Header header\nstring sentence\n", "nmea_msgs/msg/Sentence"))
+for _name, _fields in {
+    "AttitudeQuaternion": "float32 q0\nfloat32 q1\nfloat32 q2\nfloat32 q3\nfloat32 wx\nfloat32 wy\nfloat32 wz\n",
+    "GlobalPosition": "float64 latitude\nfloat64 longitude\nfloat32 altitude\nfloat32 height\nint8 health\n",
+}.items():
+    ROS1.register(get_types_from_msg(f"std_msgs/Header header\nint32 ts\n{_fields}", f"dji_sdk/msg/{_name}"))
 
 
 def imu(
@@ -57,3 +62,17 @@ def sentences(log: bytes, store: Any = ROS2, step_ns: int = 25_000_000) -> list[
         ("/nmea_sentence", T0_NS + step_ns * k, kind(header=header(T0_NS + step_ns * k, store), sentence=line.decode()))
         for k, line in enumerate(log.split())
     ]
+
+
+def dji(kind: str, stamp_ns: int, **values: float) -> Any:
+    """A message of DJI's node up to version 3.2 in ROS 1, which publishes its own types; other fields are 0."""
+    message = ROS1.types[f"dji_sdk/msg/{kind}"]
+    zero = {name: 0 for name in message.__dataclass_fields__ if not name.startswith("__")}
+    return message(**{**zero, **values, "header": header(stamp_ns, ROS1)})
+
+
+def quaternion(stamp_ns: int, turn: Sequence[float], store: Any = ROS2) -> Any:
+    """A QuaternionStamped message of x, y, z, w."""
+    types = store.types
+    stamped = types["geometry_msgs/msg/QuaternionStamped"]
+    return stamped(header=header(stamp_ns, store), quaternion=types["geometry_msgs/msg/Quaternion"](*map(float, turn)))
