@@ -30,12 +30,13 @@ class NormalEquations:
         right: (n,) right-hand side.
         squares: sum of the squared residuals, each over its standard deviation.
         redundancy: number of observations beyond that of unknowns.
+        log_sigmas: sum of the logarithms of the standard deviations.
     """
 
     def __init__(self, unknowns: int, width: int) -> None:
         self.band = arrays.zeros((width, unknowns), order="F")
         self.right = arrays.zeros(unknowns)
-        self.squares, self.redundancy = 0.0, -unknowns
+        self.squares, self.redundancy, self.log_sigmas = 0.0, -unknowns, 0.0
 
     def add(self, first: NDArray[np.intp], design: FloatArray, residual: FloatArray, sigma: FloatArray) -> None:
         """Add observations.
@@ -52,6 +53,7 @@ class NormalEquations:
             _add(self.band.T, self.right, np.ascontiguousarray(first[part], np.int64), scaled, right)
             self.squares += float(right @ right)
             self.redundancy += len(right)
+            self.log_sigmas += float(np.log(sigma[part]).sum())
 
     def dense(self) -> FloatArray:
         """(n, n) the whole of N."""
@@ -118,8 +120,13 @@ class Solution:
     values: FloatArray
     factor: FloatArray
 
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant of N."""
+        return 2.0 * float(np.log(self.factor[0]).sum())
+
     def by(self, right: FloatArray) -> FloatArray:
-        """(n,) the unknowns of the same normal matrix with another right-hand side."""
+        """(n,) the unknowns of the same normal matrix with another right-hand side, or (n, m) those with several."""
         return _back(self.factor, right)
 
     def sigma(self) -> FloatArray:

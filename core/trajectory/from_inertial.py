@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.estimation.banded import HUBER_SIGMAS
 from furrowmap.core.estimation.covariance import marginal_covariance
 from furrowmap.core.estimation.inertial import (
     FORCE_BIAS,
@@ -28,17 +27,15 @@ from furrowmap.core.estimation.knots import (
     KNOT_STEP_S,
     POSE,
     ROTATION,
-    Observation,
-    State,
     StateBlock,
     normal_equations,
 )
-from furrowmap.core.estimation.positions import AntennaPositions, GnssDrift
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
+from furrowmap.core.trajectory.inertial_adjustment import InertialAdjustment, adjust, beside_positions
 from furrowmap.core.trajectory.inertial_checks import Whiteness, check_mounting, with_shown_noise
 from furrowmap.core.trajectory.inertial_start import (
     MAX_IMU_PAUSE_S,
@@ -59,16 +56,12 @@ from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere
 MAX_VARIANCE_FACTOR: Final = 1.3
 """Squared residuals over their expected ones; with more, the noise of the IMU is larger than stated."""
 NOISE_ROUNDS: Final = 6
-MAX_ROUNDS: Final = 10
 NODE_S: Final = 1.0
 MAX_NODES: Final = 150
 MAX_WANTED_NODES: Final = 400
 NEAR: Final = 0.75
 """Share of the distance of nodes within which none is needed beside one at a wanted time."""
 ANY_TIME: Final = np.zeros(0)
-SETTLED_M: Final = 1e-4
-SETTLED_RAD: Final = 1e-6
-"""The adjustment ends when no pose moves by more."""
 
 
 @dataclass(frozen=True)
@@ -101,22 +94,6 @@ class InertialFigures:
 
 
 @dataclass(frozen=True)
-class InertialAdjustment:
-    """Result of the adjustment.
-
-    Attributes:
-        sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
-    """
-
-    problem: InertialProblem
-    state: State
-    sigma: FloatArray
-    observed: AntennaPositions
-    rounds: int
-    variance_factor: float
-
-
-@dataclass(frozen=True)
 class InertialTrajectory(GnssTrajectory):
     """A trajectory at the times of the IMU, and what it was made of."""
 
@@ -144,7 +121,7 @@ class InertialTrajectory(GnssTrajectory):
             beside = np.abs(wanted[np.clip([after - 1, after], 0, len(wanted) - 1)] - regular).min(axis=0)
             regular = regular[beside > NEAR * step]
         nodes = np.unique(np.concatenate([regular, wanted, ends])).astype(np.int64)
-        equations = normal_equations((a.observed, *_beside(a.problem)), knots, a.state)
+        equations = normal_equations((a.observed, *beside_positions(a.problem)), knots, a.state)
         covariance = marginal_covariance(equations, a.state.layout.size, nodes, POSE)
         return PoseErrors(knots.t_s[nodes], np.zeros((len(nodes), POSE)), covariance)
 
@@ -175,7 +152,7 @@ def trajectory_from_inertial(
     site, lever = site_of(gated, frame), np.asarray(lever_m, np.float64)
     whole = InertialProblem.over_common_time(positions, imu, site, lever, hints)
     problem, start = first_guess(whole, notices)
-    adjusted = _adjust(problem, start)
+    adjusted = adjust(problem, start)
     trajectory = _trajectory(adjusted)
     notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)
     if adjusted.variance_factor > MAX_VARIANCE_FACTOR:
@@ -184,7 +161,7 @@ def trajectory_from_inertial(
         for _ in range(NOISE_ROUNDS):
             links = adjusted.problem.links
             noise = replace(links.noise, force=links.noise.force * float(np.sqrt(adjusted.variance_factor)))
-            adjusted = _adjust(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state)
+            adjusted = adjust(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state)
             if adjusted.variance_factor < MAX_VARIANCE_FACTOR:
                 break
         notices.append(Notice("imu-noisier", times=adjusted.problem.links.noise.force / stated))
@@ -192,33 +169,6 @@ def trajectory_from_inertial(
     used = quality_words(gated.fix)
     figures = _figures(adjusted, imu)
     return InertialTrajectory(trajectory, positions, used, unused, tuple(notices), figures, adjusted)
-
-
-def _adjust(problem: InertialProblem, state: State) -> InertialAdjustment:
-    """Gauss-Newton rounds until no pose moves."""
-    knots = problem.knots
-    antenna = AntennaPositions.unweighted(problem.positions, problem.origin_m, problem.lever_m)
-    for number in range(1, MAX_ROUNDS + 1):
-        equations = normal_equations((antenna, *_beside(problem)), knots, state)
-        solution = equations.solve()
-        step = solution.values.reshape(len(knots), -1)
-        state = state.moved(step)
-        before, antenna = antenna.weight, antenna.reweighted(knots, state)
-        moved, turned = np.abs(step[:, :ROTATION]).max(), np.abs(step[:, ROTATION:POSE]).max()
-        settled = moved < SETTLED_M and turned < SETTLED_RAD and np.abs(before - antenna.weight).max() < 0.05
-        if settled or number == MAX_ROUNDS:
-            break
-    # An outlier counts as a position at the limit of what is trusted, not by its distance.
-    normalised = antenna.normalised(knots, state)
-    beyond = normalised[normalised > HUBER_SIGMAS]
-    factor = (equations.squares - HUBER_SIGMAS * float((beyond - HUBER_SIGMAS).sum())) / max(equations.redundancy, 1)
-    return InertialAdjustment(problem, state, solution.sigma().reshape(len(knots), -1), antenna, number, factor)
-
-
-def _beside(problem: InertialProblem) -> tuple[Observation, ...]:
-    """The observations beside the positions."""
-    hints = problem.hints.observations(problem.links.track, problem.positions)
-    return GnssDrift(problem.positions), problem.links, *hints
 
 
 def _trajectory(adjusted: InertialAdjustment) -> Trajectory:
