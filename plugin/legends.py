@@ -19,7 +19,7 @@ COLOUR_LABELS = (
 """Labels of colours in the styles of rasters, other than numbers with units."""
 BAND_LABELS = {
     "change": QT_TRANSLATE_NOOP("Legends", "Height change (m)"),
-    "swaths": QT_TRANSLATE_NOOP("Legends", "Height difference of swaths (m)"),
+    "swaths": QT_TRANSLATE_NOOP("Legends", "Height difference of swaths (mm)"),
     "dsm": QT_TRANSLATE_NOOP("Legends", "Relief after the work"),
     "dsm_before": QT_TRANSLATE_NOOP("Legends", "Relief before the work"),
     "dtm": QT_TRANSLATE_NOOP("Legends", "Relief of the ground"),

@@ -69,13 +69,30 @@ export function show(canvas, cloud, extent) {
     });
   }
   controls.addEventListener("change", draw);
+  let moved = false;
+  controls.addEventListener("start", () => { moved = true; });
 
   function whole() {
+    moved = false;
     const [west, south, east, north] = extent;
     const middle = [(west + east) / 2 - cloud.low[0], (south + north) / 2 - cloud.low[1], cloud.ground - cloud.low[2]];
     const reach = Math.max(east - west, north - south, 5);
-    controls.target.set(...middle);
-    camera.position.set(middle[0] - 0.5 * reach, middle[1] - 0.9 * reach, middle[2] + 0.7 * reach);
+    const target = new Vector3(...middle);
+    const back = new Vector3(-0.5, -0.9, 0.7).normalize();
+    const right = new Vector3().crossVectors(camera.up, back).normalize();
+    const above = new Vector3().crossVectors(back, right);
+    // The nearest place from which every corner lies in the picture, whatever its sides.
+    const slope = Math.tan((camera.fov * Math.PI) / 360);
+    let away = 0;
+    for (const x of [west, east])
+      for (const y of [south, north])
+        for (const z of cloud.heights) {
+          const corner = new Vector3(x, y, z).sub(new Vector3(...cloud.low)).sub(target);
+          const aside = Math.abs(corner.dot(right)) / camera.aspect;
+          away = Math.max(away, Math.max(aside, Math.abs(corner.dot(above))) / slope + corner.dot(back));
+        }
+    controls.target.copy(target);
+    camera.position.copy(target).addScaledVector(back, away);
     camera.near = reach / 1000;
     camera.far = 20 * Math.max(reach, ...size);
     camera.updateProjectionMatrix();
@@ -87,9 +104,11 @@ export function show(canvas, cloud, extent) {
     const { clientWidth, clientHeight } = canvas.parentElement;
     renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
     renderer.setSize(clientWidth, clientHeight, false);
+    if (!clientWidth || !clientHeight) return;
     camera.aspect = clientWidth / clientHeight;
     camera.updateProjectionMatrix();
-    draw();
+    if (moved) draw();
+    else whole();
   }
 
   // The machine itself would cover the ground with a trace of itself.
@@ -143,7 +162,6 @@ export function show(canvas, cloud, extent) {
 
   colour(colouring);
   resize();
-  whole();
   return {
     colourings, colouring: () => colouring, colour, legend, resize, whole, showClass,
     classes: () => cloud.palette.map((one) => ({ ...one, shown: !hidden.has(one.code) })),

@@ -4,6 +4,7 @@ import View from "ol/View.js";
 import Feature from "ol/Feature.js";
 import GeoJSON from "ol/format/GeoJSON.js";
 import Draw from "ol/interaction/Draw.js";
+import LayerGroup from "ol/layer/Group.js";
 import ImageLayer from "ol/layer/Image.js";
 import VectorLayer from "ol/layer/Vector.js";
 import Static from "ol/source/ImageStatic.js";
@@ -53,20 +54,22 @@ const view = new View({
   minResolution: 0.002,
 });
 
-function olStyle(symbol, label) {
+function olStyle(symbol) {
   const width = symbol.width_mm * PIXELS_PER_MM;
   const stroke = symbol.stroke
     ? new Stroke({ color: symbol.stroke, width: Math.max(width, 1), lineDash: symbol.dashed ? [2, 5] : undefined })
     : undefined;
   const fill = symbol.fill ? new Fill({ color: symbol.fill }) : undefined;
   const image = new Circle({ radius: Math.max(3, (symbol.size_mm * PIXELS_PER_MM) / 2), stroke, fill });
-  const text = label
-    ? new Text({
-        text: label, font: "600 14px system-ui, sans-serif", overflow: true,
-        fill: new Fill({ color: "#282828" }), stroke: new Stroke({ color: "#ffffffdd", width: 4 }),
-      })
-    : undefined;
-  return new Style({ stroke, fill, image, text });
+  return new Style({ stroke, fill, image });
+}
+
+function nameStyle(name) {
+  const text = new Text({
+    text: name, font: "600 14px system-ui, sans-serif", overflow: true,
+    fill: new Fill({ color: "#282828" }), stroke: new Stroke({ color: "#ffffffdd", width: 4 }),
+  });
+  return new Style({ text });
 }
 
 const reader = new GeoJSON();
@@ -74,16 +77,19 @@ const reader = new GeoJSON();
 function features(layer) {
   return layer.features.map((one) => {
     const feature = new Feature(reader.readGeometry(one.geometry));
-    feature.setStyle(olStyle(layer.symbols[one.symbol], one.label));
+    feature.set("style", olStyle(layer.symbols[one.symbol]));
+    if (one.label) feature.set("name style", nameStyle(one.label));
     feature.set("shared", { layer, one });
     return feature;
   });
 }
 
-/** A layer that is hidden at first gets its features when it is first shown. */
+/** A layer that is hidden at first gets its features when it is first shown. Its names lie above all layers. */
 function vectorLayer(layer) {
   const source = new VectorSource();
-  const made = new VectorLayer({ source, visible: layer.shown, updateWhileInteracting: true });
+  const shapes = new VectorLayer({ source, style: (one) => one.get("style"), updateWhileInteracting: true });
+  const names = new VectorLayer({ source, style: (one) => one.get("name style"), declutter: true, zIndex: 1 });
+  const made = new LayerGroup({ layers: [shapes, names], visible: layer.shown });
   if (layer.shown) source.addFeatures(features(layer));
   else made.once("change:visible", () => source.addFeatures(features(layer)));
   return made;
@@ -207,7 +213,10 @@ function endMeasuring() {
 function pressed() {
   byId("distance").setAttribute("aria-pressed", String(mode === "distance"));
   byId("area").setAttribute("aria-pressed", String(mode === "area"));
-  byId("solid").setAttribute("aria-pressed", String(!byId("cloud").hidden));
+  const solid = !byId("cloud").hidden;
+  byId("solid").setAttribute("aria-pressed", String(solid));
+  byId("on-map").disabled = solid;
+  byId("points-alone").hidden = !solid;
 }
 
 // ---- the cloud in three dimensions, read when it is first asked for
@@ -347,6 +356,7 @@ function fillPanel() {
       return box;
     }),
   );
+  byId("response").textContent = data.response?.[language] ?? "";
   byId("layers").replaceChildren(...data.layers.map(layerRow));
   byId("warnings").replaceChildren(...data.warnings.map((text) => element("li", text[language])));
   byId("warnings-count").textContent = String(data.warnings.length);
@@ -371,7 +381,7 @@ byId("distance").addEventListener("click", () => measure("distance"));
 byId("area").addEventListener("click", () => measure("area"));
 byId("whole").addEventListener("click", () => (byId("cloud").hidden ? showAll() : cloudView?.whole()));
 byId("solid").addEventListener("click", showCloud);
-addEventListener("resize", () => cloudView?.resize());
+new ResizeObserver(() => cloudView?.resize()).observe(byId("cloud-view"));
 fillPanel();
 openPanel(!PHONE.matches);
 showAll();

@@ -202,10 +202,8 @@ def _setting(key: str, values: Mapping[str, Value]) -> dict[str, Any] | None:
 
 def _sentence(language: str, key: str, part: str, values: Mapping[str, Value]) -> str:
     """A part of a message in a language; texts in its values are translated too."""
-    if language != ENGLISH:
-        code = key.partition(".")[0]
-        values = {n: translated(v, language, code) if isinstance(v, str) else v for n, v in values.items()}
-    return printable(fill(sentences(language, key)[part], values))
+    code = key.partition(".")[0]
+    return printable(fill(sentences(language, key)[part], values, lambda value: translated(value, language, code)))
 
 
 def printable(text: str) -> str:

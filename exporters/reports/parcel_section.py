@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.crops.measure import MeasuredParcel
-from furrowmap.core.crops.response import dose_name, dose_unit, fit_response, parcel_doses
+from furrowmap.core.crops.response import Response, dose_name, parcel_doses
 from furrowmap.exporters.reports.drawings import padded_bounds
 from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.reports.svg import Sheet, mixed_colour
@@ -25,8 +25,8 @@ MAX_NAMED_PARCELS: Final = 150
 PARCEL_MARGIN_M: Final = 1.0
 
 
-def parcel_sections(found: Sequence[MeasuredParcel]) -> str:
-    """The sections as HTML: height and, where the parcels have a dose, the response to it; nothing without parcels."""
+def parcel_sections(found: Sequence[MeasuredParcel], response: Response | None = None) -> str:
+    """The sections as HTML: height and, where there is one, the response to a dose; nothing without parcels."""
     if not found:
         return ""
     heights_m = np.array([row.figures.mean_height_m for row in found])
@@ -45,12 +45,10 @@ def parcel_sections(found: Sequence[MeasuredParcel]) -> str:
         parts.append(sheet.area(row.parcel.net, "pass", fill=colour(height_m)))
     if len(found) <= MAX_NAMED_PARCELS:
         parts += [sheet.text(row.parcel.net.representative_point(), row.parcel.id) for row in found]
-    parcels = [row.parcel for row in found]
-    name, response, chart = dose_name(parcels), None, None
-    if name is not None:
-        dose, blocks = parcel_doses(parcels, name), [parcel.block or "" for parcel in parcels]
-        response = fit_response(dose, heights_m, blocks, dose_unit(name))
-        chart = response_chart(dose, ParcelValues(heights_m, blocks, "mean height, m", "block"), response, name)
+    parcels, chart = [row.parcel for row in found], None
+    if response is not None and (name := dose_name(parcels)) is not None:
+        values = ParcelValues(heights_m, [parcel.block or "" for parcel in parcels], "mean height, m", "block")
+        chart = response_chart(parcel_doses(parcels, name), values, response, name)
     return render(
         "parcels.html",
         parcels=found,

@@ -12,6 +12,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from furrowmap.core.crops.measure import MeasuredParcel
+from furrowmap.core.crops.response import Response
 from furrowmap.core.geodesy.local_time import span_words
 from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.runtime.settings import language_of_user
@@ -48,6 +49,7 @@ def write_page(
     summary: CopcSummary | None,
     rasters: RasterFigures | None,
     parcels: Sequence[MeasuredParcel] = (),
+    response: Response | None = None,
     features: Mapping[str, int] | None = None,
 ) -> None:
     """Write `report.html`.
@@ -57,6 +59,7 @@ def write_page(
         summary: of the cloud; None for no cloud.
         rasters: figures of the surfaces; None for no surfaces.
         parcels: with their crops.
+        response: of their heights to a dose; None where they have none.
         features: numbers of planes, lines and plants; None where they were not looked for.
 
     Raises:
@@ -84,7 +87,7 @@ def write_page(
         range_images=range_images,
         box_m=box_m,
         relief=shaded_ground(cloud, summary.points_by_level, box_m) if summary is not None else None,
-        parcels=Markup(parcel_sections(parcels)),  # noqa: S704 (of a template)
+        parcels=Markup(parcel_sections(parcels, response)),  # noqa: S704 (of a template)
         features=features,
         activities=[(colour, name) for k, (name, colour) in enumerate(drawings.ACTIVITIES.items()) if k in active],
         fixes=fixes,

@@ -78,6 +78,7 @@ def _symbol_of(style: LayerStyle, row: Mapping[str, Any]) -> Symbol:
 def _legend(style: LayerStyle, symbols: list[Symbol], layer: VectorLayer) -> list[dict[str, Any]]:
     """The categories that the layer has, or the ends of the ramp."""
     if style.ramp is not None:
+        _, text = SHOWN_FIELDS[style.ramp.attribute]
         ends = dict.fromkeys((style.ramp.low, 0.5 * (style.ramp.low + style.ramp.high), style.ramp.high))
         legend = []
         for value in ends:
@@ -86,7 +87,7 @@ def _legend(style: LayerStyle, symbols: list[Symbol], layer: VectorLayer) -> lis
                 symbols.append(symbol)
             legend.append(
                 {
-                    "label": f"{value:.2f} m" if style.ramp.attribute.endswith("_m") else f"{value:.0f}",
+                    "label": text(value, {}),
                     "symbol": symbols.index(symbol),
                 }
             )
@@ -145,7 +146,9 @@ def _with_level(words: str) -> str:
 
 
 def _text(value: Any, row: Mapping[str, Any]) -> str:  # noqa: ARG001 (one of the formats)
-    return ("yes" if value else "no") if isinstance(value, bool) else str(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.0f}" if isinstance(value, float) else str(value)
 
 
 SHOWN_FIELDS: Final[Mapping[str, tuple[str, Format]]] = {

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
+from statistics import fmean
 from typing import Any, Final, TypeGuard
 from zoneinfo import ZoneInfo
 
@@ -75,6 +76,7 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
             _said(str(notice.get("text", "")), str(notice.get("code", ""))) for notice in report.get("warnings", ())
         ],
         "figures": list(_figures(report)),
+        "response": _response(report.get("parcels") or {}),
         "about": list(_about(report, zone)),
         "crs": {"name": crs.name, "scale": _scale(crs, extent)},
         "extent": extent,
@@ -165,6 +167,8 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
             value = area_words(area_m2, HECTARE, sigma_m2 if area_m2 > 0.0 else None)
             level = ["(± 95 %)"] if "±" in value else []
             yield {"value": value, "name": [name, *level], "loud": name == "Missed" and area_m2 > 0.0}
+    for name, value in _crops((report.get("parcels") or {}).get("parcels") or ()):
+        yield {"value": value, "name": [name], "loud": False}
     hours = figures.get("hours") or {}
     shown = (
         ("Field", figures.get("field_area_m2"), _area),
@@ -187,6 +191,25 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
 
 def _area(area_m2: float) -> str:
     return area_words(area_m2, HECTARE)
+
+
+def _crops(parcels: Sequence[dict[str, Any]]) -> Iterator[tuple[str, str]]:
+    """How many parcels have a height, their heights, and the volume of all of them."""
+    heights_m = [parcel["mean_height_m"] for parcel in parcels if _is_number(parcel.get("mean_height_m"))]
+    if heights_m:
+        mean, low, high = (100.0 * value for value in (fmean(heights_m), min(heights_m), max(heights_m)))
+        volumes_m3 = [parcel["volume_m3"] for parcel in parcels if _is_number(parcel.get("volume_m3"))]
+        yield "Parcels", str(len(heights_m))
+        yield "Mean crop height", f"{mean:.1f} cm"
+        yield "Lowest to highest parcel", f"{low:.1f} – {high:.1f} cm"
+        if volumes_m3:
+            yield "Crop volume", f"{sum(volumes_m3):,.1f} m³"
+
+
+def _response(parcels: dict[str, Any]) -> dict[str, str] | None:
+    """How the heights respond to the dose; None without doses."""
+    words = (parcels.get("response") or {}).get("words")
+    return _said(str(words)) if words else None
 
 
 def _accuracy(accuracy: dict[str, Any]) -> Iterable[tuple[str, Any, Any]]:

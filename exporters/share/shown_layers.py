@@ -36,7 +36,7 @@ LAYER_TITLES: Final = {
     "strip_differences": "Height differences of strips",
     "parcels": "Parcels",
     "change": "Height change (m)",
-    "swaths": "Height difference of swaths (m)",
+    "swaths": "Height difference of swaths (mm)",
     "dsm": "Relief after the work",
     "dsm_before": "Relief before the work",
     "dtm": "Relief of the ground",

@@ -639,7 +639,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Height above ground</source><translation>地面からの高さ</translation></message>
   <message><source>Height above ground (m)</source><translation>地面からの高さ（m）</translation></message>
   <message><source>Height change (m)</source><translation>高さの変化（m）</translation></message>
-  <message><source>Height difference of swaths (m)</source><translation>スワス間の高さの差（m）</translation></message>
+  <message><source>Height difference of swaths (mm)</source><translation>スワス間の高さの差（mm）</translation></message>
   <message><source>Height of the crop</source><translation>作物の高さ</translation></message>
   <message><source>Height of the crop (m)</source><translation>作物の高さ（m）</translation></message>
   <message><source>Machines</source><translation>機械</translation></message>

@@ -11,11 +11,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pyproj import CRS
 
 from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
+from furrowmap.core.crops.response import Response, dose_name, dose_unit, fit_response, parcel_doses
 from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster, site_soil
 from furrowmap.core.crops.soil import SOIL_CELL_M
 from furrowmap.core.crops.trial_tables import day_of, read_treatments, with_treatments
@@ -27,6 +29,7 @@ from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box, Survey
 from furrowmap.core.readers.las.header import SIGNATURE
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.surfaces.spool import PointSpool
@@ -159,9 +162,10 @@ def collect_points(
 
 @dataclass(frozen=True)
 class WrittenParcels:
-    """Parcels that were measured and written."""
+    """Parcels that were measured and written, and how their heights respond to a dose, where they have one."""
 
     found: list[MeasuredParcel]
+    response: Response | None
     account: dict[str, Any]
     notices: list[Notice]
 
@@ -187,6 +191,7 @@ def write_parcels(
     day = local_day(origin.span_s[0], crs, (place.x, place.y)) if origin.span_s is not None else None
     treated, notices = _assign_treatments([row.parcel for row in found], settings, day)
     found = [replace(row, parcel=parcel) for row, parcel in zip(found, treated, strict=True)]
+    response = _response(found)
     layer = parcel_layer(found)
     write_parcel_table(folder / PARCEL_TABLE, layer)
     write_parcel_sheet(folder / PARCEL_SHEET, layer)
@@ -202,9 +207,21 @@ def write_parcels(
             "net_inset_m": list(settings.net_inset_m),
         },
         "soil": soil.plain(),
+        "response": response
+        and {"words": response.words, **{f"words_{one}": translated(response.words, one) for one in LANGUAGES[1:]}},
         "parcels": [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))],
     }
-    return WrittenParcels(found, account, notices)
+    return WrittenParcels(found, response, account, notices)
+
+
+def _response(found: Sequence[MeasuredParcel]) -> Response | None:
+    parcels = [row.parcel for row in found]
+    name = dose_name(parcels)
+    if name is None:
+        return None
+    heights_m = np.array([row.figures.mean_height_m for row in found])
+    blocks = [parcel.block or "" for parcel in parcels]
+    return fit_response(parcel_doses(parcels, name), heights_m, blocks, dose_unit(name))
 
 
 def _assign_treatments(

@@ -208,10 +208,10 @@ def write_products(
             write_states(staging / of_tool(STATES, number), work.states)
         if work.seen is not None:
             save_implement(staging / of_tool(LEARNED, number), work.seen)
-    crops = made.parcels.found if made.parcels is not None else ()
+    crops, response = (made.parcels.found, made.parcels.response) if made.parcels is not None else ((), None)
     features = made.features.account if made.features is not None else None
     counts = features["figures"] if features is not None else None
-    write_page(staging / REPORT_PAGE, found, staging / CLOUD, summary, made.rasters, crops, counts)
+    write_page(staging / REPORT_PAGE, found, staging / CLOUD, summary, made.rasters, crops, response, counts)
     written = perf_counter()
     (staging / SESSION_FILE).write_text(session_text(found.session, origin), encoding="utf-8")
     seconds = {**made.seconds, "layers": written - begin, "whole": perf_counter() - start}

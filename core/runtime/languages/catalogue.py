@@ -189,10 +189,13 @@ def _whole(text: str, language: str, code: str, depth: int) -> str | None:
         values = template.values(text)
         if values is None:
             continue
-        if depth and template.source.startswith(HOLE) and ", " in values[0]:
-            parts = text.split(", ")  # the first hole took in entries of a list: each may have a translation of its own
-            found = [_translated(part, language, "", depth - 1) for part in parts]
-            if all(part != new for part, new in zip(parts, found, strict=True)):
-                return "、".join(found)
+        if depth and template.source.startswith(HOLE):
+            for mark, other in _LIST_MARKS:
+                if any(mark in value for value in (values if mark == "; " else values[:1])):
+                    # The holes took in entries of a list: each may have a translation of its own.
+                    parts = text.split(mark)
+                    found = [_translated(part, language, "", depth - 1) for part in parts]
+                    if all(part != new for part, new in zip(parts, found, strict=True)):
+                        return other.join(found)
         return template.filled(_translated(value, language, "", depth - 1) if depth else value for value in values)
     return None

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -160,17 +160,24 @@ def printed(key: str, values: Mapping[str, Any]) -> dict[str, Value]:
     return found
 
 
-def fill(parts: tuple[Part, ...], values: Mapping[str, Value]) -> str:
-    """The text of a template with values."""
-    text = ""
+def fill(
+    parts: tuple[Part, ...], values: Mapping[str, Value], said: Callable[[str], str] = str, before: str = ""
+) -> str:
+    """The text of a template with values, after the text before it.
+
+    Args:
+        said: words of a value; values in code, between backticks, stay as they are.
+    """
+    text = before
     for part in parts:
         if isinstance(part, str):
             text += part
         elif isinstance(part, Hole):
-            text += str(values[part.name])
+            value = str(values[part.name])
+            text += value if text.count("`") % 2 else said(value)
         else:
             chosen = values[part.name]
-            text += fill(part.no if chosen is None or chosen is False or chosen == "" else part.yes, values)
+            text = fill(part.no if chosen is None or chosen is False or chosen == "" else part.yes, values, said, text)
     return text
 
 

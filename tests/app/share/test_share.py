@@ -33,7 +33,7 @@ CHECKOUT = Path(__file__).resolve().parents[3]
 ATTACK = "document.title='attacked'"
 HOSTILE = f'圃場 </script><script>{ATTACK}</script><img src=x onerror="{ATTACK}"> & ]]> \''
 POINTS = 40_000
-PHONE, DESKTOP = (360, 740), (1280, 800)
+PHONE, DESKTOP = (360, 640), (1280, 800)
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +107,10 @@ def try_out(page: Page, data: dict[str, Any]) -> None:
 
     page.click("#solid")
     page.wait_for_selector("body[data-cloud=shown]")
-    assert page.is_visible("#cloud-key")
+    boxes = [box for part in ("#cloud-canvas", "#cloud-key") if (box := page.locator(part).bounding_box()) is not None]
+    (top, canvas), (under, key) = ((box["y"], box["y"] + box["height"]) for box in boxes)
+    assert top < canvas <= under < key <= page.evaluate("innerHeight")  # nothing lies over the picture
+    assert page.is_disabled("#layers input[name=trajectory]")
     drawn = page.evaluate(
         "() => new Promise((done) => { const own = document.getElementById('cloud-canvas');"
         " requestAnimationFrame(() => { document.querySelector('#whole').click(); requestAnimationFrame(() => {"
@@ -120,6 +123,7 @@ def try_out(page: Page, data: dict[str, Any]) -> None:
     assert drawn > 50
     page.click("#solid")
     assert page.is_visible("#map")
+    assert page.is_enabled("#layers input[name=trajectory]")
 
 
 @pytest.mark.parametrize(("place", "size", "language"), [("disk", PHONE, "ja-JP"), ("server", DESKTOP, "en-GB")])

@@ -9,9 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.runtime.errors import UsageError
+from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.languages.catalogue import HOLE, Template, catalogue, translated
 from furrowmap.core.runtime.settings import LANGUAGE_VARIABLE, language_of_user, using
+from furrowmap.core.session.file import parse_session
 
 
 def test_catalogue__takes_every_value_over_once_at_least() -> None:
@@ -61,3 +62,36 @@ def test_language__of_the_command_line_before_that_of_the_session_before_that_of
     with pytest.raises(UsageError) as refused:
         language_of_user()
     assert refused.value.code == "usage"
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (
+            InputError("session-value.check-values", name="session.toml", fault="trajectory.files names no file"),
+            "session.toml：trajectory.files にファイルがありません。",
+        ),
+        (InputError("surface-unusable", path="dsm.tif", why="has no CRS"), "dsm.tif：CRS がありません。"),
+        (
+            InputError("session-unreadable", path="p.csv", why="it is a zip archive, not text"),
+            "p.csv：テキストではなく、zip アーカイブです。",
+        ),
+    ],
+)
+def test_error__has_its_reason_in_japanese(error: InputError, said: str) -> None:
+    assert error.lines_in("ja")[0] == said
+
+
+def test_reasons__in_a_list_with_commas_within() -> None:
+    reasons = "P1 has 5 returns within 0.25 m, too few on all sides; P2 lies on an edge or a steep slope"
+    said = Notice("check-unused", unused=2, checks=9, reasons=reasons, more=False).text_in("ja")
+    assert "P1 の周囲 0.25 m 以内の反射は 5 点で、四方に足りません；P2 は縁または急斜面にあります" in said
+
+
+def test_code__between_backticks_stays_as_it_is() -> None:
+    """The key `from` is a word of layers, too."""
+    with pytest.raises(InputError) as refused:
+        parse_session(
+            'furrowmap = 1\ncrs.map = "EPSG:6677"\n[recording]\nlidar = ["a.pcap"]\ngnss = ["a.nmea"]\nfrom = 1\n'
+        )
+    assert '`from = "2026-06-11T14:00:00+09:00"`' in refused.value.lines_in("ja")[2]
