@@ -78,7 +78,7 @@ def test_parcels__have_the_heights_and_volumes_of_the_truth(result: furrowmap.Re
     assert abs(off.mean()) < 0.005
     assert 0.7 < np.sqrt(((off / found.height_sigma_m) ** 2).mean()) < 1.5
     assert np.sqrt(((found.volume_m3 / truth.volume_m3 - 1.0) ** 2).mean()) < 0.015
-    assert (found.volume_m3 / truth.volume_m3 - 1.0).abs().max() < 0.04
+    assert (found.volume_m3 / truth.volume_m3 - 1.0).abs().max() < 0.025
     assert abs(found.p50_m - truth.p50_m).mean() < 0.006
     assert not found.lodging.any()
     assert len(result.report["parcels"]["parcels"]) == len(truth)

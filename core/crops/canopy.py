@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from furrowmap.core.crops.penetration import Penetration, estimate_penetration, l_moments_of
-from furrowmap.core.crops.pixels import MAX_RANK, PixelReturns, pixel_halves
+from furrowmap.core.crops.pixels import MAX_RANK, PixelReturns, pixel_halves, pixel_returns
 from furrowmap.core.crops.published import fill_pixels
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.surfaces.grid import Grid
@@ -39,6 +39,7 @@ class Canopy:
         error_m: standard deviation of the top of one pixel by the model, on average.
         chance_m: how much wider than those of well-seen pixels chance spreads the tops.
         extrapolated_m: change of the mean height by extrapolation to many returns.
+        sharpened_m: change of the mean height by extrapolation to returns without horizontal noise.
     """
 
     grid: Grid
@@ -50,20 +51,29 @@ class Canopy:
     error_m: float
     chance_m: float
     extrapolated_m: float = 0.0
+    sharpened_m: float = 0.0
 
 
-def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArray, noise_m: float) -> Canopy:
+def canopy_top(
+    xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArray, noise_m: float, blur_m: float = 0.0
+) -> Canopy:
     """The top of a canopy: the highest return of each pixel, raised by what the penetration of the parcel says.
 
     What is left of the influence of density (low pixels are hit less often, and are missing) falls with the number of
     returns: it is taken from the difference to the same estimate with half of the returns (M. H. Quenouille (1956),
     Notes on bias in estimation, Biometrika 43, 353-360).
 
+    Horizontal noise moves returns of tall plants into the pixels of low ones and of gaps, whose highest returns they
+    become. This bias grows with the variance of that noise: it is taken from the change that as much noise makes once
+    more (J. R. Cook, L. A. Stefanski (1994), Simulation-extrapolation estimation in parametric measurement error
+    models, J. Am. Stat. Assoc. 89, 1314-1328).
+
     Args:
         xy_m: (n, 2) easting and northing of returns.
         height_m: (n,) their heights above the soil.
         net: (rows, columns) the pixels that count.
         noise_m: standard deviation of heights of returns from one place.
+        blur_m: standard deviation of their places on each horizontal axis.
     """
     column, row = xy_m[:, 0] / grid.cell_m - grid.west, grid.north - xy_m[:, 1] / grid.cell_m
     first = _drawn(xy_m, 0) < 0.5
@@ -90,9 +100,18 @@ def canopy_top(xy_m: FloatArray, height_m: FloatArray, grid: Grid, net: BoolArra
         return whole
     mean = float(whole.top_m[net].mean())
     extrapolated = mean - float(np.mean([half.top_m[net].mean() for half in halves]))
+    sharpened = 0.0
+    if blur_m > 0.0:
+        away = blur_m / grid.cell_m * np.sqrt(-2.0 * np.log1p(-_drawn(xy_m, 2)))
+        turn = 2.0 * math.pi * _drawn(xy_m, 3)
+        east, south = away * np.cos(turn), away * np.sin(turn)
+        # of both signs, by which the change scatters less
+        moved = [pixel_returns(column + sign * east, row + sign * south, height_m, grid) for sign in (1.0, -1.0)]
+        sharpened = mean - float(np.mean([_estimate_top(part, grid, net, noise_m).top_m[net].mean() for part in moved]))
     crop = net & (whole.top_m > bare_m)
-    top = whole.top_m + np.where(crop, extrapolated * net.sum() / max(int(crop.sum()), 1), 0.0)
-    return replace(whole, top_m=np.where(net, np.maximum(top, 0.0), np.nan), extrapolated_m=extrapolated)
+    raised = (extrapolated + sharpened) * net.sum() / max(int(crop.sum()), 1)
+    top = np.where(net, np.maximum(whole.top_m + np.where(crop, raised, 0.0), 0.0), np.nan)
+    return replace(whole, top_m=top, extrapolated_m=extrapolated, sharpened_m=sharpened)
 
 
 def _drawn(xy_m: FloatArray, draw: int) -> FloatArray:

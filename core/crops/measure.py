@@ -35,10 +35,13 @@ LODGED: Final = 0.6
 """Share of the height of the upper tenth of a parcel below which a square is low."""
 LODGED_SHARE: Final = 0.1
 """Share of low squares from which a parcel is marked."""
+BLUR_SHARE: Final = 0.5
+"""Variance of the place of a return on each horizontal axis, as a share of that of its height. Noise of ranges at 45°
+makes a quarter; the width of beams and the trajectory are taken to make as much."""
 NOISE_SHARE: Final = 0.15
 """Standard deviation of the noise, as a share: the crop may scatter otherwise than the soil."""
 EXTRAPOLATED_SHARE: Final = 0.5
-"""Standard deviation of the extrapolation to many returns, as a share."""
+"""Standard deviation of the extrapolations to many returns and to no horizontal noise, as a share of each."""
 CORRELATED_PIXELS: Final = 9.0
 """Neighbouring pixels that vary together."""
 
@@ -123,7 +126,8 @@ def measure_parcels(
         grid = Grid.of_bounds(CROP_PIXEL_M, parcel.net.bounds)
         xyz = xyz if patch is not None else xyz[:0]  # without soil no pixel has a height
         above = xyz[:, 2] - patch.at(xyz[:, :2]) if patch is not None else np.zeros(0)
-        canopy = canopy_top(xyz[:, :2], above, grid, pixels_in(parcel.net, grid), noise_m)
+        blur_m = noise_m * math.sqrt(BLUR_SHARE)
+        canopy = canopy_top(xyz[:, :2], above, grid, pixels_in(parcel.net, grid), noise_m, blur_m)
         soil_sigma_m = patch.sigma_m if patch is not None else math.nan
         figures = parcel_figures(parcel.id, canopy, float(parcel.net.area) / scale**2, soil_sigma_m)
         if method == "christiansen2017":
@@ -208,4 +212,5 @@ def _height_sigma_m(canopy: Canopy, spread_m: float) -> float:
     # of a normal distribution, a third of whose square is the variance of what is spread evenly between both
     missing = 1.0 - int(canopy.seen.sum()) / max(int(canopy.net.sum()), 1)
     empty = spread_m * math.exp(-0.5 * ndtri(missing) ** 2) / math.sqrt(2.0 * math.pi * 3.0)
-    return math.sqrt(chance**2 + model**2 + noise**2 + empty**2 + (EXTRAPOLATED_SHARE * canopy.extrapolated_m) ** 2)
+    extrapolated = EXTRAPOLATED_SHARE * math.hypot(canopy.extrapolated_m, canopy.sharpened_m)
+    return math.sqrt(chance**2 + model**2 + noise**2 + empty**2 + extrapolated**2)

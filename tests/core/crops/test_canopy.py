@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from scipy.ndimage import gaussian_filter
 
 from furrowmap.core.crops.canopy import Canopy, canopy_top
 from furrowmap.core.crops.measure import parcel_figures
@@ -58,6 +59,26 @@ def test_canopy_top__does_not_depend_on_returns_outside_nor_on_their_order() -> 
     every, some = canopy_top(xy, height, grid, net, NOISE_M), canopy_top(xy[inside], height[inside], grid, net, NOISE_M)
     assert every.top_m.tobytes() == some.top_m.tobytes()
     assert every.extrapolated_m == some.extrapolated_m != 0.0
+
+
+def test_canopy_top__of_returns_with_horizontal_noise_is_drawn_to_that_without() -> None:
+    """Plants of 1 cm with gaps between them, which returns of plants beside them hide."""
+    rng = np.random.default_rng(0)
+    top = 0.5 + 0.2 * gaussian_filter(rng.standard_normal((240, 440)), 2.0)
+    gaps = gaussian_filter(rng.standard_normal(top.shape), 4.0)
+    top[gaps > np.quantile(gaps, 0.97)] = 0.0
+    xy = rng.uniform((0.0, 0.0), (4.4, 2.4), (100_000, 2))
+    row, column = np.floor(xy.T[::-1] / 0.01).astype(int)
+    height = np.maximum(top[row, column] - 0.08 * rng.weibull(1.3, len(xy)), 0.0)
+    height += NOISE_M * rng.standard_normal(len(xy))
+    grid = Grid.of_bounds(0.04, (0.2, 0.2, 4.2, 2.2))
+    noisy = xy + NOISE_M * rng.standard_normal(xy.shape)
+    net = np.ones(grid.shape, bool)
+    true, blurred = (canopy_top(places, height, grid, net, NOISE_M).top_m.mean() for places in (xy, noisy))
+    found = canopy_top(noisy, height, grid, net, NOISE_M, NOISE_M)
+    assert blurred - true > 0.006
+    assert 0.0 < found.top_m.mean() - true < 0.7 * (blurred - true)
+    assert found.sharpened_m == pytest.approx(found.top_m.mean() - blurred, abs=1e-4)
 
 
 def test_parcel_figures__of_a_dense_canopy() -> None:

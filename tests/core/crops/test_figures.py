@@ -101,6 +101,7 @@ def test_chance__is_taken_out_of_what_varies() -> None:
         ({}, 0.007, 0.007),
         ({"error_m": 0.7}, 0.0, 0.7 / math.sqrt(5000)),
         ({"extrapolated_m": -0.01}, 0.0, 0.005),
+        ({"sharpened_m": -0.01}, 0.0, 0.005),
         ({"penetration": Penetration(1.0, 0.2, 0.0)}, 0.0, 0.05 * 0.2),
         ({"penetration": Penetration(1.0, 1e-9, 0.02)}, 0.0, 0.15 * 0.02),
     ],
