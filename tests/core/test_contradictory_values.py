@@ -18,8 +18,9 @@ from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.images.frames import FramePoses, Frames
 from furrowmap.core.readers.nmea.sentences import Sentences
 from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.spinning.decoder import PacketDecoder
 from furrowmap.core.readers.states_csv import StatesCsv
-from furrowmap.core.readers.velodyne.decoder import PacketDecoder
+from furrowmap.core.readers.velodyne.models import VELODYNE
 from furrowmap.core.runtime import npz
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.npz import read_npz
@@ -55,7 +56,7 @@ def scan(**changes: Any) -> Scan:
 
 
 def velodyne(payloads: Any, host_s: Any) -> object:
-    return PacketDecoder("VLP-16").push(np.array(payloads), np.array(host_s))
+    return PacketDecoder(VELODYNE).push(np.array(payloads), np.array(host_s))
 
 
 def with_head(value: Any) -> bytes:
@@ -103,7 +104,7 @@ def states(begin_s: Any, end_s: Any, confidence: Any = TWO) -> ToolStates:
         (lambda: classify_ground(np.zeros((3, 2))), r"points of shape \(3, 2\)"),
         (lambda: classify_ground(THREE), r"points of shape \(3,\)"),
         (lambda: unpacked(with_head(msgspec.msgpack.Ext(2, b"")), np.ndarray), "unknown code 2"),
-        (lambda: velodyne([np.zeros(1205, np.uint8)], [0.0]), "must be"),
+        (lambda: velodyne(np.zeros(1206, np.uint8), [0.0]), "must be"),
         (lambda: velodyne([np.zeros(1206, np.uint8)], [0.0, 1.0]), "must be"),
         (lambda: cloth_ground(np.array([[0.0, 0.0, np.nan]])), "not finite"),
         (lambda: unpacked(with_head(1)[:-1], int), "the head is cut off"),

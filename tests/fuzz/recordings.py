@@ -18,6 +18,7 @@ from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.results import read_raster
+from tests.core.readers import hesai_packets
 from tests.core.readers.small_bags import ROS1, mixed, write_bag1, write_bag2
 from tests.core.readers.test_pcap_framing import PcapNg
 from tests.core.readers.velodyne_packets import DUAL, HDL32E, frames, position_packet, rmc, turning, write_pcap
@@ -80,12 +81,15 @@ def capture_seeds(folder: Path) -> list[Files]:
         "single": [*stamps, *turning(30)],
         "dual": turning(24, mode=DUAL),
         "hdl": turning(24, product=HDL32E),
+        "xt32": [*hesai_packets.turning("PandarXT-32", 24), hesai_packets.gps_packet(1000.0, rmc())],
+        "p40": hesai_packets.turning("Pandar40P", 24, returns=2),
     }
     made = [write_pcap(folder / f"{name}.pcap", frames(packets)) for name, packets in recordings.items()]
     ng = PcapNg()
     blocks = [ng.packet(1_750_000_000_000_000 + 1327 * i, data) for i, (_, data) in enumerate(frames(turning(24)))]
     return [
         *({"recording.pcap": path.read_bytes()} for path in made),
+        {"xt32.pcap": made[3].read_bytes(), "angles.csv": hesai_packets.calibration(15.0 - np.arange(32.0)).encode()},
         {"recording.pcapng": ng.section() + ng.interface() + b"".join(blocks)},
     ]
 

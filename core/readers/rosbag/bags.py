@@ -23,10 +23,10 @@ from furrowmap.core.readers.rosbag.messages import (
     IMU,
     LASER_SCAN,
     NAV_SAT_FIX,
+    PACKET_SCANS,
     POINT_CLOUD,
     QUATERNION,
     SENTENCE,
-    VELODYNE_SCAN,
     AttitudeLog,
     FixLog,
     ImuLog,
@@ -90,7 +90,7 @@ class _RosBag(FileReader):
 
     def scans(self) -> Iterator[Scan]:
         """The scans of the topic with the most packets, else point clouds, else sweeps of a line scanner."""
-        chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD, LASER_SCAN)
+        chosen = self._choose("laser scans", *PACKET_SCANS, POINT_CLOUD, LASER_SCAN)
         yield from self._scans(chosen, self._decoder(chosen))
 
     def track(self) -> GnssTrack:
@@ -213,10 +213,10 @@ class _RosBag(FileReader):
 
     def _decoder(self, chosen: _Topic) -> PacketScans | CloudScans | LineScans:
         source = self._source(chosen)
-        if chosen.type == VELODYNE_SCAN:
+        if chosen.type in PACKET_SCANS:
             from furrowmap.core.readers.rosbag.packets import PacketScans
 
-            return PacketScans(source, self.options)
+            return PacketScans(source, self.paths[0], chosen.type, self.options)
         return CloudScans(source) if chosen.type == POINT_CLOUD else LineScans(source)
 
     def _scans(self, chosen: _Topic, decoder: PacketScans | CloudScans | LineScans) -> Iterator[Scan]:
@@ -315,7 +315,7 @@ class _RosBag(FileReader):
             self._add_notices(Notice("bag-messages-damaged", source=source, damaged=damaged, first=first))
 
     def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        chosen = self._choose("laser scans", VELODYNE_SCAN, POINT_CLOUD, LASER_SCAN)
+        chosen = self._choose("laser scans", *PACKET_SCANS, POINT_CLOUD, LASER_SCAN)
         decoder = self._decoder(chosen)
         scans = points = 0
         first_s, last_s = float("inf"), float("-inf")

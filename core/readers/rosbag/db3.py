@@ -72,7 +72,8 @@ class Db3Storage(BagStorage):
 
     def _rows(self, connection: sqlite3.Connection, topics: Collection[str] | None) -> Iterator[BagMessage]:
         rows = connection.execute("SELECT id, name, type, serialization_format FROM topics")
-        known = {number: (str(name), ros2_type(str(kind)), str(encoding)) for number, name, kind, encoding in rows}
+        # Converted bags state no format: messages of ROS 2 are CDR.
+        known = {number: (str(name), ros2_type(str(kind)), str(form or "cdr")) for number, name, kind, form in rows}
         wanted = [number for number, (topic, _, _) in known.items() if topics is None or topic in topics]
         (last,) = connection.execute("SELECT max(id) FROM messages").fetchone()
         rows = connection.execute(

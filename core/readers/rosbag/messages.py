@@ -3,10 +3,11 @@
 An Imu message has specific force in m/s² and angular rate in rad/s, along the axes of its frame (REP-103, REP-145); at
 rest the force points up. A covariance that begins with −1 means that its quantity was not measured.
 
-Definitions: the ROS packages sensor_msgs, velodyne_msgs, nmea_msgs and dji_sdk. DJI's node publishes attitudes as
-AttitudeQuaternion (forward, right, down to north, east, down) and positions as GlobalPosition up to version 3.2, and
-both as messages of ROS from 3.3 on; its headings are from true north, its heights from the barometer, above sea level.
-`rosbags` is imported with the first message, because all readers are imported at each start.
+Definitions: the ROS packages sensor_msgs, velodyne_msgs, pandar_msgs (also named hesai_lidar), hesai_ros_driver,
+nmea_msgs and dji_sdk. DJI's node publishes attitudes as AttitudeQuaternion (forward, right, down to north, east, down)
+and positions as GlobalPosition up to version 3.2, and both as messages of ROS from 3.3 on; its headings are from true
+north, its heights from the barometer, above sea level. `rosbags` is imported with the first message, because all
+readers are imported at each start.
 """
 
 from __future__ import annotations
@@ -156,7 +157,13 @@ def _is_turn(quaternion: FloatArray) -> NDArray[np.bool_]:
 
 
 POINT_CLOUD: Final = "sensor_msgs/msg/PointCloud2"
-VELODYNE_SCAN: Final = "velodyne_msgs/msg/VelodyneScan"
+PACKET_SCANS: Final = {
+    "velodyne_msgs/msg/VelodyneScan": "Velodyne",
+    "pandar_msgs/msg/PandarScan": "Hesai",
+    "hesai_lidar/msg/PandarScan": "Hesai",
+    "hesai_ros_driver/msg/UdpFrame": "Hesai",
+}
+"""Type of messages of packets → maker of the scanner."""
 LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
 NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
 SENTENCE: Final = "nmea_msgs/msg/Sentence"
@@ -174,7 +181,13 @@ ambiguities give centimetres, float ones decimetres."""
 
 _DEFINITIONS: Final = {
     "velodyne_msgs/msg/VelodynePacket": f"builtin_interfaces/Time stamp\nuint8[{PACKET_BYTES}] data\n",
-    VELODYNE_SCAN: "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets\n",
+    "velodyne_msgs/msg/VelodyneScan": "std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets\n",
+    "pandar_msgs/msg/PandarPacket": "builtin_interfaces/Time stamp\nuint8[1500] data\nuint32 size\n",
+    "pandar_msgs/msg/PandarScan": "std_msgs/Header header\npandar_msgs/PandarPacket[] packets\n",
+    "hesai_lidar/msg/PandarPacket": "builtin_interfaces/Time stamp\nuint8[] data\nuint32 size\n",
+    "hesai_lidar/msg/PandarScan": "std_msgs/Header header\nhesai_lidar/PandarPacket[] packets\n",
+    "hesai_ros_driver/msg/UdpPacket": "builtin_interfaces/Time stamp\nuint8[] data\nuint32 size\n",
+    "hesai_ros_driver/msg/UdpFrame": "std_msgs/Header header\nhesai_ros_driver/UdpPacket[] packets\n",
     SENTENCE: "std_msgs/Header header\nstring sentence\n",
     DJI_ATTITUDE: "std_msgs/Header header\nint32 ts\n"
     + "".join(f"float32 {name}\n" for name in ("q0", "q1", "q2", "q3", "wx", "wy", "wz")),

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from furrowmap.core.readers.reader import ReadOptions
+from furrowmap.core.readers.reader import ReadOptions, open_recording
+from furrowmap.core.readers.spinning.clock import SensorClock
+from furrowmap.core.readers.spinning.decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.captures import VelodynePcap
-from furrowmap.core.readers.velodyne.clock import SensorClock
-from furrowmap.core.readers.velodyne.decoder import PacketDecoder
-from furrowmap.core.readers.velodyne.models import MODELS, PACKET_BYTES, model_named
+from furrowmap.core.readers.velodyne.models import PACKET_BYTES, VELODYNE
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.scan import Clock, Scan
 from tests.core.readers.velodyne_packets import (
@@ -43,7 +43,7 @@ HALF_COUNT_RAD = np.radians(0.005)
 
 def run(packets: list[bytes], model: str | None = None, batch: int = 10_000) -> tuple[PacketDecoder, list[Scan]]:
     """A decoder that packets went through, and its scans. The clock is the stamps' own, counted from 1970."""
-    decoder = PacketDecoder(model, clock=SensorClock(Clock.SENSOR_GPS, 0.0, 0.0))
+    decoder = PacketDecoder(VELODYNE, model, clock=SensorClock(Clock.SENSOR_GPS, 0.0, 0.0))
     payloads = np.frombuffer(b"".join(packets), np.uint8).reshape(-1, PACKET_BYTES)
     host_s = payloads[:, 1200:1204].copy().view("<u4")[:, 0] * 1e-6
     scans = []
@@ -148,6 +148,53 @@ def test_points__of_a_drive_lie_where_its_driver_published_them(shared_data: Pat
     assert apart_m.max() < 0.025
 
 
+def test_vls128__is_that_of_velodyne_decoder(shared_data: Path) -> None:
+    """It pauses two steps after the eighth firing, not one, and has no turning rate in the first packet."""
+    path = shared_data / "velodyne" / "vls128_single_cut.pcap"
+    scans = list(VelodynePcap([path], ReadOptions()).scans())
+    xyz, laser, intensity, t_s = (joined(scans, n) for n in ("xyz_m", "laser", "intensity", "t_s"))
+    clouds = list(vd.read_pcap(str(path), vd.Config(max_range=300.0)))
+    others = np.concatenate([c.points for c in clouds])
+    others_t_s = np.concatenate([c.stamp.device + c.points[:, 4].astype(np.float64) for c in clouds])
+    assert len(xyz) == len(others) == 209907
+    np.testing.assert_array_equal(laser, others[:, 6])
+    np.testing.assert_array_equal(intensity, others[:, 3])
+    np.testing.assert_allclose(xyz[:, 2], others[:, 2], rtol=0, atol=5e-5)
+    azimuth, others_azimuth = (np.degrees(np.arctan2(-p[:, 1], p[:, 0])) for p in (xyz, others))
+    turned_deg = (azimuth - others_azimuth + 180.0) % 360.0 - 180.0
+    assert (np.abs(turned_deg) < 0.02).mean() > 0.998
+    apart_us = 1e6 * (t_s - others_t_s - np.median(t_s - others_t_s))
+    assert np.abs(np.percentile(apart_us, [0.5, 99.5])).max() < 4.0
+
+
+def test_vls128_bag__has_the_points_of_another_driver(shared_data: Path) -> None:
+    """Its cloud has no heights of origins and, in the first three blocks of four, the azimuth of the block.
+
+    It ends with the packet before azimuth 359 degrees.
+    """
+    (path,) = (shared_data / "other_lidars" / "velodyne_vls128").glob("*.db3")
+    scan = list(open_recording([path], ReadOptions()).scans())[1]  # type: ignore[attr-defined]
+    truth = pcd(next(path.parent.glob("*.pcd")))
+    theirs = np.stack([truth["x"], truth["y"], truth["z"]], axis=1).astype(float)
+    model = VELODYNE.named("VLS-128")
+    elevation_deg, firing = np.empty(128), np.empty(128)
+    elevation_deg[model.laser_order], firing[model.laser_order] = model.elevation_deg, np.arange(128) // 8
+    mine = scan.xyz_m.astype(float)
+    mine[:, 2] += 0.05863 * np.tan(np.radians(elevation_deg))[scan.laser]
+    turned = np.radians(3600.0 * 2.764e-6 * (firing + firing // 8)[scan.laser])
+    cos, sin = np.cos(turned), np.sin(turned)
+    mine[:, :2] = np.stack([mine[:, 0] * cos - mine[:, 1] * sin, mine[:, 0] * sin + mine[:, 1] * cos], axis=1)
+    laser = np.abs(np.degrees(np.arctan2(theirs[:, 2], np.hypot(*theirs[:, :2].T)))[:, None] - elevation_deg).argmin(1)
+    first = theirs[firing[laser] < 12]
+    assert len(first) > 0.7 * len(theirs) > 0.99 * 0.7 * len(mine)
+    apart_m = cKDTree(mine).query(first)[0]
+    assert (apart_m < 0.01 + np.radians(0.01) * np.linalg.norm(first, axis=1)).mean() > 0.999
+    times = [scan.t_s[scan.laser == i] for i in np.unique(scan.laser)]
+    assert len(times) == 127  # the highest has no return
+    assert all((np.diff(t_s) > 0).all() for t_s in times)
+    assert np.median([np.ptp(t_s) for t_s in times]) > 0.09
+
+
 @pytest.mark.parametrize("name", PRODUCTS)
 def test_geometry__is_the_table_of_each_model(name: str) -> None:
     """One packet, against velodyne-decoder's tables: angles, heights, firing times, order of elevation."""
@@ -162,7 +209,7 @@ def test_geometry__is_the_table_of_each_model(name: str) -> None:
     np.testing.assert_array_equal(scan.laser, others[:, 6])
 
 
-@pytest.mark.parametrize("model", MODELS, ids=lambda m: m.name)
+@pytest.mark.parametrize("model", VELODYNE.models, ids=lambda m: m.name)
 def test_laser__counts_the_elevations_from_below(model) -> None:  # type: ignore[no-untyped-def]
     (scan,) = scans_of([data_packet(product=model.product)])
     z = np.array([scan.xyz_m[scan.laser == i, 2].mean() for i in range(model.lasers)])
@@ -182,7 +229,7 @@ def test_frame__has_x_at_azimuth_0_and_y_at_270() -> None:
 
 def test_heights__are_those_of_the_manual() -> None:
     """VLP-16 manual, table 9-1: +11.2 mm at -15 degrees to -11.2 mm at +15 degrees."""
-    model = model_named("VLP-16")
+    model = VELODYNE.named("VLP-16")
     printed_mm = [11.2, -0.7, 9.7, -2.2, 8.1, -3.7, 6.6, -5.1, 5.1, -6.6, 3.7, -8.1, 2.2, -9.7, 0.7, -11.2]
     np.testing.assert_allclose(model.height_m * 1e3, printed_mm, atol=0.06)
 
@@ -301,7 +348,7 @@ def test_promise_05__return_mode_is_that_of_the_packets() -> None:
 def test_promise_05__model_stated_against_the_packets_is_reported_with_both() -> None:
     packets = turning(40, product=VLP16)
     decoder = decode(packets, "Puck Hi-Res")
-    assert decoder.model is model_named("puck hi res")
+    assert decoder.model is VELODYNE.named("puck hi res")
     (notice,) = decoder.notices()
     assert notice.code == "model-differs"
     assert "Decoded as Puck Hi-Res (stated in the session)" in notice.text
@@ -318,7 +365,7 @@ def test_promise_05__model_that_contradicts_the_packet_rate_is_reported() -> Non
 
 @pytest.mark.parametrize(
     ("product", "code", "words"),
-    [(0xA1, "unsupported-model", "VLS-128"), (0x23, "unsupported-model", "VLP-32A"), (0x00, "model-unknown", "0x00")],
+    [(0x63, "unsupported-model", "VLS-128"), (0x23, "unsupported-model", "VLP-32A"), (0x00, "model-unknown", "0x00")],
 )
 def test_promise_05__model_that_is_not_known_is_refused(product: int, code: str, words: str) -> None:
     with pytest.raises(InputError, match=words) as error:
@@ -330,12 +377,12 @@ def test_promise_05__model_that_is_not_known_is_refused(product: int, code: str,
 
 @pytest.mark.parametrize("name", ["VLP-16", "vlp16", "Velodyne VLP-16", "Puck", "Puck LITE", "puck_lite"])
 def test_model_named__reads_the_usual_spellings(name: str) -> None:
-    assert model_named(name).name == "VLP-16"
+    assert VELODYNE.named(name).name == "VLP-16"
 
 
 def test_model_named__unknown_names_the_nearest() -> None:
     with pytest.raises(InputError, match="Did you mean 'VLP-32C'") as error:
-        model_named("VLP-23C")
+        VELODYNE.named("VLP-23C")
     assert error.value.code == "unknown-model"
     assert "`lidar.model`: unknown model 'VLP-23C'" in error.value.what
 
@@ -389,7 +436,7 @@ def test_without_a_clock__the_first_packets_wait_for_one() -> None:
     packets = turning(2500, 1_000_000_000)
     payloads = np.frombuffer(b"".join(packets), np.uint8).reshape(-1, PACKET_BYTES)
     host_s = 1.75e9 + np.arange(2500) * PACKET_US * 1e-6
-    decoder = PacketDecoder()
+    decoder = PacketDecoder(VELODYNE)
     assert decoder.push(payloads[:1000], host_s[:1000]) == []
     scans = decoder.push(payloads[1000:], host_s[1000:]) + decoder.finish()
     assert sum(len(scan) for scan in scans) == 2500 * 384

@@ -128,7 +128,6 @@ REFUSED = [
     ("damaged_wrong_suffix_is_a_rosbag.pcap", "not-a-capture", "a ROS 1 bag"),
     ("damaged_header_only.pcap", "no-packets", "no packets at all"),
     ("damaged_zero_length.pcap", "not-a-capture", "empty"),
-    ("vls128_single_cut.pcap", "unsupported-model", "VLS-128"),
 ]
 
 

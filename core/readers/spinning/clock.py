@@ -1,8 +1,9 @@
-"""UTC of a Velodyne's device stamps, which count microseconds of an hour.
+"""UTC of a sensor's stamps, as microseconds of an hour.
 
 The stamp of a sensor with PPS and GPRMC from a GNSS receiver counts from the full hour of UTC, and its position packets
-contain the hour (VLP-16 User Manual 63-9243 Rev. E, sections 9.3.1.6 and 9.3.3). The stamp of other sensors counts from
-power-on, and UTC comes from the recorder's time of each packet.
+contain the hour (VLP-16 User Manual 63-9243 Rev. E, sections 9.3.1.6 and 9.3.3; PandarXT User Manual, GPS data packet).
+The stamp of other sensors counts from power-on, and UTC comes from the recorder's time of each packet. Of stamps with
+a date only the place in the hour is used: the recorder knows the hour, and a sensor without a receiver no date.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ POSITION_BYTES: Final = 512
 """Length of a position packet's payload."""
 STAMP_AT: Final = 198
 SENTENCE_AT: Final = 206
+HESAI_MARK: Final = b"\xff\xee"
+"""First bytes of a position packet ("GPS data packet") of a Hesai."""
 
 PPS_STATES: Final = ("absent", "synchronising", "locked", "error")
 PPS_LOCKED: Final = 2
@@ -37,6 +40,8 @@ _JUMP_S: Final = 2.0
 """The recorder receives packets late and in bursts; if they differ more, the sensor's clock was reset."""
 _DISCIPLINED_S: Final = 2.0
 """Stamps this close to the recorder's time past the hour count from the hour: by chance, one sensor in 900 does."""
+_TAI_S: Final = 37.0
+"""TAI minus UTC since 2017. PTP counts TAI."""
 _SAME_S: Final = 0.05
 """Stamps even closer were set by the recorder, or result in the same times."""
 _LATE_S: Final = 0.02
@@ -77,12 +82,18 @@ class PositionPacket:
 
     @classmethod
     def parse(cls, payload: bytes, host_s: float) -> PositionPacket:
-        """Decode a position packet; a damaged sentence is ignored."""
-        device_s = int.from_bytes(payload[STAMP_AT : STAMP_AT + 4], "little") * 1e-6
-        pps = payload[STAMP_AT + 4]
+        """Decode a position packet of a Velodyne or a Hesai; a damaged sentence is ignored."""
+        if payload[:2] == HESAI_MARK:
+            # Two digits each, the lower one first: year, month, day, second, minute, hour; then microseconds.
+            second, minute = (payload[at] - 48 + 10 * (payload[at + 1] - 48) for at in (8, 10))
+            device_s = minute * 60 + second + int.from_bytes(payload[14:18], "little") * 1e-6
+            pps = PPS_LOCKED if payload[507] == 1 else 0
+        else:
+            device_s = int.from_bytes(payload[STAMP_AT : STAMP_AT + 4], "little") * 1e-6
+            pps = payload[STAMP_AT + 4]
         sentence_s = lat_deg = lon_deg = float("nan")
         valid = False
-        found = _GPRMC.search(payload, SENTENCE_AT)
+        found = _GPRMC.search(payload)
         if found and reduce(xor, payload[found.start() + 1 : found.end() - 3]) == int(found[14], 16):
             sentence_s = int(found[1]) * 3600 + int(found[2]) * 60 + float(found[3])
             valid = found[4] == b"A" and sentence_s < DAY_S
@@ -203,6 +214,9 @@ def settle(
     if _SAME_S < abs(past_hour_s) < _DISCIPLINED_S:
         notice = Notice("clock-sensor", positions=_no_receiver(positions), past_hour_s=past_hour_s)
         return SensorClock(Clock.SENSOR, 0.0, -past_hour_s), [notice]
+    tai_s = past_hour_s + _TAI_S
+    if abs(tai_s) < _DISCIPLINED_S:
+        return SensorClock(Clock.SENSOR, -_TAI_S, -tai_s), [Notice("clock-tai", past_hour_s=-past_hour_s)]
     key = "clock-recorder" if abs(past_hour_s) <= _SAME_S else "clock-recorder.apart"
     notice = Notice(key, receiver=_no_receiver(positions), apart_s=abs(past_hour_s))
     return SensorClock(Clock.RECORDER, home_s, 0.0), [notice]

@@ -1,4 +1,4 @@
-"""Velodyne data packets to scans, cut where a revolution ends.
+"""Data packets of spinning scanners to scans, cut where a revolution ends.
 
 The reader of a capture or a ROS bag pushes packets in batches through one `PacketDecoder` and gets scans back.
 """
@@ -10,27 +10,15 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from furrowmap.core.readers.velodyne.clock import SensorClock, settle
-from furrowmap.core.readers.velodyne.models import (
-    DUAL,
-    MODELS,
-    OTHER_PRODUCTS,
-    PACKET_BYTES,
-    RETURN_WORDS,
-    STRONGEST,
-    Model,
-    model_named,
-    model_of,
-)
-from furrowmap.core.readers.velodyne.returns import BAD_BLOCKS, CARRIED, TURNED, TURNING, decode_returns
+from furrowmap.core.readers.spinning.angles import AngleTable
+from furrowmap.core.readers.spinning.clock import SensorClock, settle
+from furrowmap.core.readers.spinning.model import RATE_TOLERANCE, ByteArray, Maker, Model
+from furrowmap.core.readers.spinning.returns import BAD_BLOCKS, CARRIED, TURNED, TURNING, decode_returns
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
-from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, Scan
-
-_RATE_TOLERANCE: Final = 0.02
 
 
 @dataclass
@@ -38,12 +26,13 @@ class PacketCounts:
     """Counts over the packets of a decoder.
 
     Attributes:
+        maker: of the scanner.
         packets: decoded data packets.
         points: returns in the scans.
         whole: complete scans.
         cut: incomplete scans.
         modes: packets by return mode byte.
-        products: packets by product byte.
+        products: packets by product.
         first_s: UTC of the first packet.
         last_s: UTC of the last packet.
         usual_s: time between packets, median of the first batch of 20 or more.
@@ -52,6 +41,7 @@ class PacketCounts:
         lost_s: their total duration.
         pauses: number of longer gaps.
         paused_s: their total duration.
+        foreign: packets skipped because they are no data packets of the model.
         repeated: packets skipped because they repeat the one before.
         late: packets with a stamp earlier than the one before.
         bad_blocks: blocks skipped because their mark is wrong.
@@ -63,6 +53,7 @@ class PacketCounts:
         host_most_s: its maximum over all packets.
     """
 
+    maker: Maker
     packets: int = 0
     points: int = 0
     whole: int = 0
@@ -79,6 +70,7 @@ class PacketCounts:
     shortest_pause_s: float = float("inf")
     longest_pause_s: float = 0.0
     paused_s: float = 0.0
+    foreign: int = 0
     repeated: int = 0
     late: int = 0
     bad_blocks: int = 0
@@ -99,6 +91,10 @@ class PacketCounts:
         """The return mode byte of most packets."""
         return self.modes.most_common(1)[0][0]
 
+    def packet_s(self, model: Model) -> float:
+        """Time from one packet to the next of a model in that mode."""
+        return model.packet_s(self.maker.modes.get(self.mode, (1, ""))[0])
+
     def note_times(self, t_s: FloatArray, host_s: FloatArray, model: Model) -> None:
         """Count gaps and disorder in the UTC `t_s` (m,) of packets; compare it with the recorder's times `host_s`."""
         self.packets += len(t_s)
@@ -110,7 +106,7 @@ class PacketCounts:
         self.last_s = float(t_s[-1])
         self.late += int((step_s < 0.0).sum())
 
-        packet_s = self.usual_s if self._contradicts(model) else model.packet_s(self.mode)
+        packet_s = self.usual_s if self._contradicts(model) else self.packet_s(model)
         half_turn_s = 0.5 * self.turning_s / self.revolutions if self.revolutions > 0.0 else 0.05
         missing_s = step_s[(step_s > 1.5 * packet_s) & (step_s <= half_turn_s)]
         self.gaps += len(missing_s)
@@ -138,32 +134,30 @@ class PacketCounts:
         notices = []
         others = {product: n for product, n in self.products.items() if product != model.product}
         if others:
-            names = OTHER_PRODUCTS | {m.product: m.name for m in MODELS}
+            names = {**self.maker.others, **{m.product: m.name for m in self.maker.models}}
             words = ", ".join(f"{names.get(p, 'unknown')} (0x{p:02x}) in {n:,} packets" for p, n in others.items())
             notices.append(Notice("model-differs", model=model.name, stated=bool(stated), words=words))
         if self._contradicts(model):
             fits = [
                 f"{m.name} ({word})"
-                for m in MODELS
-                for byte, word in ((STRONGEST, "one return"), (DUAL, "dual"))
-                if abs(self.usual_s - m.packet_s(byte)) <= _RATE_TOLERANCE * m.packet_s(byte)
+                for m in self.maker.models
+                for returns, word in ((1, "one return"), (2, "dual"))
+                if abs(self.usual_s - m.packet_s(returns)) <= RATE_TOLERANCE * m.packet_s(returns)
             ]
             notices.append(
                 Notice(
                     "packet-rate",
                     usual_s=1e3 * self.usual_s,
                     model=model.name,
-                    is_mode=self.mode == DUAL,
-                    mode=1e3 * model.packet_s(self.mode),
+                    is_mode=self.maker.modes.get(self.mode, (1, ""))[0] > 1,
+                    mode=1e3 * self.packet_s(model),
                     fits=" or ".join(fits) or "no known model",
                 )
             )
         if len(self.modes) > 1:
-            words = ", ".join(
-                f"{RETURN_WORDS.get(mode, f'0x{mode:02x}')} in {n:,} packets" for mode, n in self.modes.most_common()
-            )
+            words = ", ".join(f"{self.maker.mode_name(mode)} in {n:,} packets" for mode, n in self.modes.most_common())
             notices.append(Notice("return-mode-changed", words=words))
-        elif self.mode not in RETURN_WORDS:
+        elif self.mode not in self.maker.modes:
             notices.append(Notice("return-mode-unknown", mode=self.mode))
         if self.gaps:
             notices.append(
@@ -185,6 +179,8 @@ class PacketCounts:
                     paused_s=self.paused_s,
                 )
             )
+        if self.foreign:
+            notices.append(Notice("packets-damaged", foreign=self.foreign))
         if self.repeated:
             notices.append(Notice("repeated-packets", repeated=self.repeated))
         if self.late:
@@ -195,10 +191,8 @@ class PacketCounts:
 
     def _contradicts(self, model: Model) -> bool:
         """Whether the packet rate differs from that of the model."""
-        return abs(self.usual_s - model.packet_s(self.mode)) > _RATE_TOLERANCE * model.packet_s(self.mode)
+        return abs(self.usual_s - self.packet_s(model)) > RATE_TOLERANCE * self.packet_s(model)
 
-
-ByteArray = NDArray[np.uint8]
 
 _SETTLE_PACKETS: Final = 2000
 """Number of packets that are held back to compare the sensor's clock with the recorder's (1 to 3 s)."""
@@ -212,7 +206,7 @@ class PacketDecoder:
 
     Example:
         ```
-        decoder = PacketDecoder(model=None, where="drive.bag, /velodyne_packets")
+        decoder = PacketDecoder(VELODYNE, where="drive.bag, /velodyne_packets")
         for payloads, host_s in batches:            # any size, best a few hundred to a few thousand packets
             yield from decoder.push(payloads, host_s)
         yield from decoder.finish()
@@ -231,7 +225,9 @@ class PacketDecoder:
     returns nothing at first.
 
     Args:
+        maker: the scanner's maker.
         model: the scanner's model, which overrides the packets' product byte; None for that byte.
+        angles: the sensor's own angles; None for those of the model.
         clock: what the stamps count from; None to derive it from the recorder's times.
         where: the location that errors name: file, and topic if there is one.
         near_s: a UTC time near the recording, for recorders whose clock has no date.
@@ -245,15 +241,19 @@ class PacketDecoder:
 
     def __init__(
         self,
+        maker: Maker,
         model: str | None = None,
         *,
+        angles: AngleTable | None = None,
         clock: SensorClock | None = None,
         where: str = "",
         near_s: float | None = None,
     ) -> None:
-        self.counts = PacketCounts()
-        self._stated = model_named(model) if model else None
-        self._model: Model | None = self._stated
+        self.counts = PacketCounts(maker)
+        self._maker = maker
+        self._stated = maker.named(model) if model else None
+        self._model: Model | None = None
+        self._angles = angles
         self._clock = clock
         self._where = where
         self._near_s = near_s
@@ -281,33 +281,45 @@ class PacketDecoder:
         """Scans that these packets complete.
 
         Args:
-            payloads: (m, 1206) uint8, UDP payloads of data packets.
+            payloads: (m, k) uint8, UDP payloads of data packets.
             host_s: (m,) float64, the recorder's time of each (UTC, POSIX seconds).
 
         Raises:
             InputError: if the model is unknown or not supported.
         """
         payloads = np.ascontiguousarray(payloads, np.uint8)
-        if payloads.ndim != 2 or payloads.shape[1] != PACKET_BYTES or len(payloads) != len(host_s):
-            raise ValueError(f"payloads {payloads.shape} and host_s {np.shape(host_s)} must be (m, 1206) and (m,)")
-        offset = np.arange(len(payloads), dtype=np.int64) * PACKET_BYTES
-        return self.push_at(payloads.reshape(-1), offset, np.asarray(host_s, np.float64))
+        if payloads.ndim != 2 or len(payloads) != len(host_s):
+            raise ValueError(f"payloads {payloads.shape} and host_s {np.shape(host_s)} must be (m, k) and (m,)")
+        offset = np.arange(len(payloads), dtype=np.int64) * payloads.shape[1]
+        data = payloads.reshape(-1)
+        product = self._maker.products(data, offset, np.full(len(offset), payloads.shape[1]))
+        return self.push_at(data, offset, product, np.asarray(host_s, np.float64))
 
-    def push_at(self, data: ByteArray, offset: IntArray, host_s: FloatArray) -> list[Scan]:
+    def push_at(self, data: ByteArray, offset: IntArray, product: IntArray, host_s: FloatArray) -> list[Scan]:
         """As `push`, for packets in a larger buffer.
 
         Args:
-            offset: (m,) int64, where in `data` each payload of 1206 bytes begins.
+            offset: (m,) int64, where in `data` each payload begins.
+            product: (m,) int64, the product of each (see `Maker.products`); negative ones are skipped.
 
         Raises:
             InputError: if the model is unknown or not supported.
         """
-        if not len(offset):
+        mine = product >= 0
+        if self._model is None and mine.any():
+            self._model = self._model_of(data, offset[mine], product[mine])
+        if self._model is not None:
+            mine &= ~np.isin(product, self._maker.differently_packed(self._model.layout))
+        self.counts.foreign += int((~mine).sum())
+        if not mine.any():
             return []
+        data_offset, host_s = offset[mine], host_s[mine]
+        self.counts.products.update(sorted(product[mine].tolist()))
         if self._clock is not None:
-            return self._decode(data, offset, host_s)
-        self._early.append((data[offset[:, None] + np.arange(PACKET_BYTES)], host_s))
-        self._early_packets += len(offset)
+            return self._decode(data, data_offset, host_s)
+        assert self._model is not None
+        self._early.append((data[data_offset[:, None] + np.arange(min(self._model.layout.lengths))], host_s))
+        self._early_packets += len(data_offset)
         return self._settle() if self._early_packets >= _SETTLE_PACKETS else []
 
     def finish(self) -> list[Scan]:
@@ -315,19 +327,45 @@ class PacketDecoder:
         scans = self._settle() if self._early else []
         return scans + self._close(by_wrap=False) + self._release()
 
+    def _model_of(self, data: ByteArray, offset: IntArray, product: IntArray) -> Model:
+        """The model of the first packets: of most of them, with the firing times of its firmware and its own angles."""
+        kinds, count = np.unique(product, return_counts=True)
+        most = int(kinds[np.argmax(count)])
+        model = self._stated or self._maker.model_of(most, self._where)
+        if most in self._maker.differently_packed(model.layout):
+            raise InputError(
+                "model-contradicted",
+                where=self._where,
+                stated=model.name,
+                packed=self._maker.model_of(most, self._where).name,
+            )
+        if model.slowest_s and len(offset) > 1:
+            usual_us = float(np.median(np.diff(model.layout.stamp_us(data, offset).astype(np.int64))))
+            model = model.as_fired(usual_us * 1e-6, int(self._maker.returns(data, offset[:1], model)[0]))
+        if model.layout.distance_mm is not None:
+            model = replace(model, resolution_m=float(data[offset[0] + model.layout.distance_mm]) * 1e-3)
+        if self._angles is not None:
+            return self._angles.applied(model)
+        if self._maker.calibrated:
+            self._notices.append(Notice("angles-of-model", model=f"{self._maker.name} {model.name}"))
+        return model
+
     def _settle(self) -> list[Scan]:
+        assert self._model is not None
         payloads = np.concatenate([early for early, _ in self._early])
         host_s = np.concatenate([host_s for _, host_s in self._early])
         self._early.clear()
-        device_us = payloads[:, 1200:1204].copy().view("<u4")[:, 0]
-        self._clock, notices = settle(device_us, host_s, [], self._near_s)
+        data, offset = payloads.reshape(-1), np.arange(len(payloads), dtype=np.int64) * payloads.shape[1]
+        self._clock, notices = settle(self._model.layout.stamp_us(data, offset), host_s, [], self._near_s)
         self._notices += notices
-        return self.push(payloads, host_s)
+        return self._decode(data, offset, host_s)
 
     def _decode(self, data: ByteArray, offset: IntArray, host_s: FloatArray) -> list[Scan]:
-        tail = data[offset[:, None] + np.arange(1200, 1206)]
-        device_us = tail[:, :4].copy().view("<u4")[:, 0]
-        azimuth = data[offset + 2].astype(np.int64) | data[offset + 3].astype(np.int64) << 8
+        assert self._model is not None
+        layout = self._model.layout
+        device_us = layout.stamp_us(data, offset)
+        at = offset + layout.header + layout.azimuth
+        azimuth = data[at].astype(np.int64) | data[at + 1].astype(np.int64) << 8
         # Captures on several interfaces repeat packets.
         stamps = device_us.astype(np.int64)
         before = self._last_stamp
@@ -335,16 +373,15 @@ class PacketDecoder:
         self._last_stamp = int(stamps[-1]), int(azimuth[-1])
         if again.any():
             self.counts.repeated += int(again.sum())
-            offset, host_s, device_us, tail = offset[~again], host_s[~again], device_us[~again], tail[~again]
+            offset, host_s, device_us = offset[~again], host_s[~again], device_us[~again]
             if not len(offset):
                 return []
-        self.counts.modes.update(sorted(tail[:, 4].tolist()))
-        self.counts.products.update(sorted(tail[:, 5].tolist()))
-        if self._model is None:
-            self._model = model_of(int(np.bincount(tail[:, 5]).argmax()), self._where)
+        self.counts.modes.update(sorted(data[offset + layout.mode].tolist()))
         assert self._clock is not None
         t_s = self._clock.utc_s(device_us, host_s)
-        returns, cut_at, cut_by_wrap = decode_returns(data, offset, t_s, self._model, self._carried)
+        returns, cut_at, cut_by_wrap = decode_returns(
+            data, offset, t_s, self._maker.returns(data, offset, self._model), self._model, self._carried
+        )
         self.counts.revolutions = float(self._carried[TURNED]) / 36_000
         self.counts.turning_s = float(self._carried[TURNING])
         self.counts.bad_blocks = int(self._carried[BAD_BLOCKS])

@@ -1,0 +1,294 @@
+"""What the decoder of a spinning scanner knows of a maker, his models and their data packets: tables, no code."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.errors import InputError
+
+ByteArray = NDArray[np.uint8]
+
+MAX_RETURNS: Final = 3
+"""Returns of a firing that a packet has, at most."""
+RATE_TOLERANCE: Final = 0.02
+"""By how much the interval of packets may differ from that of the model."""
+
+
+@dataclass(frozen=True)
+class PacketLayout:
+    """Where a data packet has what: offsets in bytes from the start of the payload.
+
+    A packet has blocks of the same length; a block has the azimuth of the rotor (hundredths of a degree) and returns:
+    distance (two bytes), intensity (one), and bytes that are skipped. If firings have several returns, as many blocks
+    in a row have the same azimuth. Numbers are little-endian.
+
+    Attributes:
+        lengths: of the payload.
+        signature: offset → byte, of all its packets.
+        blocks: number of blocks.
+        header: where the first block begins.
+        azimuth: where a block has its azimuth, from the start of the block; its returns follow.
+        unit: length of a return.
+        units: returns of a block.
+        marked: whether a block begins with the bytes FF EE.
+        mode: where the return mode is.
+        stamp: where the microseconds of the stamp are.
+        date: where year, month, day, hour, minute and second of the stamp are, a byte each, or after a 0 the
+            seconds since 1970 (big-endian); None if the stamp counts from the hour.
+        product: where the model is; None if the signature is that of a model.
+        distance_mm: where the unit of distances is, in millimetres; None if the model determines it.
+    """
+
+    lengths: tuple[int, ...]
+    signature: Mapping[int, int]
+    blocks: int
+    header: int
+    azimuth: int
+    unit: int
+    units: int
+    marked: bool
+    mode: int
+    stamp: int
+    date: int | None = None
+    product: int | None = None
+    distance_mm: int | None = None
+
+    @property
+    def block(self) -> int:
+        """Length of a block."""
+        return self.azimuth + 2 + self.unit * self.units
+
+    def stamp_us(self, data: ByteArray, offset: IntArray) -> NDArray[np.uint32]:
+        """(m,) stamps of packets at `offset` (m,) in microseconds of the hour."""
+        stamp = data[offset[:, None] + np.arange(self.stamp, self.stamp + 4)].view("<u4")[:, 0]
+        if self.date is None:
+            return stamp
+        date = data[offset[:, None] + np.arange(self.date, self.date + 6)]
+        clock_s = date[:, 4].astype(np.int64) * 60 + date[:, 5]
+        epoch_s = np.ascontiguousarray(date[:, 2:]).view(">u4")[:, 0].astype(np.int64)
+        past_hour_s = np.where(date[:, 0] == 0, epoch_s, clock_s) % 3600
+        return (past_hour_s * 1_000_000 + stamp % 1_000_000).astype(np.uint32)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A sensor's geometry and timing.
+
+    Attributes:
+        name: the manufacturer's name.
+        product: how its packets state the model.
+        layout: of its packets.
+        resolution_m: distance per count.
+        cycle_s: time between the firing sequences, in which all lasers fire once.
+        laser_s: (n,) firing time of each laser in the sequence, in the order of the packet. The azimuth of the block is
+            that at 0.
+        elevation_deg: (n,) of each laser, in the same order.
+        azimuth_deg: (n,) azimuth of each laser relative to that of the block.
+        height_m: (n,) height of each beam's origin on the vertical axis above the sensor's origin.
+        start_s: start of the packet's first firing sequence, relative to the packet's stamp; of its last one if
+            `stamp_at_last`.
+        slowest_s: cycle of the slowest firmware, if that differs: the interval of packets shows which it is. 0 if not.
+    """
+
+    name: str
+    product: int
+    layout: PacketLayout
+    resolution_m: float
+    cycle_s: float
+    laser_s: FloatArray
+    elevation_deg: FloatArray
+    azimuth_deg: FloatArray
+    height_m: FloatArray
+    start_s: float = 0.0
+    stamp_at_last: bool = False
+    slowest_s: float = 0.0
+
+    @property
+    def lasers(self) -> int:
+        """Number of lasers."""
+        return len(self.elevation_deg)
+
+    @property
+    def firings_per_block(self) -> int:
+        """Firing sequences in a block, at least 1."""
+        return max(1, self.layout.units // self.lasers)
+
+    @property
+    def blocks_per_firing(self) -> int:
+        """Blocks that a firing sequence takes with one return, at least 1."""
+        return max(1, self.lasers // self.layout.units)
+
+    def groups(self, returns: int) -> int:
+        """Azimuths in a packet whose firings have so many returns: blocks that are left over are empty."""
+        return self.layout.blocks // (self.blocks_per_firing * returns)
+
+    def packet_s(self, returns: int) -> float:
+        """Time from one packet to the next if firings have so many returns."""
+        return self.groups(returns) * self.firings_per_block * self.cycle_s
+
+    def as_fired(self, packet_s: float, returns: int) -> Model:
+        """The model with the cycle of packets that follow each other by `packet_s`, if that is one of its own."""
+        cycle_s = self.cycle_s * packet_s / self.packet_s(returns)
+        if not (1.0 - RATE_TOLERANCE) * self.cycle_s < cycle_s < (1.0 + RATE_TOLERANCE) * self.slowest_s:
+            return self
+        return replace(self, cycle_s=cycle_s, laser_s=self.laser_s * (cycle_s / self.cycle_s))
+
+    @cached_property
+    def laser_table(self) -> FloatArray:
+        """(n, 5) firing time, azimuth (rad), cosine and sine of the elevation, and height of each laser."""
+        elevation, azimuth = np.radians(self.elevation_deg), np.radians(self.azimuth_deg)
+        columns = [self.laser_s, azimuth, np.cos(elevation), np.sin(elevation), self.height_m]
+        return np.ascontiguousarray(np.stack(columns, axis=1))
+
+    @cached_property
+    def laser_order(self) -> ByteArray:
+        """(n,) rank of each laser by elevation."""
+        order = np.empty(self.lasers, np.uint8)
+        order[np.argsort(self.elevation_deg, kind="stable")] = np.arange(self.lasers, dtype=np.uint8)
+        return order
+
+    @cached_property
+    def packet_table(self) -> IntArray:
+        """(3, 2 + n) for firings with one, two and three returns.
+
+        Number of azimuths in a packet, bytes from one to the next, and where the first return of each laser is, from
+        the start of the block.
+        """
+        layout, lasers = self.layout, np.arange(self.lasers)
+        rows = []
+        for returns in range(1, MAX_RETURNS + 1):
+            at = lasers // layout.units * layout.block * returns + lasers % layout.units * layout.unit
+            stride = layout.block * self.blocks_per_firing * returns
+            rows.append(np.concatenate([(self.groups(returns), stride), layout.azimuth + 2 + at]))
+        return np.stack(rows).astype(np.int64)
+
+    @cached_property
+    def first_firing_s(self) -> FloatArray:
+        """(3,) start of the first firing sequence relative to the stamp, with one, two and three returns."""
+        returns = range(1, MAX_RETURNS + 1)
+        before = [self.packet_s(r) - self.cycle_s if self.stamp_at_last else 0.0 for r in returns]
+        return self.start_s - np.array(before)
+
+
+@dataclass(frozen=True)
+class Maker:
+    """The models of a maker.
+
+    Attributes:
+        name: the manufacturer's name.
+        models: that can be decoded.
+        modes: return mode byte → number of returns of a firing, and name.
+        others: product → name, of models that cannot be decoded.
+        other_names: further name of a model → its name.
+        other_packets: signature (see `PacketLayout`) → product, of packets of models that cannot be decoded.
+        calibrated: whether each sensor has angles of its own, in a file.
+    """
+
+    name: str
+    models: tuple[Model, ...]
+    modes: Mapping[int, tuple[int, str]]
+    others: Mapping[int, str]
+    other_names: Mapping[str, str] = field(default_factory=dict)
+    other_packets: tuple[tuple[Mapping[int, int], int], ...] = ()
+    calibrated: bool = False
+
+    def products(self, data: ByteArray, offset: IntArray, length: IntArray) -> IntArray:
+        """(m,) products of datagrams at `offset` (m,) of `length` (m,) bytes; -1 of those that are no data packets."""
+        products = np.full(len(offset), -1, np.int64)
+        for signature, product in self.other_packets:
+            products[_signed(data, offset, length, signature)] = product
+        for model in self.models:
+            layout = model.layout
+            mine = np.isin(length, layout.lengths)
+            mine[mine] = _signed(data, offset[mine], length[mine], layout.signature)
+            products[mine] = model.product if layout.product is None else data[offset[mine] + layout.product]
+        return products
+
+    def returns(self, data: ByteArray, offset: IntArray, model: Model) -> ByteArray:
+        """(m,) returns of the firings of packets.
+
+        Two in unknown modes if the first two blocks have the same azimuth.
+        """
+        number = np.zeros(256, np.uint8)
+        for mode, (returns, _) in self.modes.items():
+            number[mode] = returns
+        found = number[data[offset + model.layout.mode]]
+        at = offset + model.layout.header + model.layout.azimuth
+        further = model.layout.block * model.blocks_per_firing
+        twice = (data[at] == data[at + further]) & (data[at + 1] == data[at + further + 1])
+        return np.where(found > 0, found, 1 + twice).astype(np.uint8)
+
+    def layout_of(self, product: int) -> PacketLayout:
+        """The layout of packets with this product.
+
+        Raises:
+            InputError: if it is the product of packets that cannot be decoded.
+        """
+        if any(product == other for _, other in self.other_packets):
+            self.model_of(product)
+        return next((m.layout for m in self.models if m.product == product), self.models[0].layout)
+
+    def differently_packed(self, layout: PacketLayout) -> list[int]:
+        """Products of packets with another layout."""
+        return [m.product for m in self.models if m.layout is not layout] + [other for _, other in self.other_packets]
+
+    def mode_name(self, mode: int) -> str:
+        """Name of a return mode."""
+        return self.modes[mode][1] if mode in self.modes else f"unknown (0x{mode:02x})"
+
+    def named(self, name: str) -> Model:
+        """The model with this name, ignoring case and punctuation.
+
+        Raises:
+            InputError: if it is not supported.
+        """
+        by_name = {self._plain(model.name): model for model in self.models}
+        by_name.update({self._plain(other): by_name[self._plain(to)] for other, to in self.other_names.items()})
+        found = by_name.get(self._plain(name))
+        if found is None:
+            near = difflib.get_close_matches(self._plain(name), by_name, 1)
+            raise InputError(
+                "unknown-model",
+                name=name,
+                models=self.model_names,
+                by_name=by_name[near[0]].name if near else None,
+            )
+        return found
+
+    def model_of(self, product: int, where: str = "") -> Model:
+        """The model with this product.
+
+        Raises:
+            InputError: if it is not supported.
+        """
+        for model in self.models:
+            if model.product == product:
+                return model
+        stated = {"where": where or None, "product": product, "models": self.model_names}
+        if product in self.others:
+            raise InputError("unsupported-model", model=f"{self.name} {self.others[product]}", **stated)
+        raise InputError("model-unknown", **stated)
+
+    @property
+    def model_names(self) -> str:
+        """Names of the models, for messages."""
+        return ", ".join(model.name for model in self.models)
+
+    def _plain(self, name: str) -> str:
+        return "".join(c for c in name.casefold() if c.isalnum()).removeprefix(self.name.casefold())
+
+
+def _signed(data: ByteArray, offset: IntArray, length: IntArray, signature: Mapping[int, int]) -> NDArray[np.bool_]:
+    """Which datagrams have these bytes."""
+    signed: NDArray[np.bool_] = length > max(signature)
+    for at, byte in signature.items():
+        signed[signed] = data[offset[signed] + at] == byte
+    return signed
