@@ -123,6 +123,7 @@ def _crop_rows(crops: dict[str, Any]) -> list[tuple[str, str | None]]:
         (tr("Parcels"), str(len(heights))),
         (tr("Crop height"), words.format(low=100 * heights[0], high=100 * heights[-1], mean=100 * mean)),
         (tr("Crop volume"), _number(sum(volumes) or None, "{:,.1f} m³")),
+        (tr("Response"), localized(object_in(crops, "response"), "words")),
     ]
 
 
@@ -166,13 +167,18 @@ def _field(figures: dict[str, Any]) -> str | None:
 
 def _conditions(accuracy: dict[str, Any]) -> str | None:
     """Why no accuracy is stated, or what the stated one rests on."""
+    places = {
+        "antenna.xyz_m": tr("position of the antenna"),
+        "lidar.xyz_m": tr("position of the scanner"),
+        "lidar.rpy_deg": tr("orientation of the scanner"),
+    }
     for key, text in (
-        ("unstated", tr("unknown, because the session leaves out {keys}")),
-        ("unconfirmed", tr("if {keys} is right, which the recording does not show")),
+        ("unstated", tr("unknown, because the session leaves out: {keys}")),
+        ("unconfirmed", tr("depends on what the recording does not show: {keys}")),
     ):
         keys = accuracy.get(key)
         if keys and isinstance(keys, list):
-            return text.format(keys=", ".join(map(str, keys)))
+            return text.format(keys=tr(", ").join(places.get(str(each), str(each)) for each in keys))
     return None
 
 

@@ -26,7 +26,14 @@ from .legends import label_band, name_node, translate_colours
 from .previews import remove_previews
 from .processing.loading import sources
 from .products import product, read_object
-from .styles import load_style_of_language, set_terrain, show_as_change, show_as_surface, show_by_class
+from .styles import (
+    fill_worked,
+    load_style_of_language,
+    set_terrain,
+    show_as_change,
+    show_as_surface,
+    show_by_class,
+)
 
 tr = partial(QCoreApplication.translate, "Results")
 
@@ -39,14 +46,19 @@ SURFACES = (
 )
 COLOURED_SURFACES = ("crop_height", "change", "swaths", "height_above_ground", "strip_overlap", "density")
 """Rasters in colours, which lie above the hillshade."""
+FARM_LAYERS = ("fields", "sessions", "boundary", "coverage", "plants", "lines", "planes")
+"""Layers of a farm map that are seen at first: what one session missed, another one may have worked."""
 _ALWAYS = ("boundary", "trajectory", "plants", "lines", "planes", "orthophoto", "dsm")
 THEMES = {
-    "work": (*_ALWAYS, "events", "misses", "unworked", "overlaps", "coverage", "passes"),
+    "work": (*_ALWAYS, "misses", "unworked", "overlaps", "coverage"),
+    "passes": (*_ALWAYS, "events", "overlaps", "passes"),
     "crops": (*_ALWAYS, "parcels", "crop_height"),
     "surface": (*_ALWAYS, "change", "zones", "tool_path"),
     "quality": ("trajectory", "boundary", "strip_differences", "strip_overlap", "density", "swaths", "dsm"),
 }
 """Layers of a run that are seen together."""
+KNOWN_AT_THE_END = ("coverage", "misses", "unworked", "change")
+"""Layers that hold from the end of the drive on."""
 WORKED_LAYERS = ("coverage", "change", "dsm_before")
 """Layers of a tool's work: with them, the surface is that after the work."""
 MEASURED_LAYERS = ("trajectory", "events", "tool_path")
@@ -121,6 +133,9 @@ def opening(folder: str | Path, project: QgsProject | None = None) -> Generator[
     show_theme(group, next(iter(themes_of(group))))
     set_terrain(project, layers)
     set_time_range(project, report)
+    for layer in layers:
+        if layer.name() in KNOWN_AT_THE_END:
+            show_from_end(layer, report)
     return layers
 
 
@@ -165,6 +180,8 @@ def open_farm_map(path: str | Path) -> list[QgsMapLayer]:
         node = QgsLayerTreeLayer(layer)
         name_node(node)
         group.addChildNode(node)
+        node.setItemVisibilityChecked(layer.name() in FARM_LAYERS)
+        node.setExpanded(False)
     return layers
 
 
@@ -178,6 +195,8 @@ def field_layers(folder: Path) -> Iterator[QgsVectorLayer]:
         layer = QgsVectorLayer(details.uri(), details.name(), details.providerKey())
         layer.loadDefaultStyle()  # again: a new layer takes the symbols of its style, but not the temporal settings
         load_style_of_language(layer)
+        if layer.name() == "coverage":
+            fill_worked(layer)
         if layer.name() in MEASURED_LAYERS:
             layer.elevationProperties().setClamping(Qgis.AltitudeClamping.Absolute)
         if layer.name() == "trajectory" and "tool_path" in {other.name() for other in found}:
@@ -205,7 +224,9 @@ def cloud_layers(folder: Path) -> Iterator[QgsPointCloudLayer]:
     """The point cloud of a run, if there is one, coloured by class, in 3D as well."""
     path = product(folder, CLOUD)
     if path.is_file():
-        layer = QgsPointCloudLayer(str(path), "cloud", "copc")
+        options = QgsPointCloudLayer.LayerOptions()
+        options.skipStatisticsCalculation = True  # colours by class need none
+        layer = QgsPointCloudLayer(str(path), "cloud", "copc", options)
         if layer.isValid():
             show_by_class(layer)
         yield layer
@@ -232,6 +253,16 @@ def set_time_range(project: QgsProject, report: dict[str, Any]) -> None:
     if known.begin().isValid() and known.end().isValid():
         start, end = min(start, known.begin()), max(end, known.end())
     project.timeSettings().setTemporalRange(QgsDateTimeRange(start, end))
+
+
+def show_from_end(layer: QgsVectorLayer | QgsRasterLayer, report: dict[str, Any]) -> None:
+    """Have the temporal controller show a layer from the end of the drive on."""
+    span, time = time_span(report), layer.temporalProperties()
+    if span is not None:
+        modes = Qgis.RasterTemporalMode if isinstance(layer, QgsRasterLayer) else Qgis.VectorTemporalMode
+        time.setMode(modes.FixedTemporalRange)
+        time.setFixedTemporalRange(QgsDateTimeRange(span[1], QDateTime()))
+        time.setIsActive(True)
 
 
 def time_span(report: dict[str, Any]) -> Sequence[QDateTime] | None:

@@ -71,9 +71,14 @@ def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[s
     layout.setName(name)
     root = project.layerTreeRoot()
     visible = {node.layerId() for node in root.findLayers() if node.isVisible()}
+    by_name = {node.layer().name(): node.layer() for node in group.findLayers()}
+    passes, coverage = by_name.get("passes"), by_name.get("coverage")
+    if (
+        passes is not None and coverage is not None and coverage.id() in visible
+    ):  # a page for each pass shows which it is
+        visible = (visible - {coverage.id()}) | {passes.id()}
     shown = [layer for layer in root.layerOrder() if layer.id() in visible]
-    session = [node.layer() for node in group.findLayers() if node.layer() in shown]
-    passes = next((node.layer() for node in group.findLayers() if node.layer().name() == "passes"), None)
+    session = [layer for layer in by_name.values() if layer in shown]
     warned = verdict_html(report)
     warned = warned and f'<div style="{FONT}">{warned}</div>'
     top_mm = TOP_MM + (_height_mm(warned, PAGE_WIDTH_MM) if warned else 0.0)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from qgis.core import (
     QgsApplication,
     QgsColorRampShader,
+    QgsFillSymbol,
     QgsHillshadeRenderer,
     QgsMapLayer,
     QgsPointCloudCategory,
@@ -18,6 +19,7 @@ from qgis.core import (
     QgsRasterLayer,
     QgsRasterShader,
     QgsSingleBandPseudoColorRenderer,
+    QgsSingleSymbolRenderer,
     QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
@@ -27,6 +29,7 @@ from qgis.PyQt.QtXml import QDomDocument
 LIGHT_AZIMUTH_DEG, LIGHT_ALTITUDE_DEG = 315.0, 40.0
 RELIEF_OPACITY = 0.6
 """The base map shows through the relief."""
+WORKED_COLOUR, WORKED_OPACITY = "31,120,180,255", 0.75
 CHANGE_M = 0.10
 CHANGES = (  # metres, colour: sunk, unchanged, risen; as the products' own style
     (-CHANGE_M, "#01665e"),
@@ -74,6 +77,13 @@ def show_as_change(layer: QgsRasterLayer, *, styled: bool = False) -> None:
     renderer = set_colours(layer, ramp)
     renderer.setClassificationMin(-CHANGE_M)
     renderer.setClassificationMax(CHANGE_M)
+
+
+def fill_worked(layer: QgsVectorLayer) -> None:
+    """Fill all ground worked in one bold colour."""
+    look = {"color": WORKED_COLOUR, "outline_color": WORKED_COLOUR, "outline_width": "0.3"}
+    layer.setRenderer(QgsSingleSymbolRenderer(QgsFillSymbol.createSimple(look)))
+    layer.setOpacity(WORKED_OPACITY)
 
 
 def load_style_of_language(layer: QgsVectorLayer) -> None:

@@ -35,6 +35,8 @@ PLATFORMS = {  # (sys_platform, platform_machine) → pip's tags
 SYSTEMS = {"linux": "Linux", "darwin": "Darwin", "win32": "Windows"}
 EXTRAS = ("bags",)
 """What the plugin installs besides: recordings in ROS bags are opened from its dock."""
+MORE = ("pillow",)
+"""Of other extras: with it, images of a camera colour points and give an orthophoto."""
 Target = tuple[str, str, str]  # sys_platform, platform_machine, Python
 HEAD = """\
 # The dependencies of furrowmap, with the SHA-256 of their wheels: what the plugin installs into its environment.
@@ -66,6 +68,7 @@ def needed(target: Target) -> set[str]:
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))
     waiting = [*project["project"]["dependencies"], *project["build-system"]["requires"]]
     waiting += [text for extra in EXTRAS for text in project["project"]["optional-dependencies"][extra]]
+    waiting += MORE
     found: set[str] = set()
     while waiting:
         requirement = Requirement(waiting.pop())

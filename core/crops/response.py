@@ -20,6 +20,8 @@ MAX_P: Final = 0.05
 MIN_DOSES: Final = 4
 DOSE_WORDS: Final = ("n_kg_ha", "dose", "rate", "kg_ha")
 """What the names of columns with doses contain, the first that is found."""
+_COLUMN_UNITS: Final = {"kg_ha": "kg/ha", "m": "m", "m2": "m²", "m3": "m³"}
+_NUTRIENTS: Final = {"n": "nitrogen", "p": "phosphorus", "k": "potassium"}
 TRIALS: Final = 1999
 """Permutations: the least probability is 1 in 2000."""
 
@@ -46,6 +48,15 @@ def parcel_doses(parcels: Sequence[Parcel], name: str) -> NDArray[np.float64]:
 def dose_unit(name: str | None) -> str:
     """The unit that a name ends with; "" where it says none."""
     return "kg/ha" if name is not None and name.casefold().endswith("kg_ha") else ""
+
+
+def column_words(name: str) -> str:
+    """The name of a column for people, with its unit: "nitrogen (kg/ha)" for `n_kg_ha`."""
+    for suffix, unit in _COLUMN_UNITS.items():
+        if name.casefold().endswith(f"_{suffix}"):
+            words = name[: -len(suffix) - 1].replace("_", " ")
+            return f"{_NUTRIENTS.get(words.casefold(), words)} ({unit})"
+    return name.replace("_", " ")
 
 
 @dataclass(frozen=True)

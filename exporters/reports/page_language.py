@@ -36,7 +36,7 @@ def in_language(page: str, language: str) -> str:
     kept: list[tuple[int, str]] = []
 
     def other(number: int, text: str) -> str:
-        new = _run(text, language)
+        new = text_in(text, language)
         if new != text:
             kept.append((number, text))
         return new
@@ -76,7 +76,7 @@ def map_texts(page: str, change: Callable[[int, str], str]) -> str:
     return "".join(_SAID.sub(attribute, piece) if k % 2 else changed(piece) for k, piece in enumerate(pieces))
 
 
-def _run(text: str, language: str) -> str:
+def text_in(text: str, language: str) -> str:
     """The HTML of one text in a language; figures in <data> are taken over."""
     body = text.strip()
     figures = _FIGURE.findall(body)

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from furrowmap.core.crops.measure import MeasuredParcel
-from furrowmap.core.crops.response import Response, dose_name, parcel_doses
+from furrowmap.core.crops.response import Response, column_words, dose_name, parcel_doses
 from furrowmap.exporters.reports.drawings import padded_bounds
 from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.reports.svg import Sheet, mixed_colour
@@ -47,8 +47,9 @@ def parcel_sections(found: Sequence[MeasuredParcel], response: Response | None =
         parts += [sheet.text(row.parcel.net.representative_point(), row.parcel.id) for row in found]
     parcels, chart = [row.parcel for row in found], None
     if response is not None and (name := dose_name(parcels)) is not None:
-        values = ParcelValues(heights_m, [parcel.block or "" for parcel in parcels], "mean height, m", "block")
-        chart = response_chart(parcel_doses(parcels, name), values, response, name)
+        blocks = [parcel.block or "" for parcel in parcels]
+        values = ParcelValues(heights_m, blocks, column_words("mean_height_m"), "block")
+        chart = response_chart(parcel_doses(parcels, name), values, response, column_words(name))
     return render(
         "parcels.html",
         parcels=found,

@@ -14,9 +14,11 @@ from markupsafe import Markup
 
 from furrowmap.core.crops.response import Response
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.languages.catalogue import ENGLISH
+from furrowmap.exporters.reports.page_language import map_texts, text_in
 from furrowmap.exporters.reports.svg import WIDTH, Axis, Number, corners, drawing, element, rectangle, segment
 
-CHART_HEIGHT: Final = 380.0
+CHART_HEIGHT: Final = 400.0
 GROUP_COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#444444")
 """Okabe and Ito (2008), which all readers can tell apart, without yellow."""
 _LEFT, _RIGHT, _TOP, _BOTTOM = 74.0, WIDTH - 14.0, 34.0, 320.0
@@ -41,9 +43,9 @@ class ParcelValues:
     group_name: str = ""
 
 
-def standalone(svg: str) -> str:
-    """A chart as a file of its own."""
-    head, _, rest = str(svg).removeprefix("<svg ").partition(">")
+def standalone(svg: str, language: str = ENGLISH) -> str:
+    """A chart as a file of its own, in a language."""
+    head, _, rest = map_texts(svg, lambda _number, text: text_in(text, language)).removeprefix("<svg ").partition(">")
     size = f'xmlns="http://www.w3.org/2000/svg" width="{WIDTH:.0f}" height="{CHART_HEIGHT:.0f}"'
     ground = '<rect width="100%" height="100%" fill="#ffffff"/>'
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<svg {size} {head}>{ground}{rest}\n'
@@ -72,8 +74,21 @@ def response_chart(dose: FloatArray, points: ParcelValues, response: Response, d
         parts.append(element("polygon", points=around, fill="#999999", fill_opacity="0.3"))
         line = corners(x.at(curve.dose), y.at(curve.fitted))
         parts.append(element("polyline", points=line, fill="none", stroke=_INK, stroke_width=2))
+        parts += _curve_legend(plateau=response.plateau_shown)
     parts += _dots(x.at(dose[known]), y.at(points.value[known]), np.flatnonzero(known).tolist(), points)
     return drawing(WIDTH, CHART_HEIGHT, parts, f"{points.name} over {dose_name}")
+
+
+def _curve_legend(*, plateau: bool) -> Iterable[str]:
+    """What line, band and dashes are, below the axis."""
+    y, keys = CHART_HEIGHT - 12.0, [("logistic curve", _INK, {}), ("its 95 % band", "#999999", {"opacity": "0.5"})]
+    if plateau:
+        keys.append(("rate beyond which nothing is gained, 95 %", _GREEN, {"stroke_dasharray": "5 4"}))
+    at = _LEFT
+    for words, colour, look in keys:
+        yield segment(at, y - 4, at + 18, y - 4, stroke=colour, stroke_width=3, **look)
+        yield _text(at + 24, y, words)
+        at += 7.0 * len(words) + 48.0
 
 
 def category_chart(

@@ -1,7 +1,7 @@
 <!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>
 <!-- Ground worked twice: red. -->
 <qgis version="3.34.0" styleCategories="Symbology|MapTips|Temporal">
- <temporal enabled="1" mode="1" startField="start" endField="" startExpression="" endExpression="" durationField="" durationUnit="ms" fixedDuration="0" limitMode="0" accumulate="1">
+ <temporal enabled="1" mode="1" startField="end" endField="" startExpression="" endExpression="" durationField="" durationUnit="ms" fixedDuration="0" limitMode="0" accumulate="1">
   <fixedRange>
    <start></start>
    <end></end>

@@ -24,7 +24,7 @@
       <Option name="color" type="QString" value="26,152,80,255"/>
       <Option name="name" type="QString" value="circle"/>
       <Option name="outline_style" type="QString" value="no"/>
-      <Option name="size" type="QString" value="1.6"/>
+      <Option name="size" type="QString" value="0.7"/>
       <Option name="size_unit" type="QString" value="MM"/>
      </Option>
      <data_defined_properties>
@@ -39,6 +39,11 @@
         <Option name="name" type="Map">
          <Option name="active" type="bool" value="true"/>
          <Option name="expression" type="QString" value="CASE WHEN &quot;motion&quot; = 'reverse' THEN 'triangle' WHEN &quot;motion&quot; = 'standing' THEN 'square' ELSE 'circle' END"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
+        <Option name="size" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="if(@map_start_time is null, 0.7, 3)"/>
          <Option name="type" type="int" value="3"/>
         </Option>
        </Option>
@@ -53,7 +58,7 @@
       <Option name="color" type="QString" value="244,165,40,255"/>
       <Option name="name" type="QString" value="circle"/>
       <Option name="outline_style" type="QString" value="no"/>
-      <Option name="size" type="QString" value="1.6"/>
+      <Option name="size" type="QString" value="0.7"/>
       <Option name="size_unit" type="QString" value="MM"/>
      </Option>
      <data_defined_properties>
@@ -68,6 +73,11 @@
         <Option name="name" type="Map">
          <Option name="active" type="bool" value="true"/>
          <Option name="expression" type="QString" value="CASE WHEN &quot;motion&quot; = 'reverse' THEN 'triangle' WHEN &quot;motion&quot; = 'standing' THEN 'square' ELSE 'circle' END"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
+        <Option name="size" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="if(@map_start_time is null, 0.7, 3)"/>
          <Option name="type" type="int" value="3"/>
         </Option>
        </Option>
@@ -82,7 +92,7 @@
       <Option name="color" type="QString" value="214,96,77,255"/>
       <Option name="name" type="QString" value="circle"/>
       <Option name="outline_style" type="QString" value="no"/>
-      <Option name="size" type="QString" value="1.6"/>
+      <Option name="size" type="QString" value="0.7"/>
       <Option name="size_unit" type="QString" value="MM"/>
      </Option>
      <data_defined_properties>
@@ -97,6 +107,11 @@
         <Option name="name" type="Map">
          <Option name="active" type="bool" value="true"/>
          <Option name="expression" type="QString" value="CASE WHEN &quot;motion&quot; = 'reverse' THEN 'triangle' WHEN &quot;motion&quot; = 'standing' THEN 'square' ELSE 'circle' END"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
+        <Option name="size" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="if(@map_start_time is null, 0.7, 3)"/>
          <Option name="type" type="int" value="3"/>
         </Option>
        </Option>
@@ -111,7 +126,7 @@
       <Option name="color" type="QString" value="178,24,43,255"/>
       <Option name="name" type="QString" value="circle"/>
       <Option name="outline_style" type="QString" value="no"/>
-      <Option name="size" type="QString" value="1.6"/>
+      <Option name="size" type="QString" value="0.7"/>
       <Option name="size_unit" type="QString" value="MM"/>
      </Option>
      <data_defined_properties>
@@ -126,6 +141,11 @@
         <Option name="name" type="Map">
          <Option name="active" type="bool" value="true"/>
          <Option name="expression" type="QString" value="CASE WHEN &quot;motion&quot; = 'reverse' THEN 'triangle' WHEN &quot;motion&quot; = 'standing' THEN 'square' ELSE 'circle' END"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
+        <Option name="size" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="if(@map_start_time is null, 0.7, 3)"/>
          <Option name="type" type="int" value="3"/>
         </Option>
        </Option>
@@ -140,7 +160,7 @@
       <Option name="color" type="QString" value="136,136,136,255"/>
       <Option name="name" type="QString" value="circle"/>
       <Option name="outline_style" type="QString" value="no"/>
-      <Option name="size" type="QString" value="1.6"/>
+      <Option name="size" type="QString" value="0.7"/>
       <Option name="size_unit" type="QString" value="MM"/>
      </Option>
      <data_defined_properties>
@@ -155,6 +175,11 @@
         <Option name="name" type="Map">
          <Option name="active" type="bool" value="true"/>
          <Option name="expression" type="QString" value="CASE WHEN &quot;motion&quot; = 'reverse' THEN 'triangle' WHEN &quot;motion&quot; = 'standing' THEN 'square' ELSE 'circle' END"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
+        <Option name="size" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="if(@map_start_time is null, 0.7, 3)"/>
          <Option name="type" type="int" value="3"/>
         </Option>
        </Option>
@@ -169,7 +194,7 @@
       <Option name="color" type="QString" value="69,117,180,255"/>
       <Option name="name" type="QString" value="circle"/>
       <Option name="outline_style" type="QString" value="no"/>
-      <Option name="size" type="QString" value="1.6"/>
+      <Option name="size" type="QString" value="0.7"/>
       <Option name="size_unit" type="QString" value="MM"/>
      </Option>
      <data_defined_properties>
@@ -186,6 +211,11 @@
          <Option name="expression" type="QString" value="CASE WHEN &quot;motion&quot; = 'reverse' THEN 'triangle' WHEN &quot;motion&quot; = 'standing' THEN 'square' ELSE 'circle' END"/>
          <Option name="type" type="int" value="3"/>
         </Option>
+        <Option name="size" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="if(@map_start_time is null, 0.7, 3)"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
        </Option>
        <Option name="type" type="QString" value="collection"/>
       </Option>
@@ -198,7 +228,7 @@
       <Option name="color" type="QString" value="34,34,34,255"/>
       <Option name="name" type="QString" value="circle"/>
       <Option name="outline_style" type="QString" value="no"/>
-      <Option name="size" type="QString" value="1.6"/>
+      <Option name="size" type="QString" value="0.7"/>
       <Option name="size_unit" type="QString" value="MM"/>
      </Option>
      <data_defined_properties>
@@ -213,6 +243,11 @@
         <Option name="name" type="Map">
          <Option name="active" type="bool" value="true"/>
          <Option name="expression" type="QString" value="CASE WHEN &quot;motion&quot; = 'reverse' THEN 'triangle' WHEN &quot;motion&quot; = 'standing' THEN 'square' ELSE 'circle' END"/>
+         <Option name="type" type="int" value="3"/>
+        </Option>
+        <Option name="size" type="Map">
+         <Option name="active" type="bool" value="true"/>
+         <Option name="expression" type="QString" value="if(@map_start_time is null, 0.7, 3)"/>
          <Option name="type" type="int" value="3"/>
         </Option>
        </Option>

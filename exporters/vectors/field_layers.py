@@ -230,7 +230,7 @@ def _ground_layers(work: FieldWork) -> list[Layer]:
     """The paths of a tool and its ground, and the field where its boundary is known."""
     ground = work.ground
     assert ground is not None
-    starts = {p.number: p.times.begin_s for p in ground.passes}
+    spans = {p.number: (p.times.begin_s, p.times.end_s) for p in ground.passes}
     paths = Layer(
         "tool_path",
         "2.5D LineString",
@@ -252,7 +252,8 @@ def _ground_layers(work: FieldWork) -> list[Layer]:
         {
             "pass_a": np.array([overlap.pass_a for overlap in ground.overlaps], np.int64),
             "pass_b": np.array([overlap.pass_b for overlap in ground.overlaps], np.int64),
-            "start": times([starts[overlap.pass_b] for overlap in ground.overlaps]),
+            "start": times([spans[overlap.pass_b][0] for overlap in ground.overlaps]),
+            "end": times([spans[overlap.pass_b][1] for overlap in ground.overlaps]),
             **_areas([overlap.area for overlap in ground.overlaps]),
         },
     )

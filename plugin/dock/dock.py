@@ -22,7 +22,7 @@ from qgis.core import (
 from qgis.gui import QgisInterface, QgsDockWidget
 from qgis.PyQt.QtCore import QSize, QTimer, QUrl
 from qgis.PyQt.QtGui import QDesktopServices, QDragEnterEvent, QDropEvent
-from qgis.PyQt.QtWidgets import QFileDialog, QPushButton, QStackedWidget, QVBoxLayout, QWidget
+from qgis.PyQt.QtWidgets import QAction, QFileDialog, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
 from ..interpreter import find_interpreter, is_usable
 from ..options_page import PAGE
@@ -43,7 +43,7 @@ from .base_map_chooser import BaseMapChooser
 from .dropped import CLOUDS, DRIVES, MACHINE, PREVIEW, RESULTS, SESSION, home_of, local_paths, recognise
 from .machines import add_machine, read_places
 from .pages import BatchPage, ResultPage, RunPage, StartPage
-from .replay import replay
+from .replay import Replay, replay
 from .session_lines import NotSimpleError
 from .session_page import SessionPage
 from .tasks import TASK_END_MS, WITH_RESULT, BatchRunner, CommandTask, Drive, Previewer, RunTask
@@ -53,8 +53,14 @@ ZOOM_MARGIN = 1.3
 """Factor by which the shown extent exceeds that of the layer."""
 DESIGNER_SIZE = QSize(1100, 760)
 """Pixels: QGIS opens its first layout window too small to read a page."""
+PITCH_DEG = 45.0
+"""Of the camera of a 3D view; 0 looks down."""
+Z_IS_UP = 34100
+"""QGIS from which on z points up in 3D views; it was y."""
 OUTPUT_EXISTS = "output-exists"
 """Code of the error that a folder holds the products of another recording, or that a machine of this name is saved."""
+FILE_SUFFIXES = {"gpkg": ".gpkg", "kml": ".kml", "sbet": ".sbet", "tum": ".tum", "poses": ".csv", "glb": ".glb"}
+"""Of the formats of which an export is one file; the others are folders."""
 FARM_KEY = "furrowmap/farmMap"
 """Setting: the farm map used last."""
 
@@ -69,6 +75,7 @@ class FurrowmapDock(QgsDockWidget):
         self._iface = iface
         self._task: RunTask | CommandTask | None = None
         self._steps: Any = None
+        self._player: Replay | None = None
         self._folder = self._session = Path()
         self._from_drives = False
         self.start, self.session, self.run, self.result = StartPage(), SessionPage(), RunPage(), ResultPage()
@@ -456,6 +463,7 @@ class FurrowmapDock(QgsDockWidget):
     def end(self) -> None:
         """Cancel tasks and timers, before the plugin is unloaded."""
         self._steps = None
+        self._end_replay()
         self.base_map.end()
         self.previewer.end()
         drive = self.batch.cancel()
@@ -542,6 +550,7 @@ class FurrowmapDock(QgsDockWidget):
         self._zoom_to_first([layer], [names[name] for name in ("boundary", "parcels") if name in names])
 
     def _show_theme(self, theme: str) -> None:
+        self._end_replay()
         for group in groups_of(QgsProject.instance(), self._folder):
             show_theme(group, theme)
 
@@ -564,6 +573,7 @@ class FurrowmapDock(QgsDockWidget):
             "report": lambda: self._open_file(product(self._folder, "report.html")),
             "folder": lambda: self._open_file(self._folder),
             "print": self._print,
+            "3d": self._show_in_3d,
             "farm": lambda: self._choose_farm([self._folder]),
             "edit": self._edit_session,
             "back": self.go_back,
@@ -579,15 +589,51 @@ class FurrowmapDock(QgsDockWidget):
             self.report(self.tr("The session file of this result is not there any more: {path}.").format(path=session))
 
     def _replay(self) -> None:
+        self._end_replay()
         groups = groups_of(QgsProject.instance(), self._folder)
-        replay(self._iface, read_report(self._folder), groups[0] if groups else None)
+        if not groups:
+            self.report(self.tr("Add the session to the map first."))
+            return
+        self._player = replay(self._iface, read_report(self._folder), groups[0])
+
+    def _end_replay(self) -> None:
+        if self._player is not None:
+            self._player.end()
+            self._player = None
+
+    def _show_in_3d(self) -> None:
+        """Open a view of the visible layers in three dimensions, with the camera above the ground of the run."""
+        action = self._iface.mainWindow().findChild(QAction, "mActionNew3DMapCanvas")
+        if action is None:
+            self.report(self.tr("This QGIS has no 3D views."))
+            return
+        import qgis._3d  # noqa: F401 - for the types of the canvases
+
+        known = self._iface.mapCanvases3D()
+        action.trigger()
+        for canvas in (canvas for canvas in self._iface.mapCanvases3D() if canvas not in known):
+            camera = canvas.cameraController()
+            place = camera.lookingAtPoint()  # at height 0, which may be far below the ground
+            (place.setZ if Qgis.versionInt() >= Z_IS_UP else place.setY)(self._ground_height_m())
+            camera.setLookingAtPoint(place, camera.distance(), PITCH_DEG, 0.0)
+
+    def _ground_height_m(self) -> float:
+        """Height of the run's first position; 0 where there is none."""
+        layers = [
+            node.layer() for group in groups_of(QgsProject.instance(), self._folder) for node in group.findLayers()
+        ]
+        for pose in next((layer.getFeatures() for layer in layers if layer.name() == "trajectory"), ()):
+            if not pose.geometry().isNull():
+                return float(pose.geometry().constGet().z())
+        return 0.0
 
     def _choose_export(self, name: str) -> None:
         """Ask for the name of an export in a format."""
-        beside = self._folder.with_name(f"{self._folder.name}_{name}")
+        suffix = FILE_SUFFIXES.get(name, "")
+        beside = self._folder.with_name(f"{self._folder.name}{suffix or f'_{name}'}")
         target, _ = QFileDialog.getSaveFileName(self, self.tr("File or folder of the export"), str(beside))
         if target:
-            self.export(name, target)
+            self.export(name, target if target.lower().endswith(suffix) else target + suffix)
 
     def export(self, name: str, target: str) -> None:
         """Have the worker convert the result that is shown.
@@ -676,8 +722,8 @@ class FurrowmapDock(QgsDockWidget):
         layers = open_farm_map(path)
         text = self.tr("{count} sessions in the farm map.").format(count=sessions)
         self.report(text, Qgis.MessageLevel.Success)
-        if layers:
-            self._zoom_to_first(layers)
+        if layers:  # after QGIS has zoomed to the first layers of an empty project
+            QTimer.singleShot(0, partial(self._zoom_to_first, layers, layers))
 
     def _open_file(self, path: Path) -> None:
         if not path.exists():

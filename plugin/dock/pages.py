@@ -29,6 +29,7 @@ from qgis.PyQt.QtWidgets import (
 
 from ..figures import figures_html, localized, object_in, verdict_html
 from ..processing.description import COMMAND_OPTIONS
+from ..products import product
 from ..results import read_report, session_name
 from .form_parts import button, side_by_side, small_text
 from .tasks import CANCELLED, CUT, DONE, DOUBTFUL, ENDED, FAILED, RUNNING, TO_FILL_IN, WAITING, Drive
@@ -215,7 +216,8 @@ class ResultPage(QWidget):
     """The main figures and the warnings of a run, and what can be done with its products.
 
     Signals:
-        wanted: with the name of the action: "map", "replay", "report", "folder", "farm", "print", "edit" or "back".
+        wanted: with the name of the action: "map", "3d", "replay", "report", "folder", "farm", "print", "edit" or
+            "back".
         export_wanted: with the name of a format.
         theme_wanted: with the name of a theme of the map.
         share_wanted: as a page for people without a GIS; True: as a project for QField.
@@ -236,9 +238,10 @@ class ResultPage(QWidget):
         self.theme.activated.connect(lambda _number: self.theme_wanted.emit(self.theme.currentData()))
         layout.addWidget(side_by_side(QLabel(self.tr("On the map")), self.theme))
         grid = QGridLayout()
-        replay_tip = self.tr("Play the drive in the temporal controller; a visible cloud grows with it")
+        replay_tip = self.tr("Play the drive; ground worked, change and a visible cloud grow with it")
         actions = (
             ("map", self.tr("Add to map"), self.tr("Open the products as styled layers in a group")),
+            ("3d", self.tr("3D view"), self.tr("The visible layers in three dimensions")),
             ("replay", self.tr("Replay"), replay_tip),
             ("report", self.tr("Open report"), self.tr("Open the HTML report in the browser")),
             ("folder", self.tr("Open folder"), self.tr("Open the folder of the products")),
@@ -249,8 +252,9 @@ class ResultPage(QWidget):
         for k, (name, text, tip) in enumerate(actions):
             grid.addWidget(button(f"furrowmapDo_{name}", text, partial(self.wanted.emit, name), tip), *divmod(k, 2))
         self.back = button("furrowmapDo_back", "", partial(self.wanted.emit, "back"))
-        grid.addWidget(self.back, 3, 1)
-        export, menu = QPushButton(self.tr("Export"), objectName="furrowmapExport"), QMenu(self)
+        grid.addWidget(self.back, 4, 0)
+        export = QPushButton(self.tr("Export"), objectName="furrowmapExport")
+        menu = self.export_menu = QMenu(self)
         menu.addAction(self.tr("Web page with map and 3D, to share…"), partial(self.share_wanted.emit, False))  # noqa: FBT003 - as the signal has it
         menu.addAction(self.tr("Project for QField…"), partial(self.share_wanted.emit, True))  # noqa: FBT003
         menu.addSeparator()
@@ -258,7 +262,7 @@ class ResultPage(QWidget):
         for name in COMMAND_OPTIONS["export"]["--to"]["choices"]:
             menu.addAction(words.get(name, name), partial(self.export_wanted.emit, name)).setData(name)
         export.setMenu(menu)
-        grid.addWidget(export, 4, 0, 1, 2)
+        grid.addWidget(export, 4, 1)
         layout.addLayout(grid)
 
     def _formats(self) -> dict[str, str]:
@@ -283,6 +287,7 @@ class ResultPage(QWidget):
         """Offer these themes of the map, of which the first is shown."""
         words = {
             "work": self.tr("Worked ground"),
+            "passes": self.tr("Passes and events"),
             "crops": self.tr("Crops"),
             "surface": self.tr("Surface and change"),
             "quality": self.tr("Quality of the data"),
@@ -294,6 +299,8 @@ class ResultPage(QWidget):
     def show_folder(self, folder: Path, *, from_drives: bool) -> None:
         """Show the figures of the run in a folder, which was opened from the list of drives or otherwise."""
         self.back.setText(self.tr("Back to the drives") if from_drives else self.tr("Other session"))
+        for action in self.export_menu.actions():
+            action.setEnabled(action.data() != "glb" or product(folder, "orthophoto.tif").is_file())
         report = read_report(folder)
         name = html.escape(session_name(report, folder))
         page = f"<h3>{name}</h3>{verdict_html(report)}<table>{figures_html(report)}</table>"

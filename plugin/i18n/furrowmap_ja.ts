@@ -469,6 +469,7 @@ The other layers do not need it. Check the address and the network, or choose a 
 </context>
 <context>
   <name>Figures</name>
+  <message><source>, </source><translation>、</translation></message>
   <message><source>Accuracy</source><translation>精度</translation></message>
   <message><source>CRS</source><translation>CRS</translation></message>
   <message><source>Crop height</source><translation>作物の高さ</translation></message>
@@ -488,15 +489,19 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Positions</source><translation>測位</translation></message>
   <message><source>RTK fixed</source><translation>RTK FIX</translation></message>
   <message><source>RTK float</source><translation>RTK FLOAT</translation></message>
+  <message><source>Response</source><translation>応答</translation></message>
   <message><source>Start</source><translation>開始</translation></message>
   <message><source>Vertical accuracy</source><translation>鉛直精度</translation></message>
   <message><source>Worked</source><translation>作業面積</translation></message>
+  <message><source>depends on what the recording does not show: {keys}</source><translation>記録から確認できない次の値によります：{keys}</translation></message>
   <message><source>differential</source><translation>ディファレンシャル</translation></message>
-  <message><source>if {keys} is right, which the recording does not show</source><translation>{keys} が正しい場合の値（記録からは確認できません）</translation></message>
   <message><source>no position</source><translation>測位なし</translation></message>
+  <message><source>orientation of the scanner</source><translation>スキャナの向き</translation></message>
   <message><source>other</source><translation>その他</translation></message>
+  <message><source>position of the antenna</source><translation>アンテナの位置</translation></message>
+  <message><source>position of the scanner</source><translation>スキャナの位置</translation></message>
   <message><source>single</source><translation>単独測位</translation></message>
-  <message><source>unknown, because the session leaves out {keys}</source><translation>不明（セッションに {keys} の記入がありません）</translation></message>
+  <message><source>unknown, because the session leaves out: {keys}</source><translation>不明（セッションに次の記入がありません：{keys}）</translation></message>
   <message><source>{area}, {share:.0f} % of it worked</source><translation>{area}、うち {share:.0f} % を作業済み</translation></message>
   <message><source>{low:.1f} to {high:.1f} cm, mean {mean:.1f} cm</source><translation>{low:.1f}～{high:.1f} cm、平均 {mean:.1f} cm</translation></message>
 </context>
@@ -585,6 +590,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>The previous task is being cancelled; try again in a moment.</source><translation>前のタスクをキャンセルしています。少し待ってからやり直してください。</translation></message>
   <message><source>The run failed; see the log.</source><translation>実行に失敗しました。ログを確認してください。</translation></message>
   <message><source>The session file of this result is not there any more: {path}.</source><translation>この結果のセッションファイルはもうありません：{path}。</translation></message>
+  <message><source>This QGIS has no 3D views.</source><translation>この QGIS には 3D ビューがありません。</translation></message>
   <message><source>{count} sessions in the farm map.</source><translation>農場マップには {count} 件のセッションがあります。</translation></message>
   <message><source>{names}: a point cloud alone needs no session. Surfaces can be made of it.</source><translation>{names}：点群だけならセッションは不要です。サーフェスを作成できます。</translation></message>
   <message><source>{path} cannot be added: {reason}.</source><translation>{path} を追加できません：{reason}。</translation></message>
@@ -720,6 +726,7 @@ The other layers do not need it. Check the address and the network, or choose a 
 </context>
 <context>
   <name>ResultPage</name>
+  <message><source>3D view</source><translation>3D ビュー</translation></message>
   <message><source>A layout with map, legend and figures, and a page per pass</source><translation>地図、凡例、集計と、行程ごとのページのレイアウト</translation></message>
   <message><source>Add to farm map…</source><translation>農場マップに追加…</translation></message>
   <message><source>Add to map</source><translation>地図に追加</translation></message>
@@ -744,7 +751,8 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Open the folder of the products</source><translation>成果物のフォルダを開く</translation></message>
   <message><source>Open the products as styled layers in a group</source><translation>成果物をスタイル付きのレイヤとしてグループに開く</translation></message>
   <message><source>Other session</source><translation>別のセッション</translation></message>
-  <message><source>Play the drive in the temporal controller; a visible cloud grows with it</source><translation>走行をテンポラルコントローラで再生します。表示中の点群は走行に合わせて現れます</translation></message>
+  <message><source>Passes and events</source><translation>行程とイベント</translation></message>
+  <message><source>Play the drive; ground worked, change and a visible cloud grow with it</source><translation>走行を再生します。作業済みの地面、変化、表示中の点群が走行に合わせて現れます</translation></message>
   <message><source>Print…</source><translation>印刷…</translation></message>
   <message><source>Project for QField…</source><translation>QField 用プロジェクト…</translation></message>
   <message><source>Quality of the data</source><translation>データの品質</translation></message>
@@ -754,6 +762,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Shapefile: older GIS</source><translation>シェープファイル：従来の GIS</translation></message>
   <message><source>Surface and change</source><translation>地表面と変化</translation></message>
   <message><source>TUM: the trajectory, for robotics</source><translation>TUM：軌跡（ロボティクス用）</translation></message>
+  <message><source>The visible layers in three dimensions</source><translation>表示中のレイヤを立体で表示します</translation></message>
   <message><source>This folder has no report, so the accuracy is unknown.</source><translation>このフォルダにはレポートがないため、精度は不明です。</translation></message>
   <message><source>Warnings</source><translation>警告</translation></message>
   <message><source>Web page with map and 3D, to share…</source><translation>共有用のウェブページ（地図と 3D）…</translation></message>

@@ -375,6 +375,12 @@ ALGORITHMS = (
         facts={
             "--output": parameter(filter="GeoPackage (*.gpkg);;GeoJSON (*.geojson)"),
             "--azimuth": parameter(help_text="Instead of the end of the first row: its direction from north."),
+            "--rows": parameter(default=5),
+            "--columns": parameter(default=4),
+            "--width": parameter(default=2.5),
+            "--alley": parameter(default=1.0),
+            "--path": parameter(default=0.5),
+            "--crs": parameter(default="ProjectCrs"),
         },
         outputs=(Output("PLOTS", "number", "plots", item("plots")),),
         layers=output,

@@ -92,7 +92,7 @@ def _definition(parameter: Parameter, label: str) -> QgsProcessingParameterDefin
     if kind == "new raster":
         return QgsProcessingParameterRasterDestination(**given, **created)
     if kind == "crs":
-        return QgsProcessingParameterCrs(**given)
+        return QgsProcessingParameterCrs(**given, defaultValue=default)
     if kind == "extent":
         return QgsProcessingParameterExtent(**given)
     if kind == "point":

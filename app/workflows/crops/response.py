@@ -18,6 +18,7 @@ from furrowmap.core.crops.response import (
     Response,
     Variance,
     analysis_of_variance,
+    column_words,
     dose_name,
     dose_unit,
     fit_response,
@@ -35,6 +36,7 @@ from furrowmap.core.crops.trial_tables import (
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.values.parcel import Parcel
 from furrowmap.exporters.files.atomic import refuse_existing
 from furrowmap.exporters.files.csv_cells import cell
@@ -109,7 +111,7 @@ def response(
     }
     with staged_folder(folder) as staging:
         for name, chart in charts.items():
-            (staging / name).write_text(standalone(chart), encoding="utf-8")
+            (staging / name).write_text(standalone(chart, language_of_user()), encoding="utf-8")
         _write_csv(staging / "trial.csv", rows)
         if find_spec("openpyxl") is not None:
             sheets = {"parcels": rows}
@@ -228,23 +230,23 @@ def _write_csv(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 def _charts(last: _Flight, measure: str, dose: str | None, growth: Sequence[Growth]) -> dict[str, str]:
     blocks = [each.block or "" for each in last.parcels]
-    points = ParcelValues(last.table.value, blocks, measure, "block")
+    points = ParcelValues(last.table.value, blocks, column_words(measure), "block")
     charts: dict[str, str] = {}
     if last.response is not None and last.dose is not None and dose is not None:
-        charts["response.svg"] = response_chart(last.dose, points, last.response, dose)
+        charts["response.svg"] = response_chart(last.dose, points, last.response, column_words(dose))
     labels = [label or "" for label in _labels(last.parcels, last.dose)]
     if last.variance is not None:
         means = [(each.treatment, each.mean, each.low, each.high) for each in last.variance.means]
         charts["treatments.svg"] = category_chart(labels, points, _ordered(means))
     if len(set(blocks)) > 1:
-        by_treatment = ParcelValues(last.table.value, labels, measure)
+        by_treatment = ParcelValues(last.table.value, labels, column_words(measure))
         charts["blocks.svg"] = category_chart(blocks, by_treatment, _means(blocks, last.table.value))
     if growth:
         rates = {each.id: each.rate_m_day for each in growth}
         rate = np.array([rates.get(each.id, np.nan) for each in last.parcels])
         named = labels if any(labels) else blocks
         charts["growth.svg"] = category_chart(
-            named, ParcelValues(rate, blocks, "growth, m/day", "block"), _means(named, rate)
+            named, ParcelValues(rate, blocks, "growth (m/day)", "block"), _means(named, rate)
         )
     return charts
 

@@ -13,7 +13,7 @@ from pyproj import CRS
 from furrowmap.core.crops.parcel_points import USUAL_NOISE_M, ParcelPoints
 from furrowmap.core.crops.parcels import inset_parcel
 from furrowmap.core.crops.published import grown_region
-from furrowmap.core.crops.response import dose_name, dose_unit, fit_response, parcel_doses
+from furrowmap.core.crops.response import column_words, dose_name, dose_unit, fit_response, parcel_doses
 from furrowmap.core.crops.site_soil import SoilRaster, soil_around
 from furrowmap.core.crops.soil import (
     MIN_SOIL_CELLS,
@@ -43,6 +43,8 @@ def test_doses__by_a_stated_name_in_any_case_or_by_what_names_say() -> None:
     assert dose_name([of(height=1.0)]) is None
     assert dose_unit("n_kg_ha") == "kg/ha"
     assert dose_unit("Nitrogen") == dose_unit(None) == ""
+    names = ("n_kg_ha", "mean_height_m", "volume_m3", "cover")
+    assert [*map(column_words, names)] == ["nitrogen (kg/ha)", "mean height (m)", "volume (m³)", "cover"]
     np.testing.assert_array_equal(parcel_doses(parcels, "Nitrogen"), [120.0, np.nan])
     with pytest.raises(InputError, match="No parcel has a number under 'Variety'") as refused:
         dose_name(parcels, "Variety")

@@ -26,7 +26,7 @@ DOSE = np.array([0.0, 40.0, 90.0, 160.0, 0.0, 40.0, 90.0, 160.0, np.nan, 40.0])
 HEIGHT_M = np.array([0.41, 0.55, 0.62, 0.66, 0.44, 0.57, 0.61, 0.69, 0.90, np.nan])
 BLOCK = ["A"] * 4 + ["B"] * 4 + ["A", "B"]
 KNOWN = np.isfinite(DOSE) & np.isfinite(HEIGHT_M)
-POINTS = ParcelValues(HEIGHT_M, BLOCK, "mean height, m", "block")
+POINTS = ParcelValues(HEIGHT_M, BLOCK, "mean height (m)", "block")
 
 
 def response(plateau: Estimate | None = None, *, shown: bool = True) -> Response:
@@ -61,7 +61,7 @@ def test_response_chart__shows_each_parcel_at_its_dose_and_height() -> None:
     assert read == pytest.approx(np.column_stack([DOSE, HEIGHT_M])[KNOWN], abs=0.2)
     assert read[:, 1] == pytest.approx(HEIGHT_M[KNOWN], abs=2e-4)
     words = [text.text for text in root.iter("text")]
-    assert {"mean height, m", "n_kg_ha", "block A", "block B"} <= set(words)
+    assert {"mean height (m)", "n_kg_ha", "block A", "block B"} <= set(words)
     assert {"0", "50", "100", "150"} <= set(words)
     assert not [*root.iter("polyline"), *root.iter("polygon"), *root.iter("rect")]
 
@@ -80,7 +80,8 @@ def test_response_chart__shows_the_curve_its_band_and_the_rate(low: float, high:
     for edge, heights_m in ((above, found.curve.band_high), (below, found.curve.band_low)):
         assert to_dose(edge[:, 0]) == pytest.approx(found.curve.dose, abs=0.05)
         assert to_height(edge[:, 1]) == pytest.approx(heights_m, abs=2e-4)
-    (rate,) = (shape for shape in root.iter("line") if "stroke-dasharray" in shape.attrib)
+    rate, key = (shape for shape in root.iter("line") if "stroke-dasharray" in shape.attrib)
+    assert span(key, "y")[0] > span(rate, "y")[1]  # the legend is below the chart
     assert to_dose(span(rate, "x")) == pytest.approx([80.0, 80.0], abs=0.05)
     (area,) = root.iter("rect")
     left, right = to_dose(span(area, "x"))
@@ -167,7 +168,7 @@ def test_category_chart__has_room_for_its_names_and_groups(count: int) -> None:
     assert np.abs(beside).max() < 0.25 * step
     bars = [span(line, "x") for line in root.iter("line") if line.attrib["stroke-width"] == "3"]
     assert all(right - left < 0.7 * step for left, right in bars)
-    assert root.attrib["viewBox"] == "0 0 640 380"
+    assert root.attrib["viewBox"] == "0 0 640 400"
 
 
 @given(
@@ -233,10 +234,12 @@ def test_charts__of_nothing_known_have_an_axis() -> None:
 
 
 def test_file__of_a_chart_has_a_size_and_a_white_ground() -> None:
-    chart = response_chart(DOSE, POINTS, response(), "n_kg_ha")
-    root = ET.fromstring(standalone(chart).encode())
-    assert root.attrib["viewBox"] == "0 0 640 380"
-    assert (root.attrib["width"], root.attrib["height"]) == ("640", "380")
+    chart = response_chart(DOSE, POINTS, response(), "nitrogen (kg/ha)")
+    root = ET.fromstring(standalone(chart, "ja").encode())
+    words = {text.text for text in root.iter() if text.tag.endswith("text")}
+    assert {"平均の高さ（m）", "窒素（kg/ha）", "ブロック A"} <= words
+    assert root.attrib["viewBox"] == "0 0 640 400"
+    assert (root.attrib["width"], root.attrib["height"]) == ("640", "400")
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
     first = root[0]
     assert (first.tag.rpartition("}")[2], first.attrib["fill"]) == ("rect", "#ffffff")

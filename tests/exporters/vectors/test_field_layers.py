@@ -30,7 +30,7 @@ FIELDS = {
     "misses": ("Polygon", ["kind", *AREAS]),
     "unworked": ("Polygon", AREAS),
     "boundary": ("MultiPolygon", ["worked_share", *AREAS]),
-    "overlaps": ("Polygon", ["pass_a", "pass_b", "start", *AREAS]),
+    "overlaps": ("Polygon", ["pass_a", "pass_b", "start", "end", *AREAS]),
     "coverage": ("MultiPolygon", AREAS),
     "passes": (
         "MultiPolygon",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 import shutil
 import subprocess
@@ -11,6 +12,7 @@ import warnings
 import zipfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zoneinfo import ZoneInfo
 
 import geopandas as gpd
 import pytest
@@ -272,6 +274,7 @@ def test_drives__list_is_there_after_a_restart_and_computes_nothing_again(seen: 
 def test_result__is_exported_and_added_to_a_farm_map_from_the_dock(seen: dict[str, Any]) -> None:
     assert seen["formats"] == list(FORMAT_CHOICES)
     assert seen["format_words"] == []
+    assert seen["not_offered"] == ["glb"]  # without an orthophoto
     assert {"passes.geojson", "trajectory.geojson"} <= set(seen["exported"])
     remembered, layers = seen["farm"]
     assert remembered
@@ -299,9 +302,10 @@ def test_run__ends_on_the_map_with_every_layer_styled(seen: dict[str, Any]) -> N
 
 def test_themes__show_the_layers_of_one_question_each(seen: dict[str, Any]) -> None:
     themes = seen["themes"]
-    assert list(themes) == ["work", "surface", "quality"]
-    assert {"coverage", "passes", "overlaps", "boundary"} <= set(themes["work"])
-    assert "change" not in themes["work"]
+    assert list(themes) == ["work", "passes", "surface", "quality"]
+    assert {"coverage", "overlaps", "misses", "boundary", "trajectory"} <= set(themes["work"])
+    assert not {"passes", "events", "change", "zones"} & set(themes["work"])
+    assert {"passes", "events"} <= set(themes["passes"])
     assert "change" in themes["surface"]
     assert not {"passes", "coverage"} & set(themes["surface"])
     assert all("dsm" in shown for shown in themes.values())
@@ -342,7 +346,7 @@ def test_pages__overview_and_a_page_for_each_pass(qgis: QgisRoot, seen: dict[str
     assert "Pages:           1" in overview
     assert "Pages:           3" in atlas
     assert "Worked" in words
-    assert "tool lowered" in words
+    assert "last pass" in words
     assert "pass 3" in pass_words
 
 
@@ -351,6 +355,15 @@ def test_map__replays_and_has_the_base_map_below_everything(seen: dict[str, Any]
     assert all(valid and count == 1 for valid, count in seen["base_maps"].values())
     assert seen["lowest"] == "Own base map"
     assert seen["without_base_map"] == "North field"
+
+
+def test_replay__shows_worked_ground_and_change_as_they_were_made(seen: dict[str, Any], drive: Path) -> None:
+    figures = json.loads((drive / "session_result" / "report.json").read_text(encoding="utf-8"))["figures"]
+    assert seen["swept_m2"] == pytest.approx(figures["swept_area_m2"], rel=0.02)
+    assert seen["replay_work"] == [["Vector"], False, True, True]
+    assert seen["replay_surface"] == [["Group", "Raster", "Vector"], False, True, True]
+    end = dt.datetime.fromisoformat(seen["replay_end"]).astimezone(ZoneInfo("Asia/Tokyo"))
+    assert seen["replay_time"] == f"{end:%Y-%m-%d %H:%M:%S} (Asia/Tokyo)"
 
 
 def test_replay__shows_of_a_visible_cloud_what_was_scanned_until_then(seen: dict[str, Any]) -> None:

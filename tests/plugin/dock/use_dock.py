@@ -380,6 +380,7 @@ def passed_on() -> Iterator[Any]:
     farm, web, dock = Path(OUT) / "farm.gpkg", Path(OUT) / "web", plugin().dock
     formats = widget("furrowmapExport").menu().actions()
     SEEN["formats"] = [action.data() for action in formats if action.data()]
+    SEEN["not_offered"] = [action.data() for action in formats if not action.isEnabled()]
     SEEN["format_words"] = [action.text() for action in formats if action.text() == action.data()]
     shot(f"{OUT}/small.png")  # noqa: F821
     dock.export("geojson", str(web))
@@ -466,7 +467,7 @@ def whole_run() -> Iterator[Any]:
 def on_the_map() -> Iterator[Any]:
     """Locator, pages to print, replay, base map, the same results again."""
     from furrowmap.basemap import base_map_layers, base_maps, known_layer, show_base_map
-    from furrowmap.dock.replay import las_time_s
+    from furrowmap.dock.replay import las_time_s, tools_of, worked_strips
     from furrowmap.results import groups_of, read_report
     from furrowmap.session_layout import session_layout
 
@@ -491,12 +492,27 @@ def on_the_map() -> Iterator[Any]:
     written.append(QgsLayoutExporter.exportToPdf(layout.atlas(), f"{OUT}/atlas.pdf", settings)[0])
     assert written == [QgsLayoutExporter.ExportResult.Success] * 2, written
     yield
-    click("furrowmapDo_replay")
-    controller = iface.mapCanvas().temporalController()  # noqa: F821
-    yield lambda: controller.currentFrameNumber() >= 2
-    controller.pause()
-    SEEN["replayed"] = controller.totalFrameCount()
-    controller.setNavigationMode(controller.NavigationMode.NavigationOff)
+    nodes = {node.layer().name(): node for node in project.layerTreeRoot().findLayers()}
+    strips = worked_strips(nodes["trajectory"].layer(), tools_of(read_report(folder)), 1.0)
+    SEEN["swept_m2"] = sum(strip.geometry().area() for strip in strips)
+    before = sorted(project.mapLayers())
+    for theme in ("work", "surface"):
+        plugin().dock.result.theme_wanted.emit(theme)
+        click("furrowmapDo_replay")
+        controller = iface.mapCanvas().temporalController()  # noqa: F821
+        yield lambda controller=controller: controller.currentFrameNumber() >= 2
+        controller.pause()
+        yield drawn
+        grown = [project.mapLayer(key).type().name for key in sorted(set(project.mapLayers()) - set(before))]
+        name = {"work": "coverage", "surface": "change"}[theme]
+        SEEN[f"replay_{theme}"] = [sorted(grown), nodes[name].isVisible()]
+        SEEN["replay_time"] = iface.mapCanvas().findChild(QWidget, "furrowmapReplayTime").text()  # noqa: F821
+        SEEN["replay_end"] = controller.dateTimeRangeForFrameNumber(controller.currentFrameNumber()).end()
+        SEEN["replayed"] = controller.totalFrameCount()
+        controller.setNavigationMode(controller.NavigationMode.NavigationOff)
+        SEEN[f"replay_{theme}"] += [sorted(project.mapLayers()) == before, nodes[name].isVisible()]
+    SEEN["replay_end"] = SEEN["replay_end"].toString(Qt.DateFormat.ISODate)
+    plugin().dock.result.theme_wanted.emit("work")
     cloud = next(node for node in project.layerTreeRoot().findLayers() if node.layer().name() == "cloud")
     cloud.setItemVisibilityChecked(True)
     click("furrowmapDo_replay")
