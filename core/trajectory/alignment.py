@@ -22,15 +22,17 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.heading_hints import DECISIVE, ChunkMotion, HeadingHint
 from furrowmap.core.values.inertial import InertialNoise
 
-HALF: Final = 40
-"""Knots of half the time over which second differences are taken: a second."""
-HALF_S: Final = HALF * KNOT_STEP_S
+HALVES: Final = (40, 80, 160)
+"""Knots of half the time over which second differences are taken, a second to four: the first that shows the heading.
+The longer ones are of means over half of that time, which hold where positions scatter by more than the motion."""
 STRIDE: Final = 8
 """Knots from one second difference to the next."""
 CHUNK_KNOTS: Final = 2400
 """Knots that are aligned together: a minute."""
 CERTAIN_RAD: Final = np.radians(5.0)
 """Standard deviation of a heading up to which it is a first guess."""
+ROUGH_RAD: Final = np.radians(15.0)
+"""The same by the longest second differences: the adjustment then tells whether it is known."""
 MODEL_SIGMA_M: Final = 0.05
 """Error of a second difference beside the noise of the positions."""
 ALIGNMENT_ROUNDS: Final = 8
@@ -54,11 +56,6 @@ class Aligned:
     misfit: float
     squares: float
 
-    @property
-    def certain(self) -> bool:
-        """Whether the heading is good enough to start from."""
-        return bool(self.covariance[2, 2] < CERTAIN_RAD**2)
-
 
 @dataclass(frozen=True)
 class Attitudes:
@@ -75,6 +72,21 @@ class Attitudes:
     misfit: float
 
 
+def averaged_knots(half: int) -> int:
+    """Knots over which ways are averaged before second differences over `half` knots to both sides are taken."""
+    return 1 if half == HALVES[0] else half // 2
+
+
+def moving_mean(values: FloatArray, knots: int) -> FloatArray:
+    """(n, k) means over a number of rows around each; nan where a value or a row is missing."""
+    if knots == 1:
+        return values
+    out = np.full_like(values, np.nan)
+    before = knots // 2
+    out[before : before + len(values) - knots + 1] = np.lib.stride_tricks.sliding_window_view(values, knots, 0).mean(-1)
+    return out
+
+
 def attitudes(
     steps: Increments,
     antenna_m: FloatArray,
@@ -83,24 +95,29 @@ def attitudes(
     noise: InertialNoise,
     gravity: float,
     hint: HeadingHint | None,
+    half: int,
 ) -> Attitudes | None:
     """First guess of the attitudes at consecutive knots; None where the motion does not show the heading.
 
     Args:
         steps: increments from each of n knots to the next, KNOT_STEP_S later.
         antenna_m: (n + 1, 3) antenna at the knots in metres on the ground, in the map's axes; nan where unknown.
+            Means over :func:`averaged_knots`.
         arm_m: (3,) from the IMU to the antenna, in the vehicle's axes.
+        sigma_m: of the antenna.
         hint: what shows the heading beside accelerations; None for nothing.
+        half: one of HALVES.
     """
     whole = chained(steps.turn)
     n = len(whole)
     rotation, bias = np.empty((n, 3, 3)), np.empty((n, 6))
+    limit_rad = ROUGH_RAD if half == HALVES[-1] else CERTAIN_RAD
     begin, end, last, misfit = 0, min(CHUNK_KNOTS, n), None, 0.0
     while begin < n:
         motion = ChunkMotion.integrate(steps, whole, begin, end, arm_m)
-        observed = _ObservedMotion.observe(motion, antenna_m, sigma_m, gravity, hint)
+        observed = _ObservedMotion.observe(motion, antenna_m, sigma_m, noise, gravity, hint, half)
         aligned = _aligned(motion, observed, noise, last)
-        if last is None and (aligned is None or not aligned.certain):
+        if last is None and (aligned is None or aligned.covariance[2, 2] > limit_rad**2):
             if end == n:
                 return None
             end = min(2 * end, n)
@@ -127,18 +144,34 @@ class _ObservedMotion:
     seen: FloatArray
     weight: float
     hint: HeadingHint | None
+    half: int
 
     @classmethod
     def observe(
-        cls, motion: ChunkMotion, antenna_m: FloatArray, sigma_m: float, gravity: float, hint: HeadingHint | None
+        cls,
+        motion: ChunkMotion,
+        antenna_m: FloatArray,
+        sigma_m: float,
+        noise: InertialNoise,
+        gravity: float,
+        hint: HeadingHint | None,
+        half: int,
     ) -> _ObservedMotion:
         """Of an antenna (n, 3) at the knots of the whole chain."""
-        middle = np.arange(HALF, len(motion.turned) - HALF, STRIDE)
-        seen = _second_difference(antenna_m[motion.begin : motion.begin + len(motion.turned)], middle)
-        seen[:, 2] += gravity * (HALF * KNOT_STEP_S) ** 2
+        beside = half + averaged_knots(half) // 2
+        middle = np.arange(beside, len(motion.turned) - beside, STRIDE)
+        seen = _second_difference(antenna_m[motion.begin : motion.begin + len(motion.turned)], middle, half)
+        half_s = half * KNOT_STEP_S
+        seen[:, 2] += gravity * half_s**2
         known = np.isfinite(seen).all(axis=1)
-        weight = STRIDE / (2 * HALF) / (6.0 * sigma_m**2 + MODEL_SIGMA_M**2)  # differences overlap
-        return cls(middle[known], seen[known], weight, hint)
+        # Of white noise of the force, and of the tilt that white noise of the rate integrates to.
+        of_imu = noise.force**2 * half_s**3 / 1.5 + (gravity * noise.rate) ** 2 * half_s**5 / 10.0
+        weight = STRIDE / (2 * half) / (6.0 * sigma_m**2 + MODEL_SIGMA_M**2 + of_imu)  # differences overlap
+        return cls(middle[known], seen[known], weight, hint, half)
+
+    def own(self, motion: ChunkMotion) -> FloatArray:
+        """(m, 3) second differences by the IMU."""
+        return _second_difference(moving_mean(motion.way_m, averaged_knots(self.half)), self.middle, self.half)
 
 
 def _aligned(
@@ -157,7 +190,7 @@ def _aligned(
         known = np.asarray(np.linalg.inv(covariance), np.float64)
         return _fitted(motion, observed, rotation, bias, known)
     information = np.diag(np.concatenate([np.zeros(3), 1.0 / np.repeat([noise.rate_bias, noise.force_bias], 3) ** 2]))
-    own = _second_difference(motion.way_m, observed.middle)
+    own = observed.own(motion)
     # The rotation that turns vectors `own` onto those seen best (Markley 1988, J. Astronaut. Sci. 36).
     left, _, right = np.linalg.svd(observed.seen.T @ own)
     start = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
@@ -173,8 +206,8 @@ def _fitted(
 ) -> Aligned:
     """Gauss-Newton rounds from an attitude (3, 3) and biases (6,) of an information (9, 9), zero where unknown."""
     middle, seen, weight = observed.middle, observed.seen, observed.weight
-    own = _second_difference(motion.way_m, middle)
-    sweep, push = motion.swept_s[middle], motion.turned[middle] * (HALF * KNOT_STEP_S) ** 2
+    own = observed.own(motion)
+    sweep, push = motion.swept_s[middle], motion.turned[middle] * (observed.half * KNOT_STEP_S) ** 2
     normal, squares, rotation, bias = information, 0.0, first, start
     for _ in range(ALIGNMENT_ROUNDS):
         body = own + cross_matrix(own) @ sweep @ bias[:3] - push @ bias[3:]
@@ -194,13 +227,13 @@ def _fitted(
         squares = float(((seen - computed) ** 2).sum())
         step = np.linalg.solve(normal, right)
         rotation, bias = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation, bias + step[3:]
-    misfit = float(np.sqrt(squares / max(seen.size, 1) * weight * (2 * HALF) / STRIDE))
+    misfit = float(np.sqrt(squares / max(seen.size, 1) * weight * (2 * observed.half) / STRIDE))
     covariance = np.asarray(np.linalg.inv(normal), np.float64)
     return Aligned(rotation, bias, covariance, misfit, weight * squares)
 
 
-def _second_difference(values: FloatArray, middle: NDArray[np.intp]) -> FloatArray:
-    out: FloatArray = values[middle + HALF] - 2.0 * values[middle] + values[middle - HALF]
+def _second_difference(values: FloatArray, middle: NDArray[np.intp], half: int) -> FloatArray:
+    out: FloatArray = values[middle + half] - 2.0 * values[middle] + values[middle - half]
     return out
 
 

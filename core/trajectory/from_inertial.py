@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.covariance import marginal_covariance
+from furrowmap.core.estimation.imu_constants import ImuConstants
 from furrowmap.core.estimation.inertial import (
     FORCE_BIAS,
     RATE_BIAS,
@@ -35,7 +36,8 @@ from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
-from furrowmap.core.trajectory.inertial_adjustment import InertialAdjustment, adjust, beside_positions
+from furrowmap.core.trajectory.imu_clock import search_imu_clock
+from furrowmap.core.trajectory.inertial_adjustment import InertialAdjustment, adjust, beside_positions, with_clock
 from furrowmap.core.trajectory.inertial_checks import Whiteness, check_mounting, with_shown_noise
 from furrowmap.core.trajectory.inertial_start import (
     MAX_IMU_PAUSE_S,
@@ -44,13 +46,16 @@ from furrowmap.core.trajectory.inertial_start import (
     InertialProblem,
     MountedImu,
     first_guess,
+    heading_unknown,
     site_of,
     without_positions,
 )
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.trajectory.positions import climb_notices, positions_without_steps, quality_words, usable
+from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.margins import margin
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere, source_columns
 
 MAX_VARIANCE_FACTOR: Final = 1.3
@@ -62,6 +67,8 @@ MAX_WANTED_NODES: Final = 400
 NEAR: Final = 0.75
 """Share of the distance of nodes within which none is needed beside one at a wanted time."""
 ANY_TIME: Final = np.zeros(0)
+UNKNOWN_HEADING_DEG: Final = 10.0
+"""Median standard deviation of a trajectory's headings from which on they are not known."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +85,8 @@ class InertialFigures:
         residuals: whether those of the positions are white, in words.
         residual_correlation: (3,) from one position to the next.
         variance_factor: squared residuals of all observations over their expected ones; 1 where sigmas are right.
+        minus_gnss_s: the IMU's clock minus that of the positions, as used.
+        constants: what the residuals show beyond that.
     """
 
     knots: int
@@ -91,6 +100,15 @@ class InertialFigures:
     residuals: str
     residual_correlation: tuple[float, ...]
     variance_factor: float
+    minus_gnss_s: float
+    constants: ImuConstants
+
+    @property
+    def clock_estimate_s(self) -> list[float] | None:
+        """The offset of the clocks and its standard deviation; None where the motion does not show it."""
+        if not self.constants.clock_shown:
+            return None
+        return [round(self.minus_gnss_s + self.constants.clock_s, 5), round(self.constants.clock_sigma_s, 5)]
 
 
 @dataclass(frozen=True)
@@ -150,9 +168,25 @@ def trajectory_from_inertial(
     positions = positions_without_steps(gated, en)
     imu = replace(imu, noise=with_shown_noise(imu.noise, imu.track, notices))
     site, lever = site_of(gated, frame), np.asarray(lever_m, np.float64)
-    whole = InertialProblem.over_common_time(positions, imu, site, lever, hints)
+    searched_s = search_imu_clock(imu.in_vehicle_axes, positions, on_wheels=hints.on_wheels)
+    whole = InertialProblem.over_common_time(positions, imu.earlier_by(searched_s), site, lever, hints)
     problem, start = first_guess(whole, notices)
-    adjusted = adjust(problem, start)
+    adjusted, clock_s = with_clock(adjust(problem, start), searched_s)
+    if np.degrees(np.median(adjusted.sigma[:, ROTATION + 2])) > UNKNOWN_HEADING_DEG:
+        raise heading_unknown(problem)
+    clocked = imu.earlier_by(clock_s)
+    if clock_s:
+        notices.append(
+            Notice(
+                "imu-clock-off",
+                source=imu.track.source or "The IMU",
+                off_s=abs(clock_s),
+                is_off_s=clock_s > 0,
+                cause=named_offset(clock_s) or None,
+                minus_gnss_s=clocked.minus_gnss_s,
+                margin=margin(adjusted.constants.clock_sigma_s, " s"),
+            )
+        )
     trajectory = _trajectory(adjusted)
     notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)
     if adjusted.variance_factor > MAX_VARIANCE_FACTOR:
@@ -166,8 +200,11 @@ def trajectory_from_inertial(
                 break
         notices.append(Notice("imu-noisier", times=adjusted.problem.links.noise.force / stated))
         trajectory = _trajectory(adjusted)
+    if clock_s:
+        adjusted = adjusted.with_clock_sigma()
+        trajectory = _trajectory(adjusted)
     used = quality_words(gated.fix)
-    figures = _figures(adjusted, imu)
+    figures = _figures(adjusted, clocked)
     return InertialTrajectory(trajectory, positions, used, unused, tuple(notices), figures, adjusted)
 
 
@@ -249,4 +286,6 @@ def _figures(adjusted: InertialAdjustment, imu: MountedImu) -> InertialFigures:
         residuals=white.words,
         residual_correlation=white.correlation,
         variance_factor=round(adjusted.variance_factor, 3),
+        minus_gnss_s=round(imu.minus_gnss_s, 5),
+        constants=adjusted.constants,
     )

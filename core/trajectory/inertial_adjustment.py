@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from furrowmap.core.estimation.banded import HUBER_SIGMAS
+from furrowmap.core.estimation.imu_constants import CERTAIN_SIGMAS, ImuConstants, imu_constants
 from furrowmap.core.estimation.knots import POSE, ROTATION, Observation, State, normal_equations
 from furrowmap.core.estimation.positions import AntennaPositions, GnssDrift
 from furrowmap.core.runtime.arrays import FloatArray
@@ -16,7 +17,11 @@ from furrowmap.core.trajectory.inertial_start import InertialProblem
 MAX_ROUNDS: Final = 10
 SETTLED_M: Final = 1e-4
 SETTLED_RAD: Final = 1e-6
-"""The adjustment ends when no pose moves by more."""
+"""The adjustment ends when no pose moves by more; with positions noisier than SETTLED_NOISE_M, by that much more."""
+SETTLED_NOISE_M: Final = 0.02
+IMU_CLOCK_ROUNDS: Final = 8
+SETTLED_CLOCK: Final = 0.2
+"""Standard deviations of the clock's offset within which it is found."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +33,8 @@ class InertialAdjustment:
         variance_factor: squared residuals over their expected ones; 1 where standard deviations are right.
         deviance: −2 log of the restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545-554), but for a
             constant: which of several standard deviations or parameters explains the observations best.
+        constants: what the residuals show of clock and lever arm.
+        by_clock: (n, size) by how much the states move if the IMU's clock is ahead by a second.
     """
 
     problem: InertialProblem
@@ -37,12 +44,19 @@ class InertialAdjustment:
     rounds: int
     variance_factor: float
     deviance: float
+    constants: ImuConstants
+    by_clock: FloatArray
+
+    def with_clock_sigma(self) -> InertialAdjustment:
+        """With the uncertainty of the clock in the standard deviations."""
+        return replace(self, sigma=np.hypot(self.sigma, self.constants.clock_sigma_s * self.by_clock))
 
 
 def adjust(problem: InertialProblem, state: State) -> InertialAdjustment:
     """Gauss-Newton rounds until no pose moves."""
     knots = problem.knots
     antenna = AntennaPositions.unweighted(problem.positions, problem.origin_m, problem.lever_m)
+    coarser = max(1.0, float(np.median(problem.positions.white_m[:, :2])) / SETTLED_NOISE_M)
     for number in range(1, MAX_ROUNDS + 1):
         equations = normal_equations((antenna, *beside_positions(problem)), knots, state)
         solution = equations.solve()
@@ -50,7 +64,8 @@ def adjust(problem: InertialProblem, state: State) -> InertialAdjustment:
         state = state.moved(step)
         before, antenna = antenna.weight, antenna.reweighted(knots, state)
         moved, turned = np.abs(step[:, :ROTATION]).max(), np.abs(step[:, ROTATION:POSE]).max()
-        settled = moved < SETTLED_M and turned < SETTLED_RAD and np.abs(before - antenna.weight).max() < 0.05
+        settled = max(moved / SETTLED_M, turned / SETTLED_RAD) < coarser
+        settled &= np.abs(before - antenna.weight).max() < 0.05
         if settled or number == MAX_ROUNDS:
             break
     # An outlier counts as a position at the limit of what is trusted, not by its distance.
@@ -63,7 +78,27 @@ def adjust(problem: InertialProblem, state: State) -> InertialAdjustment:
     squares = equations.squares + HUBER_SIGMAS * float((beyond - HUBER_SIGMAS).sum())
     deviance = squares + 2.0 * logs + solution.log_determinant
     sigma = solution.sigma().reshape(len(knots), -1)
-    return InertialAdjustment(problem, state, sigma, antenna, number, factor, deviance)
+    constants, by_clock = imu_constants(antenna, knots, state, solution, factor)
+    return InertialAdjustment(problem, state, sigma, antenna, number, factor, deviance, constants, by_clock)
+
+
+def with_clock(adjusted: InertialAdjustment, used_s: float) -> tuple[InertialAdjustment, float]:
+    """The adjustment with the offset of the IMU's clock that it shows, if it is certain, and the whole offset used.
+
+    Args:
+        adjusted: with the offset `used_s` that was found before.
+    """
+    if not (used_s or adjusted.constants.clock_off):
+        return adjusted, used_s
+    now, offset_s = adjusted, used_s
+    for _ in range(IMU_CLOCK_ROUNDS):
+        step_s = now.constants.clock_s
+        if abs(step_s) < SETTLED_CLOCK * now.constants.clock_sigma_s:
+            break
+        now = adjust(now.problem.with_imu_earlier(step_s), now.state)
+        offset_s += step_s
+    certain = abs(offset_s) > CERTAIN_SIGMAS * now.constants.clock_sigma_s
+    return (now, offset_s) if certain and now.variance_factor < adjusted.variance_factor else (adjusted, used_s)
 
 
 def beside_positions(problem: InertialProblem) -> tuple[Observation, ...]:

@@ -20,7 +20,7 @@ from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
-from furrowmap.core.trajectory.alignment import HALF_S, attitudes
+from furrowmap.core.trajectory.alignment import HALVES, attitudes, averaged_knots, moving_mean
 from furrowmap.core.trajectory.heading_hints import Course, HeadingHint, RecordedHeading
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S, GnssTrack, Positions
@@ -37,10 +37,6 @@ FIRST_GUESS_GAP_S: Final = 1.0
 """Positions further apart than this are not interpolated for the first guess."""
 MAX_MISFIT: Final = 8.0
 """Misfit of the first guess beyond which measurements and positions are not of the same motion."""
-DRIFT_SHARE: Final = float(
-    np.sqrt(1.0 + (np.exp(-2.0 * HALF_S / DRIFT_CORRELATION_S) - 4.0 * np.exp(-HALF_S / DRIFT_CORRELATION_S)) / 3.0)
-)
-"""What is left of a slow error in second differences, beside what is left of white noise."""
 KNOTS_TRIED: Final = 1200
 """Knots on which other units and signs are tried."""
 _ALTERNATIVES: Final = (
@@ -60,11 +56,21 @@ _ALTERNATIVES: Final = (
 
 @dataclass(frozen=True)
 class MountedImu:
-    """An IMU on a vehicle, and its measurements in its own axes."""
+    """An IMU on a vehicle, and its measurements in its own axes.
+
+    Attributes:
+        minus_gnss_s: what was taken off the times of its clock.
+    """
 
     track: InertialTrack
     mounting: Mounting
     noise: InertialNoise
+    minus_gnss_s: float = 0.0
+
+    def earlier_by(self, offset_s: float) -> MountedImu:
+        """With times that are earlier by an offset."""
+        track = replace(self.track, t_s=self.track.t_s - offset_s)
+        return replace(self, track=track, minus_gnss_s=self.minus_gnss_s + offset_s)
 
     @property
     def in_vehicle_axes(self) -> InertialTrack:
@@ -96,13 +102,19 @@ class Hints:
     heading: RecordedHeadings | None = None
     unasked: bool = False
 
-    def of_chain(self, t_s: FloatArray, antenna_m: FloatArray, p: Positions, lever_m: FloatArray) -> HeadingHint | None:
-        """The hint for alignment at knots (n,), between which the antenna (n, 3) is at metres on the ground."""
+    def of_chain(
+        self, t_s: FloatArray, antenna_m: FloatArray, sigmas_m: tuple[float, float], lever_m: FloatArray
+    ) -> HeadingHint | None:
+        """The hint for alignment at knots (n,).
+
+        Args:
+            antenna_m: (n, 3) antenna, metres on the ground; nan where unknown.
+            sigmas_m: its noise, and the standard deviation of its slowly varying error.
+        """
         if self.heading is not None:
             return RecordedHeading(self.heading.at(t_s), self.heading.sigma_rad)
         if self.on_wheels:
-            white, drift = (float(np.median(sigma[:, 0])) for sigma in (p.white_m, p.drift_m))
-            return Course.from_antenna(antenna_m, white, drift, lever_m)
+            return Course.from_antenna(antenna_m, *sigmas_m, lever_m)
         return None
 
     def observations(self, track: InertialTrack, positions: Positions) -> tuple[Observation, ...]:
@@ -133,6 +145,13 @@ class InertialProblem:
         links = InertialLinks(imu.in_vehicle_axes, np.asarray(imu.mounting.xyz_m, np.float64), imu.noise, site)
         knots = knots_over(_common_s(positions.t_s, imu.track), MAX_IMU_PAUSE_S)
         return cls(positions, links, lever_m, np.round(np.median(positions.xyz_m, axis=0)), knots, hints)
+
+    def with_imu_earlier(self, offset_s: float) -> InertialProblem:
+        """With times of the IMU, and of the knots, that are earlier by an offset."""
+        track, knots = self.links.track, self.knots
+        chains = tuple(replace(chain, begin_s=chain.begin_s - offset_s) for chain in knots.chains)
+        links = replace(self.links, track=replace(track, t_s=track.t_s - offset_s))
+        return replace(self, links=links, knots=Knots(chains, knots.t_s - offset_s))
 
 
 def _common_s(positions_s: FloatArray, imu: InertialTrack) -> FloatArray:
@@ -176,6 +195,18 @@ def _likely_offset(imu_s: FloatArray, positions_s: FloatArray) -> tuple[float, s
     return best_s, cause
 
 
+def heading_unknown(problem: InertialProblem) -> RefusedError:
+    """The error of a motion that does not show the heading."""
+    return RefusedError(
+        "heading-unknown",
+        source=problem.links.track.source or "The IMU",
+        begin_s=iso_utc(float(problem.knots.t_s[0])),
+        end_s=iso_utc(float(problem.knots.t_s[-1])),
+        antennas=problem.hints.unasked,
+        wheels=not problem.hints.on_wheels,
+    )
+
+
 def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[InertialProblem, State]:
     """Attitudes by alignment, places and speeds by the positions; stretches that cannot be aligned are left out.
 
@@ -186,14 +217,7 @@ def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[Inerti
     found = [(chain, _guess_states(problem, chain, problem.links.track)) for chain in problem.knots.chains]
     guesses = [guess for _, guess in found if guess is not None]
     if not guesses:
-        raise RefusedError(
-            "heading-unknown",
-            source=problem.links.track.source or "The IMU",
-            begin_s=iso_utc(float(problem.knots.t_s[0])),
-            end_s=iso_utc(float(problem.knots.t_s[-1])),
-            antennas=problem.hints.unasked,
-            wheels=not problem.hints.on_wheels,
-        )
+        raise heading_unknown(problem)
     if left := [f"{iso_utc(chain.begin_s)} to {iso_utc(chain.end_s)}" for chain, guess in found if guess is None]:
         notices.append(Notice("imu-not-aligned", left=", ".join(left)))
     worst = max(guess.misfit for guess in guesses)
@@ -238,10 +262,19 @@ def _guess_states(problem: InertialProblem, chain: Chain, track: InertialTrack) 
     antenna = np.column_stack([np.interp(t_s, p.t_s, off_m[:, axis]) for axis in range(3)]) / stretch
     seen = np.where(without_positions(t_s, p.t_s)[:, None], np.nan, antenna)
     steps = increments(track.t_s, track.rate_radps, track.force_mps2, t_s[:-1], t_s[:-1] + KNOT_STEP_S)
-    sigma = float(np.median(np.hypot(p.white_m, DRIFT_SHARE * p.drift_m)[:, 0]))
-    hint = problem.hints.of_chain(t_s, seen, p, problem.lever_m)
-    found = attitudes(steps, seen, arm, sigma, links.noise, links.site.gravity_mps2, hint)
-    if found is None:
+    step_s = float(np.median(np.diff(p.t_s)))
+    white, drift = (float(np.median(sigma[:, 0])) for sigma in (p.white_m, p.drift_m))
+    for half in HALVES:
+        many = averaged_knots(half)
+        mean, kept = moving_mean(seen, many), np.exp(-half * KNOT_STEP_S / DRIFT_CORRELATION_S)
+        noise = white / np.sqrt(max(1.0, many * KNOT_STEP_S / step_s))
+        # Of the slow error, what is left in second differences beside what is left of white noise.
+        sigma = float(np.sqrt(noise**2 + (1.0 + (kept**2 - 4.0 * kept) / 3.0) * drift**2))
+        hint = problem.hints.of_chain(t_s, mean, (noise, drift), problem.lever_m)
+        found = attitudes(steps, mean, arm, sigma, links.noise, links.site.gravity_mps2, hint, half)
+        if found is not None:
+            break
+    else:
         return None
     velocity = np.gradient(antenna - found.rotation @ arm, KNOT_STEP_S, axis=0)
     added = np.column_stack([np.zeros((chain.count, 3)), velocity, found.bias])

@@ -196,8 +196,8 @@ def _with_imu(
     stated = {name: value for name, value in msgspec.structs.asdict(table.noise).items() if value is not None}
     mounting, noise = Mounting(table.xyz_m, table.rpy_deg), inertial_noise(table.kind, stated)
     measured, lever_m = inertial.inertial(), lever_arm_m(session)
-    clocked = replace(measured, t_s=measured.t_s - table.minus_gnss_s)
-    imu = MountedImu(inertial_within(clocked, session.recording.span_s), mounting, noise)
+    imu = MountedImu(measured, mounting, noise).earlier_by(table.minus_gnss_s)
+    imu = replace(imu, track=inertial_within(imu.track, session.recording.span_s))
     imu_warnings = (*inertial.notices, *imu_notices(measured))
     # A machine on the ground is matched to it; an aircraft has neither wheels nor soil below them.
     on_ground = session.implement is not None
@@ -238,6 +238,7 @@ def _aided(
         figures = by_imu.figures
         notices += [notice for notice in by_imu.notices if notice not in notices]
         # Accelerometers that contradict the positions say nothing of the attitude.
+        aid = replace(aid, track=by_imu.adjusted.problem.links.track)
         if "imu-noisier" not in {notice.code for notice in by_imu.notices}:
             aid = replace(aid, trajectory=by_imu.trajectory)
     return Located(found.trajectory, "gnss", found.counts, tuple(notices), found.positions, transformed, figures, aid)

@@ -31,12 +31,16 @@ HEIGHT_FACTOR: Final = 2.0
 """Heights are this much worse than positions where the receiver states none."""
 WHITE_SHARE: Final = 0.3
 """How much of a position's error changes from epoch to epoch where the positions themselves do not show it."""
+DRIFT_SHARE: Final = 0.3
+"""How much of it varies slowly at least, where positions scatter by all of it or more."""
 WHITE_STEP_S: Final = 0.25
 """Positions further apart than this differ by the vehicle's own accelerations, not by noise."""
 WHITE_EPOCHS: Final = 30
 WHITE_FLOOR_M: Final = 0.004
 MEDIAN_OF_MEAN: Final = {1: 0.6745, 2: 0.77}
 """Median of the mean of one or two absolute normal deviates, in their standard deviation."""
+NOT_MOTION_M: Final = 0.1
+"""A noise between positions, at most WHITE_STEP_S apart, that no motion of an antenna looks like."""
 RATE_REPORTED_S: Final = 0.25
 MAX_POSITION_STEP_S: Final = 2.0
 """In more time than this between positions a tractor turns round."""
@@ -121,7 +125,8 @@ def positions_of(
     shown = white_noise_m(track, track.height_m[:, None], sigma[:, 1])
     white_h = np.maximum(shown, WHITE_SHARE * sigma[:, 1])
     white = np.column_stack([white_m, white_m, white_h])
-    drift = np.sqrt(np.maximum(sigma[:, [0, 0, 1]] ** 2 - white**2, WHITE_FLOOR_M**2))
+    stated = sigma[:, [0, 0, 1]]
+    drift = np.sqrt(np.maximum(stated**2 - white**2, np.maximum(WHITE_FLOOR_M, DRIFT_SHARE * stated) ** 2))
     # Only where a run begins: within it the error changes no faster than that of other positions.
     begins = np.flatnonzero(np.diff(steps.run, prepend=-1))
     drift[begins] = np.hypot(drift[begins], steps.off_m[begins, None])
@@ -199,7 +204,9 @@ def judge_rate(track: GnssTrack, notices: list[Notice]) -> None:
 
 
 def white_noise_m(track: GnssTrack, axes_m: FloatArray, sigma_m: FloatArray) -> FloatArray:
-    """Noise (n,) from position to position, by quality: what the positions themselves show, no more than their sigma.
+    """Noise (n,) from position to position, by quality: what the positions themselves show.
+
+    Up to NOT_MOTION_M it is no more than their sigma: an antenna sways by as much.
 
     Third differences of positions in equal steps are free of speed and acceleration; white noise makes their variance
     20 times its own (the sum of the squares of 1, 3, 3, 1). Their median deviation stands above jumps.
@@ -219,7 +226,8 @@ def white_noise_m(track: GnssTrack, axes_m: FloatArray, sigma_m: FloatArray) -> 
         if len(chosen) >= WHITE_EPOCHS:
             shown = float(np.median(chosen)) / MEDIAN_OF_MEAN[axes_m.shape[1]] / np.sqrt(20.0)
             mine = track.fix == fix
-            white[mine] = np.clip(shown, WHITE_FLOOR_M, np.maximum(sigma_m[mine], WHITE_FLOOR_M))
+            most = np.inf if shown > NOT_MOTION_M else np.maximum(sigma_m[mine], WHITE_FLOOR_M)
+            white[mine] = np.clip(shown, WHITE_FLOOR_M, most)
     return white
 
 

@@ -343,7 +343,7 @@ def _clocks(found: RunResult) -> dict[str, Any]:
             estimate = [round(stated_s + used_s + constants.clock_s, 4), round(constants.clock_sigma_s, 4)]
     if found.boresight is not None and found.boresight.certain:
         used_s -= found.boresight.clock_used_s
-    track = found.located.trajectory.t_s
+    track, inertial = found.located.trajectory.t_s, found.located.inertial
     return {
         "lidar": [
             {"clock": c.clock, "first": iso_utc(c.first_s), "last": iso_utc(c.last_s), "note": c.note}
@@ -354,4 +354,6 @@ def _clocks(found: RunResult) -> dict[str, Any]:
         "lidar_minus_gnss_estimated_s": estimate,
         "lidar_minus_gnss_used_s": round(stated_s + used_s, 4),
         "offset_cause": named_offset(used_s) or None,
+        "imu_minus_gnss_used_s": inertial.minus_gnss_s if inertial is not None else None,
+        "imu_minus_gnss_estimated_s": inertial.clock_estimate_s if inertial is not None else None,
     }

@@ -68,6 +68,30 @@ def test_sigmas__hold_over_ten_flights() -> None:
     assert (rms < 2.0).all()
 
 
+@pytest.mark.parametrize("off_s", [0.0, 0.03, -0.4, 18.0])
+def test_clock_of_the_imu__is_found_and_used(off_s: float) -> None:
+    flight = Flight(40.0, seed=3)
+    imu = flight.noisy_imu(rate_hz=100.0)
+    by_imu = found(flight.noisy_track(), replace(imu, t_s=imu.t_s + off_s))
+    assert by_imu.figures.clock_estimate_s is not None
+    estimate_s, sigma_s = by_imu.figures.clock_estimate_s
+    assert abs(estimate_s - off_s) < 3.0 * sigma_s
+    assert sigma_s < 0.002
+    assert abs(by_imu.figures.minus_gnss_s - off_s) < 0.004
+    assert [notice.code for notice in by_imu.notices] == (["imu-clock-off"] if off_s else [])
+    assert errors(by_imu.trajectory, flight)[:, :3].std(axis=0).max() < 0.02
+
+
+def test_lever_arm_that_is_off__is_not_taken_for_a_clock() -> None:
+    flight = Flight(40.0, seed=3)
+    imu = MountedImu(flight.noisy_imu(rate_hz=100.0), MOUNTING, INDUSTRIAL)
+    lever_m = (LEVER_M[0] + 0.3, LEVER_M[1], LEVER_M[2])
+    figures = trajectory_from_inertial(flight.noisy_track(), imu, frame(), lever_m, None).figures
+    assert figures.minus_gnss_s == 0.0
+    assert figures.constants.lever_off
+    assert figures.constants.lever_m[0] == pytest.approx(-0.3, abs=0.1)
+
+
 def test_flight_worked_on_in_parts__is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = Flight(40.0, seed=6)
     track, imu = flight.noisy_track(), flight.noisy_imu()

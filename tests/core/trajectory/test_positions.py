@@ -283,4 +283,7 @@ def test_white_noise__is_shown_by_thirty_differences_four_a_second(epochs: int, 
     else:
         np.testing.assert_allclose(found, 0.3 * 0.3)  # the usual share
     np.testing.assert_array_equal(white_noise_m(track, 0.0 * en, np.full(epochs, 0.01)), 0.004)
-    np.testing.assert_array_equal(white_noise_m(track, 99.0 * en, np.full(epochs, 0.3)) <= 0.3, True)
+    # An antenna sways by some centimetres; a scatter of metres is noise, whatever is stated.
+    np.testing.assert_array_equal(white_noise_m(track, 4.0 * en, np.full(epochs, 0.05)) <= 0.05, True)
+    scattered = white_noise_m(track, 99.0 * en, np.full(epochs, 0.3))
+    np.testing.assert_allclose(scattered, 2.0 if shown else 0.3 * 0.3, rtol=0.5)

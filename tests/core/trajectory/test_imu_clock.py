@@ -1,0 +1,40 @@
+"""The search for a large offset of an IMU's clock: on wheels at walking pace, by a drive in closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from furrowmap.core.trajectory.imu_clock import search_imu_clock
+from furrowmap.core.values.gnss import Positions
+from furrowmap.core.values.inertial import InertialTrack
+
+SPEED_MPS = 0.5
+
+
+def drive(off_s: float, white_m: float) -> tuple[InertialTrack, Positions]:
+    """200 s of turns to both sides by an IMU whose clock is ahead, and positions five times a second."""
+    random = np.random.default_rng(7)
+    t_s = np.arange(0.0, 200.0, 0.02)
+    turning = 0.25 * np.sin(0.3 * t_s) + 0.15 * np.sin(0.171 * t_s + 1.0)
+    yaw = np.cumsum(turning) * 0.02
+    zero = np.zeros_like(t_s)
+    rate = np.column_stack([zero, zero, turning + 0.005]) + random.normal(0.0, 0.002, (len(t_s), 3))
+    force = np.column_stack([zero, SPEED_MPS * turning, zero + 9.81]) + random.normal(0.0, 0.3, (len(t_s), 3))
+    place = np.cumsum(SPEED_MPS * np.column_stack([np.cos(yaw), np.sin(yaw), zero]), axis=0) * 0.02
+    at = slice(None, None, 10)
+    n = len(t_s[at])
+    sigma = np.full((n, 3), white_m)
+    seen = place[at] + random.normal(0.0, white_m, (n, 3))
+    run, fix = np.zeros(n, np.intp), np.full(n, 4, np.int8)
+    positions = Positions(t_s[at], seen, sigma, sigma, run, fix, np.full(n, np.nan))
+    return InertialTrack(t_s + off_s, rate, force), positions
+
+
+def test_offset__is_found_by_the_direction_of_the_nose() -> None:
+    for off_s in (-4.0, 18.0):
+        assert abs(search_imu_clock(*drive(off_s, 0.15), on_wheels=True) - off_s) < 0.3
+
+
+def test_right_clock_and_hidden_motion__are_left_alone() -> None:
+    assert search_imu_clock(*drive(0.0, 0.15), on_wheels=True) == 0.0
+    assert search_imu_clock(*drive(5.0, 50.0), on_wheels=True) == 0.0
