@@ -68,6 +68,13 @@ class WithMount(click.Command):
     choices=("body", "mount"),
     label="The board is on the",
 )
+@option(
+    "--begin",
+    "TIME",
+    "Of a video: time of its first frame, such as 2026-05-23T09:41:12.345 (UTC, or with a zone).",
+    label="Time of a video's first frame",
+)
+@option("--every", "N", "Use every n-th frame.", default=1, minimum=1, label="Use every n-th frame")
 @overwrite("Replace an existing file.")
 def mount(
     console: Console,
@@ -81,8 +88,8 @@ def mount(
 ) -> None:
     """Write the attitude of a mount over time from FRAMES, images of a chessboard, for `[mount] attitude` of a session.
 
-    FRAMES is a folder of images, with a table of their files and times (CSV) or EXIF times, or such a table. The
-    attitude is zero in the first frame that shows the board.
+    FRAMES is a folder of images, with a table of their files and times (CSV) or EXIF times, such a table, or a video
+    with --begin. The attitude is zero in the first frame that shows the board.
     """
     with console.work() as progress:
         found = furrowmap.calibrate_mount(

@@ -236,6 +236,7 @@
   <message><source>Of a block.</source><translation>1 ブロックの行数または列数。</translation></message>
   <message><source>Of a rear tyre, in metres.</source><translation>後輪タイヤ 1 本の幅（m）。</translation></message>
   <message><source>Of a static antenna, instead of a log: latitude, longitude, height, separated by commas.</source><translation>ログの代わりに使う静止アンテナの位置。緯度、経度、高さをコンマで区切ります。</translation></message>
+  <message><source>Of a video: time of its first frame, such as 2026-05-23T09:41:12.345 (UTC, or with a zone).</source><translation>動画の場合、最初のフレームの時刻。2026-05-23T09:41:12.345 のように指定します（UTC または時間帯付き）。</translation></message>
   <message><source>Of the services in the tables: one per line, in the order of the logs.</source><translation>表に示すサービス名。ログの順に 1 行に一つ。</translation></message>
   <message><source>On the command line:</source><translation>コマンドライン：</translation></message>
   <message><source>One per line, in the order of the clouds: 2017-05-23.</source><translation>点群の順に 1 行に 1 つ：2017-05-23。</translation></message>
@@ -364,6 +365,7 @@
   <message><source>The year in which it begins; all seasons by default.</source><translation>シーズンが始まる年。省略時はすべてのシーズン。</translation></message>
   <message><source>Threads</source><translation>スレッド数</translation></message>
   <message><source>Ties the results of one field to each other by the ground that no tool touched in between, in height, tilt and place, and measures the soil moved from each date to the next, with standard deviations.</source><translation>一つの圃場の結果を、その間に作業機が触れていない地面によって、高さ、傾き、位置で互いに合わせ、各日付から次の日付までに動いた土の量を標準偏差とともに求めます。</translation></message>
+  <message><source>Time of a video's first frame</source><translation>動画の最初のフレームの時刻</translation></message>
   <message><source>Time zone</source><translation>タイムゾーン</translation></message>
   <message><source>Time zone of dates and map tips, such as Asia/Tokyo [default: that of the run].</source><translation>日付と地図のヒントのタイムゾーン。例：Asia/Tokyo［既定：処理結果のもの］。</translation></message>
   <message><source>Track width</source><translation>輪距</translation></message>
@@ -374,6 +376,8 @@
   <message><source>UTC date of the first position, for logs without a date.</source><translation>最初の測位の UTC 日付。日付のないログに使います。</translation></message>
   <message><source>Unpack files however large their content is.</source><translation>内容がどれほど大きくてもファイルを展開します。</translation></message>
   <message><source>Use clouds without the parts that are damaged.</source><translation>破損した部分を除いて点群を使います。</translation></message>
+  <message><source>Use every n-th frame</source><translation>n 枚ごとのフレームを使う</translation></message>
+  <message><source>Use every n-th frame.</source><translation>n 枚ごとにフレームを使います。</translation></message>
   <message><source>Voxel size</source><translation>ボクセルサイズ</translation></message>
   <message><source>Voxel size, the smallest detail [default: the point spacing, 0.05 to 0.4].</source><translation>ボクセルの大きさ（識別できる最小の細部）。既定値は点間隔（0.05～0.4）。</translation></message>
   <message><source>Voxel size; keep the point nearest to the centre of each voxel.</source><translation>ボクセルサイズ。各ボクセルの中心に最も近い点を残します。</translation></message>

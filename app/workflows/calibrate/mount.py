@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from collections import deque
+from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from furrowmap.core.images.board import (
     ON_BODY,
@@ -18,8 +21,10 @@ from furrowmap.core.images.board import (
     find_corners,
     mount_attitude,
 )
+from furrowmap.core.readers.csv_file import unix_time
 from furrowmap.core.readers.exif import exif_images, expect_pillow, read_pixels
 from furrowmap.core.readers.image_table import is_image_table, read_image_table
+from furrowmap.core.readers.video import VIDEO_SUFFIXES, Video
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
@@ -28,12 +33,13 @@ from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.file import load_session
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.images import Images
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.exporters.files.atomic import atomic_output
 
 IMAGE_SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
 MOUNT_HEADER: Final = "time_unix_s,roll_deg,pitch_deg,yaw_deg,sigma_deg,rms_px"
+Frame: TypeAlias = tuple[float, Path | NDArray[np.uint8]]
+"""UTC, and an image file, or the pixels (height, width, 3) of a video's frame."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +88,8 @@ def calibrate_mount(
     camera: str | Path | None = None,
     board_rpy_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
     board_on: str = ON_BODY,
+    begin: str | None = None,
+    every: int = 1,
     overwrite: bool = False,
     progress: Progress = silent,
 ) -> MountCalibration:
@@ -91,18 +99,21 @@ def calibrate_mount(
     frame with the board is zero: `[lidar]` states the scanner in the vehicle frame as it is then.
 
     Args:
-        frames: folder of images, or a table of their files and times. In a folder, such a table gives the times, else
-            the EXIF data.
+        frames: folder of images, a table of their files and times, or a video. In a folder, such a table gives the
+            times, else the EXIF data.
         board: its inner corners and squares.
         out: the CSV; by default mount.csv beside the folder or in that of the table.
         camera: session file whose `[camera]` has the intrinsics; without it they are estimated from the frames.
         board_rpy_deg: roll, pitch, yaw of the board's axes in the vehicle frame, in the first frame.
         board_on: "body" or "mount".
+        begin: of a video, the time of its first frame in ISO 8601 (UTC, or with a zone); the others follow by the
+            times in the video.
+        every: use every n-th frame.
         overwrite: replace an existing file.
         progress: receives the stage "looking for the board".
 
     Raises:
-        InputError: if frames, table or camera cannot be read.
+        InputError: if frames, table or camera cannot be read, or a video comes without its time.
         RefusedError: if the frames show the board too seldom, or the file exists.
     """
     expect_opencv()
@@ -117,6 +128,35 @@ def calibrate_mount(
         if table is None or not table.is_known:
             raise InputError("no-camera", session_file=Path(camera))
         stated = camera_of(table) if table.has_intrinsics else open_session(Path(camera)).camera()
+    looked_at, count = _frames(source, begin, every, notices)
+    times_s, corners, size = _corners(looked_at, count, board, progress)
+    if size is None:
+        raise InputError("no-images.corners", paths=source, images=len(times_s))
+    found = board_poses(corners, board, size, stated)
+    turned = mount_attitude(found.rotation, Mounting(rpy_deg=board_rpy_deg).rotation, board_on)
+    t_s = times_s[found.frame] + found.camera.shutter_delay_s
+    with atomic_output(target) as unfinished:
+        rows = np.column_stack([t_s, *turned, found.sigma_deg, found.rms_px])
+        np.savetxt(unfinished, rows, ["%.6f", *["%.5f"] * 4, "%.4f"], ",", header=MOUNT_HEADER, comments="")
+    notices += board_notices(found, len(times_s))
+    return MountCalibration(
+        target, t_s, *turned, found.sigma_deg, found.rms_px, len(times_s), found.camera, tuple(notices)
+    )
+
+
+def _frames(source: Path, begin: str | None, every: int, notices: list[Notice]) -> tuple[Iterable[Frame], int]:
+    """The frames to look at, and their number, which is an estimate for some videos."""
+    if source.suffix.lower() in VIDEO_SUFFIXES and source.is_file():
+        if begin is None:
+            raise InputError("video-no-time", path=source)
+        try:
+            begin_s = unix_time(begin)
+        except ValueError:
+            raise InputError("video-no-time.not-a-time", path=source, text=begin) from None
+        video = Video(source)
+        return ((begin_s + at_s, pixels) for at_s, pixels in video.frames(every)), -(-video.count // every)
+    if begin is not None:
+        raise InputError("video-only", source=source)
     if source.is_dir():
         tables = [path for path in sorted(source.glob("*.csv")) if is_image_table(path)]
         files = [path for path in sorted(source.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES]
@@ -125,37 +165,36 @@ def calibrate_mount(
         images = read_image_table(source, source.resolve().parent, notices)
     if not len(images):
         raise InputError("no-images", source=source)
-    corners, size = _corners(images, board, progress)
-    found = board_poses(corners, board, size, stated)
-    turned = mount_attitude(found.rotation, Mounting(rpy_deg=board_rpy_deg).rotation, board_on)
-    t_s = images.t_s[found.frame] + found.camera.shutter_delay_s
-    with atomic_output(target) as unfinished:
-        rows = np.column_stack([t_s, *turned, found.sigma_deg, found.rms_px])
-        np.savetxt(unfinished, rows, ["%.6f", *["%.5f"] * 4, "%.4f"], ",", header=MOUNT_HEADER, comments="")
-    notices += board_notices(found, len(images))
-    return MountCalibration(
-        target, t_s, *turned, found.sigma_deg, found.rms_px, len(images), found.camera, tuple(notices)
-    )
+    some = list(zip(images.t_s.tolist(), images.paths, strict=True))[::every]
+    return some, len(some)
 
 
-def _corners(images: Images, board: Board, progress: Progress) -> tuple[list[FloatArray | None], tuple[int, int]]:
-    """The corners in each frame, and the size of the frames."""
-    sizes: list[tuple[int, int] | None] = [None] * len(images)
+def _corners(
+    frames: Iterable[Frame], count: int, board: Board, progress: Progress
+) -> tuple[FloatArray, list[FloatArray | None], tuple[int, int] | None]:
+    """The times (n,) of the frames, the corners in each, and the size of the frames; None if none can be read."""
 
-    def look(k: int) -> FloatArray | None:
+    def look(image: Path | NDArray[np.uint8]) -> tuple[FloatArray | None, tuple[int, int] | None]:
         try:
-            pixels = read_pixels(images.paths[k], 1)
+            pixels = read_pixels(image, 1) if isinstance(image, Path) else image
         except ValueError:
-            return None
-        sizes[k] = (pixels.shape[1], pixels.shape[0])
-        return find_corners(pixels, board)
+            return None, None
+        return find_corners(pixels, board), (pixels.shape[1], pixels.shape[0])
 
-    found = []
+    times_s, found = [], []
+    waiting: deque[Future[tuple[FloatArray | None, tuple[int, int] | None]]] = deque()
+
+    def take() -> None:
+        found.append(waiting.popleft().result())
+        progress("looking for the board", min(len(found) / max(count, 1), 1.0))
+
     with ThreadPoolExecutor(threads()) as pool:
-        for k, corners in enumerate(pool.map(look, range(len(images)))):
-            found.append(corners)
-            progress("looking for the board", (k + 1) / len(images))
-    size = next((size for size in sizes if size is not None), None)
-    if size is None:
-        raise InputError("no-images.corners", paths=images.paths[0], images=len(images) - 1)
-    return [corners if at == size else None for corners, at in zip(found, sizes, strict=True)], size
+        for at_s, image in frames:
+            times_s.append(at_s)
+            waiting.append(pool.submit(look, image))
+            if len(waiting) > 2 * threads():  # the frames of a video do not fit into memory
+                take()
+        while waiting:
+            take()
+    size = next((size for _, size in found if size is not None), None)
+    return np.array(times_s), [corners if at == size else None for corners, at in found], size

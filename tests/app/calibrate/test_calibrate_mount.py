@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -118,6 +119,47 @@ def test_mount__is_within_a_twentieth_of_a_degree(frames: Path, tmp_path: Path) 
     roll, pitch, yaw = ATTITUDE_DEG[3]
     read = Rotation.from_quat(motion.quaternion[3], scalar_first=True).as_matrix()
     assert read == pytest.approx(Mounting(rpy_deg=(roll, pitch, yaw)).rotation, abs=0.002)
+
+
+def test_mount__from_a_video_has_the_times_of_its_frames(frames: Path, tmp_path: Path) -> None:
+    """Of 20 frames a second, every second one shows nothing."""
+    path = tmp_path / "film.avi"
+    film = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20.0, (CAMERA.width, CAMERA.height))
+    film.set(cv2.VIDEOWRITER_PROP_QUALITY, 100)
+    for k in range(len(ATTITUDE_DEG)):
+        film.write(cv2.imread(str(frames / f"{k}.jpg")))
+        film.write(np.zeros((CAMERA.height, CAMERA.width, 3), np.uint8))
+    film.release()
+    found = furrowmap.calibrate_mount(
+        path,
+        BOARD,
+        camera=frames.parent / "session.toml",
+        board_rpy_deg=(180.0, 0.0, 90.0),
+        begin="2026-05-23T11:41:12+02:00",
+        every=2,
+    )
+    assert (found.path, found.frames) == (tmp_path / "mount.csv", 5)
+    assert found.t_s == pytest.approx(T0_S + 0.1 * np.arange(5), abs=1e-3)
+    assert (off_deg(found) < 0.05).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "begin", "code"),
+    [
+        ("a.mp4", None, "video-no-time"),
+        ("a.mp4", "noon", "video-no-time"),
+        ("a.mp4", "2026-05-23T09:41:12", "video-unreadable"),
+        ("a.csv", "2026-05-23T09:41:12", "video-only"),
+    ],
+)
+def test_video_without_its_time_or_its_frames__is_refused(
+    tmp_path: Path, name: str, begin: str | None, code: str
+) -> None:
+    """A playlist would let FFmpeg open what it names."""
+    (tmp_path / name).write_text("#EXTM3U\n#EXTINF:1,\nhttp://localhost:9/secret.ts\n", encoding="utf-8")
+    with pytest.raises(InputError) as refused:
+        furrowmap.calibrate_mount(tmp_path / name, BOARD, begin=begin)
+    assert refused.value.code == code
 
 
 def test_board_on_the_mount__turns_with_it() -> None:
