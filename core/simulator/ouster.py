@@ -18,23 +18,23 @@ from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import SimulatedSite
 
 OS1_COLUMNS: Final = 1024
-_BEAMS: Final = 32
+OS1_BEAMS: Final = 32
 _COLUMNS_A_PACKET: Final = 16
 _PROFILE: Final = {False: "RNG19_RFL8_SIG16_NIR16", True: "RNG19_RFL8_SIG16_NIR16_DUAL"}
 _SERIAL: Final = 122_000_000_032
 _INIT_ID: Final = 46
-_ELEVATION_DEG: Final = np.round(np.linspace(22.5, -22.5, _BEAMS), 2)
-_AZIMUTH_DEG: Final = np.tile([4.23, 1.41, -1.41, -4.23], _BEAMS // 4)
+_ELEVATION_DEG: Final = np.round(np.linspace(22.5, -22.5, OS1_BEAMS), 2)
+_AZIMUTH_DEG: Final = np.tile([4.23, 1.41, -1.41, -4.23], OS1_BEAMS // 4)
 """Beams are staggered, so that adjacent ones do not disturb each other."""
 _ORIGIN_MM: Final = 15.806
 _HEIGHT_MM: Final = 36.18
-_TURNED: Final = [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, _HEIGHT_MM, 0, 0, 0, 1]
+OS1_TO_SENSOR: Final = [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, _HEIGHT_MM, 0, 0, 0, 1]
 """From the lidar frame, in which the encoder counts, to the sensor frame."""
 
-_SINGLE: Final = np.dtype(
+OS1_PIXEL: Final = np.dtype(
     {"names": ["range", "reflectivity"], "formats": ["<u4", "u1"], "offsets": [0, 4], "itemsize": 12}
 )
-_DUAL: Final = np.dtype(
+OS1_PIXEL_DUAL: Final = np.dtype(
     {
         "names": ["range", "reflectivity", "range2", "reflectivity2"],
         "formats": ["<u4", "u1", "<u4", "u1"],
@@ -46,7 +46,7 @@ _DUAL: Final = np.dtype(
 
 
 def _packet(pixel: np.dtype[np.void]) -> np.dtype[np.void]:
-    column = np.dtype([("stamp_ns", "<u8"), ("number", "<u2"), ("status", "<u2"), ("pixels", pixel, _BEAMS)])
+    column = np.dtype([("stamp_ns", "<u8"), ("number", "<u2"), ("status", "<u2"), ("pixels", pixel, OS1_BEAMS)])
     head = [("kind", "<u2"), ("frame", "<u2"), ("init_id", "u1", 3), ("serial", "u1", 5), ("alerts", "u1", 20)]
     return np.dtype([*head, ("columns", column, _COLUMNS_A_PACKET), ("tail", "u1", 32)])
 
@@ -55,7 +55,7 @@ def data_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int
     """(n, 6400) payloads of the data packets, (n, 8448) of two returns."""
     mode = scenario.lidar.return_mode
     n = returns.ticks.shape[1] // _COLUMNS_A_PACKET
-    packets = np.zeros(n, _packet(_DUAL if mode == "dual" else _SINGLE))
+    packets = np.zeros(n, _packet(OS1_PIXEL_DUAL if mode == "dual" else OS1_PIXEL))
     firing = first * _COLUMNS_A_PACKET + np.arange(n * _COLUMNS_A_PACKET)
     turned = round(spin.first_turn * OS1_COLUMNS) + firing
     packets["kind"] = 1
@@ -73,9 +73,9 @@ def data_packets(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int
         ticks = returns.ticks[k]
         if name:
             ticks = np.where(ticks == returns.ticks[0], 0, ticks)
-        columns["pixels"]["range" + name] = ticks.reshape(n, _COLUMNS_A_PACKET, _BEAMS)
+        columns["pixels"]["range" + name] = ticks.reshape(n, _COLUMNS_A_PACKET, OS1_BEAMS)
         # after the range, whose upper byte it is with two returns
-        columns["pixels"]["reflectivity" + name] = returns.reflectivity[k].reshape(n, _COLUMNS_A_PACKET, _BEAMS)
+        columns["pixels"]["reflectivity" + name] = returns.reflectivity[k].reshape(n, _COLUMNS_A_PACKET, OS1_BEAMS)
     return packets.view(np.uint8).reshape(n, -1)
 
 
@@ -101,10 +101,11 @@ def metadata(scenario: Scenario) -> tuple[str, str]:
             "lidar_origin_to_beam_origin_mm": _ORIGIN_MM,
             "beam_to_lidar_transform": [1, 0, 0, _ORIGIN_MM, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1],
         },
-        "lidar_intrinsics": {"lidar_to_sensor_transform": _TURNED},
+        "lidar_intrinsics": {"lidar_to_sensor_transform": OS1_TO_SENSOR},
         "imu_intrinsics": {"imu_to_sensor_transform": [1, 0, 0, 6.253, 0, 1, 0, -11.775, 0, 0, 1, 7.645, 0, 0, 0, 1]},
+        "calibration_status": {"reflectivity": {"valid": True, "timestamp": "2023-01-25T15:11:58"}},
         "lidar_data_format": {
-            "pixels_per_column": _BEAMS,
+            "pixels_per_column": OS1_BEAMS,
             "columns_per_packet": _COLUMNS_A_PACKET,
             "columns_per_frame": OS1_COLUMNS,
             "pixel_shift_by_row": shift,
@@ -131,8 +132,8 @@ OS1_32: Final = ScannerModel(
     beams=Beams(
         elevation_deg=_ELEVATION_DEG,
         azimuth_deg=_AZIMUTH_DEG,
-        height_m=np.full(_BEAMS, 1e-3 * _HEIGHT_MM),
-        laser_s=np.zeros(_BEAMS),
+        height_m=np.full(OS1_BEAMS, 1e-3 * _HEIGHT_MM),
+        laser_s=np.zeros(OS1_BEAMS),
         origin_m=1e-3 * _ORIGIN_MM,
         step_m=0.001,
         zero_deg=180.0,

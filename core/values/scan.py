@@ -38,7 +38,7 @@ ARRAYS: Final = ("t_s", "xyz_m", "intensity", "laser", "column", "return_number"
 
 @dataclass(frozen=True)
 class Scan:
-    """The returns of one revolution, cut at azimuth 0 or at a pause, in the order of measurement.
+    """The returns of one revolution, cut at an azimuth of the scanner or at a pause, in the order of measurement.
 
     All arrays have the length n, the number of returns; firings without a return are not included.
 
@@ -48,10 +48,12 @@ class Scan:
         xyz_m: (n, 3) float32 in the lidar frame.
         intensity: (n,) uint8 or uint16.
         laser: (n,) uint8, index of the laser in the order of elevation, lowest first.
-        column: (n,) uint16, index of the firing in the scan, from 0.
+        column: (n,) uint16, column of the range image, from 0: adjacent columns of adjacent lasers are adjacent
+            directions. The index of the firing in the scan, shifted by the azimuth of lasers that look aside.
         return_number: (n,) uint8, 1 for the first or only return of a firing.
         returns: (n,) uint8, number of returns of that firing.
         whole: False if the start or end of the recording or a pause cut the revolution short.
+        lasers: number of lasers of the scanner; 0 if it is not known.
     """
 
     number: int
@@ -63,6 +65,7 @@ class Scan:
     return_number: NDArray[np.uint8]
     returns: NDArray[np.uint8]
     whole: bool = True
+    lasers: int = 0
 
     def __post_init__(self) -> None:
         n = len(self.t_s)

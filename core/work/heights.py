@@ -14,7 +14,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.work.model import CELL_X_M, CELL_Z_M, SeenImplement, fit_height
-from furrowmap.core.work.near_scans import column_of
+from furrowmap.core.work.near_scans import column_of, with_fewer_lasers
 from furrowmap.core.work.views import AGREE_M, CUT_M, CUT_PER_M, FEWEST_POINTS, FEWEST_SHARE, MIN_PROFILE_GAIN, TOP_M
 
 _BEYOND_M: Final = 0.2
@@ -57,8 +57,8 @@ class ToolHeights:
 class ToolHeightTracker:
     """Measures the height of the tool in each revolution from successive scans.
 
-    Scans are cut at azimuth 0, which may cross the implement; points are therefore regrouped into revolutions that
-    start opposite to it.
+    Scans begin at an azimuth of the scanner, which may be that of the implement; points are therefore regrouped into
+    revolutions that start opposite to it.
     """
 
     def __init__(self, mounting: Mounting, implement: SeenImplement, working_depth_m: float | None) -> None:
@@ -78,6 +78,7 @@ class ToolHeightTracker:
 
     def add(self, scan: Scan) -> None:
         """Add the next scan."""
+        scan = with_fewer_lasers(scan)
         if not len(scan):
             return
         begin_s, end_s = float(scan.t_s[0]), float(scan.t_s[-1])
@@ -95,6 +96,7 @@ class ToolHeightTracker:
             self._lever_m,
             region.columns,
             region.still_m,
+            region.begin,
             region.split,
             region.clockwise,
             self._ground,
@@ -155,7 +157,8 @@ def _median(counts: NDArray[np.int64]) -> float:
 
 @numba.njit(cache=True, nogil=True)
 def _gather(  # type: ignore[no-untyped-def]
-    xyz_m, laser, t_s, rotation, lever_m, columns, still_m, split, clockwise, ground, box, grid, views, soil, times
+    xyz_m, laser, t_s, rotation, lever_m, columns, still_m, begin, split, clockwise, ground, box, grid, views, soil,
+    times,
 ):  # fmt: skip
     """Add the points of a scan to side view and soil of the current revolution (0) and the next (1).
 
@@ -164,12 +167,13 @@ def _gather(  # type: ignore[no-untyped-def]
     lasers, width = still_m.shape
     _, view_columns, view_rows = views.shape
     bins = soil.shape[1]
+    turned = (split - begin) % width
     for i in range(len(xyz_m)):
         px, py, pz = xyz_m[i, 0], xyz_m[i, 1], xyz_m[i, 2]
         column = column_of(px, py)
         if not columns[column]:
             continue
-        part = 0 if (column < split) == clockwise else 1
+        part = 0 if ((column - begin) % width < turned) == clockwise else 1
         times[part, 0, 0] += 1.0
         times[part, 0, 1] += t_s[i]
         x = rotation[0, 0] * px + rotation[0, 1] * py + rotation[0, 2] * pz + lever_m[0]

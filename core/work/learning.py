@@ -112,6 +112,16 @@ def _shows(found: Found) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     return now_and_then, often
 
 
+def _first_column(scans: Sequence[NearScan]) -> int:
+    """Column at which most scans begin, some of them a little later for lack of returns."""
+    first = np.array([scan.first_column for scan in scans])
+    usual = int(np.bincount(first).argmax())
+    after = (first - usual + IMAGE_COLUMNS // 2) % IMAGE_COLUMNS - IMAGE_COLUMNS // 2
+    near = after[np.abs(after) < IMAGE_COLUMNS // 8]
+    clockwise = np.mean([scan.clockwise for scan in scans]) > 0.5
+    return int(usual + (near.min() if clockwise else near.max())) % IMAGE_COLUMNS
+
+
 def _region(outcome: Outcome, first: int, count: int) -> Region:
     """Search region for an implement in `count` columns from `first` on."""
     views = outcome.views
@@ -122,6 +132,7 @@ def _region(outcome: Outcome, first: int, count: int) -> Region:
         box_m=views.box_m,
         columns=columns,
         still_m=outcome.still_m,
+        begin=_first_column(views.scans),
         split=(first + count + (IMAGE_COLUMNS - count) // 2) % IMAGE_COLUMNS,
         clockwise=float(np.mean([scan.clockwise for scan in views.scans])) > 0.5,
         turn_s=float(np.median([scan.end_s - scan.begin_s for scan in views.scans])),

@@ -180,7 +180,8 @@ class Region:
     Attributes:
         columns: (COLUMNS,) bool, columns of the range image that show it.
         still_m: (lasers, COLUMNS) float32, range of static pixels; nan elsewhere.
-        split: the opposite column, at which points are split into revolutions.
+        begin: column at which scans begin.
+        split: the column opposite to the implement, at which points are split into revolutions.
         clockwise: whether azimuth increases within a scan.
     """
 
@@ -188,6 +189,7 @@ class Region:
     box_m: Box
     columns: NDArray[np.bool_]
     still_m: NDArray[np.float32]
+    begin: int
     split: int
     clockwise: bool
     turn_s: float

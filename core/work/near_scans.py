@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numba
@@ -37,6 +37,19 @@ def column_of(x, y):  # type: ignore[no-untyped-def]
     return min(int(angle * (IMAGE_COLUMNS / (2.0 * np.pi))), IMAGE_COLUMNS - 1)
 
 
+MAX_IMAGE_ROWS: Final = 40
+"""Of scanners with more lasers, every second, third, … is used: an implement is seen well enough by fewer."""
+
+
+def with_fewer_lasers(scan: Scan) -> Scan:
+    """A scan whose lasers are the rows of a range image, from 0."""
+    step = 1 + (scan.lasers - 1) // MAX_IMAGE_ROWS
+    if step <= 1:
+        return scan
+    kept = scan[scan.laser % step == 0]
+    return replace(kept, laser=kept.laser // np.uint8(step))
+
+
 def median_image(images: NDArray[np.float32]) -> NDArray[np.float32]:
     """Median range of each pixel of range images (n, lasers, columns); nan where less than half have a return."""
     out: NDArray[np.float32] = np.full(images.shape[1:], np.nan, np.float32)
@@ -63,6 +76,7 @@ class NearScan:
         begin_s: UTC of its first return.
         end_s: of its last one.
         clockwise: whether azimuth increases within the scan.
+        first_column: column of its first return.
         xyz_m: (n, 3) float32 in the vehicle frame.
         range_m: (n,) float32 from the sensor.
         laser: (n,) uint8.
@@ -73,6 +87,7 @@ class NearScan:
     begin_s: float
     end_s: float
     clockwise: bool
+    first_column: int
     xyz_m: NDArray[np.float32]
     range_m: NDArray[np.float32]
     laser: NDArray[np.uint8]
@@ -116,6 +131,7 @@ class NearScans:
         self._count += 1
 
     def _near(self, scan: Scan) -> NearScan:
+        scan = with_fewer_lasers(scan)
         xyz, distance, laser, column, rising = _near_points(
             np.ascontiguousarray(scan.xyz_m, np.float32),
             np.ascontiguousarray(scan.laser, np.uint8),
@@ -126,7 +142,8 @@ class NearScans:
         if len(xyz) > MAX_NEAR_POINTS:
             kept = np.linspace(0, len(xyz) - 1, MAX_NEAR_POINTS).astype(np.intp)
             xyz, distance, laser, column = xyz[kept], distance[kept], laser[kept], column[kept]
-        return NearScan(self._count, float(scan.t_s[0]), float(scan.t_s[-1]), rising >= 0, xyz, distance, laser, column)
+        span_s, first = (float(scan.t_s[0]), float(scan.t_s[-1])), int(column_of(scan.xyz_m[0, 0], scan.xyz_m[0, 1]))
+        return NearScan(self._count, *span_s, rising >= 0, first, xyz, distance, laser, column)
 
 
 @numba.njit(cache=True, nogil=True)

@@ -13,7 +13,7 @@ from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.work.model import DepthImages, Levels, Region, SeenImplement, SideTemplate, SideViewGrid
 from furrowmap.core.work.near_scans import IMAGE_COLUMNS
 
-FILE_FORM: Final = 1
+FILE_FORM: Final = 2
 """Version of the file format."""
 
 
@@ -31,7 +31,7 @@ def save_implement(path: Path, implement: SeenImplement) -> None:
         "box_m": np.array(region.box_m),
         "columns": region.columns,
         "still_m": region.still_m,
-        "turn": np.array([region.split, region.clockwise, region.turn_s], np.float64),
+        "turn": np.array([region.begin, region.split, region.clockwise, region.turn_s], np.float64),
         "grid": np.array([grid.x_m, grid.z_m, grid.columns, grid.rows], np.float64),
         "odds": template.odds,
         "levels": np.array([levels.low_m, levels.high_m, levels.hidden, levels.sigma_m, levels.jitter_m], np.float64),
@@ -62,7 +62,7 @@ def _implement(arrays: dict[str, Any]) -> SeenImplement:
     """The implement in the arrays of a file."""
     if int(arrays["form"]) != FILE_FORM:
         raise ValueError(f"format version {int(arrays['form'])}, supported is {FILE_FORM}")
-    split, clockwise, turn_s = arrays["turn"].tolist()
+    begin, split, clockwise, turn_s = arrays["turn"].tolist()
     x_m, z_m, columns, rows = arrays["grid"].tolist()
     low_m, high_m, hidden, sigma_m, jitter_m = arrays["levels"].tolist()
     working_m, points, gain = arrays["usual"].tolist()
@@ -78,6 +78,7 @@ def _implement(arrays: dict[str, Any]) -> SeenImplement:
             box_m=(x0, x1, y0, y1),
             columns=arrays["columns"].astype(bool),
             still_m=arrays["still_m"].astype(np.float32),
+            begin=int(begin),
             split=int(split),
             clockwise=bool(clockwise),
             turn_s=turn_s,

@@ -174,7 +174,7 @@ def test_parameters__for_meshes_that_do_not_exist(tmp_path: Path) -> None:
 )
 def test_implements__of_another_form(changed: dict[str, object], words: str, tmp_path: Path) -> None:
     arrays: dict[str, object] = {
-        "form": 1, "turn": np.zeros(3), "grid": np.array([0.0, 0.0, 3.0, 3.0]), "levels": np.zeros(5),
+        "form": 1, "turn": np.zeros(4), "grid": np.array([0.0, 0.0, 3.0, 3.0]), "levels": np.zeros(5),
         "usual": np.zeros(3), "odds": np.zeros((3, 3)), "columns": np.zeros(3), "still_m": np.zeros((2, 3)),
     }  # fmt: skip
     from furrowmap.core.work import saved

@@ -26,7 +26,7 @@ def views(index: Sequence[int], every_s: float = EVERY_S) -> Views:
     xyz, whole = np.zeros((0, 3), np.float32), np.zeros(0, np.int32)
     nothing = (xyz, xyz[:, 0], whole.astype(np.uint8), whole)
     begin_s = [100.0 + every_s * k for k in index]
-    scans = [NearScan(k, t, t + 0.1, True, *nothing) for k, t in zip(index, begin_s, strict=True)]
+    scans = [NearScan(k, t, t + 0.1, True, 0, *nothing) for k, t in zip(index, begin_s, strict=True)]
     return Views(scans, [], [], (0.0, 0.0, 0.0), (-3.0, -1.0, -1.0, 1.0), GRID)
 
 

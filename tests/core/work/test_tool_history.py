@@ -21,7 +21,9 @@ TURN_S = 0.1
 LIFT_M = 0.5
 _NONE = np.zeros((0, 0), np.float32)
 TILLER = SeenImplement(
-    region=Region((0.0, 0.0, 0.0), (-3.0, -1.0, -1.0, 1.0), np.ones(4, bool), _NONE, 0, clockwise=True, turn_s=TURN_S),
+    region=Region(
+        (0.0, 0.0, 0.0), (-3.0, -1.0, -1.0, 1.0), np.ones(4, bool), _NONE, 0, 0, clockwise=True, turn_s=TURN_S
+    ),
     template=SideTemplate(SideViewGrid(-3.0, 0.0, 0, 0), _NONE),
     levels=Levels(0.0, LIFT_M, ToolState.UNKNOWN, 0.005, 0.01),
     working_m=0.0,

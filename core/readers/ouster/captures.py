@@ -1,0 +1,288 @@
+"""Ouster packets in captures of network traffic, with the metadata of the sensor beside them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, ClassVar, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.ouster.clock import PTP_PORT, announced_s, settle
+from furrowmap.core.readers.ouster.metadata import LEGACY, PROFILES, Metadata, heads, metadata_beside, packet_bytes
+from furrowmap.core.readers.ouster.packets import OusterDecoder
+from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format
+from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.clock_readings import ClockReading
+from furrowmap.core.values.scan import Clock, Scan
+
+BEAM_COUNTS: Final = (16, 32, 64, 128)
+_PACKET_COLUMNS: Final = 16
+_FIRST_PACKETS: Final = 2000
+"""Number of data packets (1 to 3 s) that are surveyed before the first scan."""
+_STRAY_SHARE: Final = 0.01
+_GLANCE_S: Final = 0.12
+"""Duration of the packets that are read where a glance is sufficient: a turn, in two parts."""
+
+
+@cache
+def _lengths() -> dict[int, bool]:
+    """Lengths of data packets of all models and profiles, and whether they are LEGACY."""
+    return {packet_bytes(name, n, _PACKET_COLUMNS): name == LEGACY for name in PROFILES for n in BEAM_COUNTS}
+
+
+@dataclass(frozen=True)
+class PacketSender:
+    """What sends data packets of one kind.
+
+    Attributes:
+        sender: as in :class:`~furrowmap.core.readers.pcap.Datagrams`.
+        length: of the packets.
+        serial: serial number in their headers; 0 if they have none.
+        init_id: number of the sensor's start there; 0 if they have none.
+    """
+
+    sender: int
+    length: int
+    serial: int = 0
+    init_id: int = 0
+
+    def sort(self, datagrams: Datagrams, metadata: Metadata) -> NDArray[np.bool_]:
+        """Which datagrams are its data packets."""
+        mine: NDArray[np.bool_] = (datagrams.length == self.length) & (datagrams.sender == np.uint64(self.sender))
+        if self.serial:
+            head = metadata.heads(datagrams.data, datagrams.offset[mine])
+            mine[mine] = head.serial == self.serial
+        return mine
+
+    def belongs_to(self, metadata: Metadata) -> bool:
+        """Whether that sensor may send such packets."""
+        if self.length != metadata.packet_bytes:
+            return False
+        if self.serial and metadata.serial:
+            return self.serial == metadata.serial
+        return not (self.init_id and metadata.init_id) or self.init_id == metadata.init_id
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        host, port = self.sender >> 16, self.sender & 0xFFFF
+        address = ".".join(str(host >> shift & 255) for shift in (24, 16, 8, 0)) if host < 1 << 32 else "IPv6"
+        return f"serial number {self.serial}" if self.serial else f"{address} to port {port}"
+
+
+class OusterSensor(NamedTuple):
+    """A sender and the metadata of its sensor."""
+
+    sender: PacketSender
+    metadata: Metadata
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        return f"{self.metadata.product}, {self.sender.name}"
+
+
+def _senders(datagrams: Datagrams) -> Counter[PacketSender]:
+    """Senders of what looks like data packets, and their number."""
+    found: Counter[PacketSender] = Counter()
+    for length in set(np.unique(datagrams.length).tolist()) & set(_lengths()):
+        at = np.flatnonzero(datagrams.length == length)
+        offset, senders = datagrams.offset[at], datagrams.sender[at].tolist()
+        if _lengths()[length]:
+            size = length // _PACKET_COLUMNS
+            first, second = (heads(datagrams.data, offset + k * size, legacy=True, fusa=False) for k in (0, 1))
+            sound = (second.frame == first.frame) & (second.column == first.column + 1)
+            found.update(PacketSender(senders[i], length) for i in np.flatnonzero(sound).tolist())
+            continue
+        kind, second_byte = datagrams.data[offset], datagrams.data[offset + 1]
+        for fusa, sound in ((False, (kind == 1) & (second_byte == 0)), (True, (kind == 1) & (second_byte != 0))):
+            head = heads(datagrams.data, offset[sound], legacy=False, fusa=fusa)
+            rows = zip(np.flatnonzero(sound).tolist(), head.serial.tolist(), head.init_id.tolist(), strict=True)
+            found.update(PacketSender(senders[i], length, serial, init_id) for i, serial, init_id in rows)
+    return found
+
+
+class OusterPcap(FileReader):
+    """Scans in captures of an OS0, OS1, OS2 or OSDome, with the sensor's metadata as JSON in the same folder.
+
+    Opening it reads the first seconds to find the sensors and what sets their clocks. `model` of the options chooses
+    among several sensors by product line or serial number.
+
+    Raises:
+        InputError: on opening, if a file is not a capture, or has no Ouster packets; if the metadata of their sensor
+            are missing or damaged; on reading, if there are several sensors and none is chosen.
+    """
+
+    format: ClassVar[str] = "ouster-pcap"
+    title: ClassVar[str] = "Ouster packets in a PCAP capture"
+
+    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
+        super().__init__(paths, options)
+        self.share_read = 0.0
+        self.clocks: tuple[ClockReading, ...] = ()
+        found, first, tai_s = _survey(self.paths)
+        self._sensors, self._uncertain = _with_metadata(self.paths[0], found, options.model)
+        sender, metadata = self._sensors[0]
+        mine = [sender.sort(datagrams, metadata) for datagrams in first]
+        stamp_ns = np.concatenate(
+            [metadata.heads(d.data, d.offset[m]).stamp_ns for d, m in zip(first, mine, strict=True)]
+        )
+        host_s = np.concatenate([d.time_s[m] for d, m in zip(first, mine, strict=True)])
+        self._time, clock_notices = settle(stamp_ns, host_s, metadata, tai_s)
+        self._uncertain += clock_notices
+        self.clock: Clock = self._time.kind
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """0.9 for captures with an Ouster data packet among the first datagrams."""
+        if not capture_format(head.data):
+            return 0.0
+        try:
+            with Source(head.path) as source:
+                datagrams = next(iter(Capture(source)), None)
+        except (InputError, OSError):
+            return 0.0
+        return 0.9 if datagrams is not None and _senders(datagrams) else 0.0
+
+    def scans(self) -> Iterator[Scan]:
+        """The scans of all files, streamed; `notices` and `clocks` are complete at the end."""
+        if len(self._sensors) > 1:
+            words = "; ".join(sensor.name for sensor in self._sensors)
+            example = next((str(m.serial) for _, m in self._sensors if m.serial), self._sensors[0].metadata.product)
+            raise InputError("two-sensors.ouster", paths=self.name, words=words, example=example)
+        return self._read(self.paths, self._decoder(), Counter())
+
+    def inspect(self) -> Inspection:
+        """Read the whole first file and report what it contains, of several sensors the one with most packets."""
+        decoder, others = self._decoder(), Counter[str]()
+        for _ in self._read(self.paths[:1], decoder, others):
+            pass
+        facts: dict[str, Any] = decoder.facts() | {
+            "other_packets": dict(others.most_common()),
+            "first": iso_utc(decoder.counts.first_s),
+            "last": iso_utc(decoder.counts.last_s),
+            "span_s": round(decoder.counts.last_s - decoder.counts.first_s, 6),
+        }
+        if len(self._sensors) > 1:
+            facts["sensors"] = [sensor.name for sensor in self._sensors]
+        return Inspection(self.paths[0], self.format, self.title, facts, self.clocks, tuple(self.notices))
+
+    def _decoder(self) -> OusterDecoder:
+        return OusterDecoder(self._sensors[0][1], self._time)
+
+    def _read(self, paths: Sequence[Path], decoder: OusterDecoder, others: Counter[str]) -> Iterator[Scan]:
+        self.notices.clear()
+        sender, metadata = self._sensors[0]
+        sizes = [path.stat().st_size for path in paths]
+        for i, path in enumerate(paths):
+            with Source(path) as source:
+                capture = Capture(source)
+                for datagrams in capture:
+                    self.share_read = (sum(sizes[:i]) + sizes[i] * source.share_read) / sum(sizes)
+                    mine = sender.sort(datagrams, metadata)
+                    others["other UDP datagrams"] += int((~mine).sum())
+                    if self.options.glance_s is not None:
+                        mine &= datagrams.time_s % self.options.glance_s < _GLANCE_S
+                    yield from decoder.push(datagrams.data, datagrams.offset[mine], datagrams.time_s[mine])
+                others.update(capture.skipped)
+                self.notices += capture.notices
+        yield from decoder.finish()
+        for key, count in [*others.items()]:
+            if not count:
+                del others[key]
+        self.notices += [*self._uncertain, *decoder.notices()]
+        counts = decoder.counts
+        if not counts.packets:
+            raise InputError(
+                "no-packets", paths=paths[0], frames=", ".join(f"{n:,} {why}" for why, n in others.items())
+            )
+        apart = f"packet times; {counts.host_least_s:+.4f} to {counts.host_most_s:+.4f} s relative to the stamps"
+        shift_s = counts.host_least_s
+        readings = [ClockReading(Clock.RECORDER, counts.first_s + shift_s, counts.last_s + shift_s, apart)]
+        if self.clock is not Clock.RECORDER:
+            readings.insert(0, ClockReading(self.clock, counts.first_s, counts.last_s, self._time.note))
+        self.clocks = tuple(readings)
+        self.share_read = 1.0
+
+
+def _survey(paths: Sequence[Path]) -> tuple[Counter[PacketSender], list[Datagrams], int | None]:
+    """What sends data packets, the first datagrams, and TAI minus UTC as PTP announced it among them."""
+    found: Counter[PacketSender] = Counter()
+    first, skipped, tai_s = list[Datagrams](), Counter[str](), None
+    for path in paths:
+        with Source(path) as source:
+            capture = Capture(source)
+            for datagrams in capture:
+                first.append(datagrams)
+                found.update(_senders(datagrams))
+                for i in np.flatnonzero(datagrams.sender & np.uint64(0xFFFF) == PTP_PORT).tolist():
+                    at = int(datagrams.offset[i])
+                    payload = datagrams.data[at : at + int(datagrams.length[i])].tobytes()
+                    tai_s = tai_s if (said_s := announced_s(payload)) is None else said_s
+                if found.total() >= _FIRST_PACKETS:
+                    break
+            skipped.update(capture.skipped)
+        if found.total() >= _FIRST_PACKETS:
+            break
+    if not found:
+        frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common())
+        others = sum(len(datagrams) for datagrams in first)
+        raise InputError("no-packets", paths=paths[0], frames=frames or f"{others:,} other UDP datagrams")
+    return found, first, tai_s
+
+
+def _with_metadata(
+    path: Path, found: Counter[PacketSender], model: str | None
+) -> tuple[list[OusterSensor], list[Notice]]:
+    """The sensors that send data packets, those with most packets first, and what is uncertain about their metadata.
+
+    Args:
+        model: chooses among several sensors.
+
+    Raises:
+        InputError: if the metadata of none of them lie beside the capture, or it is not clear which do.
+    """
+    beside, faults = metadata_beside(path)
+    largest = max(found.values())
+    sensors: dict[int, OusterSensor] = {}
+    unknown, notices = [], []
+    for sender, count in found.most_common():
+        key = sender.serial or -sender.sender
+        if count < _STRAY_SHARE * largest or key in sensors:
+            continue
+        fitting = [metadata for metadata in beside if sender.belongs_to(metadata)]
+        if not fitting:
+            unknown.append(sender.name)
+            continue
+        stem, its = path.name.partition(".pcap")[0].casefold(), Path(fitting[0].name).stem.casefold()
+        named = stem.startswith(its) or its.startswith(stem)
+        if not sender.serial and not named:
+            if any(not fitting[0].same_geometry(other) for other in fitting[1:]):
+                names = ", ".join(metadata.name for metadata in fitting)
+                raise InputError("ouster-metadata-ambiguous", path=path, sender=sender.name, names=names)
+            notices.append(Notice("ouster-metadata-unproven", sender=sender.name, name=fitting[0].name))
+        sensors[key] = OusterSensor(sender, fitting[0])
+    chosen = [sensor for sensor in sensors.values() if model is None or sensor.metadata.fits(model)]
+    if not chosen:
+        if sensors:
+            there = "; ".join(sensor.name for sensor in sensors.values())
+            raise InputError("ouster-other-sensor", path=path, model=model, there=there)
+        others = ", ".join(f"{m.name} ({m.product}, serial number {m.serial or 'not stated'})" for m in beside)
+        raise InputError(
+            "ouster-no-metadata",
+            path=path,
+            senders="; ".join(unknown),
+            others=others or None,
+            faults="; ".join(faults) or None,
+        )
+    if unknown:
+        notices.append(Notice("ouster-sensor-unknown", senders="; ".join(unknown)))
+    return chosen, notices

@@ -1,0 +1,351 @@
+"""Data packets of an Ouster sensor to scans, one per turn.
+
+Formats: Ouster Sensor Documentation, firmware 3.1, "Lidar Data Packet Format" and "Coordinate Frames and XYZ
+Calculation".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.ouster.clock import SensorTime, settle
+from furrowmap.core.readers.ouster.metadata import STAMP, Heads, Metadata
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.scan import Clock, Scan
+
+ByteArray = NDArray[np.uint8]
+
+_WHOLE_SHARE: Final = 0.9
+"""A turn with a smaller share of its packets is not whole."""
+_CHECKED_TURNS: Final = 3
+_JUMP_S: Final = 2.0
+"""Stamps that move away from the recorder's times by more than this between two packets: the clock was set."""
+_COLUMN_APART_NS: Final = 1_000_000_000
+"""A column whose stamp is further from that of its packet is damaged."""
+
+
+@dataclass
+class OusterCounts:
+    """Counts over the packets of a decoder; times in seconds."""
+
+    packets: int = 0
+    points: int = 0
+    whole: int = 0
+    cut: int = 0
+    first_s: float = float("nan")
+    last_s: float = float("nan")
+    lost: int = 0
+    gaps: int = 0
+    lost_s: float = 0.0
+    pauses_s: list[float] = field(default_factory=list)
+    repeated: int = 0
+    late: int = 0
+    back: int = 0
+    bad_columns: int = 0
+    turned: float = 0.0
+    turning_s: float = 0.0
+    host_least_s: float = float("inf")
+    host_most_s: float = float("-inf")
+
+
+class OusterDecoder:
+    """Decodes data packets, pushed in batches in the order of time, into scans.
+
+    A scan is a turn of the sensor, which begins at column 0: behind the sensor. Where a pixel has two returns, the
+    nearer one is return 1 of 2.
+
+    Args:
+        metadata: of the sensor that sends the packets.
+        time: what the stamps count from; None to derive it from the first batch.
+
+    Raises:
+        InputError: on pushing, if the packets are of another mode than the metadata.
+    """
+
+    def __init__(self, metadata: Metadata, time: SensorTime | None = None) -> None:
+        self.metadata = metadata
+        self.counts = OusterCounts()
+        self.time = time
+        self._notices: list[Notice] = []
+        self._jumps: list[tuple[float, float]] = []
+        self._shift_ns = 0
+        self._last: tuple[int, int, int, float] | None = None
+        self._open: list[Scan] = []
+        self._open_packets = 0
+        self._open_frame = -1
+        self._number = 0
+        self._columns = self._turns = 0
+        self._begun = False
+        """Whether the open scan is the rest of a turn that had begun before the recording."""
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that the times come from."""
+        return self.time.kind if self.time else Clock.RECORDER
+
+    def push(self, data: ByteArray, offset: IntArray, host_s: FloatArray) -> list[Scan]:
+        """Scans that these packets complete.
+
+        Args:
+            data: (k,) uint8.
+            offset: (m,) where in `data` each payload begins.
+            host_s: (m,) the recorder's time of each packet, UTC in seconds.
+        """
+        m = self.metadata
+        head = m.heads(data, offset)
+        kept = self._in_order(head)
+        offset, host_s, head = offset[kept], host_s[kept], Heads(*(values[kept] for values in head))
+        if not len(offset):
+            return []
+        if self.time is None:
+            self.time, self._notices = settle(head.stamp_ns, host_s, m, None)
+        self._check_columns(head)
+        shift_ns = self._note_times(head, host_s)
+        scan, ends = self._decode(data, offset, shift_ns)
+        scans, begin, start = [], 0, 0
+        turned = np.flatnonzero(np.diff(head.frame)) + 1
+        if self._open_packets and head.frame[0] != self._open_frame:
+            scans += self._close(cut=self._begun)
+            self._begun = False
+        for packet in turned.tolist():
+            self._open.append(scan[start : (stop := int(ends[packet - 1]))])
+            self._open_packets += packet - begin
+            scans += self._close(cut=self._begun)
+            self._begun = False
+            begin, start = packet, stop
+        self._open.append(scan[start:])
+        self._open_packets += len(offset) - begin
+        self._open_frame = int(head.frame[-1])
+        return scans
+
+    def finish(self) -> list[Scan]:
+        """The scan that is still open; call it once, after the last packet."""
+        ends = self._last is not None and self._last[1] == self.metadata.frame_packets - 1
+        return self._close(cut=self._begun or not ends)
+
+    def _in_order(self, head: Heads) -> NDArray[np.bool_]:
+        """Which packets (m,) neither repeat the one before nor belong to the turn before."""
+        turns = 1 << (32 if self.metadata.fusa else 16)
+        kept = np.ones(len(head.frame), bool)
+        frame, column = (self._last[0], self._last[1]) if self._last else (-1, -1)
+        before = np.diff(head.frame, prepend=frame)
+        if not ((before % turns == turns - 1) | (before == 0) & (np.diff(head.column, prepend=column) == 0)).any():
+            return kept
+        for i, (this, first) in enumerate(zip(head.frame.tolist(), head.column.tolist(), strict=True)):
+            if (this, first) == (frame, column):
+                self.counts.repeated += 1
+                kept[i] = False
+            elif frame >= 0 and this == (frame - 1) % turns:
+                self.counts.late += 1
+                kept[i] = False
+            else:
+                frame, column = this, first
+        return kept
+
+    def _check_columns(self, head: Heads) -> None:
+        """Refuse packets of another mode than that of the metadata: each column would have a wrong azimuth."""
+        m = self.metadata
+        self._columns = max(self._columns, int(head.column.max()) + m.packet_columns)
+        self._turns += int((np.diff(head.frame) != 0).sum())
+        short = self._turns >= _CHECKED_TURNS and self._columns < _WHOLE_SHARE * max(m.window)
+        if short or np.count_nonzero(head.column >= m.columns) > max(0.1 * len(head.column), 2):
+            raise InputError("ouster-metadata-mode", name=m.name, columns=m.columns, there=self._columns)
+
+    def _note_times(self, head: Heads, host_s: FloatArray) -> IntArray:
+        """Nanoseconds to subtract from the stamps (m,) of each packet; gaps, pauses and jumps are counted."""
+        m, counts, per_turn = self.metadata, self.counts, self.metadata.frame_packets
+        assert self.time is not None
+        blocks = -(-m.columns // m.packet_columns)
+        place = (head.column // m.packet_columns - m.window[0] // m.packet_columns) % blocks
+        frame, place_0, stamp_ns, last_host_s = self._last or (
+            int(head.frame[0]), int(place[0]) - 1, int(head.stamp_ns[0]), float(host_s[0])
+        )  # fmt: skip
+        turns = np.diff(head.frame, prepend=frame) % (1 << (32 if m.fusa else 16))
+        stepped = turns * per_turn + np.diff(place, prepend=place_0)
+        step_s = np.diff(head.stamp_ns, prepend=stamp_ns) * 1e-9
+        jumped = np.abs(step_s - np.diff(host_s, prepend=last_host_s)) > _JUMP_S
+        step_s[jumped] = np.diff(host_s, prepend=last_host_s)[jumped]
+        shift_ns = np.full(len(stepped), self._shift_ns or self.time.minus_ns, np.int64)
+        for i in np.flatnonzero(jumped).tolist():
+            before_ns = int(head.stamp_ns[i - 1]) if i else stamp_ns
+            change_ns = int(head.stamp_ns[i]) - before_ns - round(float(step_s[i]) * 1e9)
+            shift_ns[i:] += change_ns
+            self._jumps.append((float(host_s[i]), change_ns * 1e-9))
+        self._shift_ns = int(shift_ns[-1])
+        t_s = (head.stamp_ns - shift_ns) * 1e-9
+        if not counts.packets:
+            counts.first_s = float(t_s[0])
+            self._begun = bool(place[0])
+        counts.last_s = float(t_s[-1])
+        counts.packets += len(t_s)
+        counts.back += int((step_s < 0.0).sum())
+        even = stepped == 1
+        even[0] &= self._last is not None
+        counts.turned += float(even.sum()) / blocks
+        counts.turning_s += float(step_s[even & ~jumped].sum())
+        gap = (stepped > 1) & (stepped <= per_turn) & (turns <= 1)
+        counts.gaps += int(gap.sum())
+        counts.lost += int((stepped[gap] - 1).sum())
+        counts.lost_s += float(step_s[gap].sum())
+        counts.pauses_s += step_s[(stepped > per_turn) | (turns > 1)].tolist()
+        ahead_s = host_s - t_s
+        counts.host_least_s = min(counts.host_least_s, float(ahead_s.min()))
+        counts.host_most_s = max(counts.host_most_s, float(ahead_s.max()))
+        self._last = int(head.frame[-1]), int(place[-1]), int(head.stamp_ns[-1]), float(host_s[-1])
+        return shift_ns
+
+    def _decode(self, data: ByteArray, offset: IntArray, shift_ns: IntArray) -> tuple[Scan, IntArray]:
+        """All returns of packets (m,) as one scan, and the number of them (m,) up to the end of each packet."""
+        m = self.metadata
+        slots = len(offset) * m.packet_columns * len(m.beams) * (2 if m.layout[7] else 1)
+        t_s, xyz = np.empty(slots), np.empty((slots, 3), np.float32)
+        column = np.empty(slots, np.uint16)
+        intensity, laser, number, returns = np.empty((4, slots), np.uint8)
+        ends = np.empty(len(offset), np.int64)
+        bad = _decode(
+            np.require(data, requirements=["C", "W"]), np.ascontiguousarray(offset), shift_ns, m.packet_columns,
+            m.layout, m.beams, m.turned, float(np.hypot(*m.beam_m)),
+            t_s, xyz, intensity, laser, column, number, returns, ends,
+        )  # fmt: skip
+        self.counts.bad_columns += bad
+        n = int(ends[-1])
+        scan = Scan(
+            0, t_s[:n], xyz[:n], intensity[:n], laser[:n], column[:n], number[:n], returns[:n], lasers=len(m.beams)
+        )
+        return scan, ends
+
+    def _close(self, *, cut: bool = False) -> list[Scan]:
+        """The scan of the turn that ends, which the start or the end of the recording may have `cut`."""
+        whole = not cut and self._open_packets >= _WHOLE_SHARE * self.metadata.frame_packets
+        pieces, self._open, self._open_packets = [piece for piece in self._open if len(piece)], [], 0
+        if not pieces:
+            return []
+        scan = replace(Scan.joined(pieces), number=self._number, whole=whole)
+        self._number += 1
+        self.counts.points += len(scan)
+        self.counts.whole += whole
+        self.counts.cut += not whole
+        return [scan]
+
+    def facts(self) -> dict[str, Any]:
+        """What `inspect` reports of the sensor."""
+        m, counts = self.metadata, self.counts
+        return {
+            "model": m.product,
+            "serial": str(m.serial) if m.serial else None,
+            "firmware": m.firmware,
+            "metadata": m.name,
+            "profile": m.profile,
+            "clock_mode": m.timestamp_mode or "not stated",
+            "beams": len(m.beams),
+            "columns": m.columns,
+            "data_packets": counts.packets,
+            "points": counts.points,
+            "scans": counts.whole + counts.cut,
+            "whole_scans": counts.whole,
+            "rpm": round(60.0 * counts.turned / counts.turning_s, 1) if counts.turning_s > 0.0 else float("nan"),
+        }
+
+    def notices(self) -> list[Notice]:
+        """What is unusual about the packets so far."""
+        counts, notices = self.counts, list(self._notices)
+        if counts.gaps:
+            share = 100 * counts.lost / (counts.lost + counts.packets)
+            notices.append(
+                Notice("lost-packets", lost=counts.lost, gaps=counts.gaps, lost_s=counts.lost_s, lost_share=share)
+            )
+        if counts.pauses_s:
+            ends = dict.fromkeys(f"{end_s:,.3f}" for end_s in (min(counts.pauses_s), max(counts.pauses_s)))
+            paused_s = sum(counts.pauses_s)
+            notices.append(
+                Notice("pauses", pauses=len(counts.pauses_s), shortest_pause_s=" to ".join(ends), paused_s=paused_s)
+            )
+        if counts.repeated:
+            notices.append(Notice("repeated-packets", repeated=counts.repeated))
+        if counts.late + counts.back:
+            notices.append(Notice("late-packets", late=counts.late + counts.back))
+        if counts.bad_columns:
+            notices.append(Notice("ouster-bad-columns", bad=counts.bad_columns, name=self.metadata.name))
+        if self._jumps:
+            at_s, size_s = self._jumps[0]
+            notices.append(Notice("clock-jumps", jumps=len(self._jumps), size_s=size_s, at_s=iso_utc(at_s)))
+        return notices
+
+
+@njit(cache=True, nogil=True)
+def _number(data, at, size):  # type: ignore[no-untyped-def]
+    value = np.int64(0)
+    for k in range(size):
+        value |= np.int64(data[at + k]) << (8 * k)
+    return value
+
+
+@njit(cache=True, nogil=True)
+def _decode(  # type: ignore[no-untyped-def]
+    data, offset, shift_ns, columns, layout, beams, turned, origin_m,
+    t_out, xyz, intensity, laser, column, return_number, returns, ends,
+):  # fmt: skip
+    """Returns of all packets in their order; the number of columns that are damaged.
+
+    A range is measured from the lidar frame's axis along the beam, whose origin lies `origin_m` from it.
+    """
+    begin, size, head, pixel, bits, step, bright_at, second_at, status_at = layout
+    mask = (1 << bits) - 1
+    wide = 2 if bits < 16 else 4
+    turns = len(turned)
+    n = bad = 0
+    for p in range(len(offset)):
+        packet_ns = _number(data, offset[p] + begin, 8) & STAMP
+        for c in range(columns):
+            at = offset[p] + begin + c * size
+            if data[at + status_at] & 1 == 0:
+                continue
+            stamp_ns = _number(data, at, 8) & STAMP
+            number = _number(data, at + 8, 2)
+            if number >= turns or abs(stamp_ns - packet_ns) > _COLUMN_APART_NS:
+                bad += 1
+                continue
+            since_ns = stamp_ns - shift_ns[p]
+            second = since_ns // 1_000_000_000
+            t = second + (since_ns - second * 1_000_000_000) * 1e-9
+            turn = turned[number]
+            for k in range(len(beams)):
+                slot = at + head + k * pixel
+                first = (_number(data, slot, wide) & mask) * step
+                near, bright, far, bright_far = first, data[slot + bright_at], np.int64(0), np.uint8(0)
+                if second_at:
+                    far = (_number(data, slot + second_at, wide) & mask) * step
+                    bright_far = data[slot + second_at + bright_at]
+                    if far != 0 and (near == 0 or far < near):
+                        near, far = far, near
+                        bright, bright_far = bright_far, bright
+                    if far == near:
+                        far = np.int64(0)
+                if near == 0:
+                    continue
+                beam = beams[k]
+                ux = turn[0, 0] * beam[0] + turn[0, 1] * beam[1] + turn[0, 2] * beam[2]
+                uy = turn[1, 0] * beam[0] + turn[1, 1] * beam[1] + turn[1, 2] * beam[2]
+                uz = turn[2, 0] * beam[0] + turn[2, 1] * beam[1] + turn[2, 2] * beam[2]
+                there = 2 if far else 1
+                for which in range(there):
+                    range_m = 0.001 * (far if which else near) - origin_m
+                    t_out[n] = t
+                    xyz[n, 0] = turn[0, 3] + range_m * ux
+                    xyz[n, 1] = turn[1, 3] + range_m * uy
+                    xyz[n, 2] = turn[2, 3] + range_m * uz
+                    intensity[n] = bright_far if which else bright
+                    laser[n] = np.uint8(beam[4])
+                    column[n] = np.uint16((number + np.int64(beam[3])) % turns)
+                    return_number[n] = which + 1
+                    returns[n] = there
+                    n += 1
+        ends[p] = n
+    return bad
