@@ -47,7 +47,10 @@ FONT = "font-family: sans-serif; font-size: 8pt"
 TABLE = f'<table style="{FONT}">'
 IS_OVERVIEW = "@atlas_pagename is null or @atlas_pagename = ''"
 """Whether a page shows the whole session."""
-LEGEND_LAYERS = ("events", "trajectory", "misses", "unworked", "boundary", "overlaps", "coverage", "passes", "change")
+LEGEND_LAYERS = (
+    *("events", "trajectory", "misses", "unworked", "boundary", "overlaps", "coverage", "passes", "change"),
+    *("parcels", "crop_height"),
+)
 """Layers in the legend."""
 EXTENT_FACTOR = 1.08
 ATLAS_MARGIN = 0.15

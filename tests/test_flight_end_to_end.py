@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import geopandas as gpd
@@ -24,12 +26,23 @@ from furrowmap.core.values.scan import PointClass
 TRUE_RPY_DEG = (-89.636241, 34.439461, -89.194280)
 
 
-@pytest.fixture(scope="module")
-def result(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> furrowmap.Result:
-    folder = tmp_path_factory.mktemp("flight")
+def flight_session(shared_data: Path, folder: Path) -> Path:
+    """The sample's session in a folder of its own, without its images."""
+    folder.mkdir(parents=True, exist_ok=True)
     for name in ("session.toml", "recording.pcap.gz", "imu.csv", "gnss.nmea", "parcels.geojson", "treatments.csv"):
         shutil.copyfile(shared_data / "uav_wheat" / name, folder / name)
-    return furrowmap.run(folder / "session.toml", folder / "out")
+    return folder / "session.toml"
+
+
+@pytest.fixture(scope="module")
+def result(shared_data: Path, run_once: Callable[[str, Callable[[Path], Path]], furrowmap.Result]) -> furrowmap.Result:
+    return run_once("uav_wheat", partial(flight_session, shared_data))
+
+
+@pytest.fixture
+def folder(result: furrowmap.Result) -> Path:
+    """The folder with the session and the recordings."""
+    return result.path.with_name("in")
 
 
 @pytest.fixture(scope="module")
@@ -153,20 +166,19 @@ def test_report__has_biases_and_no_advice_for_tractors(result: furrowmap.Result)
     assert set(result.trajectory["heading_from"]) == {"imu"}
 
 
-def test_preview_and_positions_alone__work(result: furrowmap.Result, tmp_path: Path) -> None:
-    session = result.path.parent / "session.toml"
+def test_preview_and_positions_alone__work(result: furrowmap.Result, folder: Path, tmp_path: Path) -> None:
+    session = folder / "session.toml"
     assert furrowmap.preview(session, tmp_path / "preview")["figures"]["points"] > 10_000
     text = session.read_text(encoding="utf-8").replace('lidar = ["recording.pcap.gz"]', "")
-    (result.path.parent / "alone.toml").write_text(text, encoding="utf-8")
-    alone = furrowmap.run(result.path.parent / "alone.toml", tmp_path / "alone")
+    (folder / "alone.toml").write_text(text, encoding="utf-8")
+    alone = furrowmap.run(folder / "alone.toml", tmp_path / "alone")
     assert alone.report["figures"]["points"] == 0
     assert len(alone.trajectory) > 20_000
     assert json.dumps(alone.report["inertial"]) == json.dumps(result.report["inertial"])
 
 
-def test_mount_that_moves__carries_the_scanner(result: furrowmap.Result, tmp_path: Path) -> None:
+def test_mount_that_moves__carries_the_scanner(result: furrowmap.Result, folder: Path, tmp_path: Path) -> None:
     """Turned over by its mount, the scanner sees the ground where the sky is."""
-    folder = result.path.parent
     times = 1_779_529_272.0 + np.arange(-10.0, 130.0, 0.1)
     rows = np.column_stack([times, np.full(len(times), 180.0), np.zeros((len(times), 2))])
     head = "time_unix_s,roll_deg,pitch_deg,yaw_deg"
@@ -184,9 +196,9 @@ def test_mount_that_moves__carries_the_scanner(result: furrowmap.Result, tmp_pat
     assert refused.value.code == "mount-moves"
 
 
-def test_calibrate__writes_the_boresight(result: furrowmap.Result) -> None:
-    session = result.path.parent / "calibrated.toml"
-    shutil.copyfile(result.path.parent / "session.toml", session)
+def test_calibrate__writes_the_boresight(folder: Path) -> None:
+    session = folder / "calibrated.toml"
+    shutil.copyfile(folder / "session.toml", session)
     found = furrowmap.calibrate(session, write=True)
     assert found.found.rpy_deg == pytest.approx(TRUE_RPY_DEG, abs=0.02)
     assert f"rpy_deg = [{', '.join(f'{angle:.3f}' for angle in found.found.rpy_deg)}]" in session.read_text("utf-8")

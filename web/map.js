@@ -64,9 +64,9 @@ function olStyle(symbol) {
   return new Style({ stroke, fill, image });
 }
 
-function nameStyle(name) {
+function nameStyle(name, overflow) {
   const text = new Text({
-    text: name, font: "600 14px system-ui, sans-serif", overflow: true,
+    text: name, font: "600 13px system-ui, sans-serif", overflow,
     fill: new Fill({ color: "#282828" }), stroke: new Stroke({ color: "#ffffffdd", width: 4 }),
   });
   return new Style({ text });
@@ -78,7 +78,7 @@ function features(layer) {
   return layer.features.map((one) => {
     const feature = new Feature(reader.readGeometry(one.geometry));
     feature.set("style", olStyle(layer.symbols[one.symbol]));
-    if (one.label) feature.set("name style", nameStyle(one.label));
+    if (one.label) feature.set("name style", nameStyle(one.label, layer.names_overflow));
     feature.set("shared", { layer, one });
     return feature;
   });
@@ -352,15 +352,15 @@ function fillPanel() {
   byId("figures").replaceChildren(
     ...data.figures.map(({ value, name, loud }) => {
       const box = element("div", "", loud ? "loud" : "");
-      box.append(element("b", value), element("span", name.map(say).join(" ")));
+      box.append(element("b", value[language]), element("span", name.map(say).join(" ")));
       return box;
     }),
   );
-  byId("response").textContent = data.response?.[language] ?? "";
+  byId("notes").replaceChildren(...data.notes.map((text) => element("p", text[language])));
   byId("layers").replaceChildren(...data.layers.map(layerRow));
   byId("warnings").replaceChildren(...data.warnings.map((text) => element("li", text[language])));
   byId("warnings-count").textContent = String(data.warnings.length);
-  byId("about").replaceChildren(...data.about.map(([name, value]) => element("p", `${say(name)}: ${value}`)));
+  byId("about").replaceChildren(...data.about.map(([name, value]) => element("p", `${say(name)}: ${say(value)}`)));
   byId("solid").hidden = !data.cloud;
   cloudButtons();
 }

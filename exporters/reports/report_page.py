@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -87,6 +88,7 @@ def write_page(
         range_images=range_images,
         box_m=box_m,
         relief=shaded_ground(cloud, summary.points_by_level, box_m) if summary is not None else None,
+        heights_m=[row.figures.mean_height_m for row in parcels if math.isfinite(row.figures.mean_height_m)],
         parcels=Markup(parcel_sections(parcels, response)),  # noqa: S704 (of a template)
         features=features,
         activities=[(colour, name) for k, (name, colour) in enumerate(drawings.ACTIVITIES.items()) if k in active],

@@ -39,6 +39,8 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.field_rasters import RasterFigures
 
 REPORT_SCHEMA: Final = 1
+_SIGMA_DIGITS: Final = 6
+"""Decimals of standard deviations, of which two digits are shown as a margin everywhere."""
 
 
 def run_report(
@@ -297,7 +299,7 @@ def _area(name: str, area: AreaFigure) -> dict[str, float]:
     return {
         f"{name}_m2": round(area.grid_m2, 3),
         f"{name}_ellipsoid_m2": round(area.ellipsoid_m2, 3),
-        f"{name}_sigma_m2": round(area.sigma_m2, 3),
+        f"{name}_sigma_m2": round(area.sigma_m2, _SIGMA_DIGITS),
     }
 
 
@@ -306,8 +308,7 @@ def _accuracy(found: RunResult) -> dict[str, Any]:
     out: dict[str, Any] = {}
     for name, sigma in zip(SIGMA_NAMES, found.placement.poses.sigma.T, strict=True):
         known = sigma[np.isfinite(sigma)]
-        digits = 3 if name.endswith("_deg") else 4
-        quantiles = np.quantile(known, (0.5, 0.95)).round(digits).tolist() if len(known) else (None, None)
+        quantiles = np.quantile(known, (0.5, 0.95)).round(_SIGMA_DIGITS).tolist() if len(known) else (None, None)
         out[f"sigma_{name}"] = dict(zip(("median", "p95"), quantiles, strict=True))
     level_assumed = found.located.source == "gnss" and found.matched is None
     assumed = ["sigma_roll_deg", "sigma_pitch_deg"] if level_assumed else []

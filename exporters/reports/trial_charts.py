@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
+from unicodedata import east_asian_width
 
 import numpy as np
 from markupsafe import Markup
@@ -147,10 +148,10 @@ def _dots(x: Iterable[float], y: Iterable[float], rows: Iterable[int], points: P
         return
     at = _RIGHT
     for name in reversed(names[: len(GROUP_COLOURS)]):
-        words = f"{points.group_name} {name}"
-        at -= 7.0 * len(words) + 16.0
+        at -= sum(12.0 if east_asian_width(letter) in "WF" else 7.0 for letter in name) + 20.0
         yield element("circle", cx=at, cy=12, r=4, fill=colour[name])
-        yield _text(at + 8, 16, words)
+        yield _text(at + 8, 16, name)
+    yield _text(at - 10, 16, points.group_name, "end")
 
 
 def _text(x: Number, y: Number, text: str, anchor: str = "start", **more: str) -> str:

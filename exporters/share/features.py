@@ -20,6 +20,7 @@ from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.reports.area_units import HECTARE, area_words
 from furrowmap.exporters.share.shown_layers import LAYER_TITLES
 from furrowmap.exporters.share.symbols import LayerStyle, Symbol, layer_style
+from furrowmap.exporters.vectors.crop_layers import PARCELS_LAYER
 
 MAX_SHOWN_FEATURES: Final = 5000
 """Of a layer; of more, every second, third… is shown."""
@@ -56,12 +57,15 @@ def shared_layer(name: str, layer: VectorLayer, zone: ZoneInfo, *, alone: bool) 
         if style.label_attribute in known:
             parts = [known[name] for name in ("tool", style.label_attribute) if name in known]
             feature["label"] = printable(" ".join(map(str, parts)))
+        elif name == PARCELS_LAYER and "mean_height_m" in known:
+            feature["label"] = printable(f"{known['id']}: {100.0 * known['mean_height_m']:.1f} cm")
         features.append(feature)
     return {
         "name": name,
         "title": LAYER_TITLES.get(name, name.replace("_", " ")),
         "shown": alone or name not in HIDDEN_AT_FIRST,
         "every": every,
+        "names_overflow": name != PARCELS_LAYER,
         "legend": _legend(style, symbols, layer),
         "symbols": [asdict(symbol) for symbol in symbols],
         "features": features,

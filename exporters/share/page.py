@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -76,7 +77,7 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
             _said(str(notice.get("text", "")), str(notice.get("code", ""))) for notice in report.get("warnings", ())
         ],
         "figures": list(_figures(report)),
-        "response": _response(report.get("parcels") or {}),
+        "notes": [_said(text) for text in _notes(report)],
         "about": list(_about(report, zone)),
         "crs": {"name": crs.name, "scale": _scale(crs, extent)},
         "extent": extent,
@@ -165,10 +166,9 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
         area_m2, sigma_m2 = figures.get(f"{key}_area_m2"), figures.get(f"{key}_area_sigma_m2")
         if _is_number(area_m2):
             value = area_words(area_m2, HECTARE, sigma_m2 if area_m2 > 0.0 else None)
-            level = ["(± 95 %)"] if "±" in value else []
-            yield {"value": value, "name": [name, *level], "loud": name == "Missed" and area_m2 > 0.0}
+            yield _figure(name, value, loud=name == "Missed" and area_m2 > 0.0)
     for name, value in _crops((report.get("parcels") or {}).get("parcels") or ()):
-        yield {"value": value, "name": [name], "loud": False}
+        yield _figure(name, value)
     hours = figures.get("hours") or {}
     shown = (
         ("Field", figures.get("field_area_m2"), _area),
@@ -186,7 +186,12 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
     )
     for name, value, words in shown:
         if _is_number(value):
-            yield {"value": words(value), "name": [name], "loud": False}
+            yield _figure(name, words(value))
+
+
+def _figure(name: str, value: str, *, loud: bool = False) -> dict[str, Any]:
+    level = ["(± 95 %)"] if "±" in value else []
+    return {"value": _said(value), "name": [name, *level], "loud": loud}
 
 
 def _area(area_m2: float) -> str:
@@ -206,22 +211,21 @@ def _crops(parcels: Sequence[dict[str, Any]]) -> Iterator[tuple[str, str]]:
             yield "Crop volume", f"{sum(volumes_m3):,.1f} m³"
 
 
-def _response(parcels: dict[str, Any]) -> dict[str, str] | None:
-    """How the heights respond to the dose; None without doses."""
-    words = (parcels.get("response") or {}).get("words")
-    return _said(str(words)) if words else None
+def _notes(report: dict[str, Any]) -> Iterator[str]:
+    """What the figures rest on, and how the heights of a trial's crop respond to its dose."""
+    response = (report.get("parcels") or {}).get("response")
+    if response:
+        yield str(response["words"])
+    if keys := (report.get("accuracy") or {}).get("unconfirmed"):
+        yield f"The accuracy holds if {', '.join(keys)} in the session is right: the recording does not show it."
 
 
 def _accuracy(accuracy: dict[str, Any]) -> Iterable[tuple[str, Any, Any]]:
-    """Horizontal and vertical accuracy; none where something that they depend on is not certain."""
+    """Horizontal and vertical accuracy, where they are known."""
     east, north, up = ((accuracy.get(key) or {}).get("median") for key in ("sigma_e_m", "sigma_n_m", "sigma_h_m"))
-    if any(accuracy.get(key) for key in ("assumed", "unstated", "unconfirmed")):
-        return ()
     across = math.hypot(east, north) if _is_number(east) and _is_number(north) else None
 
-    def words(sigma_m: float) -> str:
-        return f"{margin(sigma_m, ' cm', 100.0)} (95 %)"
-
+    words = partial(margin, unit=" cm", factor=100.0)
     return (("Horizontal accuracy", across, words), ("Vertical accuracy", up, words))
 
 

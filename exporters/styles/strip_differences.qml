@@ -34,5 +34,5 @@
    </symbol>
   </symbols>
  </renderer-v2>
- <mapTip enabled="1">&lt;b&gt;strip [% "strip_b" %] less strip [% "strip_a" %]&lt;/b&gt;&lt;br&gt;[% format_number(1000 * "after_m", 1) %] mm, with the stated mounting [% format_number(1000 * "before_m", 1) %] mm</mapTip>
+ <mapTip enabled="1">&lt;b&gt;strip [% "strip_b" %] less strip [% "strip_a" %]&lt;/b&gt;&lt;br&gt;[% coalesce(format_number(1000 * "after_m", 1), '?') %] mm, with the stated mounting [% coalesce(format_number(1000 * "before_m", 1), '?') %] mm</mapTip>
 </qgis>

@@ -17,5 +17,5 @@
    </symbol>
   </symbols>
  </renderer-v2>
- <mapTip enabled="1">&lt;b&gt;not worked&lt;/b&gt;&lt;br&gt;[% format_number("area_m2", 1) %] m²</mapTip>
+ <mapTip enabled="1">&lt;b&gt;not worked&lt;/b&gt;&lt;br&gt;[% coalesce(format_number("area_m2", max(0, 1 - floor(log10(2 * "area_sigma_m2")))) || ' ± ' || format_number(round(2 * "area_sigma_m2", 1 - floor(log10(2 * "area_sigma_m2"))), max(0, 1 - floor(log10(2 * "area_sigma_m2")))) || ' m² (95 %)', format_number("area_m2", 1) || ' m²') %]</mapTip>
 </qgis>

@@ -39,10 +39,28 @@ _DECIMALS: Final = {
 }
 """Decimals of a field by its unit, the end of its name."""
 _STATES: Final = {"down": "tool down", "up": "tool up", "unknown": "unknown"}
+_SOURCES: Final = {
+    "relief": "ground, by scan matching",
+    "walls": "walls, by scan matching",
+    "ground": "the ground",
+    "gnss": "GNSS receiver",
+    "antennas": "two antennas",
+    "course": "course over ground",
+    "standing": "constant at a standstill",
+    "imu": "inertial sensor (IMU)",
+    "attitude": "attitude log",
+    "carried": "neighbouring scans",
+    "assumed": "assumed",
+    "file": "from a file",
+}
 VALUES: Final[Mapping[str, Mapping[str, str]]] = {
     "implement": _STATES,
     "implement_2": _STATES,
     "implement_3": _STATES,
+    "heading_from": _SOURCES,
+    "position_from": _SOURCES,
+    "height_from": _SOURCES,
+    "level_from": _SOURCES,
     "motion": {"forward": "drives forward", "reverse": "drives backwards", "standing": "stop"},
     "zone": {"headland": "headland", "body": "body of the field"},
     "kind": {

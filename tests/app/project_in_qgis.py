@@ -8,20 +8,9 @@ import sys
 from qgis.core import (
     QgsApplication,
     QgsCategorizedSymbolRenderer,
-    QgsExpression,
-    QgsExpressionContext,
-    QgsExpressionContextUtils,
     QgsProject,
     QgsVectorLayer,
 )
-
-
-def map_tip(layer: QgsVectorLayer) -> str:
-    """The map tip of the first feature."""
-    context = QgsExpressionContext(QgsExpressionContextUtils.globalProjectLayerScopes(layer))
-    context.setFeature(next(layer.getFeatures()))
-    return QgsExpression.replaceExpressionText(layer.mapTipTemplate(), context)
-
 
 application = QgsApplication([], False)
 application.initQgis()
@@ -43,7 +32,6 @@ for node in project.layerTreeRoot().findLayers():
             "features": layer.featureCount() if isinstance(layer, QgsVectorLayer) else None,
             "read_only": layer.readOnly(),
             "shown": node.itemVisibilityChecked(),
-            "map_tip": map_tip(layer) if isinstance(layer, QgsVectorLayer) and layer.featureCount() else "",
         }
     )
 sys.stdout.write(json.dumps({"title": project.title(), "crs": project.crs().authid(), "layers": found}) + "\n")

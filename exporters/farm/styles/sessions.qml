@@ -23,5 +23,5 @@
    </symbol>
   </symbols>
  </renderer-v2>
- <mapTip enabled="1">&lt;b&gt;[% "name" %]&lt;/b&gt;, [% format_date("date", 'yyyy-MM-dd') %]&lt;br&gt;[% coalesce("implement", '') %] [% coalesce(format_number("worked_area_m2", 0), '?') %] m² worked in [% "passes" %] passes, [% coalesce(format_number("overlap_area_m2", 0), '?') %] m² twice, [% coalesce(format_number("missed_area_m2", 0), '?') %] m² missed&lt;br&gt;[% coalesce(format_number("work_rate_ha_h", 2), '?') %] ha/h&lt;br&gt;[% "folder" %]</mapTip>
+ <mapTip enabled="1">&lt;b&gt;[% "name" %]&lt;/b&gt;, [% format_date("date", 'yyyy-MM-dd') %]&lt;br&gt;[% coalesce(coalesce("implement" || ': ', '') || format_number("worked_area_m2", 0) || ' m² worked in ' || "passes" || ' passes, ' || coalesce(format_number("overlap_area_m2", 0), '?') || ' m² twice, ' || coalesce(format_number("missed_area_m2", 0), '?') || ' m² missed&lt;br&gt;' || coalesce(format_number("work_rate_ha_h", 2) || ' ha/h&lt;br&gt;', ''), '') %][% "folder" %]</mapTip>
 </qgis>

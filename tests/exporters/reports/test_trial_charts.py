@@ -61,7 +61,7 @@ def test_response_chart__shows_each_parcel_at_its_dose_and_height() -> None:
     assert read == pytest.approx(np.column_stack([DOSE, HEIGHT_M])[KNOWN], abs=0.2)
     assert read[:, 1] == pytest.approx(HEIGHT_M[KNOWN], abs=2e-4)
     words = [text.text for text in root.iter("text")]
-    assert {"mean height (m)", "n_kg_ha", "block A", "block B"} <= set(words)
+    assert {"mean height (m)", "n_kg_ha", "block", "A", "B"} <= set(words)
     assert {"0", "50", "100", "150"} <= set(words)
     assert not [*root.iter("polyline"), *root.iter("polygon"), *root.iter("rect")]
 
@@ -106,17 +106,17 @@ def test_dots__have_the_colour_that_the_legend_gives_their_block(count: int) -> 
     root = ET.fromstring(response_chart(np.linspace(0.0, 100.0, 22), points, response(), "dose"))
     circles = [*root.iter("circle")]
     dots, legend = circles[:22], circles[22:]
-    names = [text for text in root.iter("text") if (text.text or "").startswith("block ")]
+    above = [text for text in root.iter("text") if float(text.attrib["y"]) == 16.0]
+    names = [text for text in above if text.attrib["text-anchor"] == "start" and text.text != "height, m"]
     assert len(names) == len(legend) == (min(count, len(GROUP_COLOURS)) if count > 1 else 0)
     for name, mark in zip(names, legend, strict=True):
         assert float(name.attrib["x"]) - float(mark.attrib["cx"]) == pytest.approx(8.0, abs=0.11)
-        block = (name.text or "").removeprefix("block ")
-        assert {dot.attrib["fill"] for dot, other in zip(dots, blocks, strict=True) if other == block} == {
+        assert {dot.attrib["fill"] for dot, other in zip(dots, blocks, strict=True) if other == name.text} == {
             mark.attrib["fill"]
         }
     assert len({dot.attrib["fill"] for dot in dots}) == min(count, len(GROUP_COLOURS))
     places = [float(mark.attrib["cx"]) for mark in legend]
-    assert all(0.0 < after < before - 30.0 for before, after in pairwise(places))
+    assert all(0.0 < after < before - 20.0 for before, after in pairwise(places))
 
 
 def test_legend__needs_a_name_of_the_groups() -> None:
