@@ -237,7 +237,7 @@ def test_file__of_a_chart_has_a_size_and_a_white_ground() -> None:
     chart = response_chart(DOSE, POINTS, response(), "nitrogen (kg/ha)")
     root = ET.fromstring(standalone(chart, "ja").encode())
     words = {text.text for text in root.iter() if text.tag.endswith("text")}
-    assert {"平均の高さ（m）", "窒素（kg/ha）", "ブロック A"} <= words
+    assert {"平均の高さ（m）", "窒素（kg/ha）", "ブロック", "A"} <= words
     assert root.attrib["viewBox"] == "0 0 640 400"
     assert (root.attrib["width"], root.attrib["height"]) == ("640", "400")
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
