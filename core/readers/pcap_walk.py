@@ -100,7 +100,7 @@ def _join(data, at, stop, key, first, more, parts):  # type: ignore[no-untyped-d
         if parts.key[k] == key and parts.counts[k, 0]:
             slot = k
     if slot < 0:
-        slot = np.argmin(parts.counts[:, 3])
+        slot = int(np.argmin(parts.counts[:, 3]))
         parts.used[2] += parts.counts[slot, 0]
         parts.used[1] += 1
         parts.key[slot] = key

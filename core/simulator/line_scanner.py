@@ -15,7 +15,8 @@ from furrowmap.core.simulator.motion import mount_rotation
 from furrowmap.core.simulator.rays import Beams, Firings, Met, make_optics, make_scene
 from furrowmap.core.simulator.recording import World, cast_in_order
 
-_BEAM: Final = Beams(*np.zeros((4, 1)), origin_m=0.0, step_m=0.002, zero_deg=0.0)
+_NONE: Final = np.zeros(1)
+_BEAM: Final = Beams(_NONE, _NONE, _NONE, _NONE, origin_m=0.0, step_m=0.002, zero_deg=0.0)
 _LINES_PER_BATCH: Final = 20_000
 """Beams cast together."""
 

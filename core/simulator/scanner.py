@@ -47,7 +47,7 @@ class Spin:
         """Local time of firings by their number."""
         if not self.columns:
             return np.asarray(self.start_s + firing * self.firing_s, np.float64)
-        evenly_s = firing * self.firing_s
+        evenly_s = np.asarray(firing * self.firing_s, np.float64)
         since = evenly_s
         for _ in range(3):
             since = evenly_s - self.wander * self._wandered_s(since)

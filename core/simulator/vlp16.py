@@ -91,7 +91,7 @@ VLP16: Final = ScannerModel(
         elevation_deg=ELEVATION_DEG,
         azimuth_deg=np.zeros(len(ELEVATION_DEG)),
         height_m=VERTICAL_OFFSET_M,
-        laser_s=LASER_S * np.arange(len(ELEVATION_DEG)),
+        laser_s=LASER_S * np.arange(len(ELEVATION_DEG), dtype=np.float64),
         origin_m=0.0,
         step_m=0.002,
         zero_deg=0.0,
