@@ -90,7 +90,7 @@ class OusterSensor(NamedTuple):
         return f"{self.metadata.product}, {self.sender.name}"
 
 
-def _senders(datagrams: Datagrams) -> Counter[PacketSender]:
+def looks_like_data(datagrams: Datagrams) -> Counter[PacketSender]:
     """Senders of what looks like data packets, and their number."""
     found: Counter[PacketSender] = Counter()
     for length in set(np.unique(datagrams.length).tolist()) & set(_lengths()):
@@ -129,7 +129,8 @@ class OusterPcap(FileReader):
         self.share_read = 0.0
         self.clocks: tuple[ClockReading, ...] = ()
         found, first, tai_s = _survey(self.paths)
-        self._sensors, self._uncertain = _with_metadata(self.paths[0], found, options.model)
+        beside = metadata_beside(self.paths[0])
+        self._sensors, self._uncertain = sensors_of(self.paths[0], found, beside, options.model)
         sender, metadata = self._sensors[0]
         mine = [sender.sort(datagrams, metadata) for datagrams in first]
         stamp_ns = np.concatenate(
@@ -150,7 +151,7 @@ class OusterPcap(FileReader):
                 datagrams = next(iter(Capture(source)), None)
         except (InputError, OSError):
             return 0.0
-        return 0.9 if datagrams is not None and _senders(datagrams) else 0.0
+        return 0.9 if datagrams is not None and looks_like_data(datagrams) else 0.0
 
     def scans(self) -> Iterator[Scan]:
         """The scans of all files, streamed; `notices` and `clocks` are complete at the end."""
@@ -222,7 +223,7 @@ def _survey(paths: Sequence[Path]) -> tuple[Counter[PacketSender], list[Datagram
             capture = Capture(source)
             for datagrams in capture:
                 first.append(datagrams)
-                found.update(_senders(datagrams))
+                found.update(looks_like_data(datagrams))
                 for i in np.flatnonzero(datagrams.sender & np.uint64(0xFFFF) == PTP_PORT).tolist():
                     at = int(datagrams.offset[i])
                     payload = datagrams.data[at : at + int(datagrams.length[i])].tobytes()
@@ -239,18 +240,19 @@ def _survey(paths: Sequence[Path]) -> tuple[Counter[PacketSender], list[Datagram
     return found, first, tai_s
 
 
-def _with_metadata(
-    path: Path, found: Counter[PacketSender], model: str | None
+def sensors_of(
+    path: Path, found: Counter[PacketSender], beside: tuple[list[Metadata], list[str]], model: str | None
 ) -> tuple[list[OusterSensor], list[Notice]]:
     """The sensors that send data packets, those with most packets first, and what is uncertain about their metadata.
 
     Args:
+        path: the recording.
+        beside: metadata that may be theirs, and what is wrong with others.
         model: chooses among several sensors.
 
     Raises:
-        InputError: if the metadata of none of them lie beside the capture, or it is not clear which do.
+        InputError: if there are no metadata of any of them, or it is not clear which are theirs.
     """
-    beside, faults = metadata_beside(path)
     largest = max(found.values())
     sensors: dict[int, OusterSensor] = {}
     unknown, notices = [], []
@@ -258,7 +260,7 @@ def _with_metadata(
         key = sender.serial or -sender.sender
         if count < _STRAY_SHARE * largest or key in sensors:
             continue
-        fitting = [metadata for metadata in beside if sender.belongs_to(metadata)]
+        fitting = [metadata for metadata in beside[0] if sender.belongs_to(metadata)]
         if not fitting:
             unknown.append(sender.name)
             continue
@@ -275,13 +277,13 @@ def _with_metadata(
         if sensors:
             there = "; ".join(sensor.name for sensor in sensors.values())
             raise InputError("ouster-other-sensor", path=path, model=model, there=there)
-        others = ", ".join(f"{m.name} ({m.product}, serial number {m.serial or 'not stated'})" for m in beside)
+        others = ", ".join(f"{m.name} ({m.product}, serial number {m.serial or 'not stated'})" for m in beside[0])
         raise InputError(
             "ouster-no-metadata",
             path=path,
             senders="; ".join(unknown),
             others=others or None,
-            faults="; ".join(faults) or None,
+            faults="; ".join(beside[1]) or None,
         )
     if unknown:
         notices.append(Notice("ouster-sensor-unknown", senders="; ".join(unknown)))

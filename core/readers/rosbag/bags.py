@@ -27,6 +27,7 @@ from furrowmap.core.readers.rosbag.messages import (
     POINT_CLOUD,
     QUATERNION,
     SENTENCE,
+    TEXT,
     AttitudeLog,
     FixLog,
     ImuLog,
@@ -47,6 +48,7 @@ from furrowmap.core.values.pose_track import AttitudeTrack
 from furrowmap.core.values.scan import Clock, Scan
 
 if TYPE_CHECKING:
+    from furrowmap.core.readers.rosbag.ouster import OusterMessages
     from furrowmap.core.readers.rosbag.packets import PacketScans
     from furrowmap.core.readers.rosbag.sentences import SentenceLog
 
@@ -211,15 +213,23 @@ class _RosBag(FileReader):
             self._add_notices(Notice("bag-topic-chosen", source=source, messages=chosen.messages, what=what, rest=rest))
         return chosen
 
-    def _decoder(self, chosen: _Topic) -> PacketScans | CloudScans | LineScans:
+    def _decoder(self, chosen: _Topic) -> PacketScans | OusterMessages | CloudScans | LineScans:
         source = self._source(chosen)
+        if PACKET_SCANS.get(chosen.type) == "Ouster":
+            from furrowmap.core.readers.rosbag.ouster import OusterMessages
+
+            texts = [topic for topic in self._found() if topic.type == TEXT and "metadata" in topic.name]
+            own = chosen.name.rpartition("/")[0]
+            texts = [topic for topic in texts if topic.name.rpartition("/")[0] == own] or texts
+            told = [(topic.name, next(self._read(topic, lambda content, _: str(content.data)))) for topic in texts]
+            return OusterMessages(self.paths[0], told, self.options)
         if chosen.type in PACKET_SCANS:
             from furrowmap.core.readers.rosbag.packets import PacketScans
 
             return PacketScans(source, self.paths[0], chosen.type, self.options)
         return CloudScans(source) if chosen.type == POINT_CLOUD else LineScans(source)
 
-    def _scans(self, chosen: _Topic, decoder: PacketScans | CloudScans | LineScans) -> Iterator[Scan]:
+    def _scans(self, chosen: _Topic, decoder: PacketScans | OusterMessages | CloudScans | LineScans) -> Iterator[Scan]:
         first_s, last_s = float("inf"), float("-inf")
 
         def batches() -> Iterator[list[Scan]]:

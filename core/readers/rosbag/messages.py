@@ -162,8 +162,12 @@ PACKET_SCANS: Final = {
     "pandar_msgs/msg/PandarScan": "Hesai",
     "hesai_lidar/msg/PandarScan": "Hesai",
     "hesai_ros_driver/msg/UdpFrame": "Hesai",
+    "ouster_ros/msg/PacketMsg": "Ouster",
+    "ouster_msgs/msg/PacketMsg": "Ouster",
+    "ouster_sensor_msgs/msg/PacketMsg": "Ouster",
 }
 """Type of messages of packets → maker of the scanner."""
+TEXT: Final = "std_msgs/msg/String"
 LASER_SCAN: Final = "sensor_msgs/msg/LaserScan"
 NAV_SAT_FIX: Final = "sensor_msgs/msg/NavSatFix"
 SENTENCE: Final = "nmea_msgs/msg/Sentence"
@@ -188,6 +192,7 @@ _DEFINITIONS: Final = {
     "hesai_lidar/msg/PandarScan": "std_msgs/Header header\nhesai_lidar/PandarPacket[] packets\n",
     "hesai_ros_driver/msg/UdpPacket": "builtin_interfaces/Time stamp\nuint8[] data\nuint32 size\n",
     "hesai_ros_driver/msg/UdpFrame": "std_msgs/Header header\nhesai_ros_driver/UdpPacket[] packets\n",
+    **{name: "uint8[] buf\n" for name, maker in PACKET_SCANS.items() if maker == "Ouster"},
     SENTENCE: "std_msgs/Header header\nstring sentence\n",
     DJI_ATTITUDE: "std_msgs/Header header\nint32 ts\n"
     + "".join(f"float32 {name}\n" for name in ("q0", "q1", "q2", "q3", "wx", "wy", "wz")),

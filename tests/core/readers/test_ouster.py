@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from rosbags.typesys import get_types_from_msg
 
 from furrowmap.core.readers.ouster.captures import OusterPcap
 from furrowmap.core.readers.reader import GivesScans, ReadOptions, Recognised, open_recording
@@ -23,6 +24,9 @@ from furrowmap.core.simulator.rays import Returns
 from furrowmap.core.simulator.scenario import Scenario, ScenarioLidar
 from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.values.scan import Clock, Scan
+from tests.core.readers.small_bags import ROS1, write_bag1
+
+ROS1.register(get_types_from_msg("uint8[] buf\n", "ouster_ros/msg/PacketMsg"))
 
 NO_OPTIONS = ReadOptions()
 OS0, OS1, OS2 = "OS-0-32-U1_v2.2.0_1024x10", "OS-1-128_v2.3.0_1024x10", "OS-2-32-U0_v2.0.0_1024x10"
@@ -298,3 +302,32 @@ def test_lost_repeated_and_late_packets__and_a_clock_that_is_set(tmp_path: Path)
     assert scans[-1].t_s[-1] - scans[0].t_s[0] == pytest.approx(0.6, abs=0.01)
     path.write_bytes(data[: 24 + 64 * size + 3000])
     assert OusterPcap([path], NO_OPTIONS).inspect().facts["data_packets"] == 64
+
+
+@pytest.mark.parametrize("told", ["in the bag", "beside it", "nowhere"])
+def test_bags_of_packets(told: str, tmp_path: Path) -> None:
+    path = recorded(tmp_path, 3.0)
+    data = path.read_bytes()
+    parts = [data[24 + 6458 * k + 58 : 24 + 6458 * (k + 1)] for k in range(3 * 64)]
+    packet = ROS1.types["ouster_ros/msg/PacketMsg"]
+    first_ns = SITE.t0_us * 1000
+    messages: list[tuple[str, int, Any]] = [
+        ("/ouster/lidar_packets", first_ns + k * 1_562_500, packet(buf=np.frombuffer(part, np.uint8)))
+        for k, part in enumerate(parts)
+    ]
+    messages += [("/ouster/imu_packets", first_ns + 1, packet(buf=np.zeros(48, np.uint8)))]
+    if told == "in the bag":
+        text = ROS1.types["std_msgs/msg/String"](path.with_suffix(".json").read_text())
+        messages.insert(0, ("/ouster/metadata", first_ns, text))
+    if told != "beside it":
+        path.with_suffix(".json").unlink()
+    bag = write_bag1(tmp_path / "drive.bag", messages)
+    if told == "nowhere":
+        with pytest.raises(InputError) as caught:
+            scans_of(bag)
+        assert caught.value.code == "ouster-no-metadata"
+        return
+    reader, scans = scans_of(bag)
+    assert reader.clock is Clock.SENSOR_GPS
+    assert sum(len(scan) for scan in scans) == 3 * 1024 * 32
+    assert Recognised.by_content(bag).inspect().facts["scans"]["model"] == "OS-1-32-U0"
