@@ -31,8 +31,9 @@ from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.simulator.soil import Ground
 from furrowmap.core.simulator.truth import SeenAfter
 from furrowmap.core.simulator.vlp16 import POSITION_EVERY_S, POSITION_PORT, VLP16, position_packet
+from furrowmap.core.simulator.xt32 import XT32
 
-SCANNERS: Final = {"VLP-16": VLP16, "OS1-32": OS1_32}
+SCANNERS: Final = {"VLP-16": VLP16, "OS1-32": OS1_32, "PandarXT-32": XT32}
 """By the name in a scenario."""
 _FIRINGS_PER_BATCH: Final = 400
 """Data packets cast together, half a second of recording."""

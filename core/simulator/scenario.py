@@ -275,9 +275,10 @@ class ScenarioAntenna(ScenarioTable, frozen=True):
 class ScenarioLidar(ScenarioTable, frozen=True):
     """The scanner and its mounting."""
 
-    model: Annotated[Literal["VLP-16", "OS1-32"], Meta(description="an OS1-32 has 32 beams and 1024 columns")] = (
-        "VLP-16"
-    )
+    model: Annotated[
+        Literal["VLP-16", "OS1-32", "PandarXT-32"],
+        Meta(description="an OS1-32 has 32 beams and 1024 columns; a file of metadata or angles is written beside"),
+    ] = "VLP-16"
     xyz_m: Annotated[Vector3, Meta(description="sensor origin in the vehicle frame, as stated in the session")] = (
         -0.632,
         0.041,

@@ -32,6 +32,11 @@ class Clock(StrEnum):
     """A trajectory file, or the session."""
 
 
+_RING_RETURNS: Final = 20
+"""Returns of a laser that show whether it keeps its elevation."""
+_RING_DEG: Final = 2.0
+"""Spread of elevations of a ring, at most: origins beside the centre spread those of near returns by a degree."""
+
 ARRAYS: Final = ("t_s", "xyz_m", "intensity", "laser", "column", "return_number", "returns")
 """Names of the arrays of a scan."""
 
@@ -90,6 +95,15 @@ class Scan:
             return parts[0]
         arrays: dict[str, Any] = {name: np.concatenate([getattr(p, name) for p in parts]) for name in ARRAYS}
         return replace(parts[0], **arrays)
+
+
+def has_rings(scan: Scan) -> bool:
+    """Whether lasers keep their elevation while they turn, so that scans are range images; not in a rosette."""
+    elevation = np.degrees(np.arctan2(scan.xyz_m[:, 2], np.hypot(scan.xyz_m[:, 0], scan.xyz_m[:, 1])))
+    order = np.argsort(scan.laser, kind="stable")
+    each = np.split(elevation[order], np.flatnonzero(np.diff(scan.laser[order])) + 1)
+    spread = [float(np.subtract(*np.percentile(of_one, (75, 25)))) for of_one in each if len(of_one) >= _RING_RETURNS]
+    return not spread or float(np.median(spread)) < _RING_DEG
 
 
 class PointClass(IntEnum):

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.rotation import Mounting
-from furrowmap.core.values.scan import Scan
+from furrowmap.core.values.scan import Scan, has_rings
 from furrowmap.core.values.session import REPLACE, Implement, Session
 from furrowmap.core.values.time_span import interval_numbers
 from furrowmap.core.values.tool_states import ToolState, ToolStates
@@ -32,6 +32,8 @@ from furrowmap.core.work.sweep import PassTimes, pass_times
 from furrowmap.core.work.track import Event, ToolPath, events, tool_paths
 
 _NO_MACHINE = Notice("machine-not-known")
+_RINGED_SCANS: Final = 5
+"""First scans that show whether the scanner has rings."""
 
 
 @dataclass(frozen=True)
@@ -134,10 +136,13 @@ class ImplementTracker:
         reach_m = [tool.hint.region_m[1] for tool in self._tools if tool.hint is not None and len(stated) > 1]
         self._near: NearScans | None = NearScans(session.lidar.mounting, max([FRONT_M, *reach_m]))
         self._notices: tuple[Notice, ...] = ()
+        self._ringed: list[bool] = []
 
     def add_scan(self, scan: Scan) -> None:
         """Add a scan of the first pass."""
         assert self._near is not None
+        if len(self._ringed) < _RINGED_SCANS:
+            self._ringed.append(has_rings(scan))
         self._near.add(scan)
 
     def looked_at(self, scan: Scan) -> Scan:
@@ -150,6 +155,10 @@ class ImplementTracker:
         assert self._near is not None
         mounting, near = self._session.lidar.mounting, self._near.scans
         self._near = None
+        if self._ringed and not any(self._ringed):
+            for tool in self._tools:
+                tool.learned = Learned(None, (Notice("implement-no-rings"),))
+            return None
         if self._flying:
             return learn_machine(near, np.ones(len(near), np.bool_), mounting, (), AIRBORNE)
         for tool in self._tools:

@@ -134,16 +134,16 @@ _QT_US: Final = np.array(
      119.6, 122.05, 124.11, 126.17, 128.22, 130.28, 132.34, 134.39, 136.45)
 )  # fmt: skip
 
-_STEPS: Final = np.arange(32, dtype=np.float64)
-_MODELS: Final = (
+_CHANNEL: Final = np.arange(32, dtype=np.float64)
+_HESAI_MODELS: Final = (
     Model(
         name="PandarXT-32",
         product=0x062008,
         layout=_XT,
         resolution_m=0.004,
         cycle_s=50e-6,
-        laser_s=(6.0 + 1.512 * _STEPS) * 1e-6,
-        elevation_deg=15.0 - _STEPS,
+        laser_s=(6.0 + 1.512 * _CHANNEL) * 1e-6,
+        elevation_deg=15.0 - _CHANNEL,
         azimuth_deg=np.zeros(32),
         height_m=np.zeros(32),
         stamp_at_last=True,
@@ -154,8 +154,8 @@ _MODELS: Final = (
         layout=_XT16,
         resolution_m=0.004,
         cycle_s=50e-6,
-        laser_s=(6.0 + 3.024 * _STEPS[:16]) * 1e-6,
-        elevation_deg=15.0 - 2.0 * _STEPS[:16],
+        laser_s=(6.0 + 3.024 * _CHANNEL[:16]) * 1e-6,
+        elevation_deg=15.0 - 2.0 * _CHANNEL[:16],
         azimuth_deg=np.zeros(16),
         height_m=np.zeros(16),
         stamp_at_last=True,
@@ -166,8 +166,8 @@ _MODELS: Final = (
         layout=_XTM,
         resolution_m=0.004,
         cycle_s=50e-6,
-        laser_s=(6.0 + 2.888 * (_STEPS % 16)) * 1e-6,
-        elevation_deg=19.5 - 1.3 * _STEPS,
+        laser_s=(6.0 + 2.888 * (_CHANNEL % 16)) * 1e-6,
+        elevation_deg=19.5 - 1.3 * _CHANNEL,
         azimuth_deg=np.zeros(32),
         height_m=np.zeros(32),
         stamp_at_last=True,
@@ -212,7 +212,7 @@ _MODELS: Final = (
     ),
 )
 
-_OTHERS: Final = {
+_OTHER_VERSIONS: Final = {
     0x0101: "Pandar128",
     0x0103: "Pandar128",
     0x0104: "Pandar128 or OT128",
@@ -226,7 +226,7 @@ _OTHERS: Final = {
 
 HESAI: Final = Maker(
     "Hesai",
-    _MODELS,
+    _HESAI_MODELS,
     modes={
         0x33: (1, "first"),
         0x34: (1, "second"),
@@ -238,7 +238,7 @@ HESAI: Final = Maker(
         0x3C: (2, "dual (first, strongest)"),
         0x3D: (3, "triple (first, last, strongest)"),
     },
-    others=_OTHERS,
+    others=_OTHER_VERSIONS,
     other_names={
         "XT16": "PandarXT-16",
         "XT32": "PandarXT-32",
@@ -248,6 +248,8 @@ HESAI: Final = Maker(
         "QT64": "PandarQT64",
         "PandarQT": "PandarQT64",
     },
-    other_packets=tuple(({0: 0xEE, 1: 0xFF, 2: version >> 8, 3: version & 0xFF}, version) for version in _OTHERS),
+    other_packets=tuple(
+        ({0: 0xEE, 1: 0xFF, 2: version >> 8, 3: version & 0xFF}, version) for version in _OTHER_VERSIONS
+    ),
     calibrated=True,
 )

@@ -13,6 +13,7 @@ from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.rosbag.clouds import CloudScans, LineScans
 from furrowmap.core.readers.rosbag.db3 import SQLITE_MAGIC
 from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
+from furrowmap.core.readers.rosbag.livox import LIVOX_CLOUDS
 from furrowmap.core.readers.rosbag.mcap import MCAP_MAGIC
 from furrowmap.core.readers.rosbag.messages import (
     CAMERA_INFO,
@@ -92,7 +93,7 @@ class _RosBag(FileReader):
 
     def scans(self) -> Iterator[Scan]:
         """The scans of the topic with the most packets, else point clouds, else sweeps of a line scanner."""
-        chosen = self._choose("laser scans", *PACKET_SCANS, POINT_CLOUD, LASER_SCAN)
+        chosen = self._choose("laser scans", *PACKET_SCANS, *LIVOX_CLOUDS, POINT_CLOUD, LASER_SCAN)
         yield from self._scans(chosen, self._decoder(chosen))
 
     def track(self) -> GnssTrack:
@@ -227,7 +228,7 @@ class _RosBag(FileReader):
             from furrowmap.core.readers.rosbag.packets import PacketScans
 
             return PacketScans(source, self.paths[0], chosen.type, self.options)
-        return CloudScans(source) if chosen.type == POINT_CLOUD else LineScans(source)
+        return LineScans(source) if chosen.type == LASER_SCAN else CloudScans(source)
 
     def _scans(self, chosen: _Topic, decoder: PacketScans | OusterMessages | CloudScans | LineScans) -> Iterator[Scan]:
         first_s, last_s = float("inf"), float("-inf")
@@ -325,7 +326,7 @@ class _RosBag(FileReader):
             self._add_notices(Notice("bag-messages-damaged", source=source, damaged=damaged, first=first))
 
     def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        chosen = self._choose("laser scans", *PACKET_SCANS, POINT_CLOUD, LASER_SCAN)
+        chosen = self._choose("laser scans", *PACKET_SCANS, *LIVOX_CLOUDS, POINT_CLOUD, LASER_SCAN)
         decoder = self._decoder(chosen)
         scans = points = 0
         first_s, last_s = float("inf"), float("-inf")

@@ -18,7 +18,7 @@ from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S
-from furrowmap.core.values.scan import Clock, Scan
+from furrowmap.core.values.scan import Clock, Scan, has_rings
 
 MAX_SWEEP_S: Final = 10.0
 """No sweep takes longer: its time increment is damaged."""
@@ -150,6 +150,7 @@ class CloudScans:
         self._fields: tuple[str, ...] = ()
         self._times: _PointTimes | None = None
         self._ringed = True
+        self._rosette = False
         self._last_s = -np.inf
 
     def push(self, content: Any, message: BagMessage) -> list[Scan]:
@@ -210,6 +211,8 @@ class CloudScans:
             return_number=np.ones(len(order), np.uint8),
             returns=np.ones(len(order), np.uint8),
         )
+        if self._scans == 1:
+            self._rosette = ring is not None and not has_rings(scan)
         return [scan]
 
     def finish(self) -> list[Scan]:
@@ -251,6 +254,8 @@ class CloudScans:
             found.append(Notice("point-times-unanchored", source=source))
         if self._scans and not self._ringed:
             found.append(Notice("no-rings", source=source))
+        if self._rosette:
+            found.append(Notice("rosette", source=source))
         if self._empty:
             found.append(Notice("clouds-empty", source=source, empty=self._empty))
         if self._late:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from furrowmap.core.readers.rosbag.livox import LIVOX_CLOUDS, livox_cloud
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, decompress_message
 from furrowmap.core.readers.velodyne.models import PACKET_BYTES
 from furrowmap.core.runtime.errors import Notice
@@ -210,6 +211,8 @@ def deserialize(message: BagMessage) -> Any:
     """
     if message.encoding not in ("ros1", "cdr"):
         raise Damage(f"unsupported encoding {message.encoding!r}")
+    if message.type in LIVOX_CLOUDS:
+        return livox_cloud(decompress_message(message.data), message.encoding)
     store = _typestore(message.encoding)
     try:
         if message.encoding == "ros1":

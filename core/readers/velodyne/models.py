@@ -21,7 +21,7 @@ BLOCK_MARK: Final = b"\xff\xee"
 """First bytes of each block of a data packet; of a VLS-128, of each fourth."""
 STRONGEST, LAST, DUAL = 0x37, 0x38, 0x39
 
-_PACKET: Final = PacketLayout(
+_VELODYNE_PACKET: Final = PacketLayout(
     lengths=(PACKET_BYTES,),
     signature={0: 0xFF, 1: 0xEE},
     blocks=12,
@@ -83,11 +83,11 @@ def _beam_height_m(axis_m: float, elevation_deg: FloatArray) -> FloatArray:
     return -axis_m * np.tan(np.radians(elevation_deg))
 
 
-_MODELS: Final = (
+_VELODYNE_MODELS: Final = (
     Model(
         "VLP-16",
         0x22,
-        _PACKET,
+        _VELODYNE_PACKET,
         0.002,
         55.296e-6,
         _PUCK_TIMES_S,
@@ -98,7 +98,7 @@ _MODELS: Final = (
     Model(
         "Puck Hi-Res",
         0x24,
-        _PACKET,
+        _VELODYNE_PACKET,
         0.002,
         55.296e-6,
         _PUCK_TIMES_S,
@@ -109,7 +109,7 @@ _MODELS: Final = (
     Model(
         "VLP-32C",
         0x28,
-        _PACKET,
+        _VELODYNE_PACKET,
         0.004,
         55.296e-6,
         np.repeat(_PUCK_TIMES_S, 2),
@@ -120,7 +120,7 @@ _MODELS: Final = (
     Model(
         "HDL-32E",
         0x21,
-        _PACKET,
+        _VELODYNE_PACKET,
         0.002,
         46.08e-6,
         np.arange(32, dtype=np.float64) * 1.152e-6,
@@ -131,7 +131,7 @@ _MODELS: Final = (
     Model(
         "VLS-128",
         0xA1,
-        _PACKET,
+        _VELODYNE_PACKET,
         0.004,
         _VLS128_CYCLE_S,
         _VLS128_STEPS * (_VLS128_CYCLE_S / 20),
@@ -145,7 +145,7 @@ _MODELS: Final = (
 
 VELODYNE: Final = Maker(
     "Velodyne",
-    _MODELS,
+    _VELODYNE_MODELS,
     modes={STRONGEST: (1, "strongest"), LAST: (1, "last"), DUAL: (2, "dual")},
     others={0x23: "VLP-32A or VLP-32B", 0x31: "Velarray", 0x63: "VLS-128 (prototype)"},
     other_names={

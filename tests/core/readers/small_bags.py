@@ -19,6 +19,13 @@ PACKET, SCAN = "velodyne_msgs/msg/VelodynePacket", "velodyne_msgs/msg/VelodyneSc
 ROS2.register(get_types_from_msg("builtin_interfaces/Time stamp\nuint8[1206] data\n", PACKET))
 ROS2.register(get_types_from_msg("std_msgs/Header header\nvelodyne_msgs/VelodynePacket[] packets\n", SCAN))
 
+LIVOX_POINT, LIVOX = "livox_ros_driver2/msg/CustomPoint", "livox_ros_driver2/msg/CustomMsg"
+for store in (ROS1, ROS2):
+    point = "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line\n"
+    store.register(get_types_from_msg(point, LIVOX_POINT))
+    cloud = "uint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\nlivox_ros_driver2/CustomPoint[] points\n"
+    store.register(get_types_from_msg("std_msgs/Header header\n" + cloud, LIVOX))
+
 T0_NS = 1_780_000_000_000_000_000
 DATATYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
 
@@ -163,3 +170,15 @@ def mixed(store: Any = ROS2, clouds: int = 3, points: int = 64) -> list[Recorded
         )
     )
     return recorded
+
+
+def livox_cloud(stamp_ns: int, points: NDArray[Any], store: Any = ROS2) -> Any:
+    """A CustomMsg of a Livox's driver; `points` has offset_time, x, y, z, reflectivity, tag and line."""
+    return store.types[LIVOX](
+        header=header(stamp_ns, store),
+        timebase=stamp_ns,
+        point_num=len(points),
+        lidar_id=1,
+        rsvd=np.zeros(3, np.uint8),
+        points=[store.types[LIVOX_POINT](*point.tolist()) for point in points],
+    )

@@ -13,10 +13,22 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.reader import ReadOptions, open_recording
 from furrowmap.core.readers.rosbag.clouds import CloudScans
+from furrowmap.core.readers.rosbag.messages import deserialize
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.scan import Scan
-from tests.core.readers.small_bags import ROS1, T0_NS, mixed, point_cloud, revolution, write_bag1
+from tests.core.readers.small_bags import (
+    LIVOX,
+    ROS1,
+    ROS2,
+    T0_NS,
+    livox_cloud,
+    mixed,
+    point_cloud,
+    revolution,
+    write_bag1,
+    write_bag2,
+)
 
 T0_S = T0_NS * 1e-9
 
@@ -335,3 +347,37 @@ def test_rings_and_intensities__are_cut_to_their_range() -> None:
     points["intensity"] = [255.6, 0.0, 0.0, 0.0, 0.0, 0.0]
     (scan,), _ = scans_of(cloud(points))
     assert (scan.intensity.dtype, scan.intensity[0]) == (np.uint16, 256)
+
+
+@pytest.mark.parametrize("store", [ROS1, ROS2], ids=["ros1", "ros2"])
+@pytest.mark.parametrize("count", [1, 2, 500])
+def test_livox__points_have_their_own_times_and_no_rings(tmp_path: Path, store: Any, count: int) -> None:
+    """As of a Mid-360: four lasers in turn, 0.1 s a message; a point at 0, 0, 0 is none."""
+    kind = [("offset_time", "u4"), *((axis, "f4") for axis in "xyz"), *((name, "u1") for name in ("r", "tag", "line"))]
+    points = np.zeros(count, kind)
+    points["offset_time"] = np.linspace(0, 99_000_000, count)
+    points["x"], points["y"], points["z"] = np.random.default_rng(1).uniform(1, 20, (3, count))
+    points["r"], points["line"] = np.arange(count) % 256, np.arange(count) % 4
+    if count > 100:
+        points["x"][7] = points["y"][7] = points["z"][7] = 0
+    recorded = [("/livox/lidar", T0_NS + i * 10**8, livox_cloud(T0_NS + i * 10**8, points, store)) for i in range(2)]
+    path = write_bag1(tmp_path / "l.bag", recorded) if store is ROS1 else write_bag2(tmp_path / "l", recorded)
+    reader = open_recording([path], ReadOptions())
+    first = next(reader.scans())  # type: ignore[attr-defined]
+    there = points[(points["x"] != 0)]
+    np.testing.assert_array_equal(first.xyz_m, np.stack([there[axis] for axis in "xyz"], axis=1))
+    np.testing.assert_array_equal(first.laser, there["line"])
+    np.testing.assert_array_equal(first.intensity, there["r"])
+    if count > 1:
+        np.testing.assert_allclose(first.t_s - T0_S, there["offset_time"] * 1e-9, atol=1e-6)
+
+
+@pytest.mark.parametrize("cut", [1, 3, 40, 10**6])
+@pytest.mark.parametrize("encoding", ["ros1", "cdr"])
+def test_livox__damaged_messages_are_refused(cut: int, encoding: str) -> None:
+    store = ROS1 if encoding == "ros1" else ROS2
+    kind = [("offset_time", "u4"), *((axis, "f4") for axis in "xyz"), *((name, "u1") for name in ("r", "tag", "line"))]
+    message = livox_cloud(T0_NS, np.zeros(5, kind), store)
+    data = bytes((store.serialize_ros1 if store is ROS1 else store.serialize_cdr)(message, LIVOX))
+    with pytest.raises(Damage):
+        deserialize(BagMessage("/livox/lidar", LIVOX, encoding, T0_NS, data[: max(len(data) - cut, 2)]))
