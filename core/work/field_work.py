@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, zip_longest
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -409,7 +409,7 @@ class PacketDecoder:
             return scans
         if not by_wrap and self._held is not None and self._is_lone_revolution(self._held, piece):
             first, self._held = self._held, None
-            piece.column[:] += first.column[-1] + 1
+            piece.column[:] += first.column.max() + 1
             return [self._numbered(Scan.joined([first, piece]), whole=True)]
         return [*self._release(), self._numbered(piece, whole=by_wrap and self._open_by_wrap)]
 
@@ -424,7 +424,7 @@ class PacketDecoder:
             return False
         assert self._model is not None
         revolution_s = self.counts.turning_s / self.counts.revolutions
-        fired_s = (int(first.column[-1]) + int(second.column[-1])) * self._model.cycle_s
+        fired_s = (int(first.column.max()) + int(second.column.max())) * self._model.cycle_s
         low, high = _LONE_REVOLUTION
         return fired_s >= low * revolution_s and float(second.t_s[-1] - first.t_s[0]) <= high * revolution_s
 

@@ -58,7 +58,8 @@ def decode_returns(
         model.laser_table, model.laser_order, carried,
         t_out, xyz, intensity, laser, column, return_number, returns, cut_at, cut_by_wrap,
     )  # fmt: skip
-    scan = Scan(0, t_out[:n], xyz[:n], intensity[:n], laser[:n], column[:n], return_number[:n], returns[:n])
+    arrays = (a[:n] for a in (t_out, xyz, intensity, laser, column, return_number, returns))
+    scan = Scan(0, *arrays, lasers=model.lasers)
     return scan, cut_at[:cuts], cut_by_wrap[:cuts]
 
 
@@ -79,6 +80,8 @@ def _decode(  # type: ignore[no-untyped-def]
     group_s = per_block * cycle_s
     max_step = np.ceil(_FASTEST * group_s)
     to_rad = np.pi / 18_000.0
+    least = lasers[:, 1].min()
+    shift = np.empty(lasers_n, np.int64)
     cos_ahead = np.empty(lasers_n)
     sin_ahead = np.empty(lasers_n)
     counts = np.empty(3, np.int64)
@@ -120,6 +123,8 @@ def _decode(  # type: ignore[no-untyped-def]
             ahead = lasers[i, 1] + rate * lasers[i, 0] * to_rad
             cos_ahead[i] = np.cos(ahead) * lasers[i, 2]
             sin_ahead[i] = np.sin(ahead) * lasers[i, 2]
+            # in columns, of lasers that look aside; of steps of 0.01 degrees at least
+            shift[i] = np.int64(np.round((lasers[i, 1] - least) / (max(rate * cycle_s, 1.0) * to_rad)))
         turn_s = 36_000.0 / rate if rate > 0.0 else 0.1
         at = base + azimuth_at
         before = (np.int64(data[at]) | np.int64(data[at + 1]) << 8) % 36_000
@@ -156,7 +161,7 @@ def _decode(  # type: ignore[no-untyped-def]
                 state[_TIME] = fired_s
                 cos_a = np.cos(azimuth * to_rad)
                 sin_a = np.sin(azimuth * to_rad)
-                col = np.uint16(state[_COLUMN])
+                col = np.int64(state[_COLUMN])
                 from_ = at + f * lasers_n * unit
                 for i in range(lasers_n):
                     slot = from_ + table[2 + i]
@@ -191,7 +196,7 @@ def _decode(  # type: ignore[no-untyped-def]
                         xyz[n, 2] = range_m * lasers[i, 3] + lasers[i, 4]
                         intensity[n] = bright[k]
                         laser[n] = order[i]
-                        column[n] = col
+                        column[n] = min(col + shift[i], 65_535)
                         return_number[n] = k + 1
                         returns[n] = found
                         n += 1

@@ -370,6 +370,8 @@ def test_livox__points_have_their_own_times_and_no_rings(tmp_path: Path, store: 
     np.testing.assert_array_equal(first.intensity, there["r"])
     if count > 1:
         np.testing.assert_allclose(first.t_s - T0_S, there["offset_time"] * 1e-9, atol=1e-6)
+    told = {notice.code for notice in reader.inspect().notices}
+    assert ("rosette" in told) == (count > 100)
 
 
 @pytest.mark.parametrize("cut", [1, 3, 40, 10**6])

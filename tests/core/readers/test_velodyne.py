@@ -217,6 +217,15 @@ def test_laser__counts_the_elevations_from_below(model) -> None:  # type: ignore
     assert set(scan.laser) == set(range(model.lasers))
 
 
+@pytest.mark.parametrize(("product", "step"), [(VLP32C, 20), (0xA1, 5)])
+def test_columns__of_a_range_image_are_directions(product: int, step: int) -> None:
+    """Lasers look up to 6 degrees aside; the same column is the same azimuth, within 0.2 degrees."""
+    scan = scans_of(turning(40, product=product, step=step))[0]
+    azimuth_deg = np.degrees(np.arctan2(-scan.xyz_m[:, 1], scan.xyz_m[:, 0]))
+    assert np.ptp(azimuth_deg - 0.2 * scan.column) < 2.1 * 0.2
+    assert scan.lasers == len(np.unique(scan.laser))
+
+
 def test_frame__has_x_at_azimuth_0_and_y_at_270() -> None:
     level = np.zeros((12, 32))
     level[0, 1] = 5000  # the laser at +1 degree, of 10 m

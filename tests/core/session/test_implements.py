@@ -13,6 +13,7 @@ from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.file import apart, parse_session, together
 from furrowmap.core.session.machine import machine_of, machine_text, parse_machine
 from furrowmap.core.session.proposed_places import implement_table
+from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Implement, Session
 from furrowmap.core.values.trajectory import trajectory_from_attitude
 from furrowmap.core.work.field_work import ImplementTracker
@@ -131,3 +132,20 @@ def test_tools_in_one_place__are_noticed() -> None:
 def test_a_place_that_is_none__is_refused(place: str) -> None:
     with pytest.raises(InputError):
         parse_session(LEAST + FRONT + REAR.replace("[-1.6, 0.0]", place))
+
+
+def test_rosette__shows_no_implement_and_says_so() -> None:
+    """Four lasers that look anywhere, as those of a Livox."""
+    chance, t_s = np.random.default_rng(4), np.arange(0.0, 10.0)
+    still = trajectory_from_attitude(t_s, np.zeros((10, 3)), 0.0, 0.0, 0.0 * t_s, max_gap_s=2.0)
+    session = parse_session(LEAST + REAR)
+    tracker = ImplementTracker(session)
+    for number in range(5):
+        few = np.ones(400, np.uint8)
+        xyz_m = chance.uniform(-6.0, 6.0, (400, 3)).astype(np.float32)
+        line, column = (np.arange(400) % 4).astype(np.uint8), np.arange(400, dtype=np.uint16)
+        tracker.add_scan(Scan(number, number + np.arange(400) * 2e-4, xyz_m, few, line, column, few, few))
+    assert tracker.learn(still) is None
+    found = tracker.work(still, map_frame(session.crs), None)
+    assert found.states is None
+    assert "implement-no-rings" in {notice.code for notice in found.notices}

@@ -19,6 +19,8 @@ from furrowmap.core.simulator.scenario import Scenario, ScenarioClock, ScenarioL
 from furrowmap.core.simulator.simulate import Simulated
 from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, VERTICAL_OFFSET_M, VLP16, data_packets
+from furrowmap.core.simulator.xt32 import XT32
+from tests.core.readers.hesai_packets import packet
 
 SITE = SimulatedSite("EPSG:6677", 16642.0, 96548.0, 271.4, 41.3, 1_781_143_199_000_000)  # 01:59:59 UTC
 
@@ -113,6 +115,29 @@ def test_data_packets__tell_the_clock_that_is_off() -> None:
     )
     packet = data_packets(scenario, SITE, VLP16.spin(scenario, 5.0), 0, returns_of(24))
     assert struct.unpack("<I", packet[0, 1200:1204].tobytes())[0] == 3_598_750_000
+
+
+@pytest.mark.parametrize(("mode", "returns"), [("strongest", 1), ("dual", 2)])
+def test_xt32__packets_are_those_of_the_manual(mode: str, returns: int) -> None:
+    """Byte by byte, besides the encoder's rounding and the counter: of 2500 counts, and 2600 for the first return."""
+    scenario = Scenario(lidar=ScenarioLidar(rpm=600, return_mode=mode, rpm_wander=0.0))  # type: ignore[arg-type]
+    spin = XT32.spin(scenario, 20.0)
+    shape = (2, 3 * spin.firings_a_packet, 32)
+    ticks = np.stack([np.full(shape[1:], 2500 + 100 * (returns - 1), np.uint32), np.full(shape[1:], 2500, np.uint32)])
+    bright = np.stack([np.full(shape[1:], 9 + returns, np.uint8), np.full(shape[1:], 10, np.uint8)])
+    flat = Returns(ticks, bright, np.ones(shape, np.uint8), np.full(shape, -1, np.int32))
+    made = XT32.packets(scenario, SITE, spin, 0, flat)
+    firing = np.arange(shape[1])
+    azimuth = np.round(36000 * (spin.turns(spin.time_s(firing)) % 1.0)).astype(int).reshape(3, -1)
+    stamp_s = SITE.t0_us * 1e-6 + spin.time_s(firing[spin.firings_a_packet - 1 :: spin.firings_a_packet])
+    for row, first, at_s in zip(made, azimuth[:, 0].tolist(), stamp_s.tolist(), strict=True):
+        stated = np.frombuffer(packet("PandarXT-32", at_s, first, returns=returns), np.uint8)
+        differ = np.flatnonzero(row[:-4] != stated[:-4])
+        assert set((differ - 12) % 130) <= {0, 1}
+        assert (differ < 1052).all()
+        turned = row[12:1052].reshape(8, 130)[:, :2].copy().view("<u2")[:, 0].astype(int)
+        theirs = stated[12:1052].reshape(8, 130)[:, :2].copy().view("<u2")[:, 0].astype(int)
+        assert np.abs((turned - theirs + 18000) % 36000 - 18000).max() <= 1
 
 
 def test_records__are_frames_with_right_checksums() -> None:
