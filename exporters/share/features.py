@@ -58,7 +58,7 @@ def shared_layer(name: str, layer: VectorLayer, zone: ZoneInfo, *, alone: bool) 
             parts = [known[name] for name in ("tool", style.label_attribute) if name in known]
             feature["label"] = printable(" ".join(map(str, parts)))
         elif name == PARCELS_LAYER and "mean_height_m" in known:
-            feature["label"] = printable(f"{known['id']}: {100.0 * known['mean_height_m']:.1f} cm")
+            feature["label"] = f"{100.0 * known['mean_height_m']:.1f} cm"
         features.append(feature)
     return {
         "name": name,

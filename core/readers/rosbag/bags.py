@@ -186,7 +186,7 @@ class _RosBag(FileReader):
                 topic.first_ns, topic.last_ns = min(topic.first_ns, now), max(topic.last_ns, now)
             self._add_notices(*files.notices)
             if not found:
-                why = "; ".join(notice.text.rstrip(".") for notice in files.notices)
+                why = " ".join(notice.text for notice in files.notices)
                 raise InputError("bag-empty", paths=self.paths[0], why=why or None)
             self._topics = list(found.values())
         return self._topics

@@ -31,7 +31,7 @@ _COMMON: Final = "all"
 MAX_DEPTH: Final = 5
 """Texts in holes of texts in holes: a cause within a warning within a list."""
 _SENTENCE: Final = re.compile(r"(?<=[.!?]) (?=\S)")
-_LIST_MARKS: Final = (("; ", "；"), (", ", "、"))
+_ENTRY, _ITEM = re.compile("; "), re.compile(", ")
 _TWO_WORDS: Final = re.compile(r"[A-Za-z]{2,} [A-Za-z]{2,}")
 
 
@@ -83,9 +83,11 @@ class Catalogue:
         return {k: v for table in list(self.tables.values())[::-1] for k, v in table.items() if HOLE not in k}
 
     def templates(self, code: str = "") -> Iterator[Template]:
-        """Those of a code, the most specific first; then all that are specific enough for any text."""
-        yield from self._of_code.get(code, ())
+        """Those of a code with letters, the most specific first; all that are specific enough; those of holes alone."""
+        own = self._of_code.get(code, ())
+        yield from (template for template in own if template.letters)
         yield from self._specific
+        yield from (template for template in own if not template.letters)
 
     @cached_property
     def _of_code(self) -> Mapping[str, tuple[Template, ...]]:
@@ -144,9 +146,9 @@ def _translated(text: str, language: str, code: str, depth: int) -> str:
     sentences = _SENTENCE.split(text)
     if len(sentences) > 1:
         return _sentences(sentences, language, code, depth)
-    for mark, other in _LIST_MARKS:
-        if mark in text:
-            parts = text.split(mark)
+    for mark, other in ((_ENTRY, "；"), (_ITEM, "、")):
+        if mark.search(text):
+            parts = mark.split(text)
             found = [_translated(part, language, "", depth - 1) for part in parts]
             # Half a translation, with words of English left, is worse than none.
             left = any(part == new and _TWO_WORDS.search(part) for part, new in zip(parts, found, strict=True))
@@ -190,10 +192,10 @@ def _whole(text: str, language: str, code: str, depth: int) -> str | None:
         if values is None:
             continue
         if depth and template.source.startswith(HOLE):
-            for mark, other in _LIST_MARKS:
-                if any(mark in value for value in (values if mark == "; " else values[:1])):
-                    # The holes took in entries of a list: each may have a translation of its own.
-                    parts = text.split(mark)
+            for mark, other, shown in ((_SENTENCE, "", values), (_ENTRY, "；", values), (_ITEM, "、", values[:1])):
+                if any(mark.search(value) for value in shown):
+                    # The holes took in sentences, or entries of a list: each may have a translation of its own.
+                    parts = mark.split(text)
                     found = [_translated(part, language, "", depth - 1) for part in parts]
                     if all(part != new for part, new in zip(parts, found, strict=True)):
                         return other.join(found)
