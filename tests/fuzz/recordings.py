@@ -20,6 +20,7 @@ from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.results import read_raster
 from tests.core.readers import hesai_packets
 from tests.core.readers.small_bags import ROS1, mixed, write_bag1, write_bag2
+from tests.core.readers.test_ouster import in_fragments, recorded
 from tests.core.readers.test_pcap_framing import PcapNg
 from tests.core.readers.velodyne_packets import DUAL, HDL32E, frames, position_packet, rmc, turning, write_pcap
 from tests.fuzz.mutations import Files
@@ -94,6 +95,15 @@ def capture_seeds(folder: Path) -> list[Files]:
     ]
 
 
+def ouster_seeds(folder: Path) -> list[Files]:
+    seeds = []
+    for mode in ("strongest", "dual"):
+        path = recorded(folder, 0.1, return_mode=mode)
+        data, said = path.read_bytes(), {"drive.json": path.with_suffix(".json").read_bytes()}
+        seeds += [{path.name: data} | said, {path.name: data[:24] + b"".join(in_fragments(data))} | said]
+    return seeds
+
+
 def packed_seeds(folder: Path) -> list[Files]:
     plain = next(iter(capture_seeds(folder)[0].values()))
     return [
@@ -152,6 +162,7 @@ RECORDINGS = (
     Entry("laz", laz_seeds, read_cloud, trials=200),
     Entry("copc", copc_seeds, read_cloud),
     Entry("capture", capture_seeds, read_recording),
+    Entry("ouster", ouster_seeds, read_recording, trials=50),
     Entry("capture-packed", packed_seeds, read_recording),
     Entry("rosbag1", bag1_seeds, read_recording),
     Entry("rosbag2", bag2_seeds, read_bag2),

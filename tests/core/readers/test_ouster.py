@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -144,6 +145,21 @@ def recorded(
         said(told)
     (folder / "drive.json").write_text(json.dumps(told))
     return path
+
+
+def in_fragments(data: bytes) -> list[bytes]:
+    """The records of a capture of frames of one length, each as those of its fragments (RFC 791)."""
+    size = 16 + int.from_bytes(data[32:36], "little")
+    parts = []
+    for k, at in enumerate(range(24, len(data), size)):
+        record = data[at : at + size]
+        body = record[16 + 34 :]
+        for begin in range(0, len(body), 1480):
+            piece, more = body[begin : begin + 1480], begin + 1480 < len(body)
+            ip = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(piece), k, more << 13 | begin // 8, 64, 17, 0)
+            frame = record[16:30] + ip + record[42:50] + piece
+            parts.append(record[:8] + struct.pack("<II", len(frame), len(frame)) + frame)
+    return parts
 
 
 def changed(table: str, **values: object) -> Callable[[dict[str, Any]], None]:
@@ -331,3 +347,28 @@ def test_bags_of_packets(told: str, tmp_path: Path) -> None:
     assert reader.clock is Clock.SENSOR_GPS
     assert sum(len(scan) for scan in scans) == 3 * 1024 * 32
     assert Recognised.by_content(bag).inspect().facts["scans"]["model"] == "OS-1-32-U0"
+
+
+def test_osf__is_to_be_converted(tmp_path: Path) -> None:
+    path = tmp_path / "drive.osf"
+    path.write_bytes(bytes.fromhex("34000000140000004f5346240c002000") + bytes(64))
+    with pytest.raises(InputError, match=r"ouster-cli source .*drive.osf save drive.pcap") as caught:
+        Recognised.by_content(path)
+    assert caught.value.code == "unknown-format"
+
+
+def test_fragments__in_any_order_repeated_and_lost(tmp_path: Path) -> None:
+    path = recorded(tmp_path, 0.25)
+    data = path.read_bytes()
+    whole = scans_of(path)[1][0]
+    parts = in_fragments(data)
+    order = np.random.default_rng(3).permutation(len(parts)).reshape(-1)
+    order = order[np.argsort(order // 20, kind="stable")]  # those of a few packets between each other
+    path.write_bytes(data[:24] + b"".join(parts[k] for k in (*order, *order[:3])))
+    (scan,) = scans_of(path)[1]
+    assert len(scan) == len(whole)
+    assert np.array_equal(np.sort(scan.t_s), np.sort(whole.t_s))
+    path.write_bytes(data[:24] + b"".join(parts[:7] + parts[8:]))
+    reader = OusterPcap([path], NO_OPTIONS)
+    facts = reader.inspect().facts
+    assert (facts["data_packets"], facts["other_packets"]) == (15, {"IP fragments": 4})
