@@ -63,6 +63,7 @@ class Scene:
         tilt_deg: how far its rear rises when it is lifted, turning about `HINGE`.
         jitter_m: of the tool at work.
         still: what stands still before the scanner, beside the tractor's body.
+        begin_deg: azimuth at which scans begin.
     """
 
     duration_s: float = 17.0
@@ -81,6 +82,8 @@ class Scene:
     mounting: Mounting = MOUNTING
     clockwise: bool = True
     turn_s: float = 0.1
+    lasers: int = 16
+    begin_deg: float = 0.0
 
     def lifted(self, t_s: FloatArray) -> FloatArray:
         """0 at work to 1 lifted, `t_s` after the beginning."""
@@ -111,9 +114,10 @@ class Scene:
         """What the scanner records."""
         rng = np.random.default_rng(5)
         step = np.arange(COLUMNS)
-        azimuth = 2 * np.pi * (step + 0.5) / COLUMNS * (1 if self.clockwise else -1)
-        column, laser = (a.ravel() for a in np.meshgrid(step, np.arange(16), indexing="ij"))
-        cosine, sine = np.cos(ELEVATION)[laser], np.sin(ELEVATION)[laser]
+        azimuth = 2 * np.pi * (step + 0.5) / COLUMNS * (1 if self.clockwise else -1) + np.radians(self.begin_deg)
+        column, laser = (a.ravel() for a in np.meshgrid(step, np.arange(self.lasers), indexing="ij"))
+        elevation = np.linspace(ELEVATION[0], ELEVATION[-1], self.lasers)[laser]
+        cosine, sine = np.cos(elevation), np.sin(elevation)
         ray = np.column_stack([cosine * np.cos(azimuth[column]), -cosine * np.sin(azimuth[column]), sine])
         way, eye = ray @ self.mounting.rotation.T, np.array(self.mounting.xyz_m)
         with np.errstate(divide="ignore"):
@@ -140,6 +144,7 @@ class Scene:
                     column=column[kept].astype(np.uint16),
                     return_number=ones,
                     returns=ones,
+                    lasers=self.lasers,
                 )
             )
         return found

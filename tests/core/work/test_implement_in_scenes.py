@@ -34,8 +34,9 @@ SCREEN = ((-1.1, -1.0, 0.0, 1.0, 1.3, 2.2),)
         {"tilt_deg": 12.0},  # a three-point linkage
         {"still": SCREEN, "dropout": 0.2, "dust": 0.05},  # half of it hidden
         {"dust": 0.2},
-        {"clockwise": False},
         {"turn_s": 0.2},
+        {"begin_deg": 350.0, "clockwise": False},
+        {"begin_deg": 190.0, "lasers": 48},
         {"mounting": Mounting((-0.5, 0.6, 2.3), (1.0, 42.0, 160.0))},
     ],
     ids=str,
