@@ -25,6 +25,8 @@ ByteArray = NDArray[np.uint8]
 _WHOLE_SHARE: Final = 0.9
 """A turn with a smaller share of its packets is not whole."""
 _CHECKED_TURNS: Final = 3
+_CLOCK_STEP_S: Final = 0.25
+"""From one packet to the next without a gap; receivers' sentences may set the clock a second off and back."""
 _JUMP_S: Final = 2.0
 """Stamps that move away from the recorder's times by more than this between two packets: the clock was set."""
 _COLUMN_APART_NS: Final = 1_000_000_000
@@ -170,8 +172,9 @@ class OusterDecoder:
         turns = np.diff(head.frame, prepend=frame) % (1 << (32 if m.fusa else 16))
         stepped = turns * per_turn + np.diff(place, prepend=place_0)
         step_s = np.diff(head.stamp_ns, prepend=stamp_ns) * 1e-9
-        jumped = np.abs(step_s - np.diff(host_s, prepend=last_host_s)) > _JUMP_S
-        step_s[jumped] = np.diff(host_s, prepend=last_host_s)[jumped]
+        host_step_s = np.diff(host_s, prepend=last_host_s)
+        jumped = (np.abs(step_s - host_step_s) > _JUMP_S) | ((stepped == 1) & (np.abs(step_s) > _CLOCK_STEP_S))
+        step_s[jumped] = host_step_s[jumped]
         shift_ns = np.full(len(stepped), self._shift_ns or self.time.minus_ns, np.int64)
         for i in np.flatnonzero(jumped).tolist():
             before_ns = int(head.stamp_ns[i - 1]) if i else stamp_ns
