@@ -23,6 +23,8 @@ CHART_HEIGHT: Final = 400.0
 GROUP_COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c6d31", "#444444")
 """Okabe and Ito (2008), which all readers can tell apart, without yellow."""
 _LEFT, _RIGHT, _TOP, _BOTTOM = 74.0, WIDTH - 14.0, 34.0, 320.0
+_KEYS: Final = (6.0, 150.0, 275.0)
+"""Where the keys of a curve begin: with room for their words in every language."""
 _INK, _PALE, _GREEN = "#333333", "#dddddd", "#009e73"
 _TICK_STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
 
@@ -85,11 +87,9 @@ def _curve_legend(*, plateau: bool) -> Iterable[str]:
     y, keys = CHART_HEIGHT - 12.0, [("logistic curve", _INK, {}), ("its 95 % band", "#999999", {"opacity": "0.5"})]
     if plateau:
         keys.append(("rate beyond which nothing is gained, 95 %", _GREEN, {"stroke_dasharray": "5 4"}))
-    at = _LEFT
-    for words, colour, look in keys:
+    for at, (words, colour, look) in zip(_KEYS, keys, strict=False):
         yield segment(at, y - 4, at + 18, y - 4, stroke=colour, stroke_width=3, **look)
         yield _text(at + 24, y, words)
-        at += 7.0 * len(words) + 48.0
 
 
 def category_chart(

@@ -80,7 +80,7 @@ def shown(
     }
     places: dict[str, list[Path]] = {}
     for name, session in sessions.items():
-        result = run_once(name, lambda folder, session=session: session(folder=folder))  # type: ignore[misc]
+        result = run_once(name, session)
         with using(language="ja"):
             furrowmap.add_to_farm_map(work / f"{name}.gpkg", [result.path])
         phone = furrowmap.share(result.path, work / name, qfield=True, language="ja")
