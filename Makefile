@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export MYPY_CACHE_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/furrowmap/types
 
 .DEFAULT_GOAL := help
-.PHONY: help demo quick test all-tests fuzz kills setup lint typecheck layout format test-lowest test-python bench bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin release-check web clean
+.PHONY: help demo quick test all-tests fuzz kills setup lint typecheck layout format test-lowest test-open3d test-python bench bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin release-check web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -52,6 +52,12 @@ build/lowest.txt: pyproject.toml scripts/lowest.py
 test-python:  ## the tests with another Python: make test-python PYTHON=python3.13 TESTS=tests
 	$(PYTHON) scripts/setup.py build/venv-$(notdir $(PYTHON)) test
 	build/venv-$(notdir $(PYTHON))/bin/python -m pytest -n 2 --dist loadfile $(TESTS)
+
+test-open3d:  ## the tests that need Open3D, in an environment with it (400 MB); it needs libusb of the system
+	$(PYTHON) scripts/setup.py build/venv-open3d test
+	build/venv-open3d/bin/python -m pip install -qq --editable ".[open3d]"
+	build/venv-open3d/bin/python -c "import open3d"
+	build/venv-open3d/bin/python -m pytest -q -k open3d tests/app/test_results.py tests/core/crops/test_published.py
 
 setup: $(INSTALLED)  ## only the virtual environment
 

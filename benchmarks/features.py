@@ -1,4 +1,4 @@
-"""Features of simulated yards: F1 of each class by shape, colours and images, and speed beside jakteristics.
+"""Features of simulated yards: F1 of each class by shape and colours, and speed beside jakteristics.
 
 ``python benchmarks/features.py table [SEED…]`` prints F1 of yards of 24 m; ``python benchmarks/features.py speed``
 prints points per second.
@@ -34,15 +34,9 @@ def f1(kind: NDArray[np.int8], feature: NDArray[np.uint8]) -> list[float]:
 
 
 def scores(seen: Yard) -> NDArray[np.float64]:
-    """F1 (3, 5) by shape, with colours, with images."""
+    """F1 (2, 5) by shape, with colours."""
     ground = classify_ground(seen.xyz_m)
-    tiles = [
-        FeatureTile(seen.xyz_m, ground, CELL_M),
-        FeatureTile(seen.xyz_m, ground, CELL_M, seen.rgb),
-        FeatureTile(
-            seen.xyz_m, ground, CELL_M, seen.rgb, None if seen.segment is None else seen.segment.astype(np.int64)
-        ),
-    ]
+    tiles = [FeatureTile(seen.xyz_m, ground, CELL_M, rgb) for rgb in (None, seen.rgb)]
     return np.array([f1(seen.kind, classify(tile).feature) for tile in tiles])
 
 
@@ -50,8 +44,8 @@ def table(seeds: tuple[int, ...]) -> None:
     """Print F1 of each yard, their means and their least."""
     found = []
     for seed in seeds:
-        found.append(scores(yard(seed, SIZE_M, images=6)))
-        for name, row in zip(("shape", "colours", "images"), found[-1], strict=True):
+        found.append(scores(yard(seed, SIZE_M)))
+        for name, row in zip(("shape", "colours"), found[-1], strict=True):
             print(seed, name, *(f"{kind.name.lower()} {value:.3f}" for kind, value in zip(Kind, row, strict=True)))
     print("mean", np.mean(found, axis=0).round(3), "least", np.min(found, axis=0).round(3), sep="\n")
 

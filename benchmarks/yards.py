@@ -2,7 +2,7 @@
 
 Rays are cast at rectangles, cylinders and discs (the leaves of plants) above an undulating ground, so that shadows,
 densities by range and angle, and points on the rims of things are those of a scanner. It shares no code with what it
-judges. Images of the yard are rendered by the same rays.
+judges.
 """
 
 from __future__ import annotations
@@ -83,25 +83,22 @@ class Yard:
         xyz_m: (n, 3).
         kind: (n,) :class:`Kind`.
         rgb: (n, 3) colour from 0 to 1, as a camera sees it.
-        segment: (n,) number of the image segment; -1 where no image sees the point. None without images.
         scene: what was scanned.
     """
 
     xyz_m: FloatArray
     kind: NDArray[np.int8]
     rgb: FloatArray
-    segment: NDArray[np.int32] | None
     scene: Scene
 
 
-def yard(seed: int, size_m: float = 32.0, density: float = 1.0, images: int = 0) -> Yard:
+def yard(seed: int, size_m: float = 32.0, density: float = 1.0) -> Yard:
     """A yard of its own for each seed.
 
     Args:
         seed: of everything random.
         size_m: side of the square; below 24 m there is one of each thing, with one tree.
         density: of the rays; 1 gives some 400 points a square metre.
-        images: number of images to take.
     """
     rng = np.random.default_rng(seed)
     scene = _scene(rng, size_m)
@@ -111,9 +108,8 @@ def yard(seed: int, size_m: float = 32.0, density: float = 1.0, images: int = 0)
     xyz = begin[seen] + way[seen] * (range_m[seen] + rng.normal(0.0, NOISE_M, np.count_nonzero(seen)))[:, None]
     inside = np.all((xyz[:, :2] > 0.0) & (xyz[:, :2] < size_m), axis=1)
     xyz, kind, rgb = xyz[inside], kind[seen][inside], rgb[seen][inside]
-    segment = _segments(scene, xyz, images, rng) if images else None
     rgb = np.clip(rgb + rng.normal(0.0, 0.03, rgb.shape), 0.0, 1.0)
-    return Yard(xyz, kind, rgb, segment, scene)
+    return Yard(xyz, kind, rgb, scene)
 
 
 def _scene(rng: np.random.Generator, size: float) -> Scene:
@@ -313,61 +309,6 @@ def _rays(rng: np.random.Generator, size: float, density: float) -> tuple[FloatA
             ways.append(np.outer(np.sin(tilt), along) + np.outer(np.cos(tilt) * np.sin(spin), across) + down)
             begins.append(np.broadcast_to(place, ways[-1].shape))
     return np.concatenate(begins), np.concatenate(ways)
-
-
-def cameras(size: float, count: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Place and rotation (camera axes as columns: right, down, forward) of cameras round and above the yard."""
-    out = []
-    for k in range(count):
-        angle = math.tau * k / count + 0.3
-        radius = (0.75 if k % 2 else 0.35) * size
-        place = np.array([0.5 * size + radius * math.cos(angle), 0.5 * size + radius * math.sin(angle), 0.45 * size])
-        forward = np.array([0.5 * size, 0.5 * size, 0.5]) - place
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, [0.0, 0.0, 1.0])
-        right /= np.linalg.norm(right)
-        out.append((place, np.column_stack([right, np.cross(forward, right), forward])))
-    return out
-
-
-WIDTH, HEIGHT, FOCAL = 400, 300, 330.0
-
-
-def picture(
-    scene: Scene, place: FloatArray, axes: FloatArray, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """An image (height, width, 3) of a scene, and the distance (height, width) to what each pixel shows."""
-    v, u = np.mgrid[0:HEIGHT, 0:WIDTH].reshape(2, -1).astype(np.float64)
-    way = np.column_stack([(u - WIDTH / 2 + 0.5) / FOCAL, (v - HEIGHT / 2 + 0.5) / FOCAL, np.ones(len(u))]) @ axes.T
-    way /= np.linalg.norm(way, axis=1)[:, None]
-    range_m, _, rgb = cast(np.broadcast_to(place, way.shape), way, *scene.arrays())
-    rgb[~np.isfinite(range_m)] = (0.7, 0.8, 0.95)
-    rgb = np.clip(rgb + rng.normal(0.0, 0.02, rgb.shape), 0.0, 1.0)
-    return rgb.reshape(HEIGHT, WIDTH, 3), range_m.reshape(HEIGHT, WIDTH)
-
-
-def _segments(scene: Scene, xyz: FloatArray, images: int, rng: np.random.Generator) -> NDArray[np.int32]:
-    """The segment of each point in the image that sees it from nearest; -1 where none does."""
-    from furrowmap.core.features.classification import image_segments
-
-    segment, nearest, first = np.full(len(xyz), -1, np.int32), np.full(len(xyz), np.inf), 0
-    for place, axes in cameras(scene.size_m, images):
-        image, depth = picture(scene, place, axes, rng)
-        labels = image_segments((image * 255.0).astype(np.uint8))
-        at = (xyz - place) @ axes
-        ahead = at[:, 2] > 0.1
-        scale = np.where(ahead, FOCAL / np.where(ahead, at[:, 2], 1.0), 0.0)
-        column = np.floor(at[:, 0] * scale + WIDTH / 2).astype(np.int64)
-        row = np.floor(at[:, 1] * scale + HEIGHT / 2).astype(np.int64)
-        inside = ahead & (column >= 0) & (column < WIDTH) & (row >= 0) & (row < HEIGHT)
-        away = np.linalg.norm(xyz - place, axis=1)
-        seen = inside.copy()
-        seen[inside] = np.abs(depth[row[inside], column[inside]] - away[inside]) < 0.15
-        seen &= away < nearest
-        segment[seen] = first + labels[row[seen], column[seen]]
-        nearest[seen] = away[seen]
-        first += int(labels.max()) + 1
-    return segment
 
 
 @numba.njit(cache=True, nogil=True)

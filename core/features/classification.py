@@ -1,4 +1,4 @@
-"""Classification of the points of one tile by the shape around them, refined by the votes of image segments."""
+"""Classification of the points of one tile by the shape around them, refined by the votes of segments of colour."""
 
 from __future__ import annotations
 
@@ -29,11 +29,8 @@ GREEN: Final = (0.1, 0.4)
 Transactions of the ASAE 38, 259-269)."""
 LEAF_AS_OBJECT, OBJECT_AS_LEAF = 0.5, 0.6
 """Weight of planes and lines that are all green, and of scatter that is not green at all."""
-IMAGE_SCALE: Final = 60.0
-"""Preference for larger segments of images, in 255ths of a colour."""
-MIN_SEGMENT_PIXELS: Final = 30
 COLOUR_SCALE: Final = 0.1
-"""The same of a cloud's own colours, of which black and white differ by 1."""
+"""Preference for larger segments, in colours of which black and white differ by 1."""
 
 
 def vote_classes(evidence: FloatArray, segment: IntArray, rgb: FloatArray | None) -> NDArray[np.uint8]:
@@ -73,25 +70,11 @@ def greenness(rgb: FloatArray) -> FloatArray:
     return out
 
 
-def image_segments(image: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """Number from 0 of the segment of each pixel (rows, columns) of an image (rows, columns, 3).
-
-    P. F. Felzenszwalb, D. P. Huttenlocher (2004), Efficient graph-based image segmentation, International Journal of
-    Computer Vision 59, 167-181. Needs the extra `photo`.
-    """
-    from skimage.segmentation import felzenszwalb
-
-    labels: NDArray[np.int32] = felzenszwalb(image, scale=IMAGE_SCALE, sigma=0.8, min_size=MIN_SEGMENT_PIXELS).astype(
-        np.int32
-    )
-    return labels
-
-
 def colour_segments(xyz_m: FloatArray, rgb: FloatArray, reach_m: float) -> IntArray:
     """Segment (n,) of voxels (n, 3) by their colours (n, 3), from 0 to 1: segmentation of the graph of the voxels.
 
-    Felzenszwalb and Huttenlocher (2004), as :func:`image_segments`, with
-    neighbours within a distance instead of pixels.
+    P. F. Felzenszwalb, D. P. Huttenlocher (2004), Efficient graph-based image segmentation, International Journal of
+    Computer Vision 59, 167-181, with neighbours within a distance instead of pixels.
     """
     if not len(xyz_m):
         return np.zeros(0, np.int64)
@@ -190,14 +173,12 @@ class FeatureTile:
         ground: (n,) by the ground filter.
         cell_m: of the voxels: the spacing of the points, or larger.
         rgb: (n, 3) colours from 0 to 1; None without.
-        segment: (n,) image segment of each point, below 0 for none; None without images.
     """
 
     xyz_m: FloatArray
     ground: BoolArray
     cell_m: float
     rgb: FloatArray | None = None
-    segment: IntArray | None = None
 
 
 @dataclass(frozen=True)
@@ -375,13 +356,8 @@ def _find_bars(
 
 
 def _segments(tile: FeatureTile, rest: IntArray, fine: Voxels, asked: BoolArray) -> tuple[IntArray, FloatArray | None]:
-    """Segment and colour of the voxels asked for: of images where there are any, else of the colours of the points."""
-    segment = np.full(len(fine), -1, np.int64)
-    rgb = None
-    if tile.rgb is not None:
-        rgb = np.column_stack([fine.mean_of(tile.rgb[rest, k]) for k in range(3)])
-    if tile.segment is not None:
-        segment[fine.of_point] = tile.segment[rest]
-    elif rgb is not None:
-        segment[asked] = colour_segments(fine.mean_m[asked], rgb[asked], 3.0 * tile.cell_m)
-    return segment[asked], None if rgb is None else rgb[asked]
+    """Segment and colour of the voxels asked for, by the colours of the points; segments below 0 without colours."""
+    if tile.rgb is None:
+        return np.full(np.count_nonzero(asked), -1, np.int64), None
+    rgb = np.column_stack([fine.mean_of(tile.rgb[rest, k]) for k in range(3)])[asked]
+    return colour_segments(fine.mean_m[asked], rgb, 3.0 * tile.cell_m), rgb

@@ -119,7 +119,7 @@ def test_points__in_chunks_are_the_same(result: furrowmap.Result) -> None:
 
 def test_open3d__missing_is_reported_in_three_lines(result: furrowmap.Result, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "open3d", None)
-    with pytest.raises(furrowmap.RefusedError, match="open3d is not installed") as caught:
+    with pytest.raises(furrowmap.RefusedError, match="open3d cannot be loaded") as caught:
         result.points().to_open3d()
     assert (caught.value.code, len(str(caught.value).splitlines())) == ("no-open3d", 3)
 
@@ -136,6 +136,15 @@ class Recorded(ModuleType):
         Vector3dVector = staticmethod(np.asarray)
 
 
+def coloured(folder: Path) -> Path:
+    """A red point, and one in a fifth of blue."""
+    las = laspy.LasData(laspy.LasHeader(point_format=7, version="1.4"))
+    las.x, las.y, las.z = [1.0, 2.0], [3.0, 4.0], [5.0, 6.0]
+    las.red, las.green, las.blue = [65535, 0], [0, 0], [0, 13107]
+    las.write(folder / "coloured.las")
+    return folder / "coloured.las"
+
+
 def test_open3d__gets_points_and_colours(
     result: furrowmap.Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -144,18 +153,19 @@ def test_open3d__gets_points_and_colours(
     found = points.to_open3d()
     assert_array_equal(found.points.T, [points.read()[axis] for axis in "xyz"])
     assert found.colors is None
-    coloured = laspy.LasData(laspy.LasHeader(point_format=7, version="1.4"))
-    coloured.x, coloured.y, coloured.z = [1.0, 2.0], [3.0, 4.0], [5.0, 6.0]
-    coloured.red, coloured.green, coloured.blue = [65535, 0], [0, 0], [0, 13107]
-    coloured.write(tmp_path / "coloured.las")
-    found = furrowmap.open_points(tmp_path / "coloured.las").to_open3d()
+    found = furrowmap.open_points(coloured(tmp_path)).to_open3d()
     np.testing.assert_allclose(found.colors, [[1, 0, 0], [0, 0, 0.2]])
 
 
-def test_open3d__makes_a_point_cloud(result: furrowmap.Result) -> None:
+def test_open3d__makes_a_point_cloud(result: furrowmap.Result, tmp_path: Path) -> None:
+    """Skipped where it is missing; `make test-open3d` has it."""
     pytest.importorskip("open3d")
     points = result.points(classes=(65,))
-    assert_array_equal(np.asarray(points.to_open3d().points).T, [points.read()[axis] for axis in "xyz"])
+    cloud = points.to_open3d()
+    assert_array_equal(np.asarray(cloud.points).T, [points.read()[axis] for axis in "xyz"])
+    assert not cloud.has_colors()
+    colours = furrowmap.open_points(coloured(tmp_path)).to_open3d().colors
+    np.testing.assert_allclose(np.asarray(colours), [[1, 0, 0], [0, 0, 0.2]])
 
 
 @pytest.mark.parametrize("name", ["dsm", "dsm_before", "change"])
