@@ -20,6 +20,8 @@ from furrowmap.core.runtime.arrays import FloatArray
 
 LEVER_SIGMA_M: Final = 0.03
 """Of a lever arm that was measured."""
+ROUNDING: Final = np.array([1e-8, 1e-6, 1e-6, 1e-6])
+"""Shares of the information on clock and lever arm, all states held, that are left by rounding alone."""
 IMU_CLOCK_FLOOR_S: Final = 0.0003
 """No offset is known better: a vehicle's frame bends, a receiver's filter lags."""
 CERTAIN_SIGMAS: Final = 5.0
@@ -98,8 +100,11 @@ def imu_constants(
         np.add.at(row, k + 1, by_knots[:, size:])
     flat = link.reshape(4, -1)
     solved = np.array([solution.by(row) for row in flat])
-    normal = np.einsum("maq,mar->qr", own, weighted) - flat @ solved.T
+    alone = np.einsum("maq,mar->qr", own, weighted)
+    normal = alone - flat @ solved.T
     pull = np.einsum("maq,ma->q", weighted, residual) - flat @ solution.values
+    # Rounding may leave less than nothing where the motion shows nothing, as an antenna's height on level ground.
+    normal = 0.5 * (normal + normal.T) + np.diag(ROUNDING * np.diag(alone))
     if np.linalg.eigvalsh(normal)[0] <= 0.0:
         return ImuConstants(), -solved[0].reshape(len(knots), size)
     spread = float(np.sqrt(max(1.0, variance_factor)))

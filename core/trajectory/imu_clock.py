@@ -8,12 +8,14 @@ which least of the motion is left unexplained.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.inertial import cross_matrix
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.alignment import chained, moving_mean
 from furrowmap.core.trajectory.inertial_start import MAX_IMU_PAUSE_S
@@ -34,10 +36,15 @@ MOTION_HALVES: Final = (10, 20, 40)
 """Steps of half the time over which second differences are taken: the fewest with which the noise of the positions is
 below MAX_NOISE_MPS2."""
 MAX_NOISE_MPS2: Final = 0.05
-MAX_NOSE_HALF: Final = 20
-"""The same for ways."""
+ABOVE_NOISE: Final = 5.0
+"""Ways of less than so many standard deviations show no direction."""
+MIN_MOVING: Final = 0.1
+"""Share of the time in which the way must show a direction."""
+LEAST_COMPARED: Final = 0.3
+"""Share of the motion compared at most that must be compared at an offset."""
+APART: Final = 1.5
+"""Offsets closer than this share of the time of second differences, and than APART_S, are not told apart."""
 APART_S: Final = 2.0
-"""Offsets closer than this are not told apart by the search."""
 MIN_OFFSET_S: Final = 0.3
 """Smaller ones are left to the adjustment."""
 CLEAR_SHARE: Final = 0.6
@@ -54,11 +61,33 @@ def search_imu_clock(imu: InertialTrack, positions: Positions, *, on_wheels: boo
     if len(imu) < 2 or len(positions.t_s) < 2:
         return 0.0
     half = _half(positions)
-    for of_nose in (False, True) if on_wheels else (False,):
-        half = min(half, MAX_NOSE_HALF) if of_nose else half
-        if found_s := _clearly_best(*_unexplained(imu, positions, half, of_nose=of_nose)):
-            return -found_s  # a motion of later is that of the positions at the IMU's true time
+    t_s = np.arange(imu.t_s[0], imu.t_s[-1], STEP_S)
+    rate, force = (_means(imu.t_s, values, t_s) for values in (imu.rate_radps, imu.force_mps2))
+    # The bias that gravity shows is that of the gyroscopes, or of few and long accelerations.
+    for turned in (_turned(rate - _rate_bias(_turned(rate), force)), _turned(rate)):
+        for of_nose in (False, True) if on_wheels else (False,):
+            motion = _Motion(imu, t_s, turned, force, of_nose)
+            if found_s := _clearly_best(*_unexplained(motion, positions, half), half):
+                return -found_s  # a motion of later is that of the positions at the IMU's true time
     return 0.0
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Measurements of an IMU in equal steps.
+
+    Attributes:
+        t_s: (n,) begins of the steps, and the end of the last.
+        turned: (n, 3, 3) rotations to the first axes.
+        force: (n − 1, 3) means.
+        of_nose: whether the direction of the nose is compared with that of travel, instead of accelerations.
+    """
+
+    imu: InertialTrack
+    t_s: FloatArray
+    turned: FloatArray
+    force: FloatArray
+    of_nose: bool
 
 
 def _half(positions: Positions) -> int:
@@ -71,18 +100,14 @@ def _half(positions: Positions) -> int:
     return MOTION_HALVES[-1]
 
 
-def _unexplained(
-    imu: InertialTrack, positions: Positions, half: int, *, of_nose: bool
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _unexplained(motion: _Motion, positions: Positions, half: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """(windows, offsets) squares of the motion left, and all of them, nan where unknown; (offsets,) in seconds."""
-    t_s = np.arange(imu.t_s[0], imu.t_s[-1], STEP_S)
-    rate, force = (_means(imu.t_s, values, t_s) for values in (imu.rate_radps, imu.force_mps2))
-    turned = chained(np.ascontiguousarray(Rotation.from_rotvec(rate * STEP_S).as_matrix()))
+    imu, t_s, turned, force, of_nose = motion.imu, motion.t_s, motion.turned, motion.force, motion.of_nose
     pauses = imu.t_s[np.flatnonzero(np.diff(imu.t_s) > MAX_IMU_PAUSE_S)]
     seen, seen_s = _motion(positions, half, of_nose=of_nose)
     kernel = _kernel(half, of_nose=of_nose)
     beside, window = len(kernel) // 2, WINDOW + len(kernel) - 1
-    if len(force) < window:
+    if len(force) < window or len(seen) < WINDOW:
         return np.zeros((0, 1)), np.zeros((0, 1)), np.zeros(1)
     steps = round(MAX_OFFSET_S / STEP_S)
     # The grids of both begin at their own times: their distance is no whole number of steps.
@@ -102,7 +127,7 @@ def _unexplained(
         squares, of_own = (np.abs(windows) ** 2).sum(axis=1), float((np.abs(own) ** 2).sum())
         if of_nose:
             whole[inside] = squares
-            left[inside] = squares - together**2 / of_own
+            left[inside] = squares - together**2 / np.maximum(squares, 1.0)
         else:
             whole[inside] = squares - np.abs(windows.sum(axis=1)) ** 2 / len(own) + of_own
             left[inside] = whole[inside] - 2.0 * together
@@ -118,9 +143,35 @@ def _means(t_s: FloatArray, values: FloatArray, begin_s: FloatArray) -> FloatArr
     return np.diff(np.column_stack([np.interp(begin_s, t_s, axis) for axis in area.T]), axis=0) / STEP_S
 
 
+def _turned(rate: FloatArray) -> FloatArray:
+    """(n + 1, 3, 3) rotations to the first axes after n steps of angular rates (n, 3)."""
+    return np.asarray(chained(np.ascontiguousarray(Rotation.from_rotvec(rate * STEP_S).as_matrix())))
+
+
+def _rate_bias(turned: FloatArray, force: FloatArray) -> FloatArray:
+    """(3,) bias of the gyroscopes by which gravity keeps its direction, that about the vertical left out.
+
+    Accelerations average out over many windows.
+    """
+    normal, right = 1e-3 * np.eye(3), np.zeros(3)
+    for begin in range(0, len(force) - WINDOW + 1, WINDOW):
+        axes = turned[begin].T @ turned[begin : begin + WINDOW]
+        pushed = np.einsum("kij,kj->ki", axes, force[begin : begin + WINDOW])
+        design = -cross_matrix(np.broadcast_to(pushed.mean(axis=0), pushed.shape)) @ (np.cumsum(axes, axis=0) * STEP_S)
+        design -= design.mean(axis=0)
+        normal += np.einsum("kai,kaj->ij", design, design)
+        right += np.einsum("kai,ka->i", design, pushed - pushed.mean(axis=0))
+    return np.asarray(np.linalg.solve(normal, right))
+
+
+def _averaged(half: int) -> int:
+    """Steps, an odd number, over which positions are averaged."""
+    return half // 2 + 1 - half // 2 % 2
+
+
 def _kernel(half: int, *, of_nose: bool) -> FloatArray:
     """Weights by which accelerations enter second differences, or speeds ways, of means over half of `half` steps."""
-    mean = np.ones(half // 2 + 1 - half // 2 % 2)
+    mean = np.ones(_averaged(half))
     out = np.convolve(np.ones(2 * half) if of_nose else np.convolve(np.ones(half), np.ones(half)), mean)
     return np.asarray(out / out.sum())
 
@@ -133,30 +184,36 @@ def _own(turned: FloatArray, force: FloatArray, kernel: FloatArray, *, of_nose: 
     level, _ = Rotation.align_vectors([[0.0, 0.0, 1.0]], [up / max(float(np.linalg.norm(up)), 1e-9)])
     flat = level.apply(axes[:, :, 0] if of_nose else pushed)
     out = np.convolve(flat[:, 0] + 1j * flat[:, 1], kernel, mode="valid")
-    return np.asarray(out if of_nose else out - out.mean())
+    return np.asarray(out / np.maximum(np.abs(out), 1e-9) if of_nose else out - out.mean())
 
 
 def _motion(positions: Positions, half: int, *, of_nose: bool) -> tuple[ComplexArray, float]:
-    """Accelerations or ways of the antenna at times STEP_S apart, nan where unknown, and the first of these times."""
-    t_s = np.arange(positions.t_s[0], positions.t_s[-1], STEP_S)
+    """Accelerations, or directions of travel (0 at a stand), nan where unknown, STEP_S apart; and the first time."""
+    t_s, interval_s = np.arange(positions.t_s[0], positions.t_s[-1], STEP_S), np.diff(positions.t_s)
     xy = np.column_stack([np.interp(t_s, positions.t_s, positions.xyz_m[:, axis]) for axis in range(2)])
-    after = np.clip(np.searchsorted(positions.t_s, t_s), 1, len(positions.t_s) - 1)
-    xy[positions.t_s[after] - positions.t_s[after - 1] > max(1.0, 2.5 * float(np.median(np.diff(positions.t_s))))] = (
-        np.nan
-    )
-    mean = moving_mean(xy, half // 2 + 1 - half // 2 % 2)
+    step_s = float(np.median(interval_s))
+    after = np.clip(np.searchsorted(positions.t_s, t_s), 1, len(interval_s))
+    xy[interval_s[after - 1] > max(1.0, 2.5 * step_s)] = np.nan
+    averaged = _averaged(half)
+    mean = moving_mean(xy, averaged)
     out = np.full(len(mean), np.nan, np.complex128)
-    if len(mean) > 2 * half:
-        way = (
-            mean[2 * half :] - mean[: -2 * half]
-            if of_nose
-            else mean[2 * half :] - 2 * mean[half:-half] + mean[: -2 * half]
-        )
-        out[half:-half] = (way[:, 0] + 1j * way[:, 1]) / (1.0 if of_nose else (half * STEP_S) ** 2)
+    if len(mean) <= 2 * half:
+        return out, float(t_s[0])
+    before, here, later = mean[: -2 * half], mean[half:-half], mean[2 * half :]
+    way = later - before if of_nose else (later - 2.0 * here + before) / (half * STEP_S) ** 2
+    moved = way[:, 0] + 1j * way[:, 1]
+    if of_nose:
+        noise = float(np.median(positions.white_m[:, 0])) / np.sqrt(max(1.0, averaged * STEP_S / step_s))
+        size = np.abs(moved)
+        with np.errstate(invalid="ignore"):
+            moved = np.where(size < ABOVE_NOISE * noise, 0.0, moved / np.maximum(size, 1e-9))
+        if np.count_nonzero(np.nan_to_num(moved)) < MIN_MOVING * len(moved):
+            return out, float(t_s[0])
+    out[half:-half] = moved
     return out, float(t_s[0])
 
 
-def _clearly_best(left: FloatArray, whole: FloatArray, offset_s: FloatArray) -> float:
+def _clearly_best(left: FloatArray, whole: FloatArray, offset_s: FloatArray, half: int) -> float:
     """The offset that leaves clearly least, by the parabola through three; 0 where it is near none."""
     # Where enough windows are known at all offsets, the others would only make these differ.
     always = np.isfinite(left).all(axis=1)
@@ -164,12 +221,13 @@ def _clearly_best(left: FloatArray, whole: FloatArray, offset_s: FloatArray) -> 
         left, whole = left[always], whole[always]
     known = np.isfinite(left)
     enough = known.sum(axis=0) >= MIN_WINDOWS
+    share, total = np.full(len(offset_s), np.inf), np.nansum(whole, axis=0)
+    enough &= total > max(LEAST_COMPARED * total.max(), 1e-9)
+    share[enough] = np.nansum(left, axis=0)[enough] / total[enough]
     if not enough.any():
         return 0.0
-    share = np.full(len(offset_s), np.inf)
-    share[enough] = np.nansum(left, axis=0)[enough] / np.maximum(np.nansum(whole, axis=0)[enough], 1e-12)
     best = int(np.argmin(share))
-    apart = np.abs(offset_s - offset_s[best]) > APART_S
+    apart = np.abs(offset_s - offset_s[best]) > max(APART_S, APART * half * STEP_S)
     others = min(float(share[np.argmin(np.abs(offset_s))]), float(share[apart].min(initial=np.inf)))
     if abs(offset_s[best]) < MIN_OFFSET_S or share[best] > CLEAR_SHARE * others:
         return 0.0
