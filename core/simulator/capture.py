@@ -6,7 +6,8 @@ Formats: draft-ietf-opsawg-pcap (file), RFC 791 (IPv4), RFC 768 (UDP), RFC 1071 
 from __future__ import annotations
 
 import struct
-from typing import Final
+from collections.abc import Callable
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,23 @@ def records(time_us: NDArray[np.int64], payload: Bytes, port: int, number: int) 
     checksum = _checksum(frame[:, udp:], pseudo)
     _put(frame, udp + 6, np.where(checksum == 0, 0xFFFF, checksum))
     return frame
+
+
+class Container(NamedTuple):
+    """A kind of file of recorded messages.
+
+    Attributes:
+        suffix: of its name.
+        head: first bytes.
+        records: records of messages: their times, the messages, port and first number, as of `records`.
+    """
+
+    suffix: str
+    head: bytes
+    records: Callable[[NDArray[np.int64], Bytes, int, int], Bytes]
+
+
+PCAP: Final = Container(".pcap", FILE_HEADER, records)
 
 
 def _words(data: Bytes) -> NDArray[np.int64]:

@@ -17,28 +17,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.simulator.capture import FILE_HEADER, records
+from furrowmap.core.simulator.capture import PCAP
 from furrowmap.core.simulator.drive import SimulatedTrack
 from furrowmap.core.simulator.gnss import gprmc
+from furrowmap.core.simulator.livox import MID360
 from furrowmap.core.simulator.motion import SimulatedMotion, mount_rotation
 from furrowmap.core.simulator.moving_mount import SimulatedMountMotion
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.ouster import OS1_32
 from furrowmap.core.simulator.rays import Firings, Met, Optics, Returns, Scene, cast, make_optics, make_scene
 from furrowmap.core.simulator.scanner import ScannerModel, Spin
-from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.scenario import Scenario, ScenarioLidar
 from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.simulator.soil import Ground
 from furrowmap.core.simulator.truth import SeenAfter
 from furrowmap.core.simulator.vlp16 import POSITION_EVERY_S, POSITION_PORT, VLP16, position_packet
 from furrowmap.core.simulator.xt32 import XT32
 
-SCANNERS: Final = {"VLP-16": VLP16, "OS1-32": OS1_32, "PandarXT-32": XT32}
+SCANNERS: Final = {"VLP-16": VLP16, "OS1-32": OS1_32, "PandarXT-32": XT32, "Mid-360": MID360}
 """By the name in a scenario."""
-_FIRINGS_PER_BATCH: Final = 400
-"""Data packets cast together, half a second of recording."""
+_FIRINGS_PER_BATCH: Final = 9600
+"""Firings cast together, half a second of a VLP-16."""
 _POSITION_PHASE_S: Final = 0.393
 """First position packet after the first firing."""
+
+
+def recording_file(lidar: ScenarioLidar) -> str:
+    """Name of the recording."""
+    return "recording" + SCANNERS[lidar.model].container.suffix + (".gz" if lidar.gzip else "")
 
 
 @dataclass(frozen=True)
@@ -97,10 +103,11 @@ def record(file: Path, world: World, duration_s: float, progress: Progress) -> t
         name, text = model.beside(scenario)
         (file.parent / name).write_text(text, encoding="utf-8")
     with _open_capture(file, compress=scenario.lidar.gzip) as out:
-        out.write(FILE_HEADER)
+        out.write(model.container.head)
+        at_once = -(-_FIRINGS_PER_BATCH // spin.firings_a_packet)
         batches = (
-            (first, _firings(spin, first, min(_FIRINGS_PER_BATCH, spin.packets - first), world, model))
-            for first in range(0, spin.packets, _FIRINGS_PER_BATCH)
+            (first, _firings(spin, first, min(at_once, spin.packets - first), world, model))
+            for first in range(0, spin.packets, at_once)
         )
         for first, firings, returns in cast_in_order(scene, optics, batches):
             counts.add(returns, scenario.lidar.return_mode)
@@ -112,7 +119,7 @@ def record(file: Path, world: World, duration_s: float, progress: Progress) -> t
             computer_us = site.t0_us + np.round(computer_s * 1e6).astype(np.int64)
             stamp_us = np.maximum(np.maximum.accumulate(computer_us), clock_us)
             clock_us = int(stamp_us[-1])
-            data = records(stamp_us, payload, model.port, 1000 + first)
+            data = model.container.records(stamp_us, payload, model.port, 1000 + first)
             begin = 0
             for t_s in _position_times(scenario, spin, first, len(payload)):
                 end = int(np.searchsorted(sent_s, t_s, side="right"))
@@ -121,7 +128,7 @@ def record(file: Path, world: World, duration_s: float, progress: Progress) -> t
                 said = gprmc(motion, scenario.antenna.xyz_m, site, t_s, offset_s)
                 position = position_packet(scenario, site, t_s, said)
                 out.write(data[begin:end].tobytes())
-                out.write(records(beside_us, position, POSITION_PORT, 50_000 + position_packets).tobytes())
+                out.write(PCAP.records(beside_us, position, POSITION_PORT, 50_000 + position_packets).tobytes())
                 begin, position_packets = end, position_packets + 1
             out.write(data[begin:].tobytes())
             progress("lidar", (first + len(payload)) / spin.packets)

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.simulator.capture import Bytes
+from furrowmap.core.simulator.capture import PCAP, Bytes, Container
 from furrowmap.core.simulator.noise import FloatArray, random_for
 from furrowmap.core.simulator.rays import Beams, Returns
 from furrowmap.core.simulator.scenario import Scenario
@@ -84,6 +84,7 @@ class ScannerModel:
         position_packets: whether it sends a receiver's sentence in packets of its own.
         stated: as `model` in session.toml; empty where the recording says it.
         beside: name and text of a file that belongs to a recording; None where there is none.
+        container: the file of its packets.
     """
 
     beams: Beams
@@ -96,6 +97,7 @@ class ScannerModel:
     position_packets: bool
     stated: str = ""
     beside: Callable[[Scenario], tuple[str, str]] | None = None
+    container: Container = PCAP
 
     def spin(self, scenario: Scenario, duration_s: float) -> Spin:
         """The rotation over a drive of `duration_s`."""

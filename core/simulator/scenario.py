@@ -276,8 +276,8 @@ class ScenarioLidar(ScenarioTable, frozen=True):
     """The scanner and its mounting."""
 
     model: Annotated[
-        Literal["VLP-16", "OS1-32", "PandarXT-32"],
-        Meta(description="an OS1-32 has 32 beams and 1024 columns; a file of metadata or angles is written beside"),
+        Literal["VLP-16", "OS1-32", "PandarXT-32", "Mid-360"],
+        Meta(description="an OS1-32 has 32 beams and 1024 columns; a Mid-360 has no rings and is recorded in a bag"),
     ] = "VLP-16"
     xyz_m: Annotated[Vector3, Meta(description="sensor origin in the vehicle frame, as stated in the session")] = (
         -0.632,
@@ -300,7 +300,7 @@ class ScenarioLidar(ScenarioTable, frozen=True):
     min_range_m: Annotated[float, Meta(ge=0, description="minimum range")] = 0.5
     max_range_m: Annotated[float, Meta(gt=1, le=130, description="maximum range")] = 100.0
     position_packets: Annotated[bool, Meta(description="clock synchronised by GNSS (GPRMC and PPS)")] = True
-    gzip: Annotated[bool, Meta(description="write recording.pcap.gz")] = False
+    gzip: Annotated[bool, Meta(description="compress the recording (.gz)")] = False
 
     def __post_init__(self) -> None:
         self.fill(true_xyz_m=self.xyz_m, true_rpy_deg=self.rpy_deg)

@@ -15,7 +15,7 @@ from furrowmap.core.simulator.gnss import receivers, report, sentences
 from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.path import plan_path
-from furrowmap.core.simulator.recording import World, record
+from furrowmap.core.simulator.recording import World, record, recording_file
 from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.simulate_flight import Written, moving, session_head, write_flight, write_sensors
@@ -82,7 +82,7 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
     ground = make_ground(scenario, sweeps)
     motion = stand_on(ground, track, scenario.tractor, scenario.sway, random_for(scenario.seed, "sway"))
     world = World(scenario, site, ground, motion, mount=moving(scenario), front=ahead)
-    capture = "recording.pcap.gz" if scenario.lidar.gzip else "recording.pcap"
+    capture = recording_file(scenario.lidar)
     truth, end_s = folder / "truth", track.duration_s + scenario.lidar.stop_s
     (folder / "session.toml").write_text(_session(scenario, capture), encoding="utf-8")
     (folder / "boundary.geojson").write_text(_boundary(scenario, site), encoding="utf-8")

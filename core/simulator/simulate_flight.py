@@ -19,7 +19,7 @@ from furrowmap.core.simulator.line_scanner import record_lines
 from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.moving_mount import SimulatedMountMotion
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.recording import SCANNERS, World, record
+from furrowmap.core.simulator.recording import SCANNERS, World, record, recording_file
 from furrowmap.core.simulator.scenario import Scenario
 from furrowmap.core.simulator.site import find_site
 from furrowmap.core.simulator.soil import make_ground
@@ -53,7 +53,7 @@ def write_flight(folder: Path, scenario: Scenario, flight: Flight, progress: Pro
     world = World(scenario, site, ground, motion, None if crop is None else crop[0], moving(scenario))
     length_s = duration_s(flight)
     end_s, truth = length_s + scenario.lidar.stop_s, folder / "truth"
-    capture = "scans.csv" if scenario.line else "recording.pcap.gz" if scenario.lidar.gzip else "recording.pcap"
+    capture = "scans.csv" if scenario.line else recording_file(scenario.lidar)
     (folder / "session.toml").write_text(session_head(scenario, capture), encoding="utf-8")
     fixes = receive(scenario.gnss.rtk, scenario.antenna.xyz_m, site, motion, end_s, scenario.seed, "gnss.nmea")
     (folder / "gnss.nmea").write_text(sentences(fixes, site, "0001"), encoding="ascii", newline="")

@@ -68,14 +68,15 @@ class PacketLayout:
 
     def stamp_us(self, data: ByteArray, offset: IntArray) -> NDArray[np.uint32]:
         """(m,) stamps of packets at `offset` (m,) in microseconds of the hour."""
-        stamp = data[offset[:, None] + np.arange(self.stamp, self.stamp + 4)].view("<u4")[:, 0]
+        stamp: NDArray[np.uint32] = data[offset[:, None] + np.arange(self.stamp, self.stamp + 4)].view("<u4")[:, 0]
         if self.date is None:
             return stamp
         date = data[offset[:, None] + np.arange(self.date, self.date + 6)]
         clock_s = date[:, 4].astype(np.int64) * 60 + date[:, 5]
         epoch_s = np.ascontiguousarray(date[:, 2:]).view(">u4")[:, 0].astype(np.int64)
         past_hour_s = np.where(date[:, 0] == 0, epoch_s, clock_s) % 3600
-        return (past_hour_s * 1_000_000 + stamp % 1_000_000).astype(np.uint32)
+        past_hour_us: NDArray[np.uint32] = (past_hour_s * 1_000_000 + stamp % 1_000_000).astype(np.uint32)
+        return past_hour_us
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ import pytest
 import velodyne_decoder as vd
 from numpy.typing import NDArray
 
+from furrowmap.core.readers.reader import ReadOptions, open_recording
 from furrowmap.core.simulator.capture import FILE_HEADER, records
+from furrowmap.core.simulator.livox import MID360
 from furrowmap.core.simulator.rays import Returns
 from furrowmap.core.simulator.scenario import Scenario, ScenarioClock, ScenarioLidar
 from furrowmap.core.simulator.simulate import Simulated
@@ -21,6 +23,7 @@ from furrowmap.core.simulator.site import SimulatedSite
 from furrowmap.core.simulator.vlp16 import ELEVATION_DEG, VERTICAL_OFFSET_M, VLP16, data_packets
 from furrowmap.core.simulator.xt32 import XT32
 from tests.core.readers.hesai_packets import packet
+from tests.core.readers.small_bags import LIVOX, ROS1
 
 SITE = SimulatedSite("EPSG:6677", 16642.0, 96548.0, 271.4, 41.3, 1_781_143_199_000_000)  # 01:59:59 UTC
 
@@ -138,6 +141,29 @@ def test_xt32__packets_are_those_of_the_manual(mode: str, returns: int) -> None:
         turned = row[12:1052].reshape(8, 130)[:, :2].copy().view("<u2")[:, 0].astype(int)
         theirs = stated[12:1052].reshape(8, 130)[:, :2].copy().view("<u2")[:, 0].astype(int)
         assert np.abs((turned - theirs + 18000) % 36000 - 18000).max() <= 1
+
+
+def test_rosette__is_a_bag_of_custom_messages(tmp_path: Path) -> None:
+    """By `rosbags`: times from the stamp, ranges, the clock, and no return as 0, 0, 0."""
+    scenario = Scenario(lidar=ScenarioLidar(model="Mid-360"))  # type: ignore[arg-type]
+    spin, shape = MID360.spin(scenario, 20.0), (2, 400, 100)
+    ticks = np.full(shape, 5000, np.uint32)
+    ticks[:, 7] = 0
+    given = Returns(ticks, np.full(shape, 9, np.uint8), np.ones(shape, np.uint8), np.full(shape, -1, np.int32))
+    payload = MID360.packets(scenario, SITE, spin, 0, given)
+    message = ROS1.deserialize_ros1(payload[1].tobytes(), LIVOX)
+    assert message.timebase // 1000 == SITE.t0_us + round(1e6 * float(spin.time_s(np.array([200]))[0]))
+    assert message.point_num == len(message.points) == 20_000
+    some = message.points[150]
+    assert some.offset_time == pytest.approx(0.5e6 + 50 * 5e3, abs=2)
+    assert np.linalg.norm([some.x, some.y, some.z]) == pytest.approx(5.0, abs=1e-5)
+    assert (some.reflectivity, some.line) == (9, 150 % 4)
+    bag = tmp_path / "recording.bag"
+    chunks = MID360.container.records(np.array([SITE.t0_us, SITE.t0_us + 100_000]), payload, 0, 0)
+    bag.write_bytes(MID360.container.head + chunks.tobytes())
+    first, second = open_recording([bag], ReadOptions()).scans()  # type: ignore[attr-defined]
+    assert (len(first), len(second)) == (19_900, 20_000)
+    assert second.t_s[0] == pytest.approx(message.timebase * 1e-9, abs=1e-6)
 
 
 def test_records__are_frames_with_right_checksums() -> None:
