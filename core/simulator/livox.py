@@ -19,25 +19,25 @@ from furrowmap.core.simulator.site import SimulatedSite
 
 _SWING_S: Final = 0.5e-3
 """The beam swings up and down once, while the sensor turns."""
-_POINTS: Final = 100
+_POINTS_A_SWING: Final = 100
 """In a swing."""
 _SWINGS: Final = 200
 """In a message."""
 _LINES: Final = 4
-_PHASE: Final = (np.arange(_POINTS) + 0.5) / _POINTS
+_PHASE: Final = (np.arange(_POINTS_A_SWING) + 0.5) / _POINTS_A_SWING
 _ROSETTE_DEG: Final = 22.5 + 29.5 * np.cos(2.0 * np.pi * _PHASE)
 """From -7 to 52 degrees, as of a Mid-360."""
-_POINT: Final = np.dtype(
+_LIVOX_POINT: Final = np.dtype(
     [("offset_ns", "<u4"), ("xyz_m", "<f4", 3), ("reflectivity", "u1"), ("tag", "u1"), ("line", "u1")]
 )
-_MESSAGE: Final = np.dtype(
+_CUSTOM_MESSAGE: Final = np.dtype(
     [
         *(("sequence", "<u4"), ("sec", "<u4"), ("nanosec", "<u4"), ("frame", "<u4")),
         *(("timebase", "<u8"), ("count", "<u4"), ("lidar", "u1", 4), ("points_count", "<u4")),
-        ("points", _POINT, _POINTS * _SWINGS),
+        ("points", _LIVOX_POINT, _POINTS_A_SWING * _SWINGS),
     ]
 )
-_TYPE: Final = b"livox_ros_driver2/CustomMsg"
+_CUSTOM_TYPE: Final = b"livox_ros_driver2/CustomMsg"
 
 
 def messages(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, returns: Returns) -> Bytes:
@@ -48,8 +48,8 @@ def messages(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, re
     elevation = np.radians(_ROSETTE_DEG)
     kept = 1 if scenario.lidar.return_mode == "last" else 0
     range_m = returns.ticks[kept] * MID360.beams.step_m
-    out = np.zeros(n, _MESSAGE)
-    points = out["points"].reshape(-1, _POINTS)
+    out = np.zeros(n, _CUSTOM_MESSAGE)
+    points = out["points"].reshape(-1, _POINTS_A_SWING)
     across_m = range_m * np.cos(elevation)
     xyz_m = np.stack([across_m * np.cos(azimuth), -across_m * np.sin(azimuth), range_m * np.sin(elevation)], axis=-1)
     out["points"]["xyz_m"] = xyz_m.reshape(n, -1, 3)
@@ -60,7 +60,11 @@ def messages(scenario: Scenario, site: SimulatedSite, spin: Spin, first: int, re
     out["points"]["line"] = np.arange(points.size).reshape(n, -1) % _LINES
     stamp_ns = np.round(begin_s * 1e9).astype(np.int64) + 1000 * clock_us(scenario, site)
     out["timebase"], out["sec"], out["nanosec"] = stamp_ns, stamp_ns // 10**9, stamp_ns % 10**9
-    out["sequence"], out["count"], out["points_count"] = first + np.arange(n), _POINTS * _SWINGS, _POINTS * _SWINGS
+    out["sequence"], out["count"], out["points_count"] = (
+        first + np.arange(n),
+        _POINTS_A_SWING * _SWINGS,
+        _POINTS_A_SWING * _SWINGS,
+    )
     return out.view(np.uint8).reshape(n, -1)
 
 
@@ -72,7 +76,7 @@ def _record(data: bytes, **header: bytes) -> bytes:
 
 def _chunks(time_us: NDArray[np.int64], payload: Bytes, _: int, __: int) -> Bytes:
     """(n, k) chunks, each with the connection and a message (n, m), received at `time_us` (n,)."""
-    said = _record(b"", topic=b"/livox/lidar", type=_TYPE, md5sum=b"*", message_definition=b"")[4:-4]
+    said = _record(b"", topic=b"/livox/lidar", type=_CUSTOM_TYPE, md5sum=b"*", message_definition=b"")[4:-4]
     connection = _record(said, op=b"\x07", conn=bytes(4), topic=b"/livox/lidar")
     chunks = []
     for at_us, message in zip(time_us.tolist(), payload, strict=True):
@@ -92,9 +96,9 @@ def _bag_head() -> bytes:
 MID360: Final = ScannerModel(
     beams=Beams(
         elevation_deg=_ROSETTE_DEG,
-        azimuth_deg=np.zeros(_POINTS),
-        height_m=np.zeros(_POINTS),
-        laser_s=(_PHASE - 0.5 / _POINTS) * _SWING_S,
+        azimuth_deg=np.zeros(_POINTS_A_SWING),
+        height_m=np.zeros(_POINTS_A_SWING),
+        laser_s=(_PHASE - 0.5 / _POINTS_A_SWING) * _SWING_S,
         origin_m=0.0,
         step_m=0.001,
         zero_deg=0.0,

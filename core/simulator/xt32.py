@@ -17,10 +17,10 @@ _CHANNELS: Final = 32
 _BLOCKS: Final = 8
 _HEAD: Final = (0xEE, 0xFF, 6, 1, 0, 0, _CHANNELS, _BLOCKS, 0, 4, 2, 1)
 _MODE: Final = {"strongest": 0x37, "last": 0x38, "dual": 0x39}
-_NUMBER: Final = np.arange(_CHANNELS)
-_CHANNEL_DEG: Final = np.round(15.0 - _NUMBER - 0.04 * np.sin(_NUMBER), 3)
+_XT_CHANNEL: Final = np.arange(_CHANNELS)
+_CHANNEL_DEG: Final = np.round(15.0 - _XT_CHANNEL - 0.04 * np.sin(_XT_CHANNEL), 3)
 """Elevations of this sensor, as its calibration states them: some hundredths of a degree beside those of the model."""
-_TURNED_DEG: Final = np.round(0.08 - 0.007 * _NUMBER, 3)
+_TURNED_DEG: Final = np.round(0.08 - 0.007 * _XT_CHANNEL, 3)
 _RETURN: Final = np.dtype([("ticks", "<u2"), ("reflectivity", "u1"), ("reserved", "u1")])
 _XT32_PACKET: Final = np.dtype(
     [
@@ -76,7 +76,7 @@ XT32: Final = ScannerModel(
         elevation_deg=_CHANNEL_DEG,
         azimuth_deg=_TURNED_DEG,
         height_m=np.zeros(_CHANNELS),
-        laser_s=(6.0 + 1.512 * _NUMBER) * 1e-6,
+        laser_s=(6.0 + 1.512 * _XT_CHANNEL) * 1e-6,
         origin_m=0.0,
         step_m=0.004,
         zero_deg=0.0,

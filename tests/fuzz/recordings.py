@@ -19,7 +19,7 @@ from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.results import read_raster
 from tests.core.readers import hesai_packets
-from tests.core.readers.small_bags import ROS1, mixed, write_bag1, write_bag2
+from tests.core.readers.small_bags import ROS1, T0_NS, livox_cloud, mixed, write_bag1, write_bag2
 from tests.core.readers.test_ouster import in_fragments, recorded
 from tests.core.readers.test_pcap_framing import PcapNg
 from tests.core.readers.velodyne_packets import DUAL, HDL32E, frames, position_packet, rmc, turning, write_pcap
@@ -116,10 +116,15 @@ def packed_seeds(folder: Path) -> list[Files]:
 def bag1_seeds(folder: Path) -> list[Files]:
     kinds = {"plain": None, "lz4": "LZ4", "bz2": "BZ2"}
     recorded = mixed(ROS1, clouds=2, points=32)
+    line = np.zeros(
+        40, [("offset_time", "u4"), *((axis, "f4") for axis in "xyz"), ("r", "u1"), ("tag", "u1"), ("n", "u1")]
+    )
+    line["offset_time"], line["x"] = np.linspace(0, 9e7, 40), 5.0
+    livox = [("/livox/lidar", T0_NS + i * 10**8, livox_cloud(T0_NS + i * 10**8, line, ROS1)) for i in range(2)]
     return [
         {"recording.bag": write_bag1(folder / f"{name}.bag", recorded, packed).read_bytes()}
         for name, packed in kinds.items()
-    ]
+    ] + [{"recording.bag": write_bag1(folder / "livox.bag", livox).read_bytes()}]
 
 
 def bag2_seeds(folder: Path) -> list[Files]:

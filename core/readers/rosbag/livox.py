@@ -15,7 +15,7 @@ import numpy as np
 from furrowmap.core.readers.rosbag.storage import Damage
 
 LIVOX_CLOUDS: Final = ("livox_ros_driver2/msg/CustomMsg", "livox_ros_driver/msg/CustomMsg")
-_POINT: Final = {
+_CUSTOM_FIELDS: Final = {
     "offset_time": (6, 0),
     "x": (7, 4),
     "y": (7, 8),
@@ -24,7 +24,7 @@ _POINT: Final = {
     "line": (2, 18),
 }
 """Field → datatype as in PointCloud2, and offset."""
-_POINT_BYTES: Final = 19
+_CUSTOM_BYTES: Final = 19
 
 
 def livox_cloud(data: bytes, encoding: str) -> Any:
@@ -48,9 +48,11 @@ def livox_cloud(data: bytes, encoding: str) -> Any:
         (points,) = struct.unpack_from("<I", data, at)
     except struct.error:
         raise Damage(f"{len(data)} bytes are no CustomMsg") from None
-    step = _POINT_BYTES if ros1 else _POINT_BYTES + 1  # CDR aligns each point to 4 bytes, but does not fill up the last
+    step = (
+        _CUSTOM_BYTES if ros1 else _CUSTOM_BYTES + 1
+    )  # CDR aligns each point to 4 bytes, but does not fill up the last
     there = len(data) - at - 4
-    if points and not points * step - (step - _POINT_BYTES) <= there <= points * step:
+    if points and not points * step - (step - _CUSTOM_BYTES) <= there <= points * step:
         raise Damage(f"{points} points do not match {there} bytes of data")
     return SimpleNamespace(
         header=SimpleNamespace(stamp=SimpleNamespace(sec=sec, nanosec=nanosec)),
@@ -60,6 +62,8 @@ def livox_cloud(data: bytes, encoding: str) -> Any:
         row_step=points * step,
         is_bigendian=False,
         is_dense=True,
-        fields=[SimpleNamespace(name=name, datatype=kind, offset=offset) for name, (kind, offset) in _POINT.items()],
+        fields=[
+            SimpleNamespace(name=name, datatype=kind, offset=offset) for name, (kind, offset) in _CUSTOM_FIELDS.items()
+        ],
         data=np.frombuffer(data[at + 4 :].ljust(points * step, b"\0"), np.uint8),
     )
