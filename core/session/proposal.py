@@ -44,6 +44,8 @@ from furrowmap.core.values.session import SESSION_SCHEMA
 FILL_IN: Final = "FILL-IN"
 """Placeholder for a required value that the recordings do not show."""
 
+_OF_SCANNERS: Final = ("angles-of-model", "rosette")
+"""Codes of what a scanner's recording lacks that matters before a run."""
 _SAME_PLACE_M: Final = 1000.0
 """Two positions closer than this are in the same CRS; in another CRS they would differ by kilometres."""
 
@@ -157,6 +159,7 @@ def propose_session(
         *(Notice("recording-unused.unused", r=r.path.name, title=r.inspection.title) for r in unused),
         *(Notice("recording-unused.same-time", r=r.path.name, other=gnss[0].path.name) for r in repeated),
         *(Notice(f"{code}.missing", unknown=FILL_IN) for code, absent in lacking.items() if absent),
+        *(notice for r in used for notice in r.inspection.notices if notice.code in _OF_SCANNERS),
         *places_missing(
             machine, flight, scans=sensed, states=bool(states), poses=bool(poses), inertial=bool(inertial), flies=flies
         ),

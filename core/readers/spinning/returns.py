@@ -58,9 +58,8 @@ def decode_returns(
         model.laser_table, model.laser_order, carried,
         t_out, xyz, intensity, laser, column, return_number, returns, cut_at, cut_by_wrap,
     )  # fmt: skip
-    arrays = (a[:n] for a in (t_out, xyz, intensity, laser, column, return_number, returns))
-    scan = Scan(0, *arrays, lasers=model.lasers)
-    return scan, cut_at[:cuts], cut_by_wrap[:cuts]
+    every = Scan(0, t_out, xyz, intensity, laser, column, return_number, returns, lasers=model.lasers)
+    return every[:n], cut_at[:cuts], cut_by_wrap[:cuts]
 
 
 @njit(cache=True, nogil=True)

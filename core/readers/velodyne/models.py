@@ -73,7 +73,7 @@ _VLS128_DEG: Final = np.array(
 _VLS128_AZIMUTH_DEG: Final = np.tile((6.354, 4.548, 2.732, 0.911, -0.911, -2.732, -4.548, -6.354), 16)
 _VLS128_CYCLE_S: Final = 53.3e-6
 """Up to firmware 5.1.7, 20 steps of 2.665 µs; since 5.2.3, of 2.89 µs. A real recording has steps of 2.76 µs."""
-_VLS128_STEPS: Final = np.arange(128) // 8 + np.arange(128) // 64
+_VLS128_STEPS: Final = np.arange(128.0) // 8 + np.arange(128.0) // 64
 """Eight lasers fire at once, in 20 steps a sequence: eight, a pause of one, eight, and a pause of three."""
 _PUCK_TIMES_S: Final = np.arange(16, dtype=np.float64) * 2.304e-6
 
@@ -134,7 +134,7 @@ _VELODYNE_MODELS: Final = (
         _VELODYNE_PACKET,
         0.004,
         _VLS128_CYCLE_S,
-        _VLS128_STEPS * (_VLS128_CYCLE_S / 20),
+        _VLS128_CYCLE_S / 20 * _VLS128_STEPS,
         _VLS128_DEG,
         _VLS128_AZIMUTH_DEG,
         _beam_height_m(58.63e-3, _VLS128_DEG),
