@@ -32,6 +32,7 @@ def inspected(path: Path) -> Inspection | InputError:
         ("velodyne", 16, 12),
         ("other_lidars/hesai", 8, 4),
         ("other_lidars/velodyne_vls128", 3, 1),
+        ("other_lidars/ouster", 11, 4),
         ("rosbag", 15, 15),
         ("gnss", 60, 66),
         ("las", 71, 45),
