@@ -146,11 +146,11 @@ def _duration(seconds: Any) -> str | None:
 
 
 def _area(figures: dict[str, Any], key: str, sigma_key: str) -> str | None:
-    """An area in m², above a hectare in hectares, with its margin of error."""
+    """An area in m², from 1,000 m² on in hectares as on pages, with its margin of error."""
     area, sigma = figures.get(key), figures.get(sigma_key)
     if not isinstance(area, (int, float)):
         return None
-    factor, form, unit = (1e-4, "{:,.3f}", "ha") if area >= 1e4 else (1.0, "{:,.1f}", "m²")
+    factor, form, unit = (1e-4, "{:,.3f}", "ha") if area >= 1e3 else (1.0, f"{{:,.{1 if area >= 10 else 2}f}}", "m²")
     if not isinstance(sigma, (int, float)) or sigma <= 0 or area <= 0:
         return f"{form.format(area * factor)} {unit}"
     half = 2 * factor * sigma

@@ -17,7 +17,6 @@ from furrowmap.core.geodesy.local_time import clock_words, local_time
 from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.errors import printable
 from furrowmap.core.values.margins import with_margin
-from furrowmap.exporters.reports.area_units import HECTARE, area_words
 from furrowmap.exporters.share.shown_layers import LAYER_TITLES
 from furrowmap.exporters.share.symbols import LayerStyle, Symbol, layer_style
 from furrowmap.exporters.vectors.crop_layers import PARCELS_LAYER
@@ -141,10 +140,6 @@ def _number(digits: int, unit: str = "", factor: float = 1.0, sigma: str = "") -
     return words
 
 
-def _area(value: Any, row: Mapping[str, Any]) -> str:
-    return _with_level(area_words(float(value), HECTARE, row.get("area_sigma_m2")))
-
-
 def _with_level(words: str) -> str:
     return f"{words} (95 %)" if "±" in words else words
 
@@ -170,7 +165,7 @@ SHOWN_FIELDS: Final[Mapping[str, tuple[str, Format]]] = {
     "tool": ("Name of the tool", _text),
     "motion": ("Motion", _text),
     "fix": ("Positioning", _text),
-    "area_m2": ("Area", _area),
+    "area_m2": ("Area", _number(1, " m²", sigma="area_sigma_m2")),
     "worked_share": ("Worked share", _number(1, " %", 100.0)),
     "length_m": ("Length", _number(1, " m")),
     "width_m": ("Width", _number(2, " m")),
