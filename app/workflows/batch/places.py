@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,6 +19,8 @@ from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import SessionOutcome, Stamp, same_files
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
 from furrowmap.workflows.batch.sources import BatchSource, holds_scans
+from furrowmap.workflows.batch.store_lease import PREFIX as LEASE
+from furrowmap.workflows.batch.store_lease import hold_store_lease
 
 MARKER: Final = "complete.json"
 """The file of a result in a store that is written last: what became of the session."""
@@ -78,7 +81,7 @@ class Store:
             system.get_file(f"{root}/{name}", str(folder / name))
 
     def put(self, folder: Path) -> None:
-        """Copy the files of a folder, and remove others but the marker, which is removed first."""
+        """Copy the files of a folder, and remove others but the marker, which is removed first, and leases."""
         system, root = self._opened()
         if system.exists(root):
             system.invalidate_cache()
@@ -92,7 +95,16 @@ class Store:
         for name in names:
             system.put_file(str(folder / name), f"{root}/{name}")
         for name in there - {MARKER, *names}:
-            system.rm_file(f"{root}/{name}")
+            if not name.startswith(LEASE):
+                system.rm_file(f"{root}/{name}")
+
+    @contextmanager
+    def held(self) -> Iterator[Callable[[], None]]:
+        """Keep others from writing to the folder; see :func:`~.store_lease.hold_store_lease`."""
+        system, root = self._opened()
+        system.makedirs(root, exist_ok=True)
+        with hold_store_lease(system, root, self.shown) as expect_held:
+            yield expect_held
 
     def complete(self) -> set[str]:
         """Names of the folders in this one that are whole."""
@@ -142,10 +154,16 @@ def fetch_session(url: str, stamps: Sequence[Stamp], folder: Path) -> Path:
 
 
 def put_result(folder: Path, url: str, outcome: SessionOutcome) -> None:
-    """Copy a result into a store: its marker last, so that a result is there as a whole or has no marker."""
+    """Copy a result into a store: its marker last, so that a result is there as a whole or has no marker.
+
+    Raises:
+        RefusedError: if another host is writing that result, or has taken over.
+    """
     store = Store(url)
-    store.put(folder)
-    store.write(MARKER, msgspec.json.encode(outcome))
+    with store.held() as expect_held:
+        store.put(folder)
+        expect_held()
+        store.write(MARKER, msgspec.json.encode(outcome))
 
 
 def earlier_in_store(url: str, key: str, inputs: Sequence[Stamp]) -> SessionOutcome | None:

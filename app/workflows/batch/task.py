@@ -69,12 +69,26 @@ def _run_with_store(job: Job) -> SessionOutcome:
             outcome = run_job(local)
             outcome = replace(outcome, key=key, inputs=job.stamps) if job.url else outcome
             if target and outcome.failure is None:
-                put_result(local.folder, target, outcome)
+                _put(local.folder, target, outcome)
             return outcome
     except Exception as error:  # noqa: BLE001 whatever a store or its library raises is a row of the table
         ours = isinstance(error, FurrowmapError | MemoryError)
         ended_by = as_furrowmap_error(error) if ours else store_failure(job.url or target, error)
         return SessionOutcome("", job.stamps, Failure.from_error(ended_by))
+
+
+def _put(folder: Path, target: str, outcome: SessionOutcome) -> None:
+    """Copy a result into a store when no other host writes it."""
+    until = monotonic() + PATIENCE_S
+    while True:
+        try:
+            put_result(folder, target, outcome)
+        except RefusedError as error:
+            if error.code not in ("output-busy", "output-lost") or monotonic() > until:
+                raise
+            sleep(_LOOK_S)
+        else:
+            return
 
 
 def input_stamps(opened: OpenSession) -> tuple[Stamp, ...]:
