@@ -17,7 +17,7 @@ _CHANNELS: Final = 32
 _BLOCKS: Final = 8
 _HEAD: Final = (0xEE, 0xFF, 6, 1, 0, 0, _CHANNELS, _BLOCKS, 0, 4, 2, 1)
 _MODE: Final = {"strongest": 0x37, "last": 0x38, "dual": 0x39}
-_XT_CHANNEL: Final = np.arange(_CHANNELS)
+_XT_CHANNEL: Final = np.arange(_CHANNELS, dtype=np.float64)
 _CHANNEL_DEG: Final = np.round(15.0 - _XT_CHANNEL - 0.04 * np.sin(_XT_CHANNEL), 3)
 """Elevations of this sensor, as its calibration states them: some hundredths of a degree beside those of the model."""
 _TURNED_DEG: Final = np.round(0.08 - 0.007 * _XT_CHANNEL, 3)

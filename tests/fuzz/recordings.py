@@ -121,10 +121,11 @@ def bag1_seeds(folder: Path) -> list[Files]:
     )
     line["offset_time"], line["x"] = np.linspace(0, 9e7, 40), 5.0
     livox = [("/livox/lidar", T0_NS + i * 10**8, livox_cloud(T0_NS + i * 10**8, line, ROS1)) for i in range(2)]
+    positions = [each for each in recorded if each[2].__msgtype__.endswith("NavSatFix")]
     return [
         {"recording.bag": write_bag1(folder / f"{name}.bag", recorded, packed).read_bytes()}
         for name, packed in kinds.items()
-    ] + [{"recording.bag": write_bag1(folder / "livox.bag", livox).read_bytes()}]
+    ] + [{"recording.bag": write_bag1(folder / "livox.bag", [*livox, *positions]).read_bytes()}]
 
 
 def bag2_seeds(folder: Path) -> list[Files]:
