@@ -27,6 +27,10 @@ GROUND_GATE_SLOPE: Final = 0.05
 """Ground is what lies within GROUND_GATE_M plus this share of the distance of the plane under the vehicle."""
 GROUND_RATE_HZ: Final = 22_000.0
 """Returns a second that are kept: beyond, neighbours on the soil repeat each other."""
+MANY_LASERS: Final = 40
+STAGGER_COLUMNS: Final = 7
+"""Of scanners with more than MANY_LASERS lasers, each laser's returns are taken so many columns from those of the next:
+whole columns would be few, and neighbours in them repeat each other."""
 PIXEL_M: Final = 0.2
 PIXELS: Final = 80
 """The body's footprint is learned in a square of PIXELS pixels of PIXEL_M, the vehicle in its middle."""
@@ -138,6 +142,8 @@ def ground_returns(
                 continue
             moves = trajectory.motion[max(0, np.searchsorted(trajectory.t_s, t_s[0]) - 1)] != Motion.STANDING
             xyz, column = np.ascontiguousarray(scan.xyz_m, np.float32), np.ascontiguousarray(scan.column, np.uint16)
+            if scan.lasers > MANY_LASERS:
+                column = column + np.uint16(STAGGER_COLUMNS) * scan.laser
             lying, candidates = select(xyz, column, rotation, lever, ground_m, stride, seen if moves else idle)
             standing, standing_in_all = select_upright(xyz, column, rotation, lever, ground_m, upright_stride)
             count += moves

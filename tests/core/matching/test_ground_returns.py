@@ -40,6 +40,17 @@ def test_returns_are_thinned_to_an_even_rate(found: GroundReturns) -> None:
     assert rate.max() < 1.6 * GROUND_RATE_HZ
 
 
+def test_returns_of_many_lasers__are_taken_from_more_directions(straight: Recording) -> None:
+    mounting, trajectory = straight.session.lidar.mounting, straight.located.trajectory
+    some = [scan for scan in islice(straight.scans(), 30) if scan.whole]
+    few, many = (
+        ground_returns([replace(scan, lasers=lasers) for scan in some], mounting, trajectory) for lasers in (16, 128)
+    )
+    assert len(many) == pytest.approx(len(few), rel=0.1)
+    firings = [len(np.unique(np.floor(np.asarray(returns.t_s) / 60e-6))) for returns in (few, many)]
+    assert firings[1] > 2 * firings[0]
+
+
 def test_scans_alternate_between_the_halves(found: GroundReturns) -> None:
     half = np.asarray(found.half)
     assert set(half.tolist()) == {0, 1}
