@@ -33,13 +33,14 @@ from furrowmap.core.session.camera import camera_of
 from furrowmap.core.session.file import load_session
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.values.camera import Camera
+from furrowmap.core.values.images import ImageFile
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.exporters.files.atomic import atomic_output
 
 IMAGE_SUFFIXES: Final = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff"})
 MOUNT_HEADER: Final = "time_unix_s,roll_deg,pitch_deg,yaw_deg,sigma_deg,rms_px"
-Frame: TypeAlias = tuple[float, Path | NDArray[np.uint8]]
-"""UTC, and an image file, or the pixels (height, width, 3) of a video's frame."""
+Picture: TypeAlias = ImageFile | NDArray[np.uint8]
+"""An image file, or the pixels (height, width, 3) of a video's frame."""
 
 
 @dataclass(frozen=True)
@@ -144,8 +145,10 @@ def calibrate_mount(
     )
 
 
-def _frames(source: Path, begin: str | None, every: int, notices: list[Notice]) -> tuple[Iterable[Frame], int]:
-    """The frames to look at, and their number, which is an estimate for some videos."""
+def _frames(
+    source: Path, begin: str | None, every: int, notices: list[Notice]
+) -> tuple[Iterable[tuple[float, Picture]], int]:
+    """UTC and picture of the frames to look at, and their number, which is an estimate for some videos."""
     if source.suffix.lower() in VIDEO_SUFFIXES and source.is_file():
         if begin is None:
             raise InputError("video-no-time", path=source)
@@ -170,13 +173,13 @@ def _frames(source: Path, begin: str | None, every: int, notices: list[Notice]) 
 
 
 def _corners(
-    frames: Iterable[Frame], count: int, board: Board, progress: Progress
+    frames: Iterable[tuple[float, Picture]], count: int, board: Board, progress: Progress
 ) -> tuple[FloatArray, list[FloatArray | None], tuple[int, int] | None]:
     """The times (n,) of the frames, the corners in each, and the size of the frames; None if none can be read."""
 
-    def look(image: Path | NDArray[np.uint8]) -> tuple[FloatArray | None, tuple[int, int] | None]:
+    def look(image: Picture) -> tuple[FloatArray | None, tuple[int, int] | None]:
         try:
-            pixels = read_pixels(image, 1) if isinstance(image, Path) else image
+            pixels = image if isinstance(image, np.ndarray) else read_pixels(image, 1)
         except ValueError:
             return None, None
         return find_corners(pixels, board), (pixels.shape[1], pixels.shape[0])
