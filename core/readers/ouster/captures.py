@@ -27,6 +27,8 @@ BEAM_COUNTS: Final = (16, 32, 64, 128)
 _PACKET_COLUMNS: Final = 16
 _FIRST_PACKETS: Final = 2000
 """Number of data packets (1 to 3 s) that are surveyed before the first scan."""
+_HEAD_BYTES: Final = 64
+"""Of a data packet, in which all is that tells sensors and clocks apart."""
 _STRAY_SHARE: Final = 0.01
 _GLANCE_S: Final = 0.12
 """Duration of the packets that are read where a glance is sufficient: a turn, in two parts."""
@@ -214,15 +216,24 @@ class OusterPcap(FileReader):
         self.share_read = 1.0
 
 
+def _beginnings(datagrams: Datagrams) -> Datagrams:
+    """The first bytes of datagrams as long as data packets."""
+    kept = np.isin(datagrams.length, list(_lengths()))
+    data = datagrams.data[datagrams.offset[kept][:, None] + np.arange(_HEAD_BYTES)]
+    offset = _HEAD_BYTES * np.arange(len(data), dtype=np.int64)
+    return Datagrams(data.reshape(-1), offset, datagrams.length[kept], datagrams.time_s[kept], datagrams.sender[kept])
+
+
 def _survey(paths: Sequence[Path]) -> tuple[Counter[PacketSender], list[Datagrams], int | None]:
-    """What sends data packets, the first datagrams, and TAI minus UTC as PTP announced it among them."""
+    """What sends data packets, the beginnings of the first ones, and TAI minus UTC as PTP announced it among them."""
     found: Counter[PacketSender] = Counter()
     first, skipped, tai_s = list[Datagrams](), Counter[str](), None
     for path in paths:
         with Source(path) as source:
             capture = Capture(source)
             for datagrams in capture:
-                first.append(datagrams)
+                first.append(_beginnings(datagrams))
+                skipped["other UDP datagrams"] += len(datagrams) - len(first[-1])
                 found.update(looks_like_data(datagrams))
                 for i in np.flatnonzero(datagrams.sender & np.uint64(0xFFFF) == PTP_PORT).tolist():
                     at = int(datagrams.offset[i])
@@ -234,9 +245,8 @@ def _survey(paths: Sequence[Path]) -> tuple[Counter[PacketSender], list[Datagram
         if found.total() >= _FIRST_PACKETS:
             break
     if not found:
-        frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common())
-        others = sum(len(datagrams) for datagrams in first)
-        raise InputError("no-packets", paths=paths[0], frames=frames or f"{others:,} other UDP datagrams")
+        frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common() if n)
+        raise InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")
     return found, first, tai_s
 
 
