@@ -7,6 +7,7 @@ smoother would give, linearised anew until nothing moves.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -34,11 +35,12 @@ from furrowmap.core.estimation.knots import (
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.errors import CONTRADICTION, Notice
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
 from furrowmap.core.trajectory.imu_clock import search_imu_clock
 from furrowmap.core.trajectory.inertial_adjustment import InertialAdjustment, adjust, beside_positions, with_clock
 from furrowmap.core.trajectory.inertial_checks import Whiteness, check_mounting, with_shown_noise
+from furrowmap.core.trajectory.inertial_doubts import Explained, explained, with_noisier_imu
 from furrowmap.core.trajectory.inertial_start import (
     MAX_IMU_PAUSE_S,
     NO_HINTS,
@@ -56,11 +58,9 @@ from furrowmap.core.trajectory.positions import climb_notices, positions_without
 from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.margins import margin
+from furrowmap.core.values.rotation import quaternion_to_matrix
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere, source_columns
 
-MAX_VARIANCE_FACTOR: Final = 1.3
-"""Squared residuals over their expected ones; with more, the noise of the IMU is larger than stated."""
-NOISE_ROUNDS: Final = 6
 NODE_S: Final = 1.0
 MAX_NODES: Final = 150
 MAX_WANTED_NODES: Final = 400
@@ -151,11 +151,14 @@ def trajectory_from_inertial(
     lever_m: tuple[float, float, float],
     fixes: tuple[Fix, ...] | None,
     hints: Hints = NO_HINTS,
+    *,
+    explains: bool = True,
 ) -> InertialTrajectory:
     """The trajectory of the vehicle frame.
 
     Args:
         track: positions of the antenna, in the datum of the map.
+        explains: whether the cause of a contradiction is looked for; without, it counts as noise of the IMU.
 
     Raises:
         InputError: if no position is left to use, or IMU and positions have no time in common.
@@ -187,25 +190,38 @@ def trajectory_from_inertial(
                 margin=margin(adjusted.constants.clock_sigma_s, " s"),
             )
         )
+    found = explained(adjusted) if explains else with_noisier_imu(adjusted)
+    adjusted = found.adjusted.with_clock_sigma() if clock_s else found.adjusted
     trajectory = _trajectory(adjusted)
-    notices += check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)
-    if adjusted.variance_factor > MAX_VARIANCE_FACTOR:
-        # Adjust again with a noise of the specific force at which IMU and positions agree as their sigmas say.
-        stated = adjusted.problem.links.noise.force
-        for _ in range(NOISE_ROUNDS):
-            links = adjusted.problem.links
-            noise = replace(links.noise, force=links.noise.force * float(np.sqrt(adjusted.variance_factor)))
-            adjusted = adjust(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state)
-            if adjusted.variance_factor < MAX_VARIANCE_FACTOR:
-                break
-        notices.append(Notice("imu-noisier", times=adjusted.problem.links.noise.force / stated))
-        trajectory = _trajectory(adjusted)
-    if clock_s:
-        adjusted = adjusted.with_clock_sigma()
-        trajectory = _trajectory(adjusted)
+    turned = check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)
+    contradiction = found.notice(imu.track)
+    if contradiction is not None and not turned:  # an IMU that is turned is elsewhere as well
+        notices.append(contradiction)
+    notices += turned
+    trajectory = _as_doubtful(trajectory, found, contradiction, turned)
     used = quality_words(gated.fix)
     figures = _figures(adjusted, clocked)
     return InertialTrajectory(trajectory, positions, used, unused, tuple(notices), figures, adjusted)
+
+
+def _as_doubtful(
+    trajectory: Trajectory, found: Explained, contradiction: Notice | None, turned: Sequence[Notice]
+) -> Trajectory:
+    """Standard deviations enlarged to what is seen."""
+    if contradiction is None and not turned:
+        return trajectory
+    sigma, rotation = trajectory.sigma.copy(), quaternion_to_matrix(trajectory.quaternion)
+    # The place of the IMU may be off instead of that of the antenna.
+    sigma[:, :3] = np.hypot(sigma[:, :3], rotation @ found.lever_off_m)
+    if contradiction is not None and contradiction.code == CONTRADICTION and found.cause == "noise":
+        # What scatters is no noise, and does not become less with time.
+        sigma[:, 3:] *= found.times
+    for notice in turned:
+        yaw_deg = float(dict(notice.values)["yaw_deg"])
+        tilt = np.degrees(np.arccos(np.clip(rotation[:, 2, 2], -1.0, 1.0))) * 2.0 * np.sin(np.radians(0.5 * yaw_deg))
+        sigma[:, 3:5] = np.hypot(sigma[:, 3:5], tilt[:, None])
+        sigma[:, 5] = np.hypot(sigma[:, 5], yaw_deg)
+    return replace(trajectory, sigma=np.minimum(sigma, [np.inf, np.inf, np.inf, 180.0, 180.0, 180.0]))
 
 
 def _trajectory(adjusted: InertialAdjustment) -> Trajectory:

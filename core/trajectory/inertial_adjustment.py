@@ -52,12 +52,12 @@ class InertialAdjustment:
         return replace(self, sigma=np.hypot(self.sigma, self.constants.clock_sigma_s * self.by_clock))
 
 
-def adjust(problem: InertialProblem, state: State) -> InertialAdjustment:
-    """Gauss-Newton rounds until no pose moves."""
+def adjust(problem: InertialProblem, state: State, rounds: int = MAX_ROUNDS) -> InertialAdjustment:
+    """Gauss-Newton rounds until no pose moves, or so many."""
     knots = problem.knots
     antenna = AntennaPositions.unweighted(problem.positions, problem.origin_m, problem.lever_m)
     coarser = max(1.0, float(np.median(problem.positions.white_m[:, :2])) / SETTLED_NOISE_M)
-    for number in range(1, MAX_ROUNDS + 1):
+    for number in range(1, rounds + 1):
         equations = normal_equations((antenna, *beside_positions(problem)), knots, state)
         solution = equations.solve()
         step = solution.values.reshape(len(knots), -1)
@@ -66,7 +66,7 @@ def adjust(problem: InertialProblem, state: State) -> InertialAdjustment:
         moved, turned = np.abs(step[:, :ROTATION]).max(), np.abs(step[:, ROTATION:POSE]).max()
         settled = max(moved / SETTLED_M, turned / SETTLED_RAD) < coarser
         settled &= np.abs(before - antenna.weight).max() < 0.05
-        if settled or number == MAX_ROUNDS:
+        if settled or number == rounds:
             break
     # An outlier counts as a position at the limit of what is trusted, not by its distance.
     normalised = antenna.normalised(knots, state)

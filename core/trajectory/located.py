@@ -205,7 +205,8 @@ def _with_imu(
         return _aided(track, imu, transformed, frame, lever_m, fixes, imu_warnings, hints)
     hints = replace(hints, on_wheels=hints.on_wheels or on_ground)
     try:
-        found = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints)
+        # That a vehicle on wheels does not slip is not certain enough to judge positions by.
+        found = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints, explains=not hints.on_wheels)
     except RefusedError:
         if not on_ground:
             raise
@@ -231,7 +232,7 @@ def _aided(
     aid = Aid(imu.in_vehicle_axes, imu.noise, site_of(track, frame), None)
     notices, figures = [*transformed.notices, *imu_warnings, *found.notices], None
     try:
-        by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints)
+        by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints, explains=False)
     except RefusedError as refused:
         notices.append(Notice("imu-not-aligned.aided", what=refused.what))
     else:

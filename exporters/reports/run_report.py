@@ -25,6 +25,7 @@ from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.trajectory.motion import distance_and_standing
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import named_offset
+from furrowmap.core.values.images import CONTRADICTING
 from furrowmap.core.values.scan import PointClass
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMA_NAMES
@@ -127,6 +128,7 @@ AT_TOP: Final = frozenset(
         "facing-assumed",
         "gnss-heights",
         "gnss-steps",
+        "imu-clock-off",
         "lever-assumed",
         "mounting-height",
         "mounting-identity",
@@ -135,18 +137,34 @@ AT_TOP: Final = frozenset(
 )
 """Codes of what was corrected, or is assumed, and moves the whole of a cloud: reports show it at the top."""
 
+FLIGHT_CAUSES: Final = {
+    "imu-turned": "mounting",
+    "geoid-separation": "geoid",
+    "parcels-elsewhere": "parcels",
+    CONTRADICTING: "camera",
+}
+"""Codes of contradictions of a trajectory with an IMU beside those of CONTRADICTION, and the cause that each names."""
+
 
 def verdict(found: RunResult) -> dict[str, Any]:
     """Whether the results agree with each other, and what was corrected or assumed.
 
-    `consistent` is null where nothing was matched.
+    `consistent` is null where nothing was matched, and there is no IMU whose measurements could contradict positions.
     """
-    text = next((in_local_time(n.text, found.zone) for n in found.notices if n.code == CONTRADICTION), None)
-    seen = found.matched.seen.plain() if found.matched is not None else {}
-    doubts = [in_local_time(notice.text, found.zone) for notice in found.notices if notice.code in AT_TOP]
+    codes = [CONTRADICTION, *(FLIGHT_CAUSES if found.matched is None else ())]
+    contradictions = sorted((n for n in found.notices if n.code in codes), key=lambda notice: codes.index(notice.code))
+    text = next((in_local_time(notice.text, found.zone) for notice in contradictions), None)
+    if found.matched is not None:
+        seen = found.matched.seen.plain()
+    else:
+        kinds = [FLIGHT_CAUSES.get(n.code, n.key.partition(".")[2]) for n in contradictions]
+        seen = {"consistent": not kinds if found.located.source == "imu" or kinds else None}
+        seen |= {"cause": kinds[0] if kinds else None, "causes": kinds} if seen["consistent"] is not None else {}
+    doubtful = [*contradictions[1:], *(notice for notice in found.notices if notice.code in AT_TOP)]
+    doubts = [in_local_time(notice.text, found.zone) for notice in doubtful]
     others: dict[str, Any] = {}
     for language in LANGUAGES[1:]:
-        others[f"text_{language}"] = translated(text, language, CONTRADICTION) if text else None
+        others[f"text_{language}"] = translated(text, language, contradictions[0].code) if text else None
         others[f"doubts_{language}"] = [translated(doubt, language) for doubt in doubts]
     return {"consistent": False if text else None, **seen, "text": text, "doubts": doubts, **others}
 

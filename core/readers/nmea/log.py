@@ -18,6 +18,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.geodesy.coarse_geoid import GEOID_SIGMA_M, coarse_geoid_m
 from furrowmap.core.readers.epochs import MAX_BACKWARD_SHARE, midnight_utc_s, midnights_utc_s
 from furrowmap.core.readers.messages import paired
 from furrowmap.core.readers.nmea.sentences import FIELDS, Kind, SentenceCounts, Sentences, read_sentences, scan_bytes
@@ -41,6 +42,9 @@ MAX_SATELLITES: Final = 999
 MAX_SWITCHES: Final = 0.2
 """Largest share of positions with another talker than before, for one receiver: it changes the talker with the
 constellations that it uses, but not with every sentence."""
+WRONG_SIGMAS: Final = 5.0
+ZERO_SIGMAS: Final = 2.0
+"""Standard deviations of the geoid's model from which on a separation is wrong; the second for one that is zero."""
 
 
 class NmeaLog(PositionLog):
@@ -103,6 +107,21 @@ class NmeaLog(PositionLog):
         return replace(positions, facts=facts, scale="UTC from its sentences")
 
 
+def _note_separation(positions: Sentences, notices: list[Notice], name: str) -> None:
+    """A notice where the geoid separations are none: zero all the time, or far from a model of the geoid."""
+    columns = [positions.column(Kind.GGA, column) for column in ("lon_deg", "lat_deg", "separation_m")]
+    lon_deg, lat_deg, stated_m = np.array(columns)[:, np.isfinite(columns).all(axis=0)]
+    if not len(stated_m):
+        return
+    middle = len(stated_m) // 2
+    model_m, stated = coarse_geoid_m(float(lon_deg[middle]), float(lat_deg[middle])), float(np.median(stated_m))
+    # A receiver that knows the separation states it to a millimetre or a decimetre: it is hardly ever zero.
+    sigmas = ZERO_SIGMAS if not stated_m.any() else WRONG_SIGMAS
+    if abs(stated - model_m) > sigmas * GEOID_SIGMA_M:
+        off_m = abs(stated - model_m)
+        notices.append(Notice("geoid-separation", name=name, stated_m=stated, model_m=model_m, off_m=off_m))
+
+
 def _by(counts: SentenceCounts, part: Callable[[str], str]) -> dict[str, int]:
     """Number of intact sentences by a part of their address, in descending order."""
     by_part: Counter[str] = Counter()
@@ -142,6 +161,7 @@ def assemble(
     if not len(positions):
         fault = InputError("no-positions.no-positions", name=name, all_gga=len(all_gga) or None)
         return replace(LoggedPositions.none(name, fault, without_position=without), facts=facts, notices=tuple(notices))
+    _note_separation(positions, notices, name)
     belongs = _belongs(sentences, mine, [t for t, count in of_talker.items() if count])
     log = sentences if belongs.all() else sentences[belongs]
     t_s, dated = _times(positions, log, notices, name, stated_s, near_s)

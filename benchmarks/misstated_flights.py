@@ -1,0 +1,287 @@
+"""A flight misstated by one thing at a time: true errors against stated sigmas, and what the verdict says.
+
+    python benchmarks/misstated_flights.py SESSION [--only WORD ...] [--images] [--json FILE]
+
+The session is a flight with truth/ beside it (trajectory.csv, and parcels_truth.csv where it has parcels), as the
+sample uav_wheat. misstated_flights.toml beside this file holds what is misstated. The figure of merit is the worst
+ratio of error to sigma without a verdict that names the cause.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import dataclasses
+import json
+import os
+import shutil
+import sys
+import tempfile
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pyogrio
+import tomli_w
+from numpy.typing import NDArray
+from trajectory_error import Poses, load_trajectory, rms
+
+import furrowmap
+from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.process import keep_kernels
+
+FloatArray = NDArray[np.float64]
+
+TABLE = Path(__file__).with_suffix(".toml")
+LARGEST = 5.0
+"""Of error over sigma without a verdict."""
+QUANTITIES = ("east", "north", "height", "roll", "pitch", "heading", "crop")
+DEGREE_M = 111_195.0
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One case.
+
+    Attributes:
+        causes: any of which the verdict may name; none of a right flight.
+        refused: code of the error with which the run ended; empty where there is a result.
+        errors: RMS of the true errors by QUANTITIES, in m and degrees.
+        sigmas: RMS of the stated sigmas.
+        cause: of the report's verdict; None where it finds the flight consistent.
+        codes: of the report's warnings.
+    """
+
+    causes: Sequence[str]
+    refused: str
+    errors: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    sigmas: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    cause: str | None = None
+    codes: Sequence[str] = ()
+
+    @property
+    def worst(self) -> float:
+        """The largest ratio of an error to its sigma."""
+        return max((self.errors[key] / self.sigmas[key] for key in self.errors), default=0.0)
+
+    @property
+    def named(self) -> bool:
+        """Whether the verdict names what is wrong."""
+        return self.cause is not None and any(cause in self.cause for cause in self.causes)
+
+    @property
+    def well(self) -> bool:
+        """Whether a right flight is not doubted, and a wrong one is named or as good as it says."""
+        if self.causes:
+            return bool(self.refused) or self.named or self.worst <= LARGEST
+        return not self.refused and self.cause is None and self.worst <= LARGEST
+
+
+def main() -> int:
+    keep_kernels()
+    options = _options()
+    table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    found = {}
+    print(f"{'':26}" + "".join(f"{key:>15}" for key in QUANTITIES) + f"{'worst':>8}  verdict", flush=True)
+    for name, misstated in table.items():
+        if options.only and not any(word in name for word in options.only):
+            continue
+        found[name] = case(options.session, misstated, with_images=options.images)
+        print(line(name, found[name]), flush=True)
+    unnamed = {name: one.worst for name, one in found.items() if not one.named and not one.refused}
+    worst = max(unnamed, key=lambda name: unnamed[name], default="")
+    print(f"\nworst without a verdict that names the cause: {unnamed.get(worst, 0.0):.1f} ({worst})")
+    failed = [name for name, one in found.items() if not one.well]
+    print(f"{len(found)} flights, not well: {', '.join(failed) or 'none'}")
+    if options.json:
+        rows = {name: {**dataclasses.asdict(one), "worst": one.worst} for name, one in found.items()}
+        options.json.write_bytes(msgspec.json.format(msgspec.json.encode(rows), indent=1) + b"\n")
+    return int(bool(failed))
+
+
+def case(session: Path, misstated: Mapping[str, Any], *, with_images: bool) -> Judged:
+    """Run a flight with what is misstated of it."""
+    causes = misstated.get("causes", ())
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        wrong = misstate(session, folder, misstated, with_images=with_images)
+        try:
+            furrowmap.run(wrong, folder / "out")
+        except FurrowmapError as error:
+            return Judged(causes, error.code)
+        report = json.loads((folder / "out" / "report.json").read_text(encoding="utf-8"))
+        errors, sigmas = judged(session.parent / "truth", folder / "out" / "field.gpkg")
+        if keep := os.environ.get("KEEP_REPORT"):
+            shutil.copy(folder / "out" / "report.json", keep)
+    cause = None if report["verdict"]["consistent"] is not False else report["verdict"].get("cause", "unknown")
+    return Judged(causes, "", errors, sigmas, cause, sorted({warning["code"] for warning in report["warnings"]}))
+
+
+def judged(truth: Path, field: Path) -> tuple[dict[str, float], dict[str, float]]:
+    """RMS of errors and of stated sigmas by QUANTITIES; of the crop only where there are parcels."""
+    poses, stated = load_trajectory(field)
+    columns = np.genfromtxt(truth / "trajectory.csv", delimiter=",", names=True)
+    t_s = columns["time_unix_s"]
+    known = (poses.t_s >= t_s[0]) & (poses.t_s <= t_s[-1])
+    poses, stated = Poses(poses.t_s[known], poses.xyz_m[known], poses.rph_deg[known]), stated[known]
+    true = [np.interp(poses.t_s, t_s, columns[key]) for key in ("e_m", "n_m", "h_m", "roll_deg", "pitch_deg")]
+    true.append(np.degrees(np.interp(poses.t_s, t_s, np.unwrap(np.radians(columns["heading_deg"])))))
+    off = np.column_stack([poses.xyz_m, poses.rph_deg]) - np.column_stack(true)
+    off[:, 3:] = (off[:, 3:] + 180.0) % 360.0 - 180.0
+    stated = np.where(np.isfinite(stated), stated, 1e3)
+    errors = {key: rms(off[:, k]) for k, key in enumerate(QUANTITIES[:6])}
+    sigmas = {key: rms(stated[:, k]) for k, key in enumerate(QUANTITIES[:6])}
+    parcels = truth / "parcels_truth.csv"
+    if parcels.is_file() and "parcels" in {name for name, _ in pyogrio.list_layers(field)}:
+        with parcels.open(encoding="utf-8") as file:
+            heights = {row["id"]: float(row["mean_height_m"]) for row in csv.DictReader(file)}
+        found = pyogrio.read_dataframe(field, layer="parcels", read_geometry=False)
+        differ = found["mean_height_m"] - [heights[str(key)] for key in found["id"]]
+        errors["crop"] = rms(differ.fillna(0.0).to_numpy())
+        sigmas["crop"] = rms(found["height_sigma_m"].fillna(1e3).to_numpy())
+    return errors, sigmas
+
+
+def misstate(session: Path, folder: Path, misstated: Mapping[str, Any], *, with_images: bool) -> Path:
+    """The session in a folder with what is misstated, and its files beside it."""
+    keys = tomllib.loads(session.read_text(encoding="utf-8"))
+    if not with_images:
+        keys.pop("camera", None)
+    for path in session.parent.iterdir():
+        if path.is_file():
+            shutil.copy(path, folder / path.name)
+    for path, value in misstated.get("session", {}).items():
+        table, key = path.split(".")
+        keys[table][key] = value
+    if with_images and "camera" in keys:
+        (folder / "images").symlink_to(session.parent / "images")
+    for name, change in (("gnss", _positions), ("imu", _inertial), ("parcels", _parcels)):
+        if name in misstated:
+            change(folder, keys, misstated[name])
+    out = folder / "misstated.toml"
+    out.write_text(tomli_w.dumps(keys), encoding="utf-8")
+    return out
+
+
+def _positions(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -> None:
+    """Change the NMEA log: its times, qualities, standard deviations, geoid separations, or places in seconds."""
+    path = folder / what.get("log", keys["recording"]["gnss"][0])
+    lines, first_s = [], None
+    for text in path.read_text(encoding="ascii").splitlines():
+        field = text.partition("*")[0].lstrip("$").split(",")
+        kind = field[0][2:]
+        if kind in ("GGA", "RMC", "GST"):
+            at_s = 3600.0 * int(field[1][:2]) + 60.0 * int(field[1][2:4]) + float(field[1][4:])
+            first_s = at_s if first_s is None else first_s
+            if "late_s" in what:
+                field[1] = _time_of_day(at_s + what["late_s"])
+            begin_s, end_s = what.get("seconds", (0.0, np.inf))
+            if begin_s <= at_s - first_s < end_s:
+                _change_sentence(kind, field, what, at_s - first_s)
+        if kind == "GST" and what.get("without_gst"):
+            continue
+        body = ",".join(field)
+        checksum = 0
+        for byte in body.encode("ascii"):
+            checksum ^= byte
+        lines.append(f"${body}*{checksum:02X}")
+    (folder / keys["recording"]["gnss"][0]).write_text("\r\n".join(lines) + "\r\n", encoding="ascii")
+
+
+def _time_of_day(at_s: float) -> str:
+    ms = round(1e3 * at_s) % 86_400_000
+    return f"{ms // 3_600_000:02}{ms // 60_000 % 60:02}{ms % 60_000 / 1e3:06.3f}"
+
+
+def _change_sentence(kind: str, field: list[str], what: Mapping[str, Any], since_s: float) -> None:
+    """Change the fields of a sentence in place."""
+    if kind == "GGA":
+        if "quality" in what:
+            field[6] = str(what["quality"])
+        if "separation_m" in what:
+            field[11] = f"{what['separation_m']:.3f}"
+        up_m = what.get("up_m", 0.0) + what.get("up_mps", 0.0) * since_s
+        field[9] = f"{float(field[9]) + up_m:.4f}"
+    elif kind == "GST" and "sigma_m" in what:
+        field[6:9] = [f"{what['sigma_m']:.3f}", f"{what['sigma_m']:.3f}", f"{2.0 * what['sigma_m']:.3f}"]
+    if kind in ("GGA", "RMC"):
+        at = 2 if kind == "GGA" else 3
+        lat_deg = float(field[at][:2]) + float(field[at][2:]) / 60.0
+        for i, axis, by in ((at, "north", 1.0), (at + 2, "east", np.cos(np.radians(lat_deg)))):
+            move_m = what.get(f"{axis}_m", 0.0) + what.get(f"{axis}_mps", 0.0) * since_s
+            width = 2 if axis == "north" else 3
+            minutes = float(field[i][width:]) + 60.0 * move_m / (DEGREE_M * by)
+            field[i] = f"{field[i][:width]}{minutes:011.8f}"
+
+
+def _inertial(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -> None:
+    """Change the log of the IMU: its times, units, one axis for some seconds."""
+    path = folder / keys["imu"]["files"][0]
+    with path.open(encoding="utf-8") as file:
+        head, *rows = file.read().splitlines()
+    values = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    first_s = values[0, 0]
+    values[:, 0] += what.get("late_s", 0.0) + what.get("drift", 0.0) * (values[:, 0] - first_s)
+    values[:, 1:4] *= what.get("rate_times", 1.0)
+    values[:, 4:7] *= what.get("force_times", 1.0)
+    if "frozen" in what:
+        begin_s, end_s = what["seconds"]
+        since = values[:, 0] - first_s
+        inside = (since >= begin_s) & (since < end_s)
+        values[inside, 1 + what["frozen"]] = values[np.argmax(inside), 1 + what["frozen"]]
+    if "lost" in what:
+        begin_s, end_s = what["lost"]
+        values = values[(values[:, 0] - first_s < begin_s) | (values[:, 0] - first_s >= end_s)]
+    if "noise_dps" in what:
+        values[:, 1:4] += np.random.default_rng(1).normal(0.0, what["noise_dps"], (len(values), 3))
+    text = "\n".join(f"{row[0]:.6f}," + ",".join(f"{value:.7g}" for value in row[1:]) for row in values)
+    path.write_text(f"{head}\n{text}\n", encoding="utf-8")
+
+
+def _parcels(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -> None:
+    """Shift the parcels, turn them, or exchange them."""
+    path = folder / keys["parcels"]["file"]
+    layer = json.loads(path.read_text(encoding="utf-8"))
+    by = np.array([what.get("east_m", 0.0), what.get("north_m", 0.0)])
+
+    def moved(rings: list[list[list[float]]]) -> list[list[list[float]]]:
+        lat_deg = rings[0][0][1]
+        scale = np.array([DEGREE_M * np.cos(np.radians(lat_deg)), DEGREE_M])
+        return [[[*(np.array(point[:2]) + by / scale).tolist(), *point[2:]] for point in ring] for ring in rings]
+
+    for feature in layer["features"]:
+        shape: dict[str, Any] = feature["geometry"]
+        change: Callable[[Any], Any] = moved
+        shape["coordinates"] = (
+            change(shape["coordinates"])
+            if shape["type"] == "Polygon"
+            else [change(part) for part in shape["coordinates"]]
+        )
+    path.write_text(json.dumps(layer), encoding="utf-8")
+
+
+def line(name: str, one: Judged) -> str:
+    """The figures of a case, as a row."""
+    if one.refused:
+        return f"{name:26}refused: {one.refused}"
+    pairs = [f"{one.errors[key]:.3f}/{one.sigmas[key]:.3f}" if key in one.errors else "" for key in QUANTITIES]
+    mark = " " if one.well else "!"
+    words = ", ".join(one.codes)
+    return f"{name:26}" + "".join(f"{pair:>15}" for pair in pairs) + f"{one.worst:8.1f} {mark} {one.cause} ({words})"
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("session", type=Path, help="a flight with truth/ beside it")
+    parser.add_argument("--only", nargs="+", default=[], metavar="WORD", help="cases whose name contains a word")
+    parser.add_argument("--images", action="store_true", help="with the session's images")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE as well")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

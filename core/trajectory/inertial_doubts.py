@@ -1,0 +1,132 @@
+"""Why positions and inertial measurements contradict each other: hypotheses, compared by their likelihood.
+
+Where the squared residuals of the adjustment are larger than expected, or another place of the antenna would take much
+of them away, the adjustment is done anew under one hypothesis at a time: the antenna is elsewhere, the positions err
+more than stated, the specific force scatters more than stated. The restricted likelihood of the observations says which
+of them explains the residuals best. An offset of the clocks was found and taken off before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.trajectory.inertial_adjustment import InertialAdjustment, adjust
+from furrowmap.core.trajectory.inertial_checks import densities
+from furrowmap.core.values.inertial import InertialTrack
+from furrowmap.core.values.margins import margin
+
+MAX_VARIANCE_FACTOR: Final = 1.3
+"""Squared residuals over their expected ones; with more, something is not as stated."""
+MIN_DOUBTED_S: Final = 3.0
+MAX_DOUBTED_SHARE: Final = 0.05
+"""Outliers come one by one; positions that lie outside of their noise for longer, in sum for so much of the time, have
+errors that their standard deviations do not hold."""
+NOISE_ROUNDS: Final = 6
+NOISE_STEPS: Final = 3
+"""Rounds of the adjustment between two changes of a noise."""
+LEVER_ROUNDS: Final = 6
+SETTLED_SIGMAS: Final = 0.3
+MAX_NOISE_FACTOR: Final = 1.5
+"""White noise that is larger than what the spectrum of the measurements shows, by this factor, is none of the IMU."""
+
+
+@dataclass(frozen=True)
+class Explained:
+    """An adjustment that is explained.
+
+    Attributes:
+        cause: "" where it agrees with what is stated; else "lever-arm", "positions" or "noise".
+        times: standard deviations of what is blamed, over the stated ones.
+        lever_off_m: (3,) lever arm that was used, minus the stated one.
+    """
+
+    cause: str
+    adjusted: InertialAdjustment
+    times: float = 1.0
+    lever_off_m: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    def notice(self, measured: InertialTrack) -> Notice | None:
+        """What it contradicts; None for nothing.
+
+        Args:
+            measured: by the IMU.
+        """
+        if self.cause == "lever-arm":
+            place = ", ".join(f"{value:.3f}" for value in self.adjusted.problem.lever_m.tolist())
+            margins = ", ".join(margin(sigma, " m") for sigma in self.adjusted.constants.lever_sigma_m)
+            off_m = float(np.linalg.norm(self.lever_off_m))
+            return Notice("contradiction.lever-arm", off_m=off_m, place=place, margins=margins)
+        if self.cause == "positions":
+            return Notice("contradiction.positions", times=self.times)
+        if self.cause == "noise":
+            force = self.adjusted.problem.links.noise.force
+            unseen = force > MAX_NOISE_FACTOR * densities(measured)[1] and self.times > MAX_NOISE_FACTOR
+            return Notice("contradiction.unknown" if unseen else "imu-noisier", times=self.times)
+        return None
+
+
+def agrees(adjusted: InertialAdjustment) -> bool:
+    """Whether the residuals of an adjustment are as large as expected, and outliers come one by one."""
+    t_s, doubted = adjusted.problem.positions.t_s, adjusted.observed.weight < 1.0
+    edges = np.flatnonzero(np.diff(doubted, prepend=False, append=False)).reshape(-1, 2)
+    lasting_s = t_s[edges[:, 1] - 1] - t_s[edges[:, 0]]
+    doubted_s = float(lasting_s[lasting_s > MIN_DOUBTED_S].sum())
+    return adjusted.variance_factor <= MAX_VARIANCE_FACTOR and doubted_s <= MAX_DOUBTED_SHARE * float(np.ptp(t_s))
+
+
+def explained(adjusted: InertialAdjustment) -> Explained:
+    """An adjustment under the hypothesis that explains its residuals best; itself where it agrees."""
+    tried = [with_other_lever(adjusted)] if adjusted.constants.lever_off else []
+    if not agrees(tried[0].adjusted if tried else adjusted):
+        tried += [with_erring_positions(adjusted), with_noisier_imu(adjusted)]
+    return min((one for one in tried if one.cause), key=_deviance, default=Explained("", adjusted))
+
+
+def _deviance(one: Explained) -> float:
+    return one.adjusted.deviance
+
+
+def with_other_lever(adjusted: InertialAdjustment) -> Explained:
+    """The antenna where positions and IMU show it."""
+    stated_m, now = adjusted.problem.lever_m, adjusted
+    for _ in range(LEVER_ROUNDS):
+        step_m = np.array(now.constants.lever_m)
+        if (np.abs(step_m) < SETTLED_SIGMAS * np.array(now.constants.lever_sigma_m)).all():
+            break
+        moved = adjust(replace(now.problem, lever_m=now.problem.lever_m + step_m), now.state)
+        if moved.deviance > now.deviance:
+            break
+        now = moved
+    return Explained("lever-arm", now, lever_off_m=now.problem.lever_m - stated_m)
+
+
+def with_erring_positions(adjusted: InertialAdjustment) -> Explained:
+    """Slow errors of the positions as large as the residuals ask for."""
+    stated, times = adjusted.problem.positions, 1.0
+    for _ in range(NOISE_ROUNDS):
+        times *= float(np.sqrt(max(adjusted.variance_factor, MAX_VARIANCE_FACTOR)))
+        positions = replace(stated, drift_m=stated.drift_m * times)
+        adjusted = adjust(replace(adjusted.problem, positions=positions), adjusted.state, NOISE_STEPS)
+        if agrees(adjusted):
+            break
+    return Explained("positions", adjust(adjusted.problem, adjusted.state), times)
+
+
+def with_noisier_imu(adjusted: InertialAdjustment) -> Explained:
+    """A noise of the specific force at which IMU and positions agree as their standard deviations say."""
+    if adjusted.variance_factor <= MAX_VARIANCE_FACTOR:
+        return Explained("", adjusted)
+    stated = adjusted.problem.links.noise.force
+    for _ in range(NOISE_ROUNDS):
+        links = adjusted.problem.links
+        noise = replace(links.noise, force=links.noise.force * float(np.sqrt(adjusted.variance_factor)))
+        adjusted = adjust(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state, NOISE_STEPS)
+        if adjusted.variance_factor < MAX_VARIANCE_FACTOR:
+            break
+    adjusted = adjust(adjusted.problem, adjusted.state)
+    return Explained("noise", adjusted, adjusted.problem.links.noise.force / stated)
