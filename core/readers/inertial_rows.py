@@ -38,6 +38,9 @@ MAX_JITTER: Final = 0.3
 MIN_PAUSE_INTERVALS: Final = 10.0
 """Intervals of so many usual ones are pauses, not bursts."""
 BURST_INTERVALS: Final = 20
+MIN_FROZEN_S: Final = 0.5
+MAX_FROZEN_CHANCE: Final = 1e-9
+"""An axis that keeps its value for so long is frozen, if that is so unlikely by how often values repeat elsewhere."""
 _DEGREE: Final = float(np.pi / 180.0)
 
 
@@ -125,6 +128,32 @@ def _times(track: InertialTrack, name: str) -> list[Notice]:
             Notice("imu-pauses", name=name, pauses=len(pauses), pauses_sum=pauses.sum(), pauses_max=pauses.max())
         )
     return notices
+
+
+def without_frozen(track: InertialTrack, notices: list[Notice]) -> InertialTrack:
+    """The track without times in which one axis keeps its value to the last digit while the others go on.
+
+    At rest, values of a coarse resolution repeat on all axes.
+    """
+    values = np.column_stack([track.rate_radps, track.force_mps2])
+    same = np.diff(values, axis=0) == 0.0
+    frozen, axes = np.zeros(len(track), np.bool_), []
+    for axis, name in enumerate([f"{kind} {axis}" for kind in ("angular rate", "specific force") for axis in "xyz"]):
+        edges = np.flatnonzero(np.diff(same[:, axis], prepend=False, append=False)).reshape(-1, 2)
+        repeated = max(float(same[:, axis].mean()), 1e-3)
+        for first, last in edges[track.t_s[edges[:, 1]] - track.t_s[edges[:, 0]] > MIN_FROZEN_S].tolist():
+            outside = max((repeated * len(same) - (last - first)) / max(len(same) - (last - first), 1), 1e-3)
+            others = float(np.median(same[first:last].mean(axis=0)))
+            if others < 0.5 and (last - first) * np.log(outside) < np.log(MAX_FROZEN_CHANCE):
+                frozen[first : last + 1] = True
+                axes += [name] if name not in axes else []
+    if not frozen.any():
+        return track
+    length_s = float(np.diff(track.t_s, append=track.t_s[-1])[frozen].sum())
+    source = track.source or "The IMU"
+    notices.append(Notice("imu-frozen", name=source, axes=", ".join(axes), length=length_s))
+    kept = ~frozen
+    return InertialTrack(track.t_s[kept], track.rate_radps[kept], track.force_mps2[kept], track.source)
 
 
 def _resampled(track: InertialTrack) -> tuple[FloatArray, FloatArray]:

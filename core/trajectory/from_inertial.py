@@ -35,12 +35,12 @@ from furrowmap.core.estimation.knots import (
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import CONTRADICTION, Notice
+from furrowmap.core.runtime.errors import CONTRADICTION, InputError, Notice
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
 from furrowmap.core.trajectory.imu_clock import search_imu_clock
 from furrowmap.core.trajectory.inertial_adjustment import InertialAdjustment, adjust, beside_positions, with_clock
 from furrowmap.core.trajectory.inertial_checks import Whiteness, check_mounting, with_shown_noise
-from furrowmap.core.trajectory.inertial_doubts import Explained, explained, with_noisier_imu
+from furrowmap.core.trajectory.inertial_doubts import Explained, agrees, explained, with_noisier_imu
 from furrowmap.core.trajectory.inertial_start import (
     MAX_IMU_PAUSE_S,
     NO_HINTS,
@@ -49,6 +49,7 @@ from furrowmap.core.trajectory.inertial_start import (
     MountedImu,
     first_guess,
     heading_unknown,
+    likely_mistake,
     site_of,
     without_positions,
 )
@@ -190,6 +191,10 @@ def trajectory_from_inertial(
                 margin=margin(adjusted.constants.clock_sigma_s, " s"),
             )
         )
+    if explains and not agrees(adjusted) and (mistake := likely_mistake(problem)) is not None:
+        misfit = float(np.sqrt(adjusted.variance_factor))
+        source = imu.track.source or "The IMU"
+        raise InputError("imu-contradicts", source=source, misfit=misfit, better_other=mistake)
     found = explained(adjusted) if explains else with_noisier_imu(adjusted)
     adjusted = found.adjusted.with_clock_sigma() if clock_s else found.adjusted
     trajectory = _trajectory(adjusted)

@@ -22,10 +22,10 @@ from furrowmap.core.values.margins import margin
 
 MAX_VARIANCE_FACTOR: Final = 1.3
 """Squared residuals over their expected ones; with more, something is not as stated."""
-MIN_DOUBTED_S: Final = 3.0
-MAX_DOUBTED_SHARE: Final = 0.05
-"""Outliers come one by one; positions that lie outside of their noise for longer, in sum for so much of the time, have
-errors that their standard deviations do not hold."""
+MIN_DOUBTED_S: Final = 1.0
+MAX_DOUBTED_SHARE: Final = 0.02
+"""Outliers come one by one. Positions that lie outside of their noise for longer, in sum for so much of the time, have
+errors that their standard deviations do not hold: the trajectory bends from one to the other side of a step."""
 NOISE_ROUNDS: Final = 6
 NOISE_STEPS: Final = 3
 """Rounds of the adjustment between two changes of a noise."""

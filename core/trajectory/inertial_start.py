@@ -222,16 +222,9 @@ def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[Inerti
         notices.append(Notice("imu-not-aligned", left=", ".join(left)))
     worst = max(guess.misfit for guess in guesses)
     if worst > MAX_MISFIT:
-        track, chain = problem.links.track, max(problem.knots.chains, key=lambda c: c.count)
-        part = replace(chain, count=min(chain.count, KNOTS_TRIED))
-        better = []
-        for words, rate, force in _ALTERNATIVES:
-            tried = replace(track, rate_radps=track.rate_radps * rate, force_mps2=track.force_mps2 * force)
-            guess = _guess_states(problem, part, tried)
-            if guess is not None and guess.misfit < worst / 3.0:
-                better.append((guess.misfit, words))
-        mended = min(better)[1] if better else None
-        raise InputError("imu-contradicts", source=track.source or "The IMU", misfit=worst, better_other=mended)
+        mended = likely_mistake(problem, worst)
+        source = problem.links.track.source or "The IMU"
+        raise InputError("imu-contradicts", source=source, misfit=worst, better_other=mended)
     chains, first = [], 0
     for guess in guesses:
         chains.append(replace(guess.chain, first=first))
@@ -240,6 +233,26 @@ def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[Inerti
     names = ("xyz_m", "rotation", "added")
     xyz, rotation, added = (arrays.concatenated([getattr(g, name) for g in guesses]) for name in names)
     return replace(problem, knots=knots), State(xyz, rotation, added, INERTIAL)
+
+
+def likely_mistake(problem: InertialProblem, misfit: float | None = None) -> str | None:
+    """The unit or sign with which measurements fit the positions much better, in words; None where none does.
+
+    Args:
+        misfit: of the first guess as it is; None if it is not known.
+    """
+    track, chain = problem.links.track, max(problem.knots.chains, key=lambda c: c.count)
+    part = replace(chain, count=min(chain.count, KNOTS_TRIED))
+    if misfit is None:
+        stated = _guess_states(problem, part, track)
+        misfit = stated.misfit if stated is not None else np.inf
+    better = []
+    for words, rate, force in _ALTERNATIVES:
+        tried = replace(track, rate_radps=track.rate_radps * rate, force_mps2=track.force_mps2 * force)
+        guess = _guess_states(problem, part, tried)
+        if guess is not None and guess.misfit < misfit / 3.0:
+            better.append((guess.misfit, words))
+    return min(better)[1] if better else None
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from furrowmap.core.estimation.positions import (
 )
 from furrowmap.core.geodesy.coordinates import UNCHANGED, TransformSummary, transform_poses, transform_track
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
-from furrowmap.core.readers.inertial_rows import imu_notices
+from furrowmap.core.readers.inertial_rows import imu_notices, without_frozen
 from furrowmap.core.readers.reader import AttitudeReader, GivesPoses, GivesTrack, InertialReader, Reader
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.trajectory.from_attitude import (
@@ -195,10 +195,11 @@ def _with_imu(
     table = session.imu
     stated = {name: value for name, value in msgspec.structs.asdict(table.noise).items() if value is not None}
     mounting, noise = Mounting(table.xyz_m, table.rpy_deg), inertial_noise(table.kind, stated)
-    measured, lever_m = inertial.inertial(), lever_arm_m(session)
+    frozen: list[Notice] = []
+    measured, lever_m = without_frozen(inertial.inertial(), frozen), lever_arm_m(session)
     imu = MountedImu(measured, mounting, noise).earlier_by(table.minus_gnss_s)
     imu = replace(imu, track=inertial_within(imu.track, session.recording.span_s))
-    imu_warnings = (*inertial.notices, *imu_notices(measured))
+    imu_warnings = (*inertial.notices, *frozen, *imu_notices(measured))
     # A machine on the ground is matched to it; an aircraft has neither wheels nor soil below them.
     on_ground = session.implement is not None
     if on_ground and session.recording.lidar:

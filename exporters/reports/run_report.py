@@ -129,6 +129,7 @@ AT_TOP: Final = frozenset(
         "gnss-heights",
         "gnss-steps",
         "imu-clock-off",
+        "imu-frozen",
         "lever-assumed",
         "mounting-height",
         "mounting-identity",
