@@ -40,6 +40,8 @@ TABLE = Path(__file__).with_suffix(".toml")
 LARGEST = 5.0
 """Of error over sigma without a verdict."""
 QUANTITIES = ("east", "north", "height", "roll", "pitch", "heading", "crop")
+AT_TOP = {"imu-clock-off": "clock", "imu-frozen": "imu"}
+"""Codes of what was found and mended, which reports show beside the verdict, and what they name."""
 DEGREE_M = 111_195.0
 
 
@@ -70,8 +72,8 @@ class Judged:
 
     @property
     def named(self) -> bool:
-        """Whether the verdict names what is wrong."""
-        return self.cause is not None and any(cause in self.cause for cause in self.causes)
+        """Whether the verdict, or a doubt beside it, names what is wrong."""
+        return self.cause in self.causes or any(AT_TOP.get(code) in self.causes for code in self.codes)
 
     @property
     def well(self) -> bool:

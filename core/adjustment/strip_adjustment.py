@@ -57,6 +57,8 @@ from furrowmap.core.values.trajectory import Trajectory
 
 FIXED: Final = PARAMETERS + LASER_GROUPS
 """Unknowns beside those of the poses."""
+CLEARLY_LESS: Final = 0.8
+"""Scatter of the ground's heights at which another clock is better."""
 GROUP_M: Final = 0.01
 """Standard deviation of a cell's mean in a window of time beside the noise of its returns.
 
@@ -190,6 +192,30 @@ class StripAdjustment:
             "sigma_after_deg": np.round(np.degrees(after[3:]), 5).tolist(),
             **({} if self.turned is None else {"mounting_walk": self.turned.plain()}),
         }
+
+
+def scanner_goes_with_imu(
+    returns: StripReturns, trajectory: Trajectory, stated: Mounting, ahead_s: float, carrier: Trajectory | None
+) -> bool:
+    """Whether the ground fits together better if the scanner's clock is off with that of the IMU.
+
+    Args:
+        trajectory: of the vehicle, in the time of the positions.
+        ahead_s: time by which the IMU's clock was found to be ahead of the positions'.
+    """
+    moved = at_shifted_times(returns, trajectory if carrier is None else carrier, -ahead_s)
+    as_stated, with_imu = (boresight(each, trajectory, stated, carrier) for each in (returns, moved))
+    if as_stated is None or with_imu is None:
+        return as_stated is None and with_imu is not None
+    return with_imu.scatter_m[1] < CLEARLY_LESS * as_stated.scatter_m[1]
+
+
+def timed_wrongly(trajectory: Trajectory, off_s: float) -> Trajectory:
+    """The trajectory with standard deviations enlarged by the way and the turn of a time that may be off."""
+    angles = np.radians(np.column_stack(trajectory.attitude_deg()))
+    moved = np.column_stack([trajectory.xyz_m, np.degrees(np.unwrap(angles, axis=0))])
+    other = np.column_stack([np.interp(trajectory.t_s - off_s, trajectory.t_s, column) for column in moved.T])
+    return replace(trajectory, sigma=np.hypot(trajectory.sigma, other - moved))
 
 
 def calibrate_flight(

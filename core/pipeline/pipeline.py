@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.adjustment.boresight import Boresight, boresight_notices
-from furrowmap.core.adjustment.strip_adjustment import StripAdjustment, calibrate_flight
+from furrowmap.core.adjustment.strip_adjustment import (
+    StripAdjustment,
+    calibrate_flight,
+    scanner_goes_with_imu,
+    timed_wrongly,
+)
 from furrowmap.core.adjustment.strips import StripReturns, ThinnedReturns, at_shifted_times, thinned_returns
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.notices import (
@@ -59,6 +64,10 @@ if TYPE_CHECKING:
     from furrowmap.core.images.aiding import ImageAid
     from furrowmap.core.images.frames import Frames
 
+IMU_CLOCK_STEP_S: Final = 1e-4
+"""The session's offset of the IMU's clock is as precise."""
+MAX_DRAWN_DEG: Final = 3.0
+"""A scanner or an IMU is mounted as drawn to a degree or so."""
 MIN_YAW_CHANGE_DEG: Final = 20.0
 """A mounting whose yaw differs by more sees the implement elsewhere."""
 ORIGIN_STEP_M: Final = 100.0
@@ -128,6 +137,9 @@ def run(
     states, state_notices = _read_external_states(opened, guess.trajectory)
     carrier, mount_notices = carrier_of(guess, session, opened.inputs.mount)
     lidar, located, matched, flown, implement = _calibrate(opened, guess, survey, carrier, progress, checkpoint)
+    mounting_doubts: list[Notice] = []
+    if located.source == "imu" and matched is None:
+        located, mounting_doubts = _held_against_mounting(located, flown.boresight, aid)
     if located.trajectory is not guess.trajectory:
         carrier, mount_notices = _carrier_trajectory(opened, located, flown.strip_adjustment)
     watch.lap("matching")
@@ -156,6 +168,7 @@ def run(
     notices += [*placement_notices(placement), *field_notices, *state_notices, *work.notices]
     if located.source == "imu" and matched is None:
         notices += boresight_notices(flown.boresight, session.lidar.mounting)
+        notices += mounting_doubts
     found = _run_result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
     return replace(found, image_aid=aid, **vars(flown))
 
@@ -382,14 +395,52 @@ def _calibrate_flight(
     """Boresight, strips and their differences; the trajectory adjusted by the strips."""
     stated, located = opened.session.lidar.mounting, guess
     walk = opened.session.lidar.rpy_walk_deg_rts
+    ahead_s = _imu_ahead_s(opened.session, guess)
+    by_imu = ahead_s != 0.0 and scanner_goes_with_imu(returns, guess.trajectory, stated, ahead_s, carrier)
+    if by_imu:
+        returns = at_shifted_times(returns, guess.trajectory if carrier is None else carrier, -ahead_s)
     found, returns, adjusted = calibrate_flight(returns, guess, stated, carrier, walk)
     if adjusted is not None:
         located = replace(guess, trajectory=adjusted.trajectory)
         carrier = _carrier_trajectory(opened, located, adjusted)[0]
         returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, 0.0)
+    if found is not None and by_imu:
+        found = replace(found, clock_used_s=found.clock_used_s - ahead_s)
+    if found is not None and found.certain and ahead_s and abs(found.clock_used_s + ahead_s) < 0.5 * abs(ahead_s):
+        notice = Notice("contradiction.clock", off_s=abs(ahead_s), is_ahead_s=ahead_s < 0.0)
+        doubtful = timed_wrongly(located.trajectory, ahead_s)
+        located = replace(located, trajectory=doubtful, notices=(*located.notices, notice))
     strips = find_strips(located.trajectory)
     differences = strip_differences(returns, strips, stated, _mounting(opened.session, None, found))
     return located, _FlightCalibration(found, strips, differences, adjusted)
+
+
+def _held_against_mounting(
+    located: Located, found: Boresight | None, aid: ImageAid | None
+) -> tuple[Located, list[Notice]]:
+    """The trajectory with larger standard deviations of the attitude where the IMU may be turned, and why.
+
+    The ground shows by how much the scanner is turned against the IMU, not which of the two is as stated; a camera
+    that is as stated says that the IMU is.
+    """
+    turned_deg = float(np.linalg.norm(found.correction_deg)) if found is not None and found.certain else 0.0
+    camera_deg = float(np.linalg.norm(aid.adjusted.correction_deg)) if aid is not None else np.inf
+    if turned_deg < MAX_DRAWN_DEG or camera_deg < MAX_DRAWN_DEG:
+        return located, []
+    sigma = located.trajectory.sigma.copy()
+    assert found is not None
+    sigma[:, 3:] = np.hypot(sigma[:, 3:], np.abs(found.correction_deg))
+    angles = ", ".join(f"{angle:.1f}" for angle in found.correction_deg)
+    notice = Notice("contradiction.mounting", turned_deg=turned_deg, angles=angles)
+    return replace(located, trajectory=replace(located.trajectory, sigma=sigma)), [notice]
+
+
+def _imu_ahead_s(session: Session, located: Located) -> float:
+    """By how much the IMU's clock was found to be ahead of the positions', beyond what the session states."""
+    if session.imu is None or located.inertial is None:
+        return 0.0
+    ahead_s = located.inertial.minus_gnss_s - session.imu.minus_gnss_s
+    return ahead_s if abs(ahead_s) > IMU_CLOCK_STEP_S else 0.0
 
 
 def _correct_clock(lidar: LidarRecording, matched: Matched | None) -> LidarRecording:

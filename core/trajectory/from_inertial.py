@@ -86,6 +86,7 @@ class InertialFigures:
         residuals: whether those of the positions are white, in words.
         residual_correlation: (3,) from one position to the next.
         variance_factor: squared residuals of all observations over their expected ones; 1 where sigmas are right.
+        lever_arm_m: (3,) the antenna in the vehicle frame, as used.
         minus_gnss_s: the IMU's clock minus that of the positions, as used.
         constants: what the residuals show beyond that.
     """
@@ -101,6 +102,7 @@ class InertialFigures:
     residuals: str
     residual_correlation: tuple[float, ...]
     variance_factor: float
+    lever_arm_m: tuple[float, ...]
     minus_gnss_s: float
     constants: ImuConstants
 
@@ -153,13 +155,13 @@ def trajectory_from_inertial(
     fixes: tuple[Fix, ...] | None,
     hints: Hints = NO_HINTS,
     *,
-    explains: bool = True,
+    by_noise_alone: bool = False,
 ) -> InertialTrajectory:
     """The trajectory of the vehicle frame.
 
     Args:
         track: positions of the antenna, in the datum of the map.
-        explains: whether the cause of a contradiction is looked for; without, it counts as noise of the IMU.
+        by_noise_alone: whether a contradiction counts as noise of the IMU, and no other cause is looked for.
 
     Raises:
         InputError: if no position is left to use, or IMU and positions have no time in common.
@@ -191,16 +193,16 @@ def trajectory_from_inertial(
                 margin=margin(adjusted.constants.clock_sigma_s, " s"),
             )
         )
-    if explains and not agrees(adjusted) and (mistake := likely_mistake(problem)) is not None:
+    if not by_noise_alone and not agrees(adjusted) and (mistake := likely_mistake(problem)) is not None:
         misfit = float(np.sqrt(adjusted.variance_factor))
         source = imu.track.source or "The IMU"
         raise InputError("imu-contradicts", source=source, misfit=misfit, better_other=mistake)
-    found = explained(adjusted) if explains else with_noisier_imu(adjusted)
+    found = with_noisier_imu(adjusted) if by_noise_alone else explained(adjusted)
     adjusted = found.adjusted.with_clock_sigma() if clock_s else found.adjusted
     trajectory = _trajectory(adjusted)
     turned = check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)
     contradiction = found.notice(imu.track)
-    if contradiction is not None and not turned:  # an IMU that is turned is elsewhere as well
+    if contradiction is not None and not (turned and found.cause == "lever-arm"):  # which turns with the IMU
         notices.append(contradiction)
     notices += turned
     trajectory = _as_doubtful(trajectory, found, contradiction, turned)
@@ -307,6 +309,7 @@ def _figures(adjusted: InertialAdjustment, imu: MountedImu) -> InertialFigures:
         residuals=white.words,
         residual_correlation=white.correlation,
         variance_factor=round(adjusted.variance_factor, 3),
+        lever_arm_m=rounded(adjusted.problem.lever_m, 4),
         minus_gnss_s=round(imu.minus_gnss_s, 5),
         constants=adjusted.constants,
     )

@@ -8,6 +8,7 @@ of them explains the residuals best. An offset of the clocks was found and taken
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -41,13 +42,13 @@ class Explained:
 
     Attributes:
         cause: "" where it agrees with what is stated; else "lever-arm", "positions" or "noise".
-        times: standard deviations of what is blamed, over the stated ones.
+        times: standard deviations of what is blamed, over the stated ones; 0 where these are not blamed.
         lever_off_m: (3,) lever arm that was used, minus the stated one.
     """
 
     cause: str
     adjusted: InertialAdjustment
-    times: float = 1.0
+    times: float = 0.0
     lever_off_m: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def notice(self, measured: InertialTrack) -> Notice | None:
@@ -72,18 +73,25 @@ class Explained:
 
 def agrees(adjusted: InertialAdjustment) -> bool:
     """Whether the residuals of an adjustment are as large as expected, and outliers come one by one."""
+    t_s = adjusted.problem.positions.t_s
+    lasting_s = sum(float(t_s[last] - t_s[first]) for first, last in _doubted(adjusted))
+    return adjusted.variance_factor <= MAX_VARIANCE_FACTOR and lasting_s <= MAX_DOUBTED_SHARE * float(np.ptp(t_s))
+
+
+def _doubted(adjusted: InertialAdjustment) -> list[tuple[int, int]]:
+    """First and last of positions in a row that are doubted for more than MIN_DOUBTED_S."""
     t_s, doubted = adjusted.problem.positions.t_s, adjusted.observed.weight < 1.0
     edges = np.flatnonzero(np.diff(doubted, prepend=False, append=False)).reshape(-1, 2)
-    lasting_s = t_s[edges[:, 1] - 1] - t_s[edges[:, 0]]
-    doubted_s = float(lasting_s[lasting_s > MIN_DOUBTED_S].sum())
-    return adjusted.variance_factor <= MAX_VARIANCE_FACTOR and doubted_s <= MAX_DOUBTED_SHARE * float(np.ptp(t_s))
+    return [(first, end - 1) for first, end in edges.tolist() if t_s[end - 1] - t_s[first] > MIN_DOUBTED_S]
 
 
 def explained(adjusted: InertialAdjustment) -> Explained:
     """An adjustment under the hypothesis that explains its residuals best; itself where it agrees."""
     tried = [with_other_lever(adjusted)] if adjusted.constants.lever_off else []
     if not agrees(tried[0].adjusted if tried else adjusted):
-        tried += [with_erring_positions(adjusted), with_noisier_imu(adjusted)]
+        for hypothesis in (with_jumps, with_erring_positions, with_noisier_imu):
+            with suppress(np.linalg.LinAlgError):
+                tried.append(hypothesis(adjusted))
     return min((one for one in tried if one.cause), key=_deviance, default=Explained("", adjusted))
 
 
@@ -103,6 +111,30 @@ def with_other_lever(adjusted: InertialAdjustment) -> Explained:
             break
         now = moved
     return Explained("lever-arm", now, lever_off_m=now.problem.lever_m - stated_m)
+
+
+def with_jumps(adjusted: InertialAdjustment) -> Explained:
+    """Steps between positions where the trajectory bends from one side to the other; each side may be off."""
+    positions, doubted = adjusted.problem.positions, _doubted(adjusted)
+    if not doubted:
+        return Explained("", adjusted)
+    residual_m = np.nan_to_num(np.abs(adjusted.observed.residuals_m(adjusted.problem.knots, adjusted.state)))
+    begins = np.zeros(len(positions.t_s), np.bool_)
+    step_m = np.zeros(3)
+    for k, (first, last) in enumerate(doubted):
+        # The rows before a step and after it have residuals of either sign, and an undoubted one between them.
+        near = k > 0 and positions.t_s[first] - positions.t_s[doubted[k - 1][1]] < MIN_DOUBTED_S
+        begins[first if near else (first + last) // 2] = True
+        if near:
+            begins[sum(doubted[k - 1]) // 2] = False
+        step_m = np.maximum(step_m, 2.0 * residual_m[first : last + 1].max(axis=0))
+    run = positions.run + np.cumsum(begins)
+    starts = np.flatnonzero(np.diff(run, prepend=-1))
+    drift = positions.drift_m.copy()
+    drift[starts] = np.hypot(drift[starts], step_m)
+    with_steps = replace(positions, run=run, drift_m=drift)
+    times = float(np.linalg.norm(step_m) / np.median(np.linalg.norm(positions.drift_m, axis=1)))
+    return Explained("positions", adjust(replace(adjusted.problem, positions=with_steps), adjusted.state), times)
 
 
 def with_erring_positions(adjusted: InertialAdjustment) -> Explained:

@@ -207,7 +207,7 @@ def _with_imu(
     hints = replace(hints, on_wheels=hints.on_wheels or on_ground)
     try:
         # That a vehicle on wheels does not slip is not certain enough to judge positions by.
-        found = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints, explains=not hints.on_wheels)
+        found = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints, by_noise_alone=hints.on_wheels)
     except RefusedError:
         if not on_ground:
             raise
@@ -233,7 +233,7 @@ def _aided(
     aid = Aid(imu.in_vehicle_axes, imu.noise, site_of(track, frame), None)
     notices, figures = [*transformed.notices, *imu_warnings, *found.notices], None
     try:
-        by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints, explains=False)
+        by_imu = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints, by_noise_alone=True)
     except RefusedError as refused:
         notices.append(Notice("imu-not-aligned.aided", what=refused.what))
     else:

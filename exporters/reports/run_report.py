@@ -141,7 +141,7 @@ AT_TOP: Final = frozenset(
 FLIGHT_CAUSES: Final = {
     "imu-turned": "mounting",
     "geoid-separation": "geoid",
-    "parcels-elsewhere": "parcels",
+    "parcels-beside-crop": "parcels",
     CONTRADICTING: "camera",
 }
 """Codes of contradictions of a trajectory with an IMU beside those of CONTRADICTION, and the cause that each names."""

@@ -11,12 +11,14 @@ from typing import Any, Final
 import numpy as np
 import rasterio
 from numpy.typing import NDArray
+from rasterio.windows import Window
 
 from furrowmap.core.pointclouds.clouds import Clouds
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod, cloud_tiles
 from furrowmap.core.readers.las.cloud import Box
 from furrowmap.core.readers.vector_layer import VectorLayer
+from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.depressions import Depressions, find_depressions
@@ -49,6 +51,21 @@ BRIDGED_M: Final = 1.0
 """Gaps up to this distance from seen heights are interpolated, so that no water runs off through them."""
 CELLS_A_PLOT: Final = 5
 """Random roughness needs at least this many cells along a plot's side."""
+
+
+def cells_of(path: Path, box_m: tuple[float, float, float, float], cell_m: float) -> tuple[Float32Array, Grid]:
+    """Every so manyth cell of the first band over west, south, east, north, nan where unknown; cells of a size or less.
+
+    Raises:
+        RasterioIOError: if the file cannot be read.
+    """
+    with rasterio.open(path) as raster:
+        step = max(1, round(cell_m / raster.res[0]))
+        grid = Grid.of_bounds(raster.res[0] * step, box_m)
+        left, top = (round(edge / raster.res[0]) for edge in (raster.bounds.left, raster.bounds.top))
+        window = Window(grid.west * step - left, top - grid.north * step, grid.columns * step, grid.rows * step)
+        read = raster.read(1, window=window, boundless=True, masked=True)
+    return read.astype(np.float32).filled(np.nan)[::step, ::step], grid
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from pyproj import CRS
@@ -17,6 +17,7 @@ from pyproj import CRS
 from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
+from furrowmap.core.crops.placement import MAX_PARCEL_SHIFT_M, parcel_shift
 from furrowmap.core.crops.response import Response, dose_name, dose_unit, fit_response, parcel_doses
 from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster, site_soil
 from furrowmap.core.crops.soil import SOIL_CELL_M
@@ -55,8 +56,12 @@ from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
 from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 from furrowmap.settings import ParcelSettings, SurfaceSettings, soil_file
 from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
-from furrowmap.workflows.clouds.rasters import CloudRasters
+from furrowmap.workflows.clouds.rasters import CloudRasters, cells_of
 from furrowmap.workflows.clouds.surface import no_warning
+
+SHIFT_CELL_M: Final = 0.1
+MAX_SHIFT_CELLS: Final = 2000
+"""Cells in which the crop is looked for beside the parcels, and how many of them lie along a side at most."""
 
 
 def parcels(
@@ -212,6 +217,39 @@ def write_parcels(
         "parcels": [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))],
     }
     return WrittenParcels(found, response, account, notices)
+
+
+def held_against_surface(written: WrittenParcels, folder: Path) -> WrittenParcels:
+    """The figures with larger standard deviations where the crop on the surface in a folder stands beside the parcels.
+
+    The tables in the folder are written anew then.
+    """
+    parcels = [row.parcel for row in written.found]
+    sigmas = np.array([row.figures.height_sigma_m for row in written.found])
+    if not (folder / DSM).is_file() or not np.isfinite(sigmas).any():
+        return written
+    bounds = np.array([parcel.gross.bounds for parcel in parcels])
+    west, south = (bounds[:, :2].min(axis=0) - MAX_PARCEL_SHIFT_M).tolist()
+    east, north = (bounds[:, 2:].max(axis=0) + MAX_PARCEL_SHIFT_M).tolist()
+    box_m = west, south, east, north
+    surface, grid = cells_of(folder / DSM, box_m, max(SHIFT_CELL_M, max(east - west, north - south) / MAX_SHIFT_CELLS))
+    shift = parcel_shift(surface, grid, parcels, float(np.nanmedian(sigmas)))
+    if shift is None:
+        return written
+    found = []
+    for row in written.found:
+        sigma_m = math.hypot(row.figures.height_sigma_m, shift.height_off_m)
+        volume_m3 = math.hypot(row.figures.volume_sigma_m3, shift.height_off_m * row.figures.area_m2)
+        figures = replace(row.figures, height_sigma_m=sigma_m, volume_sigma_m3=volume_m3)
+        found.append(replace(row, figures=figures))
+    layer = parcel_layer(found)
+    write_parcel_table(folder / PARCEL_TABLE, layer)
+    write_parcel_sheet(folder / PARCEL_SHEET, layer)
+    rows = [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))]
+    notice = Notice("parcels-beside-crop", east_m=shift.east_m, north_m=shift.north_m, height_off_m=shift.height_off_m)
+    return replace(
+        written, found=found, account=written.account | {"parcels": rows}, notices=[*written.notices, notice]
+    )
 
 
 def _response(found: Sequence[MeasuredParcel]) -> Response | None:

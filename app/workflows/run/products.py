@@ -64,7 +64,7 @@ from furrowmap.exporters.vectors.geopackage import write_field
 from furrowmap.exporters.vectors.states_table import write_states
 from furrowmap.workflows.clouds.features import found_layers, sparse_notices
 from furrowmap.workflows.clouds.inputs import box_to_use
-from furrowmap.workflows.crops.parcels import WrittenParcels, parcel_settings, write_parcels
+from furrowmap.workflows.crops.parcels import WrittenParcels, held_against_surface, parcel_settings, write_parcels
 from furrowmap.workflows.run.colours import SCANS_BEHIND, ColourFigures, RunColours
 
 SCALE_M: Final = 0.001
@@ -166,8 +166,9 @@ class RunProducts:
             notices += coloured.notices
         if parcels is not None:
             seconds["parcels"] = measured - written
-            made = replace(made, parcels=parcels.result())
-            notices += parcels.result().notices
+            made = replace(made, parcels=held_against_surface(parcels.result(), staging))
+            assert made.parcels is not None
+            notices += made.parcels.notices
         stated = found.session.features
         if stated is not None and summary.points:
             begin = perf_counter()

@@ -715,3 +715,12 @@ def test_track__qualities_beyond_the_standard_are_differential_or_single(
 ) -> None:
     """9 is written by NovAtel for SBAS; what no receiver's manual says is taken as the least."""
     assert track_of(write(tmp_path, gga("120000.00", quality=quality)), date="2026-06-11").fix.tolist() == [fix]
+
+
+@pytest.mark.parametrize(("separation", "told"), [("36.6", False), ("28.0", False), ("0.0", True), ("-20.0", True)])
+def test_geoid_separation__far_from_the_geoid_is_told(tmp_path: Path, separation: str, told: bool) -> None:
+    log = NmeaLog(
+        [write(tmp_path, gga("010000.00", tail=f"100.0,M,{separation},M,,"), rmc("010000.00", "230526"))], ReadOptions()
+    )
+    log.track()
+    assert ("geoid-separation" in codes(log)) == told

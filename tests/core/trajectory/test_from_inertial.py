@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.knots import KNOT_STEP_S
@@ -82,14 +83,37 @@ def test_clock_of_the_imu__is_found_and_used(off_s: float) -> None:
     assert errors(by_imu.trajectory, flight)[:, :3].std(axis=0).max() < 0.02
 
 
-def test_lever_arm_that_is_off__is_not_taken_for_a_clock() -> None:
+def test_lever_arm_that_is_off__is_named_and_not_taken_for_a_clock() -> None:
     flight = Flight(40.0, seed=3)
     imu = MountedImu(flight.noisy_imu(rate_hz=100.0), MOUNTING, INDUSTRIAL)
     lever_m = (LEVER_M[0] + 0.3, LEVER_M[1], LEVER_M[2])
-    figures = trajectory_from_inertial(flight.noisy_track(), imu, frame(), lever_m, None).figures
-    assert figures.minus_gnss_s == 0.0
-    assert figures.constants.lever_off
-    assert figures.constants.lever_m[0] == pytest.approx(-0.3, abs=0.1)
+    by_imu = trajectory_from_inertial(flight.noisy_track(), imu, frame(), lever_m, None)
+    assert by_imu.figures.minus_gnss_s == 0.0
+    assert by_imu.figures.lever_arm_m == pytest.approx(LEVER_M, abs=0.05)
+    assert [notice.key for notice in by_imu.notices] == ["contradiction.lever-arm"]
+    # That of the IMU may be off instead.
+    assert np.hypot(*by_imu.trajectory.sigma[:, :2].T).min() > 0.25
+
+
+@pytest.mark.parametrize("jump", [False, True])
+def test_positions_that_err_slowly_or_jump__are_named(jump: bool) -> None:
+    flight = Flight(60.0, seed=3)
+    track = flight.noisy_track()
+    since_s = track.t_s - track.t_s[0]
+    wandering = lfilter(
+        [0.3 * np.sqrt(1.0 - 0.997**2)], [1.0, -0.997], np.random.default_rng(1).normal(size=len(track))
+    )
+    off_m = 0.4 * (since_s > 30.0) if jump else wandering
+    by_imu = found(replace(track, lat_deg=track.lat_deg + off_m / 111_000.0), flight.noisy_imu(rate_hz=100.0))
+    assert "contradiction.positions" in {notice.key for notice in by_imu.notices}
+    assert jump or np.sqrt(np.mean((errors(by_imu.trajectory, flight) / by_imu.trajectory.sigma) ** 2)) < 2.0
+
+
+def test_rates_in_another_unit__are_refused_by_name() -> None:
+    flight = Flight(60.0, seed=3)
+    imu = flight.noisy_imu(rate_hz=100.0)
+    with pytest.raises(InputError, match="in radians per second instead of degrees"):
+        found(flight.noisy_track(), replace(imu, rate_radps=np.radians(imu.rate_radps)))
 
 
 def test_flight_worked_on_in_parts__is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -141,7 +165,7 @@ def below(limit: int, noisy: InertialTrack, exact: InertialTrack) -> InertialTra
     return InertialTrack(exact.t_s, rate, force)
 
 
-@pytest.mark.parametrize(("filtered", "code"), [(1, "imu-shaken"), (10, "imu-noisier")])
+@pytest.mark.parametrize(("filtered", "code"), [(1, "imu-shaken"), (10, "contradiction")])
 def test_force_noisier_than_stated__is_told_and_sigmas_follow(filtered: int, code: str) -> None:
     """White noise shows itself in the measurements, filtered noise by the positions alone."""
     real, squares = replace(INDUSTRIAL, force=12.0 * INDUSTRIAL.force), []
@@ -152,7 +176,7 @@ def test_force_noisier_than_stated__is_told_and_sigmas_follow(filtered: int, cod
         squares.append((errors(result.trajectory, flight) / result.trajectory.sigma) ** 2)
     assert np.sqrt(np.concatenate(squares).mean()) < 2.0
     usual = found(flight.noisy_track(), flight.noisy_imu())
-    assert not {"imu-noisier", "imu-shaken"} & {notice.code for notice in usual.notices}
+    assert not {"imu-noisier", "imu-shaken", "contradiction"} & {notice.code for notice in usual.notices}
     assert "GNSS residuals are white" in usual.figures.residuals
 
 

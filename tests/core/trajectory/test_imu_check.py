@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 import furrowmap
 from furrowmap.core.readers.imu_csv import ImuCsv
-from furrowmap.core.readers.inertial_rows import imu_notices
+from furrowmap.core.readers.inertial_rows import imu_notices, without_frozen
 from furrowmap.core.readers.reader import ReadOptions
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial
 from furrowmap.core.trajectory.inertial_checks import check_mounting
 from furrowmap.core.trajectory.inertial_start import MountedImu
@@ -89,6 +89,22 @@ def test_times__of_arrival_and_pauses_are_told() -> None:
     kept[1000:1100] = False
     cut = InertialTrack(SOUND.t_s[kept], SOUND.rate_radps[kept], SOUND.force_mps2[kept])
     assert "1 pauses, 1.01 s in all" in found(cut)["imu-pauses"]
+
+
+def test_axis_that_freezes__is_left_out_for_that_time() -> None:
+    rate = SOUND.rate_radps.copy()
+    rate[1000:1500, 2] = rate[1000, 2]
+    notices: list[Notice] = []
+    kept = without_frozen(replace(SOUND, rate_radps=rate), notices)
+    assert len(kept) == len(SOUND) - 500
+    assert [notice.text for notice in notices] == [
+        "flight: angular rate z repeats one value for 5.0 s while the other axes go on. The measurements of that "
+        "time are left out; there are no poses then."
+    ]
+    # At rest, values of a coarse resolution repeat, of all axes.
+    still = InertialTrack(SOUND.t_s, np.zeros_like(rate), np.round(SOUND.force_mps2 * 0.0 + 9.8, 1))
+    assert without_frozen(still, notices) is still
+    assert without_frozen(SOUND, notices) is SOUND
 
 
 def turned_by(*rpy_deg: float) -> Mounting:

@@ -1,0 +1,101 @@
+"""Whether parcels lie where the crop stands: by the rims of the crop, which parcels that are shifted miss together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import shapely
+from scipy.ndimage import distance_transform_edt
+from scipy.signal import fftconvolve
+from shapely.affinity import translate
+
+from furrowmap.core.readers.areas.rings import pixels_in
+from furrowmap.core.runtime.arrays import Float32Array, FloatArray
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.parcel import Parcel
+
+MAX_PARCEL_SHIFT_M: Final = 8.0
+"""Shifts are looked for up to this."""
+SOIL_RING_M: Final = 0.3
+"""Width of the ring around a parcel whose heights are those of the soil."""
+MIN_SHIFTED_PARCELS: Final = 3
+SHIFT_SIGMAS: Final = 5.0
+"""Standard errors of the mean over the parcels by which a shifted layer must meet the crop better."""
+MIN_HEIGHT_SIGMAS: Final = 3.0
+"""Stated standard deviations of a parcel's height by which the shift must change it."""
+
+
+@dataclass(frozen=True)
+class ParcelShift:
+    """A shift with which parcels meet the crop better.
+
+    Attributes:
+        east_m, north_m: to be added to the parcels' coordinates.
+        height_off_m: by how much mean heights change with it (RMS over the parcels).
+    """
+
+    east_m: float
+    north_m: float
+    height_off_m: float
+
+
+def parcel_shift(
+    height_m: Float32Array, grid: Grid, parcels: Sequence[Parcel], height_sigma_m: float
+) -> ParcelShift | None:
+    """The shift of all parcels together with which they stand out most from the soil around; None for no other.
+
+    Args:
+        height_m: (rows, columns) of a surface with the crop, nan where unknown.
+        grid: that of the surface; it reaches MAX_PARCEL_SHIFT_M beyond the parcels where the surface does.
+        parcels: with crop on them.
+        height_sigma_m: stated standard deviation of a parcel's mean height.
+    """
+    known = np.isfinite(height_m)
+    if len(parcels) < MIN_SHIFTED_PARCELS or not known.any():
+        return None
+    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    filled = np.asarray(height_m[tuple(nearest)], np.float64)
+    filled -= filled.mean()
+    kernel = np.sum([_contrast_kernel(parcel, grid) for parcel in parcels], axis=0)
+    contrast = fftconvolve(filled, kernel[::-1, ::-1], mode="full")
+    reach = min(round(MAX_PARCEL_SHIFT_M / grid.cell_m), *(side - 1 for side in grid.shape))
+    middle = np.array(grid.shape) - 1
+    near = contrast[middle[0] - reach : middle[0] + reach + 1, middle[1] - reach : middle[1] + reach + 1]
+    row, column = np.unravel_index(int(np.argmax(near)), near.shape)
+    east_m, north_m = float(column - reach) * grid.cell_m, -float(row - reach) * grid.cell_m
+    if not (east_m or north_m):
+        return None
+    stated, moved = (_contrasts(filled, grid, parcels, by) for by in ((0.0, 0.0), (east_m, north_m)))
+    better = moved - stated
+    better = better[np.isfinite(better)]
+    if len(better) < MIN_SHIFTED_PARCELS:
+        return None
+    certain = better.mean() > SHIFT_SIGMAS * better.std(ddof=1) / np.sqrt(len(better))
+    height_off_m = float(np.sqrt(np.mean(better**2)))
+    matters = height_off_m > MIN_HEIGHT_SIGMAS * height_sigma_m
+    return ParcelShift(east_m, north_m, height_off_m) if certain and matters else None
+
+
+def _contrast_kernel(parcel: Parcel, grid: Grid) -> FloatArray:
+    """(rows, columns) weights with which heights make the mean height of a parcel over the ring around it."""
+    inside, ring = (
+        pixels_in(parcel.gross, grid),
+        pixels_in(shapely.Polygon(parcel.gross.buffer(SOIL_RING_M).exterior), grid),
+    )
+    ring &= ~inside
+    return inside / max(int(inside.sum()), 1) - ring / max(int(ring.sum()), 1)
+
+
+def _contrasts(filled: FloatArray, grid: Grid, parcels: Sequence[Parcel], by_m: tuple[float, float]) -> FloatArray:
+    """(n,) mean heights of net parcels over the rings around them, all shifted; nan outside of the surface."""
+    out = np.full(len(parcels), np.nan)
+    for k, parcel in enumerate(parcels):
+        net, gross = translate(parcel.net, *by_m), translate(parcel.gross, *by_m)
+        inside, sown = pixels_in(net, grid), pixels_in(gross, grid)
+        ring = pixels_in(shapely.Polygon(gross.buffer(SOIL_RING_M).exterior), grid) & ~sown
+        if inside.any() and ring.any():
+            out[k] = filled[inside].mean() - filled[ring].mean()
+    return out

@@ -1,0 +1,53 @@
+"""Shifted parcels are found by the rims of the crop, right ones are not doubted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from shapely.affinity import translate
+
+from furrowmap.core.crops.placement import parcel_shift
+from furrowmap.core.readers.areas.rings import pixels_in
+from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.values.parcel import Parcel
+
+GRID = Grid.of_bounds(0.1, (1000.0, 2000.0, 1040.0, 2030.0))
+SOWN = [
+    shapely.box(1010.0 + 6.0 * i, 2010.0 + 3.0 * j, 1015.0 + 6.0 * i, 2012.4 + 3.0 * j)
+    for i in range(3)
+    for j in range(3)
+]
+
+
+def crop(height_m: float = 0.5) -> np.ndarray:
+    """A slope with waves, noise, and a crop of uneven height on what is sown; a corner is unknown."""
+    rng = np.random.default_rng(1)
+    easting, northing = GRID.centres_m()
+    out = 0.02 * (easting - 1000.0) + 0.02 * np.sin(northing / 3.0)[:, None] + rng.normal(0.0, 0.01, GRID.shape)
+    for k, shape in enumerate(SOWN):
+        out += pixels_in(shape, GRID) * (height_m * (1.0 + 0.05 * (k % 4)))
+    out[:40, :40] = np.nan
+    return out.astype(np.float32)
+
+
+def parcels(east_m: float, north_m: float) -> list[Parcel]:
+    moved = [translate(shape, east_m, north_m) for shape in SOWN]
+    return [Parcel(str(k), shape, shape.buffer(-0.3)) for k, shape in enumerate(moved)]
+
+
+@pytest.mark.parametrize(("east_m", "north_m"), [(0.5, 0.0), (0.3, -0.4), (0.0, 1.0), (-3.0, 4.0)])
+def test_shifted_parcels__are_found_with_their_shift(east_m: float, north_m: float) -> None:
+    found = parcel_shift(crop(), GRID, parcels(east_m, north_m), 0.005)
+    assert found is not None
+    assert (found.east_m, found.north_m) == pytest.approx((-east_m, -north_m), abs=0.11)
+    assert found.height_off_m > 0.02
+
+
+@pytest.mark.parametrize(("height_m", "off_m"), [(0.5, 0.0), (0.5, 0.05), (0.0, 0.5)])
+def test_right_parcels_and_bare_soil__are_not_doubted(height_m: float, off_m: float) -> None:
+    assert parcel_shift(crop(height_m), GRID, parcels(off_m, 0.0), 0.005) is None
+
+
+def test_two_parcels__show_nothing() -> None:
+    assert parcel_shift(crop(), GRID, parcels(1.0, 0.0)[:2], 0.005) is None
