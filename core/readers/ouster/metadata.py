@@ -313,7 +313,7 @@ def metadata_beside(path: Path) -> tuple[list[Metadata], list[str]]:
     for other in texts[:_MAX_FILES]:
         try:
             if other.stat().st_size <= _MAX_BYTES:
-                metadata = Metadata.parse(other.read_text("utf-8"), other.name)
+                metadata = Metadata.parse(other.read_text("utf-8-sig"), other.name)
                 if metadata is not None:
                     found.append(metadata)
         except (OSError, ValueError) as error:
