@@ -17,6 +17,7 @@ HELD_BY_PAGES: Final = ("core/simulator/scenario.py", "core/simulator/flight_sce
 EVERY_ONE: Final = {
     "core/pointclouds/cleaning_steps.py Cleaning.every": 1,
     "core/pointclouds/spooled_clouds.py spool_clouds(every)": 1,
+    "app/workflows/calibrate/mount.py calibrate_mount(every)": 1,
     "app/settings.py _every(default)": 1,
     "core/adjustment/clock_offset.py _Trial.agreement(every)": 1,
     "core/values/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
