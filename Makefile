@@ -100,8 +100,9 @@ bench-dates: $(INSTALLED)  ## ties of dates on three simulated fields against th
 bench-flights: $(INSTALLED)  ## trajectories and boresights of ten simulated flights against their truth
 	$(BIN)/python benchmarks/flights.py
 
-bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions: stated sigmas against true errors
+bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions and flights: stated sigmas against true errors
 	$(BIN)/python benchmarks/misstated.py
+	$(BIN)/python benchmarks/misstated_flights.py ../shared/data/uav_wheat/session.toml
 
 bench-outages: $(INSTALLED)  ## random outages of GNSS and pauses of the scanner: stated sigmas against true errors
 	$(BIN)/python benchmarks/outages.py
