@@ -71,6 +71,7 @@ class PacketScans:
         counts, model = self._decoder.counts, self._decoder.model
         return {
             "model": model.name if model else None,
+            **self._decoder.angles,
             "return_modes": {self._maker.mode_name(mode): n for mode, n in counts.modes.items()},
             "packets": counts.packets,
             "rpm": round(counts.rpm, 1),

@@ -123,6 +123,7 @@ class SensorTraffic:
         facts: dict[str, Any] = {
             "capture": capture.format + resolution,
             "model": model.name if model else None,
+            **self.decoder.angles,
             "return_mode": next(iter(modes)) if len(modes) == 1 else modes,
             "sender": _address_of(sender),
             "data_packets": counts.packets,

@@ -277,6 +277,13 @@ class PacketDecoder:
         """The model that packets are decoded as; None before the first packet."""
         return self._model
 
+    @property
+    def angles(self) -> dict[str, str]:
+        """Where the angles are from, for `inspect`; nothing of makers whose sensors have none of their own."""
+        if not self._maker.calibrated:
+            return {}
+        return {"angles": self._angles.path.name if self._angles is not None else "of the model"}
+
     def push(self, payloads: ByteArray, host_s: FloatArray) -> list[Scan]:
         """Scans that these packets complete.
 

@@ -121,6 +121,7 @@ def test_angles__come_from_the_file_beside_or_are_said_to_be_the_models(tmp_path
     (tmp_path / "own.csv").write_text("EEFF,1,1\n" + calibration(XT32_DEG - 0.1))
     (tmp_path / "other.csv").write_text("t_s,state\n0,up\n")
     assert "angles-of-model" not in notices_of(path)
+    assert HesaiPcap([path], ReadOptions()).inspect().facts["angles"] == "own.csv"
     scan = next(HesaiPcap([path], ReadOptions()).scans())
     top = scan.xyz_m[scan.laser == 31][0]
     assert np.degrees(np.arctan2(top[2], np.hypot(*top[:2]))) == pytest.approx(14.9, abs=1e-3)
