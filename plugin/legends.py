@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Names of layers and legend labels of rasters in the user's language."""
 
+import re
+
 from qgis.core import (
     QgsColorRampShader,
     QgsLayerTreeLayer,
@@ -58,6 +60,11 @@ LAYER_LABELS = {
     "density": QT_TRANSLATE_NOOP("Legends", "Point density"),
     "strip_overlap": QT_TRANSLATE_NOOP("Legends", "Overlap of strips"),
     "crop_height": QT_TRANSLATE_NOOP("Legends", "Height of the crop"),
+    "slope": QT_TRANSLATE_NOOP("Legends", "Slope"),
+    "roughness": QT_TRANSLATE_NOOP("Legends", "Roughness"),
+    "low_spots": QT_TRANSLATE_NOOP("Legends", "Low spots"),
+    "growth": QT_TRANSLATE_NOOP("Legends", "Growth of the crop"),
+    "canopy_height": QT_TRANSLATE_NOOP("Legends", "Height of the canopy"),
     "fields": QT_TRANSLATE_NOOP("Legends", "Fields"),
     "visits": QT_TRANSLATE_NOOP("Legends", "Work of each session"),
     "seasons": QT_TRANSLATE_NOOP("Legends", "Work of each season"),
@@ -67,15 +74,22 @@ LAYER_LABELS = {
     "provenance": QT_TRANSLATE_NOOP("Legends", "Reports and settings of the sessions"),
 }
 """Names in the layer panel; the layers keep those of the products."""
+CHANGE_OF_DATES = re.compile(r"change_(\d+)_(\d+)")
+"""Name of the change between two dates of a field."""
 
 
 def name_node(node: QgsLayerTreeLayer, *, worked: bool = True) -> None:
     """Show a layer under its title in the layer panel; `worked` tells whether a tool worked the ground."""
     label = LAYER_LABELS.get(node.layer().name())
+    dates = CHANGE_OF_DATES.fullmatch(node.layer().name())
     if label:
         node.setUseLayerName(False)
         label = label if worked else WITHOUT_WORK.get(label, label)
         node.setName(QCoreApplication.translate("Legends", label))
+    elif dates:
+        node.setUseLayerName(False)
+        words = QCoreApplication.translate("Legends", "Change from date {earlier} to date {later}")
+        node.setName(words.format(earlier=int(dates[1]), later=int(dates[2])))
 
 
 def shown_name(layer: str) -> str:

@@ -24,7 +24,7 @@ from qgis.PyQt.QtCore import QCoreApplication, QDateTime, Qt
 
 from .legends import label_band, name_node, translate_colours
 from .previews import remove_previews
-from .processing.loading import sources
+from .processing.loading import FARM_LAYERS, sources
 from .products import product, read_object
 from .styles import (
     fill_worked,
@@ -46,8 +46,6 @@ SURFACES = (
 )
 COLOURED_SURFACES = ("crop_height", "change", "swaths", "height_above_ground", "strip_overlap", "density")
 """Rasters in colours, which lie above the hillshade."""
-FARM_LAYERS = ("fields", "sessions", "boundary", "coverage", "plants", "lines", "planes")
-"""Layers of a farm map that are seen at first: what one session missed, another one may have worked."""
 _ALWAYS = ("boundary", "trajectory", "plants", "lines", "planes", "orthophoto", "dsm")
 THEMES = {
     "work": (*_ALWAYS, "misses", "unworked", "overlaps", "coverage"),

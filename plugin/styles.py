@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from qgis.core import (
@@ -11,6 +12,7 @@ from qgis.core import (
     QgsFillSymbol,
     QgsHillshadeRenderer,
     QgsMapLayer,
+    QgsPalLayerSettings,
     QgsPointCloudCategory,
     QgsPointCloudClassifiedRenderer,
     QgsPointCloudLayer,
@@ -21,6 +23,7 @@ from qgis.core import (
     QgsSingleBandPseudoColorRenderer,
     QgsSingleSymbolRenderer,
     QgsVectorLayer,
+    QgsVectorLayerSimpleLabeling,
 )
 from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
 from qgis.PyQt.QtGui import QColor
@@ -38,6 +41,15 @@ CHANGES = (  # metres, colour: sunk, unchanged, risen; as the products' own styl
     (CHANGE_M / 2, "#dfc27d"),
     (CHANGE_M, "#8c510a"),
 )
+COUNTS = (
+    (0.0, "#00ffffff", "0"),
+    (1.0, "#f7fcb9", "1"),
+    (2.0, "#addd8e", "2"),
+    (3.0, "#41ab5d", "3"),
+    (4.0, "#006837", "4"),
+)
+MORE = (math.inf, "#00301a", "≥ 5")
+"""Up to a count, its colour and label: how often ground was worked."""
 POINT_CLASSES = (
     (2, "#9c7a4a", QT_TRANSLATE_NOOP("Classes", "ground")),
     (1, "#5c9c4a", QT_TRANSLATE_NOOP("Classes", "other")),
@@ -77,6 +89,25 @@ def show_as_change(layer: QgsRasterLayer, *, styled: bool = False) -> None:
     renderer = set_colours(layer, ramp)
     renderer.setClassificationMin(-CHANGE_M)
     renderer.setClassificationMax(CHANGE_M)
+
+
+def show_as_counts(layer: QgsRasterLayer) -> None:
+    """Draw how often ground was worked."""
+    ramp = QgsColorRampShader(0.0, len(COUNTS))
+    ramp.setColorRampType(QgsColorRampShader.Type.Discrete)
+    items = [QgsColorRampShader.ColorRampItem(value, QColor(colour), label) for value, colour, label in COUNTS]
+    ramp.setColorRampItemList(items)
+    set_colours(layer, ramp)
+
+
+def show_as_plots(layer: QgsVectorLayer) -> None:
+    """Draw the outlines of the plots of a trial, with their identifiers."""
+    look = {"style": "no", "outline_color": "20,20,20,255", "outline_width": "0.4"}
+    layer.setRenderer(QgsSingleSymbolRenderer(QgsFillSymbol.createSimple(look)))
+    label = QgsPalLayerSettings()
+    label.fieldName = "id"
+    layer.setLabeling(QgsVectorLayerSimpleLabeling(label))
+    layer.setLabelsEnabled(True)
 
 
 def fill_worked(layer: QgsVectorLayer) -> None:

@@ -637,6 +637,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>2 m and more</source><translation>2 m 以上</translation></message>
   <message><source>4 and more</source><translation>4 以上</translation></message>
   <message><source>Boundary of the field</source><translation>圃場の境界</translation></message>
+  <message><source>Change from date {earlier} to date {later}</source><translation>日付 {earlier} から日付 {later} への変化</translation></message>
   <message><source>Change of the surface</source><translation>地表面の変化</translation></message>
   <message><source>Cultivated path</source><translation>耕うん経路</translation></message>
   <message><source>Differences of strips</source><translation>ストリップ間の差</translation></message>
@@ -645,13 +646,16 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Fields</source><translation>圃場</translation></message>
   <message><source>Ground not worked</source><translation>未作業の範囲</translation></message>
   <message><source>Ground worked twice</source><translation>重複した範囲</translation></message>
+  <message><source>Growth of the crop</source><translation>作物の生育量</translation></message>
   <message><source>Headland and body</source><translation>枕地と本体</translation></message>
   <message><source>Height above ground</source><translation>地面からの高さ</translation></message>
   <message><source>Height above ground (m)</source><translation>地面からの高さ（m）</translation></message>
   <message><source>Height change (m)</source><translation>高さの変化（m）</translation></message>
   <message><source>Height difference of swaths (mm)</source><translation>スワス間の高さの差（mm）</translation></message>
+  <message><source>Height of the canopy</source><translation>樹冠の高さ</translation></message>
   <message><source>Height of the crop</source><translation>作物の高さ</translation></message>
   <message><source>Height of the crop (m)</source><translation>作物の高さ（m）</translation></message>
+  <message><source>Low spots</source><translation>くぼ地</translation></message>
   <message><source>Machines</source><translation>機械</translation></message>
   <message><source>Missed ground</source><translation>作業残し</translation></message>
   <message><source>Number of strips</source><translation>ストリップの数</translation></message>
@@ -669,7 +673,9 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Relief before the work</source><translation>作業前の起伏</translation></message>
   <message><source>Relief of the ground</source><translation>地面の起伏</translation></message>
   <message><source>Reports and settings of the sessions</source><translation>セッションのレポートと設定</translation></message>
+  <message><source>Roughness</source><translation>粗さ</translation></message>
   <message><source>Sessions</source><translation>セッション</translation></message>
+  <message><source>Slope</source><translation>傾斜</translation></message>
   <message><source>Strips of the flight</source><translation>飛行のストリップ</translation></message>
   <message><source>Surface</source><translation>表面</translation></message>
   <message><source>Surface after the work</source><translation>作業後の地表面</translation></message>

@@ -31,7 +31,7 @@ from ..results import open_results
 from ..worker import WorkerCancelled, WorkerError, run_command, stage_name
 from .description import COMMAND_OPTIONS, TOOLBOX_GROUPS, Algorithm, Parameter
 from .layer_files import first_unknown, layer_files
-from .loading import load_when_done
+from .loading import load_when_done, style_when_done
 from .parameters import qgis_output, qgis_parameter
 
 tr = partial(QCoreApplication.translate, "Algorithms")
@@ -257,6 +257,9 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
         if self.description.layers is not None and self.parameterAsBool(parameters, OPEN, context):
             for path in self.description.layers(answer):
                 load_when_done(context, path, translated(self.description.layer_group) or Path(path).parent.name)
+        for name, parameter in self.by_name.items():
+            if parameter.kind == "new raster":
+                style_when_done(context, values[name][0])
         return self._outputs(answer, values)
 
     def _outputs(self, answer: Any, values: dict[str, list[str]]) -> dict[str, Any]:

@@ -21,13 +21,17 @@ from qgis.core import (
 )
 from qgis.PyQt import sip
 
-from ..styles import set_colours, show_as_change, show_as_surface, show_by_class
+from ..legends import name_node
+from ..styles import set_colours, show_as_change, show_as_counts, show_as_plots, show_as_surface, show_by_class
 
 RASTER_SUFFIXES = (".tif", ".vrt")
 CLOUD_SUFFIXES = (".laz",)
-RELIEF_RASTERS = ("dsm", "dsm_before", "dtm")
+BY_CONTENT = {"height": show_as_surface, "change": show_as_change, "times worked": show_as_counts}
+"""How a raster is drawn, by the description of its first band."""
 RAMPS = {"height_above_ground": "Viridis", "slope": "Reds", "roughness": "Magma", "low_spots": "Blues"}
 SHARES, SAMPLED = (0.02, 0.98), 250_000
+FARM_LAYERS = ("fields", "sessions", "boundary", "coverage", "plants", "lines", "planes")
+"""Layers of a farm map that are seen at first: what one session missed, another one may have worked."""
 
 
 def load_when_done(context: QgsProcessingContext, path: str | Path, group: str) -> None:
@@ -43,12 +47,21 @@ def load_when_done(context: QgsProcessingContext, path: str | Path, group: str) 
     hints = QgsProcessingUtils.LayerHint
     suffix = Path(path).suffix.lower()
     hint = hints.Raster if suffix in RASTER_SUFFIXES else hints.PointCloud if suffix in CLOUD_SUFFIXES else hints.Vector
-    for source, name in sources(path):
+    found = sources(path)
+    farm = {"fields", "sessions"} <= {name for _, name in found}
+    for below, (source, name) in enumerate(reversed(found)):
         details = QgsProcessingContext.LayerDetails(name, context.project(), name, hint)
         details.forceName = True
         details.groupName = group
-        details.setPostProcessor(_Style.kept())
+        details.layerSortKey = below
+        details.setPostProcessor(_Style.kept(shown=name in FARM_LAYERS or not farm))
         context.addLayerToLoadOnCompletion(source, details)
+
+
+def style_when_done(context: QgsProcessingContext, path: str) -> None:
+    """Style the raster of an output that QGIS itself opens when the algorithm has finished, if it does."""
+    if context.willLoadLayerOnCompletion(path):
+        context.layerToLoadOnCompletionDetails(path).setPostProcessor(_Style.kept(shown=True))
 
 
 def sources(path: str | Path) -> list[tuple[str, str]]:
@@ -64,37 +77,44 @@ def sources(path: str | Path) -> list[tuple[str, str]]:
 
 
 class _Style(QgsProcessingLayerPostProcessorInterface):
-    """Styles a layer: a vector by its default style, a point cloud by class, a raster by its name.
+    """Styles a layer: a vector by its default style, a point cloud by class, a raster by its name; titles it.
 
     QGIS deletes each object with its context, but does not keep its Python part alive until then: the class does.
     """
 
     _kept: tuple[_Style, ...] = ()
+    shown = True
 
     @classmethod
-    def kept(cls) -> _Style:
-        """A new object, for one layer."""
+    def kept(cls, *, shown: bool) -> _Style:
+        """A new object, for one layer, which is shown or hidden."""
         style = cls()
+        style.shown = shown
         cls._kept = (*(other for other in cls._kept if not sip.isdeleted(other)), style)
         return style
 
     def postProcessLayer(  # noqa: N802 - the names are QGIS's
         self,
         layer: QgsMapLayer,
-        context: QgsProcessingContext,  # noqa: ARG002
+        context: QgsProcessingContext,
         feedback: QgsProcessingFeedback,  # noqa: ARG002
     ) -> None:
-        """Set the style, in the main thread."""
+        """Set the style and the title, in the main thread; QGIS has put the layer into the layer tree."""
         if isinstance(layer, QgsVectorLayer):
-            layer.loadDefaultStyle()
+            _, styled = layer.loadDefaultStyle()
+            if not styled and layer.fields().indexOf("block") >= 0:
+                show_as_plots(layer)
         elif isinstance(layer, QgsPointCloudLayer):
             show_by_class(layer)
-        elif layer.name() in RELIEF_RASTERS:
-            show_as_surface(layer)
-        elif layer.name() == "change":
-            show_as_change(layer)
         elif layer.name() in RAMPS:
             show_by_ramp(layer, RAMPS[layer.name()])
+        else:
+            content = layer.bandName(1).partition(": ")[2].partition(" (")[0]
+            BY_CONTENT.get(content, lambda _layer: None)(layer)
+        node = context.project().layerTreeRoot().findLayer(layer.id()) if context.project() is not None else None
+        if node is not None:
+            name_node(node, worked=False)
+            node.setItemVisibilityChecked(self.shown)
 
 
 def show_by_ramp(layer: QgsRasterLayer, name: str) -> None:
