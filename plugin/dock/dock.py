@@ -120,7 +120,14 @@ class FurrowmapDock(QgsDockWidget):
             (self.drives.left, self.show_start),
         ):
             signal.connect(slot)
+        QgsProject.instance().layersWillBeRemoved["QList<QgsMapLayer*>"].connect(self._stop_drawing)
         self.show_start()
+
+    def _stop_drawing(self, layers: Sequence[QgsMapLayer]) -> None:
+        """QGIS 3.40 crashes where a point cloud is removed while it is drawn, also by hand or with its project."""
+        if any(isinstance(layer, QgsPointCloudLayer) for layer in layers):
+            for canvas in self._iface.mapCanvases():
+                canvas.stopRendering()
 
     # dropped files
 
@@ -463,6 +470,7 @@ class FurrowmapDock(QgsDockWidget):
     def end(self) -> None:
         """Cancel tasks and timers, before the plugin is unloaded."""
         self._steps = None
+        QgsProject.instance().layersWillBeRemoved["QList<QgsMapLayer*>"].disconnect(self._stop_drawing)
         self._end_replay()
         self.base_map.end()
         self.previewer.end()

@@ -69,7 +69,7 @@ class Replay(QObject):
         group: QgsLayerTreeGroup,
     ) -> None:
         super().__init__(canvas)
-        self._controller, self._ended = controller, False
+        self._canvas, self._controller, self._ended = canvas, controller, False
         self._moment, self._zone = local_start(object_in(report, "figures"))
         self._hidden: list[str] = []
         self._added: list[str] = []
@@ -156,6 +156,7 @@ class Replay(QObject):
     def _filter(self, layer_id: str, text: str) -> None:
         cloud = QgsProject.instance().mapLayer(layer_id)
         if cloud is not None and cloud.subsetString() != text:
+            self._canvas.stopRendering()  # it reads the cloud in another thread
             cloud.setSubsetString(text)
             cloud.triggerRepaint()
 

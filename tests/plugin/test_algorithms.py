@@ -451,7 +451,8 @@ def test_plots__are_laid_out_from_a_place_on_the_map(answers: dict[str, Any], fo
     assert answers["plots"]["outputs"]["PLOTS"] == 6
     west, south, east, north = gpd.read_file(folder / "plots.gpkg").total_bounds
     scale = Proj("EPSG:6677").get_factors(139.9, 36.5).meridional_scale
-    assert (east - west, north - south) == pytest.approx((30.0 * scale, 4.0 * scale), rel=1e-6), "metres on the ground"
+    # Metres on the ground; alleys of 1 m and paths of 0.5 m, with which the dialog opens.
+    assert (east - west, north - south) == pytest.approx((32.0 * scale, 4.5 * scale), rel=1e-6)
 
 
 def test_parcels__are_measured_and_a_trial_is_analysed(answers: dict[str, Any], folder: Path) -> None:
