@@ -10,6 +10,7 @@ from typing import Any
 
 from qgis.core import (
     Qgis,
+    QgsCategorizedSymbolRenderer,
     QgsCoordinateTransform,
     QgsLayerTreeGroup,
     QgsLayout,
@@ -22,8 +23,10 @@ from qgis.core import (
     QgsLayoutSize,
     QgsLegendStyle,
     QgsMapLayer,
+    QgsMapLayerLegendUtils,
     QgsPrintLayout,
     QgsProject,
+    QgsPropertyCollection,
     QgsRectangle,
     QgsVectorLayer,
 )
@@ -171,6 +174,14 @@ def _legend(layout: QgsLayout, page_map: QgsLayoutItemMap, layers: Sequence[QgsM
         node = tree.addLayer(layer)
         node.setCustomProperty("legend/title-label", shown_name(layer.name()))
         label_band(node)
+        if layer.name() == "passes" and isinstance(layer.renderer(), QgsCategorizedSymbolRenderer):
+            for k, category in enumerate(
+                layer.renderer().categories()
+            ):  # pages of an atlas would colour all as their pass
+                symbol = category.symbol().clone()
+                symbol.symbolLayer(0).setDataDefinedProperties(QgsPropertyCollection())
+                QgsMapLayerLegendUtils.setLegendNodeCustomSymbol(node, k, symbol)
+            legend.model().refreshLayerLegend(node)
     legend.setLegendFilterByMapEnabled(True)
     for name, size in LEGEND_FONTS.items():
         style = legend.rstyle(getattr(QgsLegendStyle.Style, name))
