@@ -9,8 +9,9 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.estimation.aiding import CONSTANT_WALK
 from furrowmap.core.estimation.banded import NormalEquations
-from furrowmap.core.estimation.inertial import VELOCITY
+from furrowmap.core.estimation.inertial import INERTIAL, VELOCITY, add_walk
 from furrowmap.core.estimation.knots import (
     KNOT_STEP_S,
     POSE,
@@ -19,6 +20,8 @@ from furrowmap.core.estimation.knots import (
     Knots,
     Observation,
     State,
+    StateBlock,
+    StateLayout,
     turns,
 )
 from furrowmap.core.estimation.positions import AntennaHeadings, AntennaPositions, GnssDrift
@@ -58,10 +61,20 @@ SLIP: Final = 0.03
 MIN_SLIP_SIGMA_M: Final = 0.0005
 SLIP_EVERY_S: Final = 0.1
 """Slip is independent from one such interval to the next."""
-NOSE_SIDEWAYS_SHARE: Final = 0.1
-"""Sideways way as a share of the way: slip on a slope, and the yaw of an IMU mounted by hand."""
-AXLE_OFFSET_M: Final = 0.3
-"""How far the vehicle's origin may be before or behind the point that does not move sideways in turns."""
+TRAVEL_YAW: Final = StateBlock("travel_yaw_rad", 1)
+"""Direction of travel on a straight way, to the left of the nose: the yaw of an IMU mounted by hand."""
+AXLE_BEHIND: Final = StateBlock("axle_behind_m", 1)
+"""How far behind the vehicle's origin the point is that does not move sideways in turns."""
+ON_WHEELS: Final = StateLayout((*INERTIAL.blocks, TRAVEL_YAW, AXLE_BEHIND))
+"""Of a vehicle on wheels with GNSS and an IMU."""
+TRAVEL_YAW_SIGMA: Final = float(np.radians(5.0))
+UNKNOWN_TRAVEL_YAW: Final = 3.0
+"""Such standard deviations of the direction of travel show that the mounting is another than the stated one."""
+AXLE_BEHIND_SIGMA_M: Final = 0.5
+NOSE_SIDEWAYS_SHARE: Final = 0.05
+"""Sideways way as a share of the way beside that: slip, as on a slope."""
+AXLE_OFFSET_M: Final = 0.1
+"""By how much that point moves."""
 SIDEWAYS_CORRELATION_S: Final = 10.0
 """Time over which either stays the same."""
 MIN_SIDEWAYS_SIGMA_M: Final = 0.001
@@ -69,19 +82,31 @@ MIN_SIDEWAYS_SIGMA_M: Final = 0.001
 
 @dataclass(frozen=True)
 class AlongNose(Observation):
-    """Weak observation of no sideways movement from each knot to the next."""
+    """Weak observation of no sideways movement from each knot to the next.
+
+    Attributes:
+        yaw_sigma_rad: standard deviation of the direction of travel about the nose.
+    """
+
+    yaw_sigma_rad: float = TRAVEL_YAW_SIGMA
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """One equation for each two knots."""
         linked, lasting = knots.linked, np.sqrt(SIDEWAYS_CORRELATION_S / KNOT_STEP_S)
         for part in arrays.parts(len(linked)):
-            steps = AxleSteps.from_knots(linked[part], state)
-            before, after = state.rotation[linked[part]], state.rotation[linked[part] + 1]
+            k = linked[part]
+            steps = AxleSteps.from_knots(k, state, state[TRAVEL_YAW][k])
+            before, after = state.rotation[k], state.rotation[k + 1]
             turn = np.einsum("ki,ki->k", after[:, :, 0] - before[:, :, 0], before[:, :, 1])
             sigma = np.hypot(
                 lasting * np.hypot(NOSE_SIDEWAYS_SHARE * steps.along_m, AXLE_OFFSET_M * turn), MIN_SIDEWAYS_SIGMA_M
             )
-            equations.add(linked[part] * state.layout.size, steps.design, -steps.sideways_m, sigma)
+            steps.design[:, state.layout.column(TRAVEL_YAW)] = -steps.along_m
+            steps.design[:, state.layout.column(AXLE_BEHIND)] = -turn
+            residual = state[AXLE_BEHIND][k, 0] * turn - steps.sideways_m
+            equations.add(k * state.layout.size, steps.design, residual, sigma)
+        add_walk(equations, knots, state, TRAVEL_YAW, CONSTANT_WALK, self.yaw_sigma_rad)
+        add_walk(equations, knots, state, AXLE_BEHIND, CONSTANT_WALK, AXLE_BEHIND_SIGMA_M)
 
 
 @dataclass(frozen=True)
@@ -114,11 +139,13 @@ class AxleSteps:
     design: FloatArray
 
     @classmethod
-    def from_knots(cls, linked: NDArray[np.int64], state: State) -> AxleSteps:
-        """Those from the knots (k,) to the next."""
+    def from_knots(cls, linked: NDArray[np.int64], state: State, yaw_rad: FloatArray | float = 0.0) -> AxleSteps:
+        """Those from the knots (k,) to the next, forward being to the left of the nose by a yaw (k, 1)."""
         size = state.layout.size
         step = state.xyz_m[linked + 1] - state.xyz_m[linked]
         forward, left = (0.5 * (state.rotation[linked, :, a] + state.rotation[linked + 1, :, a]) for a in range(2))
+        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+        forward, left = cos * forward + sin * left, cos * left - sin * forward
         length = np.linalg.norm(step, axis=1)
         design = np.zeros((len(linked), size + POSE))
         design[:, :ROTATION], design[:, size : size + ROTATION] = -left, left

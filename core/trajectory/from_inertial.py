@@ -38,7 +38,13 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import CONTRADICTION, InputError, Notice
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
 from furrowmap.core.trajectory.imu_clock import search_imu_clock
-from furrowmap.core.trajectory.inertial_adjustment import InertialAdjustment, adjust, beside_positions, with_clock
+from furrowmap.core.trajectory.inertial_adjustment import (
+    InertialAdjustment,
+    adjust,
+    beside_positions,
+    with_clock,
+    with_travel,
+)
 from furrowmap.core.trajectory.inertial_checks import Whiteness, check_mounting, with_shown_noise
 from furrowmap.core.trajectory.inertial_doubts import Explained, agrees, explained, with_noisier_imu
 from furrowmap.core.trajectory.inertial_start import (
@@ -177,7 +183,7 @@ def trajectory_from_inertial(
     searched_s = search_imu_clock(imu.in_vehicle_axes, positions, on_wheels=hints.on_wheels)
     whole = InertialProblem.over_common_time(positions, imu.earlier_by(searched_s), site, lever, hints)
     problem, start = first_guess(whole, notices)
-    adjusted, clock_s = with_clock(adjust(problem, start), searched_s)
+    adjusted, clock_s = with_clock(with_travel(adjust(problem, start)), searched_s)
     if np.degrees(np.median(adjusted.sigma[:, ROTATION + 2])) > UNKNOWN_HEADING_DEG:
         raise heading_unknown(problem)
     clocked = imu.earlier_by(clock_s)

@@ -11,6 +11,7 @@ from furrowmap.core.estimation.banded import HUBER_SIGMAS
 from furrowmap.core.estimation.imu_constants import CERTAIN_SIGMAS, ImuConstants, imu_constants
 from furrowmap.core.estimation.knots import POSE, ROTATION, Observation, State, normal_equations
 from furrowmap.core.estimation.positions import AntennaPositions, GnssDrift
+from furrowmap.core.estimation.vehicle import TRAVEL_YAW, TRAVEL_YAW_SIGMA, UNKNOWN_TRAVEL_YAW
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.trajectory.inertial_start import InertialProblem
 
@@ -80,6 +81,16 @@ def adjust(problem: InertialProblem, state: State, rounds: int = MAX_ROUNDS) -> 
     sigma = solution.sigma().reshape(len(knots), -1)
     constants, by_clock = imu_constants(antenna, knots, state, solution, factor)
     return InertialAdjustment(problem, state, sigma, antenna, number, factor, deviance, constants, by_clock)
+
+
+def with_travel(adjusted: InertialAdjustment) -> InertialAdjustment:
+    """The adjustment of a vehicle on wheels with any direction of travel, where that along the nose does not fit."""
+    if not adjusted.problem.hints.on_wheels:
+        return adjusted
+    yaw_rad = float(np.median(adjusted.state[TRAVEL_YAW]))
+    if abs(yaw_rad) < UNKNOWN_TRAVEL_YAW * TRAVEL_YAW_SIGMA:
+        return adjusted
+    return adjust(replace(adjusted.problem, hints=replace(adjusted.problem.hints, travel_known=False)), adjusted.state)
 
 
 def with_clock(adjusted: InertialAdjustment, used_s: float) -> tuple[InertialAdjustment, float]:

@@ -11,10 +11,18 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.estimation.inertial import INERTIAL, InertialLinks, Site, increments
-from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots, Observation, State, knots_over
+from furrowmap.core.estimation.inertial import (
+    FORCE_BIAS,
+    INERTIAL,
+    RATE_BIAS,
+    VELOCITY,
+    InertialLinks,
+    Site,
+    increments,
+)
+from furrowmap.core.estimation.knots import KNOT_STEP_S, POSE, Chain, Knots, Observation, State, StateLayout, knots_over
 from furrowmap.core.estimation.positions import RecordedHeadings
-from furrowmap.core.estimation.vehicle import AlongNose, Standing
+from furrowmap.core.estimation.vehicle import ON_WHEELS, AlongNose, Standing
 from furrowmap.core.geodesy.gravity import earth_rate_radps, normal_gravity_mps2, radius_m
 from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.runtime import arrays
@@ -95,12 +103,19 @@ class Hints:
     Attributes:
         on_wheels: whether the vehicle's origin moves along its nose, forward or in reverse.
         heading: the vehicle's heading by another device, or by the IMU's own filter; None without.
+        travel_known: whether the vehicle moves along its nose as far as a mounting by hand is right.
         unasked: whether the positions come with headings of two antennas that nobody asked for.
     """
 
     on_wheels: bool = False
     heading: RecordedHeadings | None = None
+    travel_known: bool = True
     unasked: bool = False
+
+    @property
+    def layout(self) -> StateLayout:
+        """The states of a knot."""
+        return ON_WHEELS if self.on_wheels else INERTIAL
 
     def of_chain(
         self, t_s: FloatArray, antenna_m: FloatArray, sigmas_m: tuple[float, float], lever_m: FloatArray
@@ -119,7 +134,8 @@ class Hints:
 
     def observations(self, track: InertialTrack, positions: Positions) -> tuple[Observation, ...]:
         """What joins the adjustment of an IMU and positions."""
-        wheels = (AlongNose(), Standing.find(track, positions)) if self.on_wheels else ()
+        along = AlongNose() if self.travel_known else AlongNose(np.pi)
+        wheels = (along, Standing.find(track, positions)) if self.on_wheels else ()
         return wheels if self.heading is None else (*wheels, self.heading)
 
 
@@ -232,7 +248,7 @@ def first_guess(problem: InertialProblem, notices: list[Notice]) -> tuple[Inerti
     knots = Knots(tuple(chains), np.concatenate([c.begin_s + KNOT_STEP_S * np.arange(c.count) for c in chains]))
     names = ("xyz_m", "rotation", "added")
     xyz, rotation, added = (arrays.concatenated([getattr(g, name) for g in guesses]) for name in names)
-    return replace(problem, knots=knots), State(xyz, rotation, added, INERTIAL)
+    return replace(problem, knots=knots), State(xyz, rotation, added, problem.hints.layout)
 
 
 def likely_mistake(problem: InertialProblem, misfit: float | None = None) -> str | None:
@@ -290,7 +306,10 @@ def _guess_states(problem: InertialProblem, chain: Chain, track: InertialTrack) 
     else:
         return None
     velocity = np.gradient(antenna - found.rotation @ arm, KNOT_STEP_S, axis=0)
-    added = np.column_stack([np.zeros((chain.count, 3)), velocity, found.bias])
+    added = np.zeros((chain.count, problem.hints.layout.size - POSE))
+    for block, values in ((VELOCITY, velocity), (RATE_BIAS, found.bias[:, :3]), (FORCE_BIAS, found.bias[:, 3:])):
+        first = problem.hints.layout.column(block) - POSE
+        added[:, first : first + block.size] = values
     xyz = stretch * (antenna - found.rotation @ problem.lever_m)
     return _Guess(chain, xyz, found.rotation, added, found.misfit)
 
