@@ -230,7 +230,7 @@ def _as_doubtful(
         # What scatters is no noise, and does not become less with time.
         sigma[:, 3:] *= found.times
     for notice in turned:
-        yaw_deg = float(dict(notice.values)["yaw_deg"])
+        yaw_deg = float(str(dict(notice.values)["yaw_deg"]))
         tilt = np.degrees(np.arccos(np.clip(rotation[:, 2, 2], -1.0, 1.0))) * 2.0 * np.sin(np.radians(0.5 * yaw_deg))
         sigma[:, 3:5] = np.hypot(sigma[:, 3:5], tilt[:, None])
         sigma[:, 5] = np.hypot(sigma[:, 5], yaw_deg)
