@@ -17,9 +17,9 @@ from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedErr
 from furrowmap.core.runtime.file_names import is_file_name
 from furrowmap.core.runtime.urls import without_passwords
 from furrowmap.exporters.files.batch_state import SessionOutcome, Stamp, same_files
+from furrowmap.exporters.files.lease import PREFIX
 from furrowmap.exporters.files.result_folder import PREVIEW_REPORT, REPORT, SESSION_FILE
 from furrowmap.workflows.batch.sources import BatchSource, holds_scans
-from furrowmap.workflows.batch.store_lease import PREFIX as LEASE
 from furrowmap.workflows.batch.store_lease import hold_store_lease
 
 MARKER: Final = "complete.json"
@@ -95,7 +95,7 @@ class Store:
         for name in names:
             system.put_file(str(folder / name), f"{root}/{name}")
         for name in there - {MARKER, *names}:
-            if not name.startswith(LEASE):
+            if not name.startswith(PREFIX):
                 system.rm_file(f"{root}/{name}")
 
     @contextmanager

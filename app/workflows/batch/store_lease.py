@@ -18,14 +18,14 @@ from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 from furrowmap.core.runtime.errors import RefusedError, printable
+from furrowmap.exporters.files.lease import PREFIX
 
-PREFIX: Final = ".furrowmap-run-"
-BEAT_S: Final = 5.0
+STORE_BEAT_S: Final = 5.0
 """Time between two changes of a file."""
-MAX_SILENCE_S: Final = 60.0
+MAX_STORE_SILENCE_S: Final = 60.0
 """A file that does not change for so long is of a writer that has ended: a store may be busy or out of reach."""
-_POLL_S: Final = 1.0
-_HOLDS: Final = b"holds "
+_LOOK_AGAIN_S: Final = 1.0
+_WRITES: Final = b"writes "
 _ASKS: Final = b"asks "
 
 
@@ -53,7 +53,7 @@ def hold_store_lease(system: Any, root: str, shown: str) -> Iterator[Callable[[]
     def expect_held() -> None:
         there = _leases(system, root)
         # one that has just been removed may have been written again by its own thread
-        if own not in there or any(_content(system, lease).startswith(_HOLDS) for lease in there if lease != own):
+        if own not in there or any(_content(system, lease).startswith(_WRITES) for lease in there if lease != own):
             raise RefusedError("output-lost", folder=shown)
 
     try:
@@ -79,15 +79,15 @@ def _await_turn(system: Any, root: str, own: str, shown: str) -> None:
             if content != before:
                 alive = bool(before)
                 seen[lease] = (content, time.monotonic())
-                if alive and (lease < own or content.startswith(_HOLDS)):
+                if alive and (lease < own or content.startswith(_WRITES)):
                     host = printable(content.split(b" ", 2)[-1].decode(errors="replace"))
                     raise RefusedError("output-busy", folder=shown, process=None, host=host or None)
-            elif time.monotonic() - since > MAX_SILENCE_S:
+            elif time.monotonic() - since > MAX_STORE_SILENCE_S:
                 with suppress(FileNotFoundError):
                     system.rm_file(lease)
         if not others:
             return
-        time.sleep(_POLL_S)
+        time.sleep(_LOOK_AGAIN_S)
 
 
 def _content(system: Any, lease: str) -> bytes:
@@ -106,14 +106,14 @@ def _leases(system: Any, root: str) -> list[str]:
 
 
 def _write(system: Any, own: str, count: int, holds: threading.Event) -> None:
-    state = _HOLDS if holds.is_set() else _ASKS
+    state = _WRITES if holds.is_set() else _ASKS
     system.pipe_file(own, state + f"{count:09} {platform.node()}".encode())
 
 
 def _beat(system: Any, own: str, stopped: threading.Event, holds: threading.Event) -> None:
     """Change the file until `stopped`, unless another writer has removed it."""
     count = 0
-    while not stopped.wait(BEAT_S):
+    while not stopped.wait(STORE_BEAT_S):
         count += 1
         with suppress(Exception):  # whatever a store raises: the lease is lost if it goes on
             if system.exists(own):

@@ -10,6 +10,7 @@ import pytest
 
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.exporters.files.batch_state import SessionOutcome
+from furrowmap.exporters.files.lease import PREFIX
 from furrowmap.workflows.batch import store_lease, task
 from furrowmap.workflows.batch.places import MARKER, Store
 
@@ -18,7 +19,7 @@ pytest.importorskip("fsspec")
 
 @pytest.fixture(autouse=True)
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, seconds in (("BEAT_S", 0.01), ("MAX_SILENCE_S", 0.3), ("_POLL_S", 0.02)):
+    for name, seconds in (("STORE_BEAT_S", 0.01), ("MAX_STORE_SILENCE_S", 0.3), ("_LOOK_AGAIN_S", 0.02)):
         monkeypatch.setattr(store_lease, name, seconds)
     monkeypatch.setattr(task, "_LOOK_S", 0.02)
 
@@ -69,7 +70,7 @@ def test_writers_at_the_same_moment__never_mix_their_products(tmp_path: Path, mo
 
 def test_lease_of_a_writer_that_died__is_taken_over(tmp_path: Path) -> None:
     url = "memory://leases/dead"
-    Store(url).write(f"{store_lease.PREFIX}{'0' * 16}", b"holds 000000007 south")
+    Store(url).write(f"{PREFIX}{'0' * 16}", b"writes 000000007 south")
     task._put(result(tmp_path, "north"), url, SessionOutcome("key", ()))
     assert writers(url) == {"north"}
     assert MARKER in Store(url).files()
