@@ -105,7 +105,7 @@ def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True)
     behind = int(ends[-1]) if n else 0
     if not last and used - behind < _MAX_RTCM_BYTES:
         used = behind  # the next piece may complete an RTCM message
-    foreign = _foreign(data, np.append(0, ends), np.append(begins, max(used, behind)))
+    foreign = count_foreign(data, np.append(0, ends), np.append(begins, max(used, behind)))
     return FoundFrames(kind, at, length, bad, cut, int((ends - begins).sum()), foreign, used)
 
 
@@ -161,7 +161,7 @@ def _find(data: Any, framing: Any, last: Any, rows: Any) -> tuple[int, int, int,
 
 
 @njit(cache=True, nogil=True)
-def _foreign(data: Any, begins: Any, ends: Any) -> int:
+def count_foreign(data: Any, begins: Any, ends: Any) -> int:
     """Number of bytes in the spans that are neither text nor in a message of RTCM 3, and not 0 or 255 (padding)."""
     foreign = 0
     for k in range(len(begins)):

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.messages import Framing, MessageCounts, Messages, find_frames, read_messages
+from furrowmap.core.readers.messages import Framing, Kind, MessageCounts, Messages, find_frames, read_messages
 from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, byte_place
 from furrowmap.core.readers.reader import recording_name
 from furrowmap.core.readers.source import Head
@@ -76,26 +76,32 @@ class ReceiverLog(PositionLog):
             names = [self._name_of(kind) for kind, _ in counts.kinds.most_common(4)]
             frames = f"its {self.frames_title} are {', '.join(names)}" if names else f"no intact {self.frames_title}"
             positions = LoggedPositions.none(name, self._no_position_messages(name, frames, counts))
-        if counts.bad or counts.cut or counts.foreign_bytes:
-            self.notices.append(
-                Notice(
-                    "messages-damaged",
-                    name=name,
-                    bad=counts.bad,
-                    cut=counts.cut,
-                    foreign_bytes=counts.foreign_bytes,
-                    intact=counts.intact,
-                )
-            )
-        facts = {
-            self.frames_title: {self._name_of(kind): count for kind, count in counts.kinds.most_common()},
-            "intact": counts.intact,
-            "bad_checksums": counts.bad,
-            "cut": counts.cut,
-            "other_bytes": counts.other_bytes,
-            **positions.facts,
-        }
+        facts = log_facts(counts, self.frames_title, self._name_of, name, self.notices) | dict(positions.facts)
         return replace(positions, facts=facts, scale="UTC from its messages")
+
+
+def log_facts(
+    counts: MessageCounts[Kind], title: str, name_of: Callable[[Kind], str], name: str, notices: list[Notice]
+) -> dict[str, Any]:
+    """Facts of the messages of a log, called `title`; damage is added to `notices`."""
+    if counts.bad or counts.cut or counts.foreign_bytes:
+        notices.append(
+            Notice(
+                "messages-damaged",
+                name=name,
+                bad=counts.bad,
+                cut=counts.cut,
+                foreign_bytes=counts.foreign_bytes,
+                intact=counts.intact,
+            )
+        )
+    return {
+        title: {name_of(kind): count for kind, count in counts.kinds.most_common()},
+        "intact": counts.intact,
+        "bad_checksums": counts.bad,
+        "cut": counts.cut,
+        "other_bytes": counts.other_bytes,
+    }
 
 
 def has_position(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:

@@ -51,7 +51,7 @@ class Examined:
         """
         if kind is GivesAttitude and isinstance(self.reader, GivesInertial | GivesPoses):
             return False
-        fact = {GivesScans: "scans", GivesTrack: "positions", GivesInertial: "imu"}.get(kind, "")
+        fact = {GivesScans: "scans", GivesTrack: "positions", GivesPoses: "poses", GivesInertial: "imu"}.get(kind, "")
         return isinstance(self.reader, kind) and self.inspection.facts.get(fact) != "none"
 
     @property

@@ -104,8 +104,8 @@ def propose_session(
     """
     ordered = sorted(recordings, key=lambda r: r.first_s)
     lidar = [r for r in ordered if r.gives(GivesScans)]
-    gnss, repeated = _apart([r for r in ordered if r.gives(GivesTrack)])
     poses = [r for r in ordered if r.gives(GivesPoses)]
+    gnss, repeated = _apart([r for r in ordered if r.gives(GivesTrack) and not r.gives(GivesPoses)])
     states = [r for r in ordered if r.gives(GivesStates)]
     inertial = [r for r in ordered if r.gives(GivesInertial)]
     attitude = [r for r in ordered if r.gives(GivesAttitude)]

@@ -9,13 +9,16 @@ from pathlib import Path
 import pysbf2
 import pyubx2
 
+from furrowmap.core.readers.novatel.messages import crc
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
+from tests.core.readers.test_novatel import BINARY, TEXT, bestpos
 from tests.core.readers.test_sbet import records
 from tests.core.readers.test_sbf import pvt
 from tests.fuzz.mutations import Files
 from tests.fuzz.reading import read_recording
 from tests.fuzz.trials import Entry
 
+_NOVATEL_TEXT = re.compile(rb"([#%])([^#*\r\n]*)\*[0-9A-Fa-f]{8}")
 _SENTENCE = re.compile(rb"\$([^*\r\n]*)\*[0-9A-Fa-f]{2}")
 
 
@@ -77,6 +80,20 @@ def mend_sbf(data: bytes) -> bytes:
     return bytes(out)
 
 
+def mend_novatel(data: bytes) -> bytes:
+    def mended(match: re.Match[bytes]) -> bytes:
+        return b"%s%s*%08x" % (match[1], match[2], crc(match[2]))
+
+    out = bytearray(_NOVATEL_TEXT.sub(mended, data))
+    at = out.find(b"\xaaD\x12")
+    while at >= 0 and at + 10 <= len(out):
+        end = at + out[at + 3] + int.from_bytes(out[at + 8 : at + 10], "little")
+        if end + 4 <= len(out):
+            out[end : end + 4] = crc(bytes(out[at:end])).to_bytes(4, "little")
+        at = out.find(b"\xaaD\x12", at + 3)
+    return bytes(out)
+
+
 def pos() -> bytes:
     head = "%  GPST                  latitude(deg) longitude(deg)  height(m)   Q  ns   sdn(m)   sde(m)   sdu(m)\n"
     rows = [
@@ -97,6 +114,11 @@ def imu() -> bytes:
     return "\n".join([head, *rows, ""]).encode()
 
 
+def novatel_seeds(folder: Path) -> list[Files]:
+    ins = TEXT.splitlines(keepends=True)[3].replace(b",1984,450849.", b",2400,345600.")
+    return [{"gnss.gps": mend_novatel(b"".join(bestpos(k) for k in range(12)) + ins)}, {"gnss.bin": BINARY + TEXT}]
+
+
 STATES = b"time,state\n2026-06-11T08:00:00Z,up\n2026-06-11T08:00:10.5Z,down\n2026-06-11T17:01:00+09:00,unknown\n"
 
 
@@ -113,6 +135,7 @@ POSITIONS = (
     Entry("nmea", lambda folder: [{"gnss.nmea": nmea()}], read_recording, mend_nmea),
     Entry("ubx", lambda folder: [{"gnss.ubx": ubx()}], read_recording, mend_ubx),
     Entry("sbf", lambda folder: [{"gnss.sbf": b"".join(pvt(1000 * k) for k in range(12))}], read_recording, mend_sbf),
+    Entry("novatel", novatel_seeds, read_recording, mend_novatel),
     Entry("rtklib-pos", lambda folder: [{"solution.pos": pos()}], read_recording),
     Entry("pose-csv", lambda folder: [{"trajectory.csv": poses()}], read_recording),
     Entry("imu-csv", lambda folder: [{"imu.csv": imu()}], read_recording),

@@ -16,7 +16,7 @@ NMEA = (
     *("walk_f9p/walk.nmea", "walk_f9p/walk_raw_mixed.log"),
 )
 
-OWN = {".ubx": "ubx", ".sbf": "sbf", ".pos": "rtklib-pos"}
+OWN = {".ubx": "ubx", ".sbf": "sbf", ".pos": "rtklib-pos", ".gps": "novatel"}
 
 
 def files(folder: Path) -> list[Path]:
@@ -43,8 +43,8 @@ def test_gnss_samples__are_reported_or_refused(shared_data: Path) -> None:
     nmea = {path for pattern in NMEA for path in folder.glob(pattern)}
     assert len(nmea) == 21 + 2 + 1 + 2
     for path in files(folder):
-        if path in nmea or path.suffix in OWN:
-            assert Recognised.by_content(path).reader.format == OWN.get(path.suffix, "nmea"), path
+        if path in nmea or path.suffix.lower() in OWN:
+            assert Recognised.by_content(path).reader.format == OWN.get(path.suffix.lower(), "nmea"), path
         else:
             assert refused(path).code in ("unknown-format", "missing-column"), path
 
