@@ -47,9 +47,9 @@ class Examined:
     def gives(self, kind: type[object]) -> bool:
         """Whether it holds what readers of a kind give: containers may hold none of it.
 
-        The attitudes of an IMU's recording or of a trajectory do not count as such.
+        The attitudes beside an IMU's measurements, poses or positions do not count as such.
         """
-        if kind is GivesAttitude and isinstance(self.reader, GivesInertial | GivesPoses):
+        if kind is GivesAttitude and isinstance(self.reader, GivesInertial | GivesPoses | GivesTrack):
             return False
         fact = {GivesScans: "scans", GivesTrack: "positions", GivesPoses: "poses", GivesInertial: "imu"}.get(kind, "")
         return isinstance(self.reader, kind) and self.inspection.facts.get(fact) != "none"

@@ -23,7 +23,7 @@ _SENTENCE = re.compile(rb"\$([^*\r\n]*)\*[0-9A-Fa-f]{2}")
 
 
 def nmea(count: int = 12) -> bytes:
-    """GGA, RMC, GST and HDT of a receiver."""
+    """GGA, RMC, GST, HDT, PASHR and PUBX of a receiver."""
     lines = []
     for k in range(count):
         time = f"0804{k:02d}.00"
@@ -32,6 +32,8 @@ def nmea(count: int = 12) -> bytes:
             f"$GNRMC,{time},A,4303.{5000 + 7 * k:04d},N,14120.{4000 + 9 * k:04d},E,2.1,53.1,110626,,,R*00",
             f"$GNGST,{time},1.0,0.02,0.01,40.0,0.011,0.012,0.025*00",
             f"$GNHDT,{53.1 + 0.1 * k:.2f},T*00",
+            f"$PASHR,{time},{53.1 + 0.1 * k:.2f},T,+01.50,-00.50,+00.00,0.1,0.1,0.2,2,1*00",
+            f"$PUBX,00,{time},4303.5,N,14120.4,E,84.6,D3,0.1,0.2,7.5,53.1,-0.01,1,0.6,0.9,0.5,20,0,0*00",
         ]
     return mend_nmea("\r\n".join([*lines, ""]).encode())
 

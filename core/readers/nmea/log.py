@@ -1,6 +1,7 @@
-"""NMEA 0183 logs of GNSS receivers: GGA or GNS, RMC, GST, VTG, HDT (THS) and ZDA.
+"""NMEA 0183 logs of GNSS receivers: GGA or GNS, RMC, GST, VTG, HDT (THS), ZDA, and the proprietary PASHR and PUBX.
 
-GGA makes the epoch, or GNS in a log without positions in GGA. RMC and GST are joined by equal time stamp. VTG and HDT
+GGA makes the epoch, or GNS in a log without positions in GGA, or PUBX,00 in one without either. RMC, GST, PUBX,00 and
+PASHR are joined by equal time stamp. VTG and HDT
 have no time: if the log begins with such a sentence, it belongs to the next sentence with a time (the receiver writes
 it first in each burst), else to the one before. Epochs are never sorted: those that are not later than all before are
 dropped and counted.
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.geodesy.coarse_geoid import GEOID_SIGMA_M, coarse_geoid_m
 from furrowmap.core.readers.epochs import MAX_BACKWARD_SHARE, midnight_utc_s, midnights_utc_s
+from furrowmap.core.readers.inertial_rows import attitude_track
 from furrowmap.core.readers.messages import paired
 from furrowmap.core.readers.nmea.sentences import FIELDS, Kind, SentenceCounts, Sentences, read_sentences, scan_bytes
 from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, byte_place
@@ -29,6 +31,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, unroll
 from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.pose_track import TRUE_NORTH, AttitudeTrack
 
 MAX_OTHER_SHARE: Final = 0.5
 """Largest share of other bytes in a file that is recognised by its sentences alone."""
@@ -71,21 +74,42 @@ class NmeaLog(PositionLog):
         share = counts.message_bytes / len(head.data)
         if len(sentences) and share >= MAX_OTHER_SHARE:
             return 0.9
-        return 0.6 if share >= MIN_NMEA_SHARE and np.isin(sentences.kind, (Kind.GGA, Kind.GNS)).any() else 0.0
+        return (
+            0.6 if share >= MIN_NMEA_SHARE and np.isin(sentences.kind, (Kind.GGA, Kind.GNS, Kind.PUBX)).any() else 0.0
+        )
 
     def _undated(self, t_s: float) -> str:
         return f"{_time_of_day(t_s)} (no date)"
 
-    def _read(self, paths: list[Path]) -> LoggedPositions:
+    def attitude(self) -> AttitudeTrack:
+        """Roll, pitch and heading of PASHR in all files.
+
+        Raises:
+            InputError: as :meth:`track`, whose date they have; or if there are none, or their times do not increase.
+        """
+        pashr = self._sentences(self.paths)[0].of_kind(Kind.PASHR)
+        pashr = pashr[np.isfinite(pashr.values[:, :4]).all(axis=1)]
+        if not len(pashr):
+            raise InputError("no-attitudes", name=self.name)
+        first_s = float(self.track().t_s[0])
+        t_s = unroll(pashr.column(Kind.PASHR, "tod_s"), DAY_S)
+        t_s = t_s + float(nearest_in_cycle(t_s[0], first_s, DAY_S) - t_s[0])
+        angles = np.column_stack([pashr.column(Kind.PASHR, name) for name in ("roll_deg", "pitch_deg", "heading_deg")])
+        return attitude_track(t_s, angles, TRUE_NORTH, self.name, self.notices)
+
+    def _sentences(self, paths: list[Path]) -> tuple[Sentences, SentenceCounts, list[int]]:
+        """The sentences, their counts, and where each file ends in the stream of all."""
         counts = SentenceCounts()
         parts: list[Sentences] = []
         ends: list[int] = []
         for source in self._sources(paths):
             parts += read_sentences(source, counts)
             ends.append(counts.stream_bytes)
+        return Sentences.joined(parts), counts, ends
+
+    def _read(self, paths: list[Path]) -> LoggedPositions:
+        sentences, counts, ends = self._sentences(paths)
         name = recording_name(paths)
-        sentences = Sentences.joined(parts)
-        parts.clear()  # else memory holds a long log twice
         date, near_s = self.options.date, self.options.near_s
         positions = assemble(sentences, name, date=date, near_s=near_s, place=byte_place(paths, ends))
         if counts.bad or counts.cut:
@@ -150,7 +174,7 @@ def assemble(
     """
     notices: list[Notice] = []
     stated_s = None if date is None else midnight_utc_s(date)
-    sentences = _gns_as_gga(sentences)
+    sentences = _as_gga(sentences)
     all_gga = sentences.of_kind(Kind.GGA)
     of_talker = {t: int(np.sum(all_gga.talker[_has_position(all_gga)] == t)) for t in np.unique(all_gga.talker)}
     facts = {"positions_by_talker": {t.decode("ascii"): count for t, count in of_talker.items() if count}}
@@ -182,13 +206,12 @@ def assemble(
     return replace(found, facts=facts, notices=tuple(notices))
 
 
-def _gns_as_gga(sentences: Sentences) -> Sentences:
-    """GNS in the place of GGA where only GNS has positions: their columns are the same."""
-    gga, gns = sentences.of_kind(Kind.GGA), sentences.of_kind(Kind.GNS)
-    if _has_position(gga).any() or not _has_position(gns).any():
-        return sentences[sentences.kind != Kind.GNS]
-    kept = sentences[sentences.kind != Kind.GGA]
-    return replace(kept, kind=np.where(kept.kind == Kind.GNS, np.int8(Kind.GGA), kept.kind))
+def _as_gga(sentences: Sentences) -> Sentences:
+    """GNS, or PUBX,00, in the place of GGA where only it has positions: their columns are the same."""
+    kinds = (Kind.GGA, Kind.GNS, Kind.PUBX)
+    used = next((kind for kind in kinds if _has_position(sentences.of_kind(kind)).any()), Kind.GGA)
+    kept = sentences[~np.isin(sentences.kind, [kind for kind in kinds if kind is not used])]
+    return replace(kept, kind=np.where(kept.kind == used, np.int8(Kind.GGA), kept.kind))
 
 
 def _has_position(gga: Sentences) -> NDArray[np.bool_]:
@@ -300,7 +323,7 @@ def _columns(positions: Sentences, t_s: FloatArray, log: Sentences) -> dict[str,
     near = np.clip(np.searchsorted(positions.at, timed_at, side="right") - 1, 0, len(positions) - 1)
     timed_s = nearest_in_cycle(log.values[timed, 0], t_s[near], DAY_S)  # the day of the last position before
     key_us = np.round(t_s * 1e6).astype(np.int64)
-    for kind in (Kind.RMC, Kind.GST, Kind.VTG, Kind.HDT):
+    for kind in (Kind.RMC, Kind.GST, Kind.VTG, Kind.HDT, Kind.PUBX_MOTION, Kind.PASHR):
         found = log.of_kind(kind)
         if kind is Kind.RMC:
             found = found[found.column(kind, "valid") == 1.0]

@@ -34,6 +34,9 @@ class Kind(IntEnum):
     HDT = 4
     ZDA = 5
     GNS = 6
+    PUBX = 7
+    PUBX_MOTION = 8
+    PASHR = 9
 
 
 FIELDS: Final[dict[Kind, tuple[str, ...]]] = {
@@ -44,10 +47,14 @@ FIELDS: Final[dict[Kind, tuple[str, ...]]] = {
     Kind.HDT: ("", "heading_deg"),
     Kind.ZDA: ("tod_s", "date_ymd"),
     Kind.GNS: ("tod_s", "lat_deg", "lon_deg", "altitude_m", "separation_m", "quality", "satellites", "hdop", "age_s"),
+    Kind.PUBX: ("tod_s", "lat_deg", "lon_deg", "altitude_m", "separation_m", "quality", "satellites", "hdop", "age_s"),
+    Kind.PUBX_MOTION: ("tod_s", "sigma_n_m", "sigma_e_m", "sigma_h_m", "speed_mps", "course_deg"),
+    Kind.PASHR: ("tod_s", "heading_deg", "roll_deg", "pitch_deg"),
 }
 """Names of the columns of :attr:`Sentences.values`. ``tod_s``: UTC seconds of the day; ``date_ymd``: UTC date as the
 number yyyymmdd; ``valid``: 1 if the receiver marks its data as valid; ``quality``: code of GGA, of GNS the best of its
-constellations. THS is read as HDT."""
+constellations. THS is read as HDT. u-blox's ``PUBX,00`` is read as both of its kinds: its height is above the
+ellipsoid, and its horizontal accuracy is shared equally by north and east. ``PUBX,04`` is read as ZDA."""
 
 COLUMNS: Final = max(len(names) for names in FIELDS.values())
 
@@ -132,7 +139,7 @@ def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool
         base: offset of the piece in the stream.
         last: whether the stream ends with this piece; else an unfinished sentence at its end is left for the next one.
     """
-    room = data.count(b"$")
+    room = data.count(b"$") + data.count(b"$PUBX,00,")
     kind = np.empty(room, np.int8)
     talker = np.empty((room, 2), np.uint8)
     at = np.empty(room, np.int64)
@@ -151,12 +158,13 @@ def scan_bytes(data: bytes, counts: SentenceCounts, base: int = 0, *, last: bool
 
 
 _BAD, _CUT, _BEHIND, _BYTES = range(4)
-_GGA, _RMC, _GST, _VTG, _HDT, _ZDA, _GNS = (int(kind) for kind in Kind)
-_MOST_FIELDS = 16
+_GGA, _RMC, _GST, _VTG, _HDT, _ZDA, _GNS, _PUBX, _PUBX_MOTION, _PASHR = (int(kind) for kind in Kind)
+_MOST_FIELDS = 19
 _TENS = 10.0 ** np.arange(19)
 
-_DOLLAR, _STAR, _COMMA, _DOT, _MINUS = (ord(c) for c in "$*,.-")
-_0, _9, _A, _F, _G, _H, _D, _M, _N, _P, _R, _S, _T, _V, _W, _E, _Z, _C = (ord(c) for c in "09AFGHDMNPRSTVWEZC")
+_DOLLAR, _STAR, _COMMA, _DOT, _MINUS, _PLUS = (ord(c) for c in "$*,.-+")
+_0, _4, _9, _A, _B, _C, _D, _E, _F, _G = (ord(c) for c in "049ABCDEFG")
+_H, _K, _M, _N, _P, _R, _S, _T, _U, _V, _W, _X, _Z = (ord(c) for c in "HKMNPRSTUVWXZ")
 _MODES = np.frombuffer(b"SMEADPFR", np.uint8)
 """Mode indicators of GNS, the best last; N is no position."""
 _QUALITIES = np.array([8.0, 7.0, 6.0, 1.0, 2.0, 3.0, 5.0, 4.0])
@@ -217,19 +225,26 @@ def _scan(
 
 @njit(cache=True, nogil=True)
 def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: Any, values: Any, row: int) -> int:
-    """Read the sentence at `i` into `row` if it is of a known kind; number of rows (0 or 1)."""
-    if data[i + 1] == _P or i + 7 > end or data[i + 6] != _COMMA:
+    """Read the sentence at `i` into `row` if it is of a known kind; number of rows (0, 1, or 2 of PUBX,00)."""
+    if i + 7 > end:
         return 0
     a, b, c = data[i + 3], data[i + 4], data[i + 5]
-    begin[0] = i + 7
+    is_pubx = i + 9 <= end and data[i + 1] == _P and data[i + 2] == _U and a == _B and b == _X and c == _COMMA
+    is_pashr = data[i + 1] == _P and data[i + 2] == _A and a == _S and b == _H and c == _R
+    if data[i + 6] != _COMMA and not is_pubx:
+        return 0
+    if data[i + 1] == _P and not is_pubx and not is_pashr:
+        return 0
+    begin[0] = i + 9 if is_pubx else i + 7
     fields = 1
-    for k in range(i + 7, end):
+    for k in range(begin[0], end):
         if data[k] == _COMMA and fields < _MOST_FIELDS:
             begin[fields] = k + 1
             fields += 1
     for k in range(fields, _MOST_FIELDS + 1):
         begin[k] = end + 1
     out = values[row]
+    rows = 1
     if a == _G and b == _G and c == _A:
         known = _GGA
         out[0] = _time_of_day(data, begin, 0)
@@ -255,11 +270,7 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
     elif a == _R and b == _M and c == _C:
         known = _RMC
         out[0] = _time_of_day(data, begin, 0)
-        date = _number(data, begin[8], begin[9] - 1)
-        year = date % 100.0
-        out[1] = (
-            (year + (1900.0 if year >= 80.0 else 2000.0)) * 10000.0 + (date // 100.0) % 100.0 * 100.0 + date // 10000.0
-        )
+        out[1] = _date(data, begin, 8)
         out[2] = 1.0 if begin[2] - 1 > begin[1] and data[begin[1]] == _A else 0.0
         out[3] = _number(data, begin[6], begin[7] - 1) * KNOT_MPS
         out[4] = _number(data, begin[7], begin[8] - 1)
@@ -286,13 +297,47 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
             + _number(data, begin[2], begin[3] - 1) * 100.0
             + _number(data, begin[1], begin[2] - 1)
         )
+    elif is_pashr:
+        # time, heading, T, roll, pitch, heave, three accuracies, quality of the position, state of the inertial system
+        known = _PASHR
+        out[0] = _time_of_day(data, begin, 0)
+        if data[begin[10]] != _0 or begin[11] - 1 == begin[10]:
+            if data[begin[2]] == _T:
+                out[1] = _number(data, begin[1], begin[2] - 1)
+            out[2] = _number(data, begin[3], begin[4] - 1)
+            out[3] = _number(data, begin[4], begin[5] - 1)
+    elif is_pubx and data[i + 6] == _0 and data[i + 7] == _4:
+        known = _ZDA
+        out[0] = _time_of_day(data, begin, 0)
+        out[1] = _date(data, begin, 1)
+    elif is_pubx and data[i + 6] == _0 and data[i + 7] == _0:
+        known = _PUBX
+        out[0] = _time_of_day(data, begin, 0)
+        out[1] = _angle(data, begin, 1, _N, _S)
+        out[2] = _angle(data, begin, 3, _E, _W)
+        out[3] = _number(data, begin[5], begin[6] - 1)
+        out[4] = 0.0
+        out[5] = _state_quality(data, begin[6], begin[7] - 1)
+        out[6] = _number(data, begin[16], begin[17] - 1)
+        out[7] = _number(data, begin[13], begin[14] - 1)
+        out[8] = _number(data, begin[12], begin[13] - 1)
+        motion = values[row + 1]
+        motion[0] = out[0]
+        motion[1] = _number(data, begin[7], begin[8] - 1) / np.sqrt(2.0)
+        motion[2] = motion[1]
+        motion[3] = _number(data, begin[8], begin[9] - 1)
+        motion[4] = _number(data, begin[9], begin[10] - 1) / 3.6
+        motion[5] = _number(data, begin[10], begin[11] - 1)
+        kind[row + 1] = _PUBX_MOTION
+        rows = 2
     else:
         return 0
     kind[row] = known
-    talker[row, 0] = data[i + 1]
-    talker[row, 1] = data[i + 2]
-    at[row] = i
-    return 1
+    for k in range(row, row + rows):
+        talker[k, 0] = data[i + 1]
+        talker[k, 1] = data[i + 2]
+        at[k] = i
+    return rows
 
 
 @njit(cache=True, nogil=True)
@@ -300,8 +345,8 @@ def _number(data: Any, begin: int, end: int) -> Any:
     """The decimal number in ``data[begin:end]``, correctly rounded up to 15 digits; nan if it is invalid."""
     i = begin
     sign = 1.0
-    if i < end and data[i] == _MINUS:
-        sign = -1.0
+    if i < end and (data[i] == _MINUS or data[i] == _PLUS):
+        sign = -1.0 if data[i] == _MINUS else 1.0
         i += 1
     mantissa = 0
     digits = 0
@@ -321,6 +366,14 @@ def _number(data: Any, begin: int, end: int) -> Any:
     if digits == 0:
         return np.nan
     return sign * (mantissa / _TENS[max(decimals, 0)])
+
+
+@njit(cache=True, nogil=True)
+def _date(data: Any, begin: Any, k: int) -> Any:
+    """The number yyyymmdd of the date in field `k`, written ddmmyy, of the years 1980 to 2079; nan if it is invalid."""
+    date = _number(data, begin[k], begin[k + 1] - 1)
+    year = date % 100.0
+    return (year + (1900.0 if year >= 80.0 else 2000.0)) * 10000.0 + (date // 100.0) % 100.0 * 100.0 + date // 10000.0
 
 
 @njit(cache=True, nogil=True)
@@ -361,6 +414,19 @@ def _best_mode(data: Any, begin: int, end: int) -> Any:
             if data[i] == _MODES[k]:
                 best = k
     return _QUALITIES[best] if best >= 0 else 0.0
+
+
+@njit(cache=True, nogil=True)
+def _state_quality(data: Any, begin: int, end: int) -> Any:
+    """The quality that GGA gives a navigation status of PUBX,00: G2, G3, D2, D3, RK (with dead reckoning), DR."""
+    if end - begin != 2:
+        return 0.0
+    a, b = data[begin], data[begin + 1]
+    if a == _D and b == _R:
+        return 6.0
+    if (a == _G and b != _R) or (a == _R and b == _K):
+        return 1.0
+    return 2.0 if a == _D else 0.0
 
 
 @njit(cache=True, nogil=True)

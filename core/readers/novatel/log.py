@@ -62,7 +62,7 @@ class NovatelLog(PositionLog):
     def recognise(cls, head: Head) -> float:
         """By intact messages with positions; possible (0.3) where there are others."""
         counts = MessageCounts[str]()
-        found, _ = scan_bytes(head.data, counts)
+        found, _ = scan_bytes(head.data, counts, last=True)
         if any(len(found.get(name, ())) for name in POSITIONS):
             return 0.95
         return 0.3 if counts.message_bytes >= MIN_INTACT_SHARE * max(len(head.data), 1) else 0.0

@@ -160,7 +160,7 @@ def read_messages(source: Source, counts: MessageCounts[str]) -> dict[str, list[
 
 
 def scan_bytes(
-    data: bytes, counts: MessageCounts[str], base: int = 0, *, last: bool = True
+    data: bytes, counts: MessageCounts[str], base: int = 0, *, last: bool
 ) -> tuple[dict[str, Messages], int]:
     """The messages of :data:`LAYOUTS` in `data`, and the number of bytes that are done with.
 

@@ -330,6 +330,47 @@ def test_track__carries_all_that_the_sentences_state(shared_data: Path) -> None:
     assert np.all(rover.satellites == -1)
 
 
+def test_pubx__is_the_position_where_there_is_no_other(tmp_path: Path) -> None:
+    # A NEO-M8 and its date; the accuracies in metres, the speed in km/h.
+    position = b"PUBX,00,103607.00,5327.03942,N,00214.42462,W,104.461,G3,29,31,0.085,39.63,-0.007,,5.88,7.62,8.09,6,0,0"
+    date = sentence("PUBX,04,103607.00,060321,556585.00,2147,18,0,0,0,")
+    log = sentence(position.decode())
+    parsed = pynmeagps.NMEAReader.parse(log.strip())
+    track = track_of(write(tmp_path, date, log))
+    assert track.t_s[0] == utc("2021-03-06T10:36:07")
+    assert (track.lat_deg[0], track.lon_deg[0]) == pytest.approx((parsed.lat, parsed.lon), abs=1e-9)
+    assert (track.height_m[0], track.fix[0], track.satellites[0], track.hdop[0]) == (104.461, Fix.SINGLE, 6, 5.88)
+    assert (track.sigma_e_m[0], track.sigma_h_m[0]) == pytest.approx((29 / np.sqrt(2), 31))
+    assert (track.speed_mps[0], track.course_deg[0]) == pytest.approx((0.085 / 3.6, 39.63))
+    beside = track_of(write(tmp_path, gga("103607.00"), date, log))
+    assert beside.height_m[0] == pytest.approx(track_of(write(tmp_path, gga("103607.00"), date)).height_m[0])
+    assert beside.sigma_h_m[0] == 31
+    for status, fix in {"G2": Fix.SINGLE, "D3": Fix.DGPS, "RK": Fix.SINGLE, "DR": Fix.ESTIMATED}.items():
+        other = sentence(position.decode().replace("G3", status))
+        assert track_of(write(tmp_path, date, other)).fix[0] == fix
+    for status in ("NF", "TT", ""):
+        with pytest.raises(InputError):
+            track_of(write(tmp_path, date, sentence(position.decode().replace("G3", status))))
+
+
+def test_pashr__has_heading_and_attitude(tmp_path: Path) -> None:
+    def pashr(k: int, aligned: int = 1) -> bytes:
+        angles = f"{359.5 + k:.2f},T,+1.{k}0,-2.{k}0,+00.00"
+        return sentence(f"PASHR,23595{8 + k}.000,{angles},0.1,0.1,0.3,2,{aligned}")
+
+    positions = [gga(f"23595{8 + k}.00") + rmc(f"23595{8 + k}.00", "110626") for k in range(2)]
+    path = write(tmp_path, positions[0], pashr(0), positions[1], pashr(1))
+    assert track_of(path).heading_deg == pytest.approx([359.5, 360.5])
+    attitude = NmeaLog([path], ReadOptions()).attitude()
+    assert attitude.t_s.tolist() == [utc("2026-06-11T23:59:58"), utc("2026-06-11T23:59:59")]
+    assert (attitude.roll_deg.tolist(), attitude.pitch_deg.tolist()) == ([1.0, 1.1], [-2.0, -2.1])
+    assert attitude.north == "true"
+    path = write(tmp_path, positions[0], pashr(0, aligned=0))
+    assert np.isnan(track_of(path).heading_deg).all()
+    with pytest.raises(InputError, match="no attitude"):
+        NmeaLog([path], ReadOptions()).attitude()
+
+
 def test_track__across_midnight(shared_data: Path) -> None:
     path = shared_data / "gnss/nmea/derived_crosses_midnight.nmea"
     track = track_of(path)
