@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -26,6 +26,7 @@ from furrowmap.core.readers.las.laz import (
 )
 from furrowmap.core.readers.las.points import TIME_SAMPLE, CloudBatch, TimeKind, clock_of, layout, unpack
 from furrowmap.core.readers.las.records import ExtraDimension, extra_dimensions, read_records
+from furrowmap.core.readers.las.tables import TABLE_HEADER_BYTES, PointTable, read_table
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import las_time_to_utc
@@ -143,6 +144,10 @@ BATCH_POINTS: Final = 1_000_000
 BATCH_BYTES: Final = 1 << 26
 """Bytes of records at a time: a record may have up to 65,535 bytes."""
 LAS_HEAD_BYTES: Final = 375
+LEAST_TEXT_BYTES: Final = 6
+"""A line of three digits."""
+TABLE_SCALE: Final = 1e-4
+"""Scale of points that are stored as floating-point numbers."""
 
 Box = tuple[float, float, float, float]
 
@@ -200,9 +205,7 @@ class CloudFile:
         with self.path.open("rb") as file:
             for records in self._records(file, box, resolution, batch_points):
                 batch = unpack(records.view(kind), self.header, self.clock)
-                if box is not None:
-                    x, y = batch.xyz_m[:, 0], batch.xyz_m[:, 1]
-                    batch = batch.where((x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3]))
+                batch = batch if box is None else batch.where(_inside(batch, box))
                 if len(batch):
                     yield batch
 
@@ -226,8 +229,62 @@ class CloudFile:
                 yield from decode_chunks(self.path, file, laz, first, last, self.lost)
 
 
+@dataclass(frozen=True)
+class TableCloud(CloudFile):
+    """A PCD or PLY file; its header is that of a LAS file with the same points.
+
+    Attributes:
+        table: where the points are.
+    """
+
+    table: PointTable = field(kw_only=True, repr=False)
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """Names of the dimensions of a point."""
+        return tuple(self.table.row.names or ())
+
+    def batches(
+        self,
+        box: Box | None = None,
+        resolution: float | None = None,  # noqa: ARG002
+        batch_points: int = BATCH_POINTS,
+    ) -> Iterator[CloudBatch]:
+        """As those of :class:`CloudFile`; nothing is coarser than the file."""
+        batch_points = max(1, min(batch_points, BATCH_BYTES // self.header.record_bytes))
+        for batch in self.table.batches(self.path, self.points, batch_points):
+            found = batch if box is None else batch.where(_inside(batch, box))
+            if len(found):
+                yield found
+
+
+def _inside(batch: CloudBatch, box: Box) -> NDArray[np.bool_]:
+    x, y = batch.xyz_m[:, 0], batch.xyz_m[:, 1]
+    return np.asarray((x >= box[0]) & (y >= box[1]) & (x <= box[2]) & (y <= box[3]))
+
+
+def _open_table(path: Path, table: PointTable, size_bytes: int) -> TableCloud:
+    """A PCD or PLY file, whose points are read once for their bounds."""
+    record_bytes = LEAST_TEXT_BYTES if table.is_text else table.row.itemsize
+    header = LasHeader(
+        version=4, encoding=0, system="", software="", created=None, header_bytes=table.offset, offset=table.offset,
+        records=0, point_format=2, compressed=False, record_bytes=record_bytes,
+        points=table.points, by_return=(), scale=(TABLE_SCALE,) * 3, shift=(0.0,) * 3, low=(np.inf,) * 3,
+        high=(-np.inf,) * 3, extended_at=0, extended=0, waveforms_at=0, size_bytes=size_bytes, notices=(),
+    )  # fmt: skip
+    points, notices = _room(path, header)
+    cloud = TableCloud(path, table.format, header, points, None, TimeKind.NONE, (), None, None, notices, table=table)
+    found = survey(cloud)
+    if not found.points:
+        raise InputError("no-points.table", path=path, points=table.points)
+    if found.points < points:
+        notices += (Notice("points-without-place", path=path.name, points=points, without=points - found.points),)
+    low, high = (tuple(ends.tolist()) for ends in (found.low, found.high))
+    return replace(cloud, header=replace(header, low=low, high=high), notices=notices)
+
+
 def open_cloud(path: Path) -> CloudFile:
-    """Open a LAS, LAZ or COPC file and check everything that can be checked before its points are read.
+    """Open a LAS, LAZ, COPC, PCD or PLY file and check everything that can be checked before its points are read.
 
     Raises:
         InputError: if there is no such file, or its points cannot be read.
@@ -236,7 +293,11 @@ def open_cloud(path: Path) -> CloudFile:
         raise InputError("no-such-file.open-cloud", path=path, is_path=bool(path.is_dir()))
     with path.open("rb") as file:
         size_bytes = path.stat().st_size
-        header = read_header(path, file.read(LAS_HEAD_BYTES), size_bytes)
+        head = file.read(TABLE_HEADER_BYTES)
+        table = read_table(path, head)
+        if table is not None:
+            return _open_table(path, table, size_bytes)
+        header = read_header(path, head[:LAS_HEAD_BYTES], size_bytes)
         records, notices = read_records(path, file, header)
         notices = (*header.notices, *notices)
         said_compressed = any((record.user, record.number) == (LAZ_USER_ID, LAZ_RECORD_ID) for record in records)

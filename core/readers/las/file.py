@@ -1,4 +1,4 @@
-"""Inspection of LAS, LAZ and COPC files."""
+"""Inspection of LAS, LAZ, COPC, PCD and PLY files."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from furrowmap.core.readers.las.header import SIGNATURE
+from furrowmap.core.readers.las.tables import TABLE_SIGNATURES
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError
@@ -83,3 +84,35 @@ class LasCloud(FileReader):
         if found.utc_s is not None:
             clocks.append(ClockReading(Clock.STATED, *found.utc_s, "GPS time minus leap seconds"))
         return Inspection(path, self.format, self.title, facts, tuple(clocks), tuple(self.notices))
+
+
+class PointFile(FileReader):
+    """Points in PCD or PLY: they can be inspected and used like a LAS file; their CRS has to be stated."""
+
+    format: ClassVar[str] = "pcd-ply"
+    title: ClassVar[str] = "PCD or PLY point cloud"
+
+    @classmethod
+    def recognise(cls, head: Head) -> float:
+        """By its signature."""
+        return 1.0 if head.data.startswith(tuple(TABLE_SIGNATURES)) else 0.0
+
+    def inspect(self) -> Inspection:
+        """Read the whole first file and report what it contains."""
+        from furrowmap.core.readers.las.cloud import open_cloud, survey
+
+        path = self.paths[0]
+        with path.open("rb") as file:
+            if not file.read(16).startswith(tuple(TABLE_SIGNATURES)):
+                raise InputError("cloud-in-archive", path=path)
+        cloud = open_cloud(path)
+        found = survey(cloud)
+        self.notices = list(cloud.notices)
+        ranges = zip("xyz", found.low.tolist(), found.high.tolist(), strict=True)
+        facts: dict[str, Any] = {
+            "points": found.points,
+            "crs": "none stated",
+            **{axis: [round(low, 4), round(high, 4)] for axis, low, high in ranges},
+            "dimensions": list(cloud.dimensions),
+        }
+        return Inspection(path, self.format, self.title, facts, (), tuple(self.notices))

@@ -1,0 +1,215 @@
+"""Points in PCD and PLY files: a header with the fields of a point, and rows in binary or text.
+
+PCD is the Point Cloud Library's format, version 0.7; PLY is Stanford's polygon format, of which the vertices are read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.readers.las.header import MAX_COORDINATE
+from furrowmap.core.readers.las.points import CloudBatch
+from furrowmap.core.runtime.errors import InputError
+
+TABLE_SIGNATURES: Final = {
+    b"# .PCD": "pcd",
+    b"VERSION .7": "pcd",
+    b"VERSION 0.7": "pcd",
+    b"ply\n": "ply",
+    b"ply\r\n": "ply",
+}
+TABLE_HEADER_BYTES: Final = 1 << 16
+MAX_TEXT_ROW_BYTES: Final = 4096
+_PLY_TYPES: Final = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
+    "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+    "float32": "f4", "float64": "f8",
+}  # fmt: skip
+_PCD_TYPES: Final = {
+    *("F4", "F8", "I1", "I2", "I4", "I8", "U1", "U2", "U4", "U8"),
+}
+_CLASSES: Final = ("classification", "class", "label")
+
+
+@dataclass(frozen=True)
+class PointTable:
+    """Where the points of a PCD or PLY file are.
+
+    Attributes:
+        format: "pcd" or "ply".
+        row: fields of a point; their names are in lower case, without CloudCompare's prefix ``scalar_``.
+        points: number of points as the header states it.
+        offset: byte offset of the first of them.
+        is_text: whether the rows are lines of numbers.
+    """
+
+    format: str
+    row: np.dtype[np.void]
+    points: int
+    offset: int
+    is_text: bool
+
+    def batches(self, path: Path, points: int, batch_points: int) -> Iterator[CloudBatch]:
+        """The first points in the order of the file; those without coordinates (nan) are left out.
+
+        Raises:
+            InputError: if a line of text is damaged.
+        """
+        with path.open("rb") as file:
+            file.seek(self.offset)
+            done = 0
+            while done < points:
+                count = min(batch_points, points - done)
+                rows = self._text_rows(path, file, count, done) if self.is_text else self._binary_rows(file, count)
+                if not len(rows):
+                    return
+                done += len(rows)
+                yield _batch(rows)
+
+    def _binary_rows(self, file: BinaryIO, count: int) -> NDArray[np.void]:
+        data = file.read(count * self.row.itemsize)
+        return np.frombuffer(data, self.row, len(data) // self.row.itemsize)
+
+    def _text_rows(self, path: Path, file: BinaryIO, count: int, done: int) -> NDArray[np.void]:
+        width = sum(int(np.prod(self.row[name].shape, dtype=int)) for name in self.row.names or ())
+        lines = list(islice(iter(lambda: file.readline(MAX_TEXT_ROW_BYTES), b""), count))
+        try:
+            values = np.array([line.split() for line in lines], np.float64).reshape(-1, width)
+        except ValueError:
+            raise InputError("points-damaged.text", path=path, first=done + 1, last=done + len(lines)) from None
+        rows = np.zeros(len(values), self.row)
+        at = 0
+        for name in self.row.names or ():
+            field = self.row[name]
+            many = int(np.prod(field.shape, dtype=int))
+            column = values[:, at : at + many].reshape(-1, *field.shape)
+            if field.base.kind in "iu":
+                limits = np.iinfo(field.base)
+                high = float(limits.max) if field.base.itemsize < 8 else np.nextafter(float(limits.max), 0.0)
+                column = np.clip(np.nan_to_num(column), float(limits.min), high)
+            rows[name] = column
+            at += many
+        return rows
+
+
+def _batch(rows: NDArray[np.void]) -> CloudBatch:
+    names = rows.dtype.names or ()
+    xyz = np.column_stack([rows[axis].astype(np.float64) for axis in "xyz"])
+    known = (np.abs(xyz) <= MAX_COORDINATE).all(axis=1)  # False for nan
+    rows, xyz = rows[known], xyz[known]
+    nothing = np.zeros(len(rows), np.uint8)
+    classes = next((name for name in _CLASSES if name in names), None)
+    return CloudBatch(
+        xyz_m=xyz,
+        classification=nothing if classes is None else _whole(rows[classes], np.uint8),
+        intensity=_whole(rows["intensity"], np.uint16) if "intensity" in names else nothing.astype(np.uint16),
+        return_number=nothing + np.uint8(1),
+        returns=nothing + np.uint8(1),
+        point_source_id=nothing.astype(np.uint16),
+        withheld=np.zeros(len(rows), bool),
+        gps_time=None,
+        t_s=None,
+        rgb=_colours(rows),
+    )
+
+
+def _whole(values: NDArray[Any], kind: type[np.unsignedinteger[Any]]) -> NDArray[Any]:
+    """Values (n,) rounded, within the limits of a type."""
+    limits = np.iinfo(kind)
+    return np.clip(np.rint(np.nan_to_num(values.astype(np.float64))), limits.min, limits.max).astype(kind)
+
+
+def _colours(rows: NDArray[np.void]) -> NDArray[np.uint16] | None:
+    """Red, green and blue (n, 3), from fields of their own or packed in one (PCD)."""
+    names = rows.dtype.names or ()
+    if {"red", "green", "blue"} <= set(names):
+        colours = np.stack([rows[name] for name in ("red", "green", "blue")], axis=1)
+        if colours.dtype == np.uint8:
+            return colours.astype(np.uint16) * np.uint16(257)
+        return np.asarray(_whole(colours, np.uint16))
+    packed = next((name for name in ("rgb", "rgba") if name in names and rows[name].dtype.itemsize == 4), None)
+    if packed is None or rows[packed].ndim > 1:
+        return None
+    bits = np.ascontiguousarray(rows[packed]).view("<u4")
+    return np.stack([(bits >> shift & 255).astype(np.uint16) * np.uint16(257) for shift in (16, 8, 0)], axis=1)
+
+
+def read_table(path: Path, data: bytes) -> PointTable | None:
+    """The header in the first bytes (64 KiB) of a PCD or PLY file; None if it is of another format.
+
+    Raises:
+        InputError: if the header is damaged, or the points are compressed or not in rows.
+    """
+    form = next((form for start, form in TABLE_SIGNATURES.items() if data.startswith(start)), None)
+    if form is None:
+        return None
+    try:
+        return _pcd(data) if form == "pcd" else _ply(data)
+    except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
+        raise InputError("bad-table-header", path=path, title=form.upper(), reason=str(error)[:100]) from None
+
+
+def _lines(data: bytes, last: str) -> tuple[list[list[str]], int]:
+    """Words of the lines of a header up to the one that begins with `last`, and the offset behind that."""
+    lines, at = [], 0
+    while True:
+        end = data.find(b"\n", at, TABLE_HEADER_BYTES)
+        if end < 0:
+            raise ValueError(f"it has no line {last}")
+        words = data[at:end].decode("latin-1").split()
+        at = end + 1
+        lines.append(words)
+        if words[:1] == [last]:
+            return lines, at
+
+
+def _pcd(data: bytes) -> PointTable:
+    lines, offset = _lines(data, "DATA")
+    stated = {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
+    if stated["DATA"][0] not in ("ascii", "binary"):
+        raise ValueError(f"DATA {stated['DATA'][0]} is not supported: save it as binary")
+    names = stated["FIELDS"]
+    counts = [int(count) for count in stated.get("COUNT", ["1"] * len(names))]
+    kinds = [kind.upper() + size for kind, size in zip(stated["TYPE"], stated["SIZE"], strict=True)]
+    if not set(kinds) <= _PCD_TYPES:
+        raise ValueError(f"its types are {' '.join(kinds)}")
+    fields = [(n, f"<{k.lower()}", c) for n, k, c in zip(names, kinds, counts, strict=True)]
+    return PointTable("pcd", _row(fields), int(stated["POINTS"][0]), offset, stated["DATA"][0] == "ascii")
+
+
+def _ply(data: bytes) -> PointTable:
+    lines, offset = _lines(data, "end_header")
+    form = next((words[1] for words in lines if words[:1] == ["format"]), "")
+    order = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}[form]
+    elements = [(k, words) for k, words in enumerate(lines) if words[:1] == ["element"]]
+    if not elements or elements[0][1][1] != "vertex":
+        raise ValueError("its first element is not vertex")
+    end = elements[1][0] if len(elements) > 1 else len(lines)
+    properties = [words for words in lines[elements[0][0] : end] if words[:1] == ["property"]]
+    fields = [(words[2], order + _PLY_TYPES[words[1]], 1) for words in properties]
+    return PointTable("ply", _row(fields), int(elements[0][1][2]), offset, form == "ascii")
+
+
+def _row(fields: list[tuple[str, str, int]]) -> np.dtype[np.void]:
+    """The fields of a point; padding (`_`) and fields with the name of another keep their place under a number."""
+    row: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
+    for k, (name, kind, count) in enumerate(fields):
+        name = name.lower().removeprefix("scalar_")
+        name = str(k) if name == "_" or name in [each[0] for each in row] else name
+        if not 1 <= count <= TABLE_HEADER_BYTES:
+            raise ValueError(f"a field has {count} values")
+        row.append((name, kind) if count == 1 else (name, kind, (count,)))
+    found: np.dtype[np.void] = np.dtype(row)
+    for axis in "xyz":
+        if axis not in (found.names or ()) or found[axis].shape:
+            raise ValueError(f"it has no field {axis}")
+    if found.itemsize > TABLE_HEADER_BYTES:
+        raise ValueError(f"a point has {found.itemsize} bytes")
+    return found
