@@ -19,7 +19,7 @@ from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.results import read_raster
 from tests.core.readers import hesai_packets
-from tests.core.readers.las.test_tables import ROWS, pcd, ply
+from tests.core.readers.las.test_tables import COMPRESSED, ROWS, pcd, ply
 from tests.core.readers.small_bags import ROS1, T0_NS, livox_cloud, mixed, write_bag1, write_bag2
 from tests.core.readers.test_ouster import in_fragments, recorded
 from tests.core.readers.test_pcap_framing import PcapNg
@@ -168,7 +168,7 @@ RECORDINGS = (
     Entry("las", las_seeds, read_cloud, trials=200),
     Entry("laz", laz_seeds, read_cloud, trials=200),
     Entry("copc", copc_seeds, read_cloud),
-    Entry("pcd-ply", lambda _: [{"points": form(ROWS)} for form in (ply, pcd)], read_cloud),
+    Entry("pcd-ply", lambda _: [{"points": data} for data in (ply(ROWS), pcd(ROWS), COMPRESSED)], read_cloud),
     Entry("capture", capture_seeds, read_recording),
     Entry("ouster", ouster_seeds, read_recording, trials=50),
     Entry("capture-packed", packed_seeds, read_recording),

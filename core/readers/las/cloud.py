@@ -265,14 +265,15 @@ def _inside(batch: CloudBatch, box: Box) -> NDArray[np.bool_]:
 
 def _open_table(path: Path, table: PointTable, size_bytes: int) -> TableCloud:
     """A PCD or PLY file, whose points are read once for their bounds."""
-    record_bytes = LEAST_TEXT_BYTES if table.is_text else table.row.itemsize
+    record_bytes = LEAST_TEXT_BYTES if table.coding == "ascii" else table.row.itemsize
     header = LasHeader(
         version=4, encoding=0, system="", software="", created=None, header_bytes=table.offset, offset=table.offset,
         records=0, point_format=2, compressed=False, record_bytes=record_bytes,
         points=table.points, by_return=(), scale=(TABLE_SCALE,) * 3, shift=(0.0,) * 3, low=(np.inf,) * 3,
         high=(-np.inf,) * 3, extended_at=0, extended=0, waveforms_at=0, size_bytes=size_bytes, notices=(),
     )  # fmt: skip
-    points, notices = _room(path, header)
+    compressed = table.coding == "binary_compressed"
+    points, notices = (table.points, ()) if compressed else _room(path, header)
     cloud = TableCloud(path, table.format, header, points, None, TimeKind.NONE, (), None, None, notices, table=table)
     found = survey(cloud)
     if not found.points:

@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.header import MAX_COORDINATE
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.limits import expect_memory
 
 TABLE_SIGNATURES: Final = {
     b"# .PCD": "pcd",
@@ -47,27 +49,33 @@ class PointTable:
         row: fields of a point; their names are in lower case, without CloudCompare's prefix ``scalar_``.
         points: number of points as the header states it.
         offset: byte offset of the first of them.
-        is_text: whether the rows are lines of numbers.
+        coding: "ascii" (lines of numbers), "binary", or "binary_compressed" (PCD: all values of a field together).
     """
 
     format: str
     row: np.dtype[np.void]
     points: int
     offset: int
-    is_text: bool
+    coding: str
 
     def batches(self, path: Path, points: int, batch_points: int) -> Iterator[CloudBatch]:
         """The first points in the order of the file; those without coordinates (nan) are left out.
 
         Raises:
-            InputError: if a line of text is damaged.
+            InputError: if a line of text or compressed points are damaged.
         """
         with path.open("rb") as file:
             file.seek(self.offset)
             done = 0
+            whole = self._unpacked(path, file) if self.coding == "binary_compressed" else None
             while done < points:
                 count = min(batch_points, points - done)
-                rows = self._text_rows(path, file, count, done) if self.is_text else self._binary_rows(file, count)
+                if whole is not None:
+                    rows = whole[done : done + count]
+                elif self.coding == "ascii":
+                    rows = self._text_rows(path, file, count, done)
+                else:
+                    rows = self._binary_rows(file, count)
                 if not len(rows):
                     return
                 done += len(rows)
@@ -76,6 +84,24 @@ class PointTable:
     def _binary_rows(self, file: BinaryIO, count: int) -> NDArray[np.void]:
         data = file.read(count * self.row.itemsize)
         return np.frombuffer(data, self.row, len(data) // self.row.itemsize)
+
+    def _unpacked(self, path: Path, file: BinaryIO) -> NDArray[np.void]:
+        """All points of a compressed file."""
+        size = self.points * self.row.itemsize
+        packed, unpacked = np.frombuffer(file.read(8).ljust(8, b"\0"), "<u4").tolist()
+        data = np.frombuffer(file.read(packed), np.uint8)
+        # Of three bytes become at most 264.
+        if unpacked == size <= 88 * len(data):
+            expect_memory(path, 3 * size)
+            columns = np.zeros(size, np.uint8)
+            if _unpack(data, columns) == size:
+                rows, at = np.zeros(self.points, self.row), 0
+                for name in self.row.names or ():
+                    end = at + self.points * self.row[name].itemsize
+                    rows[name] = columns[at:end].view(self.row[name].base).reshape(self.points, *self.row[name].shape)
+                    at = end
+                return rows
+        raise InputError("points-damaged.compressed", path=path, points=self.points)
 
     def _text_rows(self, path: Path, file: BinaryIO, count: int, done: int) -> NDArray[np.void]:
         width = sum(int(np.prod(self.row[name].shape, dtype=int)) for name in self.row.names or ())
@@ -97,6 +123,38 @@ class PointTable:
             rows[name] = column
             at += many
         return rows
+
+
+@njit(cache=True, nogil=True)
+def _unpack(data: Any, out: Any) -> int:
+    """Decompress LZF (liblzf); number of bytes written, −1 if the data are damaged."""
+    i = 0
+    n = 0
+    while i < len(data):
+        control = np.int64(data[i])
+        i += 1
+        if control < 32:
+            length = control + 1
+            if i + length > len(data) or n + length > len(out):
+                return -1
+            out[n : n + length] = data[i : i + length]
+            i += length
+            n += length
+            continue
+        length = (control >> 5) + 2
+        if length == 9 and i < len(data):
+            length += np.int64(data[i])
+            i += 1
+        if i >= len(data):
+            return -1
+        begin = n - ((control & 31) << 8 | np.int64(data[i])) - 1
+        i += 1
+        if begin < 0 or n + length > len(out):
+            return -1
+        for k in range(length):  # may overlap
+            out[n + k] = out[begin + k]
+        n += length
+    return n
 
 
 def _batch(rows: NDArray[np.void]) -> CloudBatch:
@@ -145,7 +203,7 @@ def read_table(path: Path, data: bytes) -> PointTable | None:
     """The header in the first bytes (64 KiB) of a PCD or PLY file; None if it is of another format.
 
     Raises:
-        InputError: if the header is damaged, or the points are compressed or not in rows.
+        InputError: if the header is damaged, or the points are not in rows.
     """
     form = next((form for start, form in TABLE_SIGNATURES.items() if data.startswith(start)), None)
     if form is None:
@@ -173,15 +231,16 @@ def _lines(data: bytes, last: str) -> tuple[list[list[str]], int]:
 def _pcd(data: bytes) -> PointTable:
     lines, offset = _lines(data, "DATA")
     stated = {words[0]: words[1:] for words in lines if words and not words[0].startswith("#")}
-    if stated["DATA"][0] not in ("ascii", "binary"):
-        raise ValueError(f"DATA {stated['DATA'][0]} is not supported: save it as binary")
+    coding = stated["DATA"][0].lower()
+    if coding not in ("ascii", "binary", "binary_compressed"):
+        raise ValueError(f"DATA {coding} is unknown")
     names = stated["FIELDS"]
     counts = [int(count) for count in stated.get("COUNT", ["1"] * len(names))]
     kinds = [kind.upper() + size for kind, size in zip(stated["TYPE"], stated["SIZE"], strict=True)]
     if not set(kinds) <= _PCD_TYPES:
         raise ValueError(f"its types are {' '.join(kinds)}")
     fields = [(n, f"<{k.lower()}", c) for n, k, c in zip(names, kinds, counts, strict=True)]
-    return PointTable("pcd", _row(fields), int(stated["POINTS"][0]), offset, stated["DATA"][0] == "ascii")
+    return PointTable("pcd", _row(fields), int(stated["POINTS"][0]), offset, coding)
 
 
 def _ply(data: bytes) -> PointTable:
@@ -194,7 +253,7 @@ def _ply(data: bytes) -> PointTable:
     end = elements[1][0] if len(elements) > 1 else len(lines)
     properties = [words for words in lines[elements[0][0] : end] if words[:1] == ["property"]]
     fields = [(words[2], order + _PLY_TYPES[words[1]], 1) for words in properties]
-    return PointTable("ply", _row(fields), int(elements[0][1][2]), offset, form == "ascii")
+    return PointTable("ply", _row(fields), int(elements[0][1][2]), offset, "ascii" if form == "ascii" else "binary")
 
 
 def _row(fields: list[tuple[str, str, int]]) -> np.dtype[np.void]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b85decode
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +92,28 @@ def test_pcd__of_another_decoder(shared_data: Path) -> None:
     assert np.array_equal(batch.xyz_m.T[0], np.ndarray(14831, "<f4", rows, strides=32).astype(np.float64))
 
 
+COMPRESSED = (
+    b"VERSION 0.7\nFIELDS x y z intensity\nSIZE 4 8 4 2\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH 40\nHEIGHT 1\n"
+    b"VIEWPOINT 0.0 0.0 0.0 1.0 0.0 0.0 0.0\nPOINTS 40\nDATA binary_compressed\n"
+) + b85decode(
+    "zyJUM&;kGe0RR9%00DqLAO!<I002NB0|0;^0|1~P0|3Av0|4M40|Wp-000mm0{|c(0{}1}0{}oE0{~DU0{~zk0|0O!0|0;^0|1C10|1a90|1yH"
+    "0|1~P0|2NX0|2lf0|2-n0|3Av0|3Y%0|3w<0|3|{0|4M40|4kC0|4+K0|59S0|Wp;000Ca0{{ph0{{#l0{{>p0{|2t0{|Ex0{|Q#13&-(9zZ7`"
+    "0O0=z;U@<{(?Q2T0N{lS0A%1q0RdzH"
+)
+"""As pypcd4 1.5.1 with liblzf writes it."""
+
+
+def test_pcd__compressed_by_pypcd4(tmp_path: Path) -> None:
+    _, batch = opened(tmp_path, COMPRESSED)
+    numbers = np.arange(40.0)
+    assert np.array_equal(batch.xyz_m, np.column_stack([0.25 * numbers, np.full(40, 7.5), numbers % 3]))
+    assert set(batch.intensity.tolist()) == {100}
+    at = COMPRESSED.index(b"compressed\n") + 11
+    for data in (COMPRESSED[:-9], COMPRESSED[: at + 30] + b"\xff" * 20 + COMPRESSED[at + 50 :], COMPRESSED[:at]):
+        with pytest.raises(InputError):
+            opened(tmp_path, data)
+
+
 def test_pcd__packed_colours_and_points_without_a_place(tmp_path: Path) -> None:
     rows = np.array([(1, 2, 3, 0x00FF8001), (np.nan, 2, 3, 0)], [*((axis, "<f4") for axis in "xyz"), ("rgb", "<u4")])
     cloud, batch = opened(tmp_path, pcd(rows))
@@ -110,7 +133,6 @@ def test_damage__is_reported_or_refused(tmp_path: Path) -> None:
         whole.replace(b"double y", b"double why"),
         whole.replace(b"end_header", b""),
         whole.replace(b"property ushort", b"property list uchar"),
-        pcd(ROWS).replace(b"DATA binary", b"DATA binary_compressed"),
         pcd(ROWS).replace(b"SIZE 8", b"SIZE 3"),
         pcd(ROWS)[: pcd(ROWS).index(b"DATA binary") + 20],
         ply(ROWS[:0]),
