@@ -126,9 +126,14 @@ def without_repeats(k: IntArray) -> list[NDArray[np.intp]]:
 
 @dataclass(frozen=True)
 class GnssDrift(Observation):
-    """First-order Gauss-Markov process of each axis, which begins anew with each run of equal quality."""
+    """First-order Gauss-Markov process of each axis, which begins anew with each run of equal quality.
+
+    Attributes:
+        correlation_s: time over which it changes.
+    """
 
     positions: Positions
+    correlation_s: float = DRIFT_CORRELATION_S
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """The process from knot to knot, and its variance at the start of each run."""
@@ -139,7 +144,7 @@ class GnssDrift(Observation):
         begins = np.ones(len(knots), np.bool_)
         begins[on + 1] = False
         starts = np.flatnonzero(begins)
-        kept = np.exp(-KNOT_STEP_S / DRIFT_CORRELATION_S)
+        kept = np.exp(-KNOT_STEP_S / self.correlation_s)
         row = np.zeros(size + 1)
         row[0], row[size] = -kept, 1.0
         for axis in range(3):

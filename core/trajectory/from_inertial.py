@@ -61,6 +61,7 @@ from furrowmap.core.trajectory.inertial_start import (
 )
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.pose_errors import PoseErrors
+from furrowmap.core.trajectory.position_drift import with_shown_drift
 from furrowmap.core.trajectory.positions import climb_notices, positions_without_steps, quality_words, usable
 from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -204,6 +205,10 @@ def trajectory_from_inertial(
         source = imu.track.source or "The IMU"
         raise InputError("imu-contradicts", source=source, misfit=misfit, better_other=mistake)
     found = with_noisier_imu(adjusted) if by_noise_alone else explained(adjusted)
+    if not by_noise_alone and found.cause in ("", "positions"):
+        slow, times = with_shown_drift(adjusted)
+        if times > 1.0 and slow.deviance < found.adjusted.deviance:
+            found = Explained("positions", slow, times)
     adjusted = found.adjusted.with_clock_sigma() if clock_s else found.adjusted
     trajectory = _trajectory(adjusted)
     turned = check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)

@@ -115,4 +115,4 @@ def with_clock(adjusted: InertialAdjustment, used_s: float) -> tuple[InertialAdj
 def beside_positions(problem: InertialProblem) -> tuple[Observation, ...]:
     """The observations beside the positions."""
     hints = problem.hints.observations(problem.links.track, problem.positions)
-    return GnssDrift(problem.positions), problem.links, *hints
+    return GnssDrift(problem.positions, problem.drift_s), problem.links, *hints

@@ -144,7 +144,11 @@ NO_HINTS: Final = Hints()
 
 @dataclass(frozen=True)
 class InertialProblem:
-    """Input of the adjustment."""
+    """Input of the adjustment.
+
+    Attributes:
+        drift_s: correlation time of the slow error of the positions.
+    """
 
     positions: Positions
     links: InertialLinks
@@ -152,6 +156,7 @@ class InertialProblem:
     origin_m: FloatArray
     knots: Knots
     hints: Hints
+    drift_s: float = DRIFT_CORRELATION_S
 
     @classmethod
     def over_common_time(

@@ -109,6 +109,19 @@ def test_positions_that_err_slowly_or_jump__are_named(jump: bool) -> None:
     assert jump or np.sqrt(np.mean((errors(by_imu.trajectory, flight) / by_imu.trajectory.sigma) ** 2)) < 2.0
 
 
+def test_slow_error__has_the_density_that_was_drawn_on_the_axis_that_has_it() -> None:
+    flight, sigma_m, lasting_s = Flight(60.0, seed=3), 0.1, 150.0
+    track = flight.noisy_track()
+    kept = np.exp(-0.1 / lasting_s)
+    white = np.random.default_rng(4).normal(scale=sigma_m * np.sqrt(1.0 - kept**2), size=len(track))
+    by_imu = found(replace(track, height_m=track.height_m + lfilter([1.0], [1.0, -kept], white)), flight.noisy_imu())
+    problem, stated = by_imu.adjusted.problem, by_imu.positions.drift_m
+    shown = np.median(problem.positions.drift_m / np.sqrt(problem.drift_s), axis=0)
+    assert shown[2] == pytest.approx(sigma_m / np.sqrt(lasting_s), rel=0.2)
+    assert shown[:2] == pytest.approx(np.median(stated[:, :2], axis=0) / np.sqrt(60.0), rel=1e-6)
+    assert [notice.key for notice in by_imu.notices] == ["contradiction.positions"]
+
+
 def test_rates_in_another_unit__are_refused_by_name() -> None:
     flight = Flight(60.0, seed=3)
     imu = flight.noisy_imu(rate_hz=100.0)
