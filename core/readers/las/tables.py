@@ -89,7 +89,7 @@ class PointTable:
         """All points of a compressed file."""
         size = self.points * self.row.itemsize
         packed, unpacked = np.frombuffer(file.read(8).ljust(8, b"\0"), "<u4").tolist()
-        data = np.frombuffer(file.read(packed), np.uint8)
+        data = np.frombuffer(file.read(min(packed, path.stat().st_size)), np.uint8)
         # Of three bytes become at most 264.
         if unpacked == size <= 88 * len(data):
             expect_memory(path, 3 * size)
