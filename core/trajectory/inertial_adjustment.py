@@ -90,7 +90,7 @@ def with_travel(adjusted: InertialAdjustment) -> InertialAdjustment:
     yaw_rad = float(np.median(adjusted.state[TRAVEL_YAW]))
     if abs(yaw_rad) < UNKNOWN_TRAVEL_YAW * TRAVEL_YAW_SIGMA:
         return adjusted
-    return adjust(replace(adjusted.problem, hints=replace(adjusted.problem.hints, travel_known=False)), adjusted.state)
+    return adjust(replace(adjusted.problem, hints=replace(adjusted.problem.hints, any_travel=True)), adjusted.state)
 
 
 def with_clock(adjusted: InertialAdjustment, used_s: float) -> tuple[InertialAdjustment, float]:

@@ -103,13 +103,13 @@ class Hints:
     Attributes:
         on_wheels: whether the vehicle's origin moves along its nose, forward or in reverse.
         heading: the vehicle's heading by another device, or by the IMU's own filter; None without.
-        travel_known: whether the vehicle moves along its nose as far as a mounting by hand is right.
+        any_travel: whether the direction of travel is any, not that of the nose within what a mounting by hand is off.
         unasked: whether the positions come with headings of two antennas that nobody asked for.
     """
 
     on_wheels: bool = False
     heading: RecordedHeadings | None = None
-    travel_known: bool = True
+    any_travel: bool = False
     unasked: bool = False
 
     @property
@@ -134,7 +134,7 @@ class Hints:
 
     def observations(self, track: InertialTrack, positions: Positions) -> tuple[Observation, ...]:
         """What joins the adjustment of an IMU and positions."""
-        along = AlongNose() if self.travel_known else AlongNose(np.pi)
+        along = AlongNose(np.pi) if self.any_travel else AlongNose()
         wheels = (along, Standing.find(track, positions)) if self.on_wheels else ()
         return wheels if self.heading is None else (*wheels, self.heading)
 
