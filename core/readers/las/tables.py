@@ -126,10 +126,10 @@ class PointTable:
 
 
 @njit(cache=True, nogil=True)
-def _unpack(data: Any, out: Any) -> int:
+def _unpack(data: Any, out: Any) -> Any:
     """Decompress LZF (liblzf); number of bytes written, −1 if the data are damaged."""
-    i = 0
-    n = 0
+    i: Any = 0
+    n: Any = 0
     while i < len(data):
         control = np.int64(data[i])
         i += 1

@@ -88,7 +88,7 @@ class NmeaLog(PositionLog):
             InputError: as :meth:`track`, whose date they have; or if there are none, or their times do not increase.
         """
         pashr = self._sentences(self.paths)[0].of_kind(Kind.PASHR)
-        stated: NDArray[np.bool_] = np.isfinite(pashr.values[:, :4]).all(axis=1)
+        stated = np.asarray(np.isfinite(pashr.values[:, :4]).all(axis=1))
         pashr = pashr[stated]
         if not len(pashr):
             raise InputError("no-attitudes", name=self.name)
