@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib.util import find_spec
@@ -140,6 +140,7 @@ def run(
     mounting_doubts: list[Notice] = []
     if located.source == "imu" and matched is None:
         located, mounting_doubts = _held_against_mounting(located, flown.boresight, aid)
+    located = _held_against_geoid(located, positions.notices)
     if located.trajectory is not guess.trajectory:
         carrier, mount_notices = _carrier_trajectory(opened, located, flown.strip_adjustment)
     watch.lap("matching")
@@ -401,7 +402,11 @@ def _calibrate_flight(
         returns = at_shifted_times(returns, guess.trajectory if carrier is None else carrier, -ahead_s)
     found, returns, adjusted = calibrate_flight(returns, guess, stated, carrier, walk)
     if adjusted is not None:
-        located = replace(guess, trajectory=adjusted.trajectory)
+        trajectory = adjusted.trajectory
+        if any(notice.code == CONTRADICTION for notice in guess.notices):
+            # Strips know the errors of the poses by what the contradiction denies, so they do not make them smaller.
+            trajectory = replace(trajectory, sigma=np.maximum(trajectory.sigma, guess.trajectory.sigma))
+        located = replace(guess, trajectory=trajectory)
         carrier = _carrier_trajectory(opened, located, adjusted)[0]
         returns = at_shifted_times(returns, located.trajectory if carrier is None else carrier, 0.0)
     if found is not None and by_imu:
@@ -435,6 +440,16 @@ def _held_against_mounting(
     return replace(located, trajectory=replace(located.trajectory, sigma=sigma)), [notice]
 
 
+def _held_against_geoid(located: Located, notices: Sequence[Notice]) -> Located:
+    """The trajectory with larger standard deviations of the heights where these may lack the geoid's."""
+    off_m = [float(str(dict(notice.values)["off_m"])) for notice in notices if notice.code == "geoid-separation"]
+    if not off_m:
+        return located
+    sigma = located.trajectory.sigma.copy()
+    sigma[:, 2] = np.hypot(sigma[:, 2], max(off_m))
+    return replace(located, trajectory=replace(located.trajectory, sigma=sigma))
+
+
 def _imu_ahead_s(session: Session, located: Located) -> float:
     """By how much the IMU's clock was found to be ahead of the positions', beyond what the session states."""
     if session.imu is None or located.inertial is None:
@@ -454,6 +469,7 @@ def _run_without_scans(opened: OpenSession, progress: Progress) -> RunResult:
     progress("reading positions", 0.0)
     positions = opened.positions()
     located = located_without_lidar(positions, session, opened.frame, companions(opened))
+    located = _held_against_geoid(located, positions.notices)
     aid_notices: list[Notice] = []
     located, aid = _aid_by_images(opened, located, aid_notices, progress)
     boundary, field_notices = _read_boundary(opened, located.trajectory)

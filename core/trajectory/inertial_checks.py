@@ -81,11 +81,23 @@ def check_mounting(trajectory: Trajectory, mounting: Mounting, name: str, *, on_
     mended = Mounting.from_rotation(mounting.xyz_m, nearest.as_matrix() @ mounting.rotation)
     if nearest.as_matrix()[2, 2] < 0.5:
         raise InputError("imu-turned.forward", name=name, right=_words(mended))
-    steadiness = float(np.hypot(*(step_s[moving] @ along[:, :2])) / step_s[moving].sum())
-    if not on_wheels and steadiness > STEADY:
+    if not on_wheels and not _follows_course(along[:, :2], turned[moving, :2, 0], weight):
         return []
     yaw_deg = float(np.degrees(np.arctan2(*nearest.as_matrix()[[1, 0], 0])))
     return [Notice("imu-turned", name=name, yaw_deg=abs(yaw_deg), right=_words(mended))]
+
+
+def _follows_course(along: FloatArray, nose: FloatArray, weight: FloatArray) -> bool:
+    """Whether a nose (n, 2) turns with a course (n, 2), rather than keeping a direction of its own.
+
+    A nose that has nothing to do with the course is steadier in the map than against the course: lengths of mean
+    directions multiply.
+    """
+    course, own = (way @ [1.0, 1.0j] for way in (along, nose))
+    own = own / np.maximum(np.abs(own), 1e-9)
+    if abs(np.average(course, weights=weight)) > STEADY:
+        return False
+    return abs(np.average(own * course.conj(), weights=weight)) > abs(np.average(own, weights=weight))
 
 
 def _tilted(turned: FloatArray, mounting: Mounting, name: str) -> list[Notice]:

@@ -28,7 +28,14 @@ from furrowmap.core.geodesy.projection import MapFrame, middle_deg
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
-from furrowmap.core.trajectory.alignment import HALVES, attitudes, averaged_knots, moving_mean
+from furrowmap.core.trajectory.alignment import (
+    CHUNK_KNOTS,
+    HALVES,
+    Attitudes,
+    attitudes,
+    averaged_knots,
+    moving_mean,
+)
 from furrowmap.core.trajectory.heading_hints import Course, HeadingHint, RecordedHeading
 from furrowmap.core.values.clock import GPS_EPOCH_S, HOUR_S, gps_minus_utc_s, iso_utc
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S, GnssTrack, Positions
@@ -43,6 +50,9 @@ MIN_STRETCH_S: Final = 10.0
 """A shorter stretch between two pauses is left out."""
 FIRST_GUESS_GAP_S: Final = 1.0
 """Positions further apart than this are not interpolated for the first guess."""
+LINEAR_RAD: Final = 0.05
+"""Turn by the gyroscopes' bias within a chunk up to which alignment is linear in it: the rest turns gravity by 12 mm
+in a second difference, less than these are trusted to."""
 MAX_MISFIT: Final = 8.0
 """Misfit of the first guess beyond which measurements and positions are not of the same motion."""
 KNOTS_TRIED: Final = 1200
@@ -295,10 +305,12 @@ def _guess_states(problem: InertialProblem, chain: Chain, track: InertialTrack) 
     off_m = p.xyz_m - problem.origin_m
     antenna = np.column_stack([np.interp(t_s, p.t_s, off_m[:, axis]) for axis in range(3)]) / stretch
     seen = np.where(without_positions(t_s, p.t_s)[:, None], np.nan, antenna)
-    steps = increments(track.t_s, track.rate_radps, track.force_mps2, t_s[:-1], t_s[:-1] + KNOT_STEP_S)
     step_s = float(np.median(np.diff(p.t_s)))
     white, drift = (float(np.median(sigma[:, 0])) for sigma in (p.white_m, p.drift_m))
-    for half in HALVES:
+
+    def aligned(half: int, rate_bias: FloatArray) -> Attitudes | None:
+        rate_radps = track.rate_radps - rate_bias
+        steps = increments(track.t_s, rate_radps, track.force_mps2, t_s[:-1], t_s[:-1] + KNOT_STEP_S)
         many = averaged_knots(half)
         mean, kept = moving_mean(seen, many), np.exp(-half * KNOT_STEP_S / DRIFT_CORRELATION_S)
         noise = white / np.sqrt(max(1.0, many * KNOT_STEP_S / step_s))
@@ -306,8 +318,18 @@ def _guess_states(problem: InertialProblem, chain: Chain, track: InertialTrack) 
         sigma = float(np.sqrt(noise**2 + (1.0 + (kept**2 - 4.0 * kept) / 3.0) * drift**2))
         hint = problem.hints.of_chain(t_s, mean, (noise, drift), problem.lever_m)
         found = attitudes(steps, mean, arm, sigma, links.noise, links.site.gravity_mps2, hint, half)
-        if found is not None:
-            break
+        if found is None:
+            return None
+        return replace(found, bias=found.bias + np.concatenate([rate_bias, np.zeros(3)]))
+
+    for half in HALVES:
+        found = aligned(half, np.zeros(3))
+        if found is None:
+            continue
+        rate_bias = found.bias[:, :3].mean(axis=0)
+        if np.linalg.norm(rate_bias) * min(chain.count, CHUNK_KNOTS) * KNOT_STEP_S > LINEAR_RAD:
+            found = aligned(half, rate_bias) or found
+        break
     else:
         return None
     velocity = np.gradient(antenna - found.rotation @ arm, KNOT_STEP_S, axis=0)

@@ -17,7 +17,7 @@ from pyproj import CRS
 from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
-from furrowmap.core.crops.placement import MAX_PARCEL_SHIFT_M, parcel_shift
+from furrowmap.core.crops.placement import MAX_PARCEL_SHIFT_M, ParcelShift, parcel_shift
 from furrowmap.core.crops.response import Response, dose_name, dose_unit, fit_response, parcel_doses
 from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster, site_soil
 from furrowmap.core.crops.soil import SOIL_CELL_M
@@ -168,12 +168,17 @@ def collect_points(
 
 @dataclass(frozen=True)
 class WrittenParcels:
-    """Parcels that were measured and written, and how their heights respond to a dose, where they have one."""
+    """Parcels that were measured and written, and how their heights respond to a dose, where they have one.
+
+    Attributes:
+        shift: with which they meet the crop; None for none.
+    """
 
     found: list[MeasuredParcel]
     response: Response | None
     account: dict[str, Any]
     notices: list[Notice]
+    shift: ParcelShift | None = None
 
 
 def write_parcels(
@@ -248,9 +253,8 @@ def held_against_surface(written: WrittenParcels, folder: Path) -> WrittenParcel
     write_parcel_sheet(folder / PARCEL_SHEET, layer)
     rows = [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))]
     notice = Notice("parcels-beside-crop", east_m=shift.east_m, north_m=shift.north_m, height_off_m=shift.height_off_m)
-    return replace(
-        written, found=found, account=written.account | {"parcels": rows}, notices=[*written.notices, notice]
-    )
+    account, notices = written.account | {"parcels": rows}, [*written.notices, notice]
+    return replace(written, found=found, account=account, notices=notices, shift=shift)
 
 
 def _response(found: Sequence[MeasuredParcel]) -> Response | None:

@@ -19,6 +19,7 @@ import numpy as np
 import tomli_w
 
 from furrowmap.core.crops.parcel_points import ParcelPoints
+from furrowmap.core.crops.placement import ParcelShift
 from furrowmap.core.features.cloud_features import FoundFeatures, classify_features, measure_density
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
@@ -169,6 +170,7 @@ class RunProducts:
             made = replace(made, parcels=held_against_surface(parcels.result(), staging))
             assert made.parcels is not None
             notices += made.parcels.notices
+            found = _with_shift(found, made.parcels.shift)
         stated = found.session.features
         if stated is not None and summary.points:
             begin = perf_counter()
@@ -177,6 +179,16 @@ class RunProducts:
             made = replace(made, features=features)
             notices += features.notices
         return replace(made, found=replace(found, notices=tuple(notices)))
+
+
+def _with_shift(found: RunResult, shift: ParcelShift | None) -> RunResult:
+    """The result with larger standard deviations of the positions where parcels may be right, and the positions off."""
+    if shift is None:
+        return found
+    sigma = found.placement.poses.sigma.copy()
+    sigma[:, :2] = np.hypot(sigma[:, :2], (shift.east_m, shift.north_m))
+    poses = replace(found.placement.poses, sigma=sigma)
+    return replace(found, placement=replace(found.placement, poses=poses))
 
 
 def write_products(

@@ -69,6 +69,16 @@ def test_sigmas__hold_over_ten_flights() -> None:
     assert (rms < 2.0).all()
 
 
+@pytest.mark.parametrize(("seed", "kind"), [(25, "consumer"), (26, "tactical")])
+def test_right_flights__are_not_doubted(seed: int, kind: str) -> None:
+    """Gyroscopes whose bias turns gravity by 20° in the flight; a nose against a course that turns without it."""
+    flight, noise = Flight(50.0, seed), inertial_noise(kind)
+    imu = MountedImu(flight.noisy_imu(noise, rate_hz=100.0), MOUNTING, noise)
+    result = trajectory_from_inertial(flight.noisy_track(), imu, frame(), LEVER_M, None)
+    assert result.notices == ()
+    assert (np.sqrt(((errors(result.trajectory, flight) / result.trajectory.sigma) ** 2).mean(axis=0)) < 3.0).all()
+
+
 @pytest.mark.parametrize("off_s", [0.0, 0.03, -0.4, 18.0])
 def test_clock_of_the_imu__is_found_and_used(off_s: float) -> None:
     flight = Flight(40.0, seed=3)
