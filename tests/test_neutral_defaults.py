@@ -31,7 +31,6 @@ EVERY_ONE: Final = {
     "core/values/scan.py Scan.whole": True,
     "core/values/session.py Run.standing": True,
     "core/values/session.py CameraSource.aid": True,
-    "core/trajectory/inertial_start.py Hints.travel_known": True,  # mounted by hand, until the drive shows otherwise
     "core/session/frames.py Frame.has_axes": True,  # a frame is drawn with its axes
 }
 """Nothing is left out unasked."""
