@@ -20,7 +20,6 @@ FILE = Path(__file__).resolve().parents[1] / "plugin" / "processing" / "commands
 NOT_IN_QGIS = {
     "explain": "the report and the log name the remedy beside each message",
     "batch": "it works for hours on many sessions, with processes of its own or on a cluster",
-    "season": "it works on the results of a batch, with processes of its own or on a cluster",
     "qgis install": "it installs the plugin that would run it",
     "qgis zip": "it writes the plugin that would run it",
     "notebooks": "QGIS opens none",

@@ -35,6 +35,7 @@
   <message><source>COPC file to write.</source><translation>書き出す COPC ファイル。</translation></message>
   <message><source>CRS of a new farm map</source><translation>新しい農場マップの CRS</translation></message>
   <message><source>CRS of a new farm map, such as EPSG:6677 [default: the first session's].</source><translation>新しい農場マップの CRS（例：EPSG:6677）。省略時は最初のセッションの CRS。</translation></message>
+  <message><source>CRS of all products [default: that of the sessions].</source><translation>すべての成果物の CRS。省略時はセッションの CRS。</translation></message>
   <message><source>CRS of clouds without one</source><translation>CRS のない点群に使う CRS</translation></message>
   <message><source>CRS of input files without one.</source><translation>CRS のない入力ファイルの CRS。</translation></message>
   <message><source>CRS of points, or of a point cloud, whose file states none [default: that of the product].</source><translation>ファイルに CRS がない場合の測量点と点群の CRS。省略時は検証する成果物の CRS。</translation></message>
@@ -56,6 +57,7 @@
   <message><source>Captures, bags, GNSS logs, trajectories, point clouds.</source><translation>LiDAR のキャプチャ、bag、GNSS ログ、軌跡、点群。</translation></message>
   <message><source>Cell size</source><translation>セルサイズ</translation></message>
   <message><source>Cell size [default: the smallest round size with four points per cell].</source><translation>セルサイズ。省略時は 1 セルに 4 点が入る切りのよい最小値。</translation></message>
+  <message><source>Cell size of the mosaics [default: that of the latest surface].</source><translation>モザイクのセルサイズ。省略時は最新の表面のセルサイズ。</translation></message>
   <message><source>Cell size.</source><translation>セルサイズ。</translation></message>
   <message><source>Cell statistic</source><translation>セルの統計量</translation></message>
   <message><source>Change between dates</source><translation>日付間の変化</translation></message>
@@ -86,6 +88,7 @@
   <message><source>Computes the georeferenced point cloud of a session's recording, detects in the scans when the implement is in the ground, and writes the worked ground, surfaces and a report.</source><translation>セッションの記録から地理座標付きの点群を計算し、作業機が土に入っている区間をスキャンから検出して、作業済みの範囲、サーフェス、レポートを出力します。</translation></message>
   <message><source>Computes the ground that a machine worked in each field from its ISO 11783-10 task data, without a scanner: passes, overlaps, missed strips and their areas.</source><translation>スキャナを使わず、機械の ISO 11783-10 作業データから圃場ごとの作業済みの範囲を計算します。行程、重複、作業残しとその面積が得られます。</translation></message>
   <message><source>Computes the positions of a rover relative to a base station from RINEX files, with RTKLIB's program rnx2rtkp, which has to be installed. A session names the result as its GNSS log.</source><translation>RINEX ファイルから、基準局に対する移動局の位置を計算します。RTKLIB のプログラム rnx2rtkp がインストールされている必要があります。結果はセッションで GNSS ログとして指定します。</translation></message>
+  <message><source>Content</source><translation>内容</translation></message>
   <message><source>Continue a run into DIR that was killed or lost power: its scan matching is used again if session and recordings are unchanged.</source><translation>強制終了や停電で中断した処理を、同じフォルダで続けます。セッションと記録が変わっていなければ、スキャンマッチングの結果を再利用します。</translation></message>
   <message><source>Converts the results of a run: GeoPackage, GeoParquet, FlatGeobuf, GeoJSON, Shapefile, KML, CSV, ISO 11783-10 task data for farm software and terminals, or a STAC catalogue of many runs. GeoJSON and KML are always in WGS 84.</source><translation>実行結果を変換します。GeoPackage、GeoParquet、FlatGeobuf、GeoJSON、Shapefile、KML、CSV、営農ソフトウェアと端末のための ISO 11783-10 作業データ、複数の実行をまとめた STAC カタログに対応します。GeoJSON と KML は常に WGS 84 です。</translation></message>
   <message><source>Coordinate transformations of a session</source><translation>セッションの座標変換</translation></message>
@@ -142,6 +145,7 @@
   <message><source>First number.</source><translation>最初の番号。</translation></message>
   <message><source>Fits the logistic response of crop heights to a dose, finds the dose beyond which nothing is gained, analyses the variance by treatment and block, and computes growth where there are tables of several days. Writes charts, a table and response.json.</source><translation>施用量に対する作物高の応答にロジスティック曲線を当てはめ、それ以上増やしても効果がない施用量を求めます。処理とブロックによる分散分析も行い、複数の日の表があれば生長速度も計算します。グラフ、表、response.json を書き出します。</translation></message>
   <message><source>Folder for evaluation.json, evaluation.html, evaluation.gpkg, services.csv and epochs.csv.</source><translation>evaluation.json、evaluation.html、evaluation.gpkg、services.csv、epochs.csv のフォルダ。</translation></message>
+  <message><source>Folder of the season.</source><translation>シーズンのフォルダー。</translation></message>
   <message><source>Format</source><translation>形式</translation></message>
   <message><source>Forward,left,up: from the antenna of the reference to that of the log, on the same vehicle. One line for all logs, or one for each.</source><translation>前,左,上の順。同じ車両上で、基準のアンテナからログのアンテナまで。全ログに共通なら 1 行、ログごとなら 1 行ずつ。</translation></message>
   <message><source>Found in the recordings</source><translation>記録から分かったこと</translation></message>
@@ -203,14 +207,17 @@
   <message><source>Maximum gap to fill</source><translation>補間する欠損の最大幅</translation></message>
   <message><source>Maximum interpolation gap</source><translation>補間する最大間隔</translation></message>
   <message><source>Maximum interpolation gap of the reference [default: 1.5 times its interval].</source><translation>基準を補間する最大間隔。省略時は測位間隔の 1.5 倍。</translation></message>
+  <message><source>Maximum number of rows of a Parquet file.</source><translation>Parquet ファイル 1 つの最大行数。</translation></message>
   <message><source>Mean of all sessions</source><translation>全セッションの平均</translation></message>
   <message><source>Measures height and volume of the crop on each parcel from LAS, LAZ or COPC point clouds of any source, with standard deviations: a layer of the parcels, a table, and a raster of crop heights.</source><translation>任意の LAS、LAZ、COPC 点群から、区画ごとに作物の高さと体積を標準偏差とともに求めます。区画のレイヤ、表、作物の高さのラスタを出力します。</translation></message>
   <message><source>Measures what the crop on each parcel grew between flights of several days, aligned in height by the bare soil that they have in common, with standard deviations: a layer coloured by growth, and a table.</source><translation>日を変えて飛行した点群から、区画ごとの作物の生育量（高さの増加）を標準偏差とともに求めます。飛行間の高さは共通する裸地で揃えます。生育量で色分けしたレイヤと表を出力します。</translation></message>
+  <message><source>Merges the results of many sessions, such as those of a list of drives: for each date a mosaic of the surfaces, of the change and of the worked ground, tables of points and trajectories, and a STAC catalogue of it all. Parts that have not changed are not made again.</source><translation>走行の一覧など、多数のセッションの結果をまとめます：日付ごとの表面・変化・作業済み範囲のモザイク、点と軌跡の表、およびそれらすべての STAC カタログ。変わっていない部分は作り直しません。</translation></message>
   <message><source>Method for heights and volumes</source><translation>高さと体積の方法</translation></message>
   <message><source>Method for heights and volumes: the canopy's top, unbiased by point density, or as published in 2017.</source><translation>高さと体積の方法。点密度で偏らない群落上端、または 2017 年に公表された方法。</translation></message>
   <message><source>Missing from the recordings</source><translation>記録にないもの</translation></message>
   <message><source>Mosaic</source><translation>モザイク</translation></message>
   <message><source>Mosaic of the farm map's surfaces</source><translation>農場マップのサーフェスのモザイク</translation></message>
+  <message><source>Most rows</source><translation>最大行数</translation></message>
   <message><source>NMEA, or other logs that 'Inspect recordings' reads.</source><translation>NMEA、または「記録を調べる」で読めるログ。</translation></message>
   <message><source>Names</source><translation>名前</translation></message>
   <message><source>Navigation files of the same day.</source><translation>同じ日の航法ファイル。</translation></message>
@@ -228,6 +235,7 @@
   <message><source>Number of sessions removed</source><translation>削除したセッション数</translation></message>
   <message><source>Number of surfaces</source><translation>サーフェスの数</translation></message>
   <message><source>Number of threads [default: FURROWMAP_THREADS, else the number of processors, at most 8].</source><translation>スレッド数。省略時は FURROWMAP_THREADS、なければプロセッサ数（最大 8）。</translation></message>
+  <message><source>Number of worker processes [default: by cores and memory].</source><translation>ワーカープロセスの数。省略時はコア数とメモリーから決まります。</translation></message>
   <message><source>Number the plots of each block anew: 101, 102, … 201.</source><translation>ブロックごとに番号を付け直します（101、102、… 201）。</translation></message>
   <message><source>Numbering</source><translation>番号の付け方</translation></message>
   <message><source>Numbers along</source><translation>番号の進む方向</translation></message>
@@ -274,6 +282,9 @@
   <message><source>Point cloud</source><translation>点群</translation></message>
   <message><source>Point cloud or surface</source><translation>点群またはサーフェス</translation></message>
   <message><source>Point clouds</source><translation>点群</translation></message>
+  <message><source>Point spacing</source><translation>点間隔</translation></message>
+  <message><source>Point spacing that is sufficient; 0 for all points.</source><translation>十分な点間隔。0 はすべての点。</translation></message>
+  <message><source>Points and trajectories are GeoParquet, which needs the extra 'parquet'.</source><translation>点と軌跡は GeoParquet で、追加パッケージ 'parquet' が必要です。</translation></message>
   <message><source>Polygons instead of cells</source><translation>セルの代わりのポリゴン</translation></message>
   <message><source>Position of the base station</source><translation>基準局の位置</translation></message>
   <message><source>Positions</source><translation>位置</translation></message>
@@ -282,6 +293,7 @@
   <message><source>PostGIS schema of the tables.</source><translation>テーブルの PostGIS スキーマ。</translation></message>
   <message><source>Preview only</source><translation>プレビューのみ</translation></message>
   <message><source>Process only the task with this identifier or name.</source><translation>この識別子または名前の作業だけを処理します。</translation></message>
+  <message><source>Products of a season</source><translation>シーズンの成果物</translation></message>
   <message><source>Products of the same recording in it are replaced.</source><translation>同じ記録の成果物は置き換えられます。</translation></message>
   <message><source>Projected CRS of the plots, such as EPSG:25832.</source><translation>試験区の投影座標系（例：EPSG:25832）。</translation></message>
   <message><source>Projected CRS, such as EPSG:6677 [default: chosen from the location].</source><translation>投影 CRS（例：EPSG:6677）。省略時は場所から選びます。</translation></message>
@@ -310,9 +322,11 @@
   <message><source>Rows</source><translation>行数</translation></message>
   <message><source>Rows or columns of a block</source><translation>1 ブロックの行数または列数</translation></message>
   <message><source>Run a session</source><translation>セッションの実行</translation></message>
+  <message><source>Running Dask scheduler whose workers are used: tcp://HOST:PORT.</source><translation>使用するワーカーを持つ、動作中の Dask スケジューラー：tcp://HOST:PORT。</translation></message>
   <message><source>Save the machine of a session</source><translation>セッションの機械を保存</translation></message>
   <message><source>Saves the places of antenna, scanner, IMU, camera and implement that a session states, for sessions of the same machine.</source><translation>セッションに記入したアンテナ、スキャナ、IMU、カメラ、作業機の位置を保存し、同じ機械のセッションで使えるようにします。</translation></message>
   <message><source>Scenario</source><translation>シナリオ</translation></message>
+  <message><source>Scheduler</source><translation>スケジューラー</translation></message>
   <message><source>Season</source><translation>シーズン</translation></message>
   <message><source>Seasons of fields (JSON)</source><translation>圃場のシーズン（JSON）</translation></message>
   <message><source>Session file</source><translation>セッションファイル</translation></message>
@@ -391,6 +405,7 @@
   <message><source>Within polygons</source><translation>ポリゴンで切り抜く</translation></message>
   <message><source>Worked ground</source><translation>作業した範囲</translation></message>
   <message><source>Worked ground from task data (ISOXML)</source><translation>作業データ（ISOXML）から作業した範囲</translation></message>
+  <message><source>Workers</source><translation>ワーカー数</translation></message>
   <message><source>Working width</source><translation>作業幅</translation></message>
   <message><source>Working width in metres [default: the largest in the logs].</source><translation>作業幅（メートル）。省略時はログにある最大の幅。</translation></message>
   <message><source>Write a CSV table of the errors at each point.</source><translation>各点の誤差の CSV 表を書き出します。</translation></message>

@@ -566,6 +566,27 @@ ALGORITHMS = (
         outputs=(Output("PASSES", "number", "Number of passes", item("passes")),),
     ),
     Algorithm(
+        "season",
+        "Products of a season",
+        "Merges the results of many sessions, such as those of a list of drives: for each date a mosaic of the surfaces, "
+        "of the change and of the worked ground, tables of points and trajectories, and a STAC catalogue of it all. "
+        "Parts that have not changed are not made again.",
+        basic=("results", "--content", "--dst-crs", "--cell", "--output"),
+        facts={
+            "--content": parameter(
+                "Content",
+                "Points and trajectories are GeoParquet, which needs the extra 'parquet'.",
+                kind="choices",
+                default=["mosaics"],
+            ),
+            "--output": parameter("Output folder", kind="new folder"),
+            "--cell": parameter("Cell size"),
+            "--spacing": parameter("Point spacing"),
+        },
+        outputs=(FINDINGS,),
+        layers=lambda answer: [str(path) for path in sorted(Path(answer["folder"]).glob("mosaics/*/*.vrt"))],
+    ),
+    Algorithm(
         "crs",
         "Coordinate transformations of a session",
         "Reports what a run would do with the coordinates of a session, with figures for the site: reference frame and "

@@ -20,7 +20,7 @@ TOOLBOX_GROUPS = {
     "session": ("Sessions", "init inspect run calibrate machine simulate frames"),
     "surfaces": ("Surfaces and point clouds", "surface cloud colour features"),
     "crops": ("Crops and trials", "parcels growth canopy plots response"),
-    "farm": ("Farm map", "farm tie"),
+    "farm": ("Farm map", "farm tie season"),
     "exchange": ("Data exchange", "fields export share"),
     "accuracy": ("Accuracy", "crs gnss check"),
 }

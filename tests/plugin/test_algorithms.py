@@ -175,6 +175,7 @@ def algorithm_jobs(folder: Path) -> dict[str, dict[str, Any]]:
         "farm_traffic": run("farm_traffic", FARM_MAP=base, OUTPUT=folder / "traffic.tif"),
         "farm_mosaic": run("farm_mosaic", FARM_MAP=base, OUTPUT="TEMPORARY_OUTPUT"),
         "farm_remove": run("farm_remove", FARM_MAP=base, SESSION="straight"),
+        "season": run("season", RESULTS=[str(report)], OUTPUT=folder / "season"),
         "fields": run("fields", TASKDATA=folder / "tasks.zip", OUTPUT=folder / "fields.gpkg"),
         "plots": run(
             "plots",
@@ -554,6 +555,13 @@ def test_base__of_a_session_without_a_field_has_none_and_no_passes(answers: dict
     assert "has no field 'north'" in answers["farm_history"]["error"]
     assert answers["farm_traffic"]["error"] is None
     assert answers["farm_traffic"]["outputs"]["PASSES"] == 0
+
+
+def test_season__opens_the_mosaics_of_each_date(answers: dict[str, Any], folder: Path) -> None:
+    assert answers["season"]["error"] is None
+    assert {path.name for path in (folder / "season" / "mosaics").glob("*/*.vrt")} >= {"dsm.vrt", "coverage.vrt"}
+    assert "dsm" in str(answers["season"]["loaded"])
+    assert not (folder / "season" / "points").exists()
 
 
 def test_output__that_is_temporary_is_where_the_answer_says(answers: dict[str, Any]) -> None:
