@@ -97,7 +97,7 @@ def _follows_course(along: FloatArray, nose: FloatArray, weight: FloatArray) -> 
     own = own / np.maximum(np.abs(own), 1e-9)
     if abs(np.average(course, weights=weight)) > STEADY:
         return False
-    return abs(np.average(own * course.conj(), weights=weight)) > abs(np.average(own, weights=weight))
+    return bool(abs(np.average(own * course.conj(), weights=weight)) > abs(np.average(own, weights=weight)))
 
 
 def _tilted(turned: FloatArray, mounting: Mounting, name: str) -> list[Notice]:
