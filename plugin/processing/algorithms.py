@@ -569,7 +569,8 @@ ALGORITHMS = (
         "season",
         "Products of a season",
         "Merges the results of many sessions, such as those of a list of drives: for each date a mosaic of the "
-        "surfaces, of the change and of the worked ground, tables of points and trajectories, and a STAC catalogue of it all. "
+        "surfaces, of the change and of the worked ground, tables of points and trajectories, and a STAC catalogue "
+        "of it all. "
         "Parts that have not changed are not made again.",
         basic=("results", "--content", "--dst-crs", "--cell", "--output"),
         facts={
