@@ -559,7 +559,7 @@ def test_base__of_a_session_without_a_field_has_none_and_no_passes(answers: dict
 
 def test_season__opens_the_mosaics_of_each_date(answers: dict[str, Any], folder: Path) -> None:
     assert answers["season"]["error"] is None
-    assert {path.name for path in (folder / "season" / "mosaics").glob("*/*.vrt")} >= {"dsm.vrt", "coverage.vrt"}
+    assert {path.name for path in (folder / "season" / "mosaics").glob("*/*.vrt")} == {"dsm.vrt"}
     assert "dsm" in str(answers["season"]["loaded"])
     assert not (folder / "season" / "points").exists()
 

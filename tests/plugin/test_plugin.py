@@ -86,7 +86,9 @@ def test_plugin__imports_only_qgis_and_the_standard_library(path: Path) -> None:
             continue
         for module in modules:
             top = module.split(".")[0]
-            assert top in sys.stdlib_module_names or re.match(r"qgis(\.(core|gui|utils|PyQt\b.*))?$", module), module
+            assert top in sys.stdlib_module_names or re.match(r"qgis(\.(_3d|core|gui|utils|PyQt\b.*))?$", module), (
+                module
+            )
     assert source.startswith("# SPDX-License-Identifier: GPL-2.0-or-later\n")
 
 

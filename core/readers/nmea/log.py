@@ -135,16 +135,17 @@ class NmeaLog(PositionLog):
 def _note_separation(positions: Sentences, notices: list[Notice], name: str) -> None:
     """A notice where the geoid separations are none: zero all the time, or far from a model of the geoid."""
     columns = [positions.column(Kind.GGA, column) for column in ("lon_deg", "lat_deg", "separation_m")]
-    lon_deg, lat_deg, stated_m = np.array(columns)[:, np.isfinite(columns).all(axis=0)]
+    stated = np.isfinite(columns).all(axis=0) & (positions.talker != b"PU")  # heights of PUBX are ellipsoidal
+    lon_deg, lat_deg, stated_m = np.array(columns)[:, stated]
     if not len(stated_m):
         return
     middle = len(stated_m) // 2
-    model_m, stated = coarse_geoid_m(float(lon_deg[middle]), float(lat_deg[middle])), float(np.median(stated_m))
+    model_m, median_m = coarse_geoid_m(float(lon_deg[middle]), float(lat_deg[middle])), float(np.median(stated_m))
     # A receiver that knows the separation states it to a millimetre or a decimetre: it is hardly ever zero.
     sigmas = ZERO_SIGMAS if not stated_m.any() else WRONG_SIGMAS
-    if abs(stated - model_m) > sigmas * GEOID_SIGMA_M:
-        off_m = abs(stated - model_m)
-        notices.append(Notice("geoid-separation", name=name, stated_m=stated, model_m=model_m, off_m=off_m))
+    off_m = abs(median_m - model_m)
+    if off_m > sigmas * GEOID_SIGMA_M:
+        notices.append(Notice("geoid-separation", name=name, stated_m=median_m, model_m=model_m, off_m=off_m))
 
 
 def _by(counts: SentenceCounts, part: Callable[[str], str]) -> dict[str, int]:

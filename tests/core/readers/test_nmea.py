@@ -342,6 +342,9 @@ def test_pubx__is_the_position_where_there_is_no_other(tmp_path: Path) -> None:
     assert (track.height_m[0], track.fix[0], track.satellites[0], track.hdop[0]) == (104.461, Fix.SINGLE, 6, 5.88)
     assert (track.sigma_e_m[0], track.sigma_h_m[0]) == pytest.approx((29 / np.sqrt(2), 31))
     assert (track.speed_mps[0], track.course_deg[0]) == pytest.approx((0.085 / 3.6, 39.63))
+    reader = NmeaLog([write(tmp_path, date, log)], ReadOptions())
+    reader.track()
+    assert "geoid-separation" not in codes(reader), "its height is above the ellipsoid"
     beside = track_of(write(tmp_path, gga("103607.00"), date, log))
     assert beside.height_m[0] == pytest.approx(track_of(write(tmp_path, gga("103607.00"), date)).height_m[0])
     assert beside.sigma_h_m[0] == 31

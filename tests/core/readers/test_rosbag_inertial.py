@@ -172,7 +172,8 @@ def test_gns__is_read_as_gga(tmp_path: Path, mode: bytes, fix: Fix) -> None:
 
 
 def test_gns_without_positions__is_none(tmp_path: Path) -> None:
-    (tmp_path / "gns.nmea").write_bytes(as_gns(nmea(), b"NN"))
+    without_pubx = b"\r\n".join(line for line in nmea().split(b"\r\n") if not line.startswith(b"$PUBX"))
+    (tmp_path / "gns.nmea").write_bytes(as_gns(without_pubx, b"NN"))
     with pytest.raises(InputError, match="no intact GGA"):
         NmeaLog([tmp_path / "gns.nmea"], ReadOptions()).track()
 
