@@ -76,7 +76,7 @@ def field(seed: int, crop: Crop, size_m: float = 24.0, density: float = 0.6) -> 
     noise = rng.normal(0.0, RANGE_NOISE_M, len(way))
     xyz = (begin + way * (range_m + noise)[:, None])[seen]
     inside = np.all((xyz[:, :2] > 0.0) & (xyz[:, :2] < size_m), axis=1)
-    return Yard(xyz[inside], kind[seen][inside], rgb[seen][inside], None, scene)
+    return Yard(xyz[inside], kind[seen][inside], rgb[seen][inside], scene)
 
 
 def _crop_top(rng: np.random.Generator, crop: Crop, scene: Scene, across: FloatArray) -> FloatArray:

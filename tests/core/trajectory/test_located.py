@@ -76,7 +76,7 @@ def test_a_machine_on_wheels_has_the_heading_of_its_course(tmp_path: Path, table
     assert found.inertial is not None
     heading, sigma = found.trajectory.attitude_deg()[2], found.trajectory.sigma[:, 5]
     assert np.abs(heading - grid_east_deg()).max() < 0.5
-    assert 0.2 < np.median(sigma) < 5.0
+    assert 5.0 < np.median(sigma) < 6.0, "a straight drive does not show the yaw of the mounting, 5° by its prior"
 
 
 def test_a_machine_whose_scans_are_matched_keeps_its_gyroscopes(tmp_path: Path) -> None:

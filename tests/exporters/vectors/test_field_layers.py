@@ -138,7 +138,9 @@ def test_qgis__opens_every_layer_in_its_style_and_plays_the_day(field: Path, qgi
     }
     told = qgis.run("python3", Path(__file__).with_name("temporal_in_qgis.py"), field, *FIELDS)
     times = dict(zip(FIELDS, (line.split()[:2] for line in told.splitlines()[-len(FIELDS) :]), strict=True))
-    assert times["passes"] == times["overlaps"] == times["tool_path"] == ["True", "start"]
+    assert times["passes"] == times["overlaps"] == times["tool_path"] == ["True", "end"], (
+        "they appear when they were made"
+    )
     assert times["events"] == ["True", "time"]
 
 
