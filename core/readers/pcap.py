@@ -28,7 +28,7 @@ from furrowmap.core.readers.pcap_walk import (
     walk_pcap,
     walk_pcapng,
 )
-from furrowmap.core.readers.source import Source
+from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 
@@ -267,6 +267,17 @@ class Capture:
                 self._lost_bytes += len(self._data) - self._pos
                 self._pos = len(self._data)
                 return
+
+
+def first_datagrams(head: Head) -> Datagrams | None:
+    """The datagrams of the first block of a capture; None if the file is none, or nothing of it can be read."""
+    if not capture_format(head.data):
+        return None
+    try:
+        with Source(head.path) as source:
+            return next(iter(Capture(source)), None)
+    except (InputError, OSError):
+        return None
 
 
 def _no_capture(path: Path, head: bytes) -> InputError:

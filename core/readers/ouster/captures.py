@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.ouster.clock import PTP_PORT, announced_s, settle
 from furrowmap.core.readers.ouster.metadata import LEGACY, PROFILES, Metadata, heads, metadata_beside, packet_bytes
 from furrowmap.core.readers.ouster.packets import OusterDecoder
-from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format
+from furrowmap.core.readers.pcap import Capture, Datagrams, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.errors import InputError, Notice
@@ -146,14 +146,8 @@ class OusterPcap(FileReader):
     @classmethod
     def recognise(cls, head: Head) -> float:
         """0.9 for captures with an Ouster data packet among the first datagrams."""
-        if not capture_format(head.data):
-            return 0.0
-        try:
-            with Source(head.path) as source:
-                datagrams = next(iter(Capture(source)), None)
-        except (InputError, OSError):
-            return 0.0
-        return 0.9 if datagrams is not None and looks_like_data(datagrams) else 0.0
+        first = first_datagrams(head)
+        return 0.9 if first is not None and looks_like_data(first) else 0.0
 
     def scans(self) -> Iterator[Scan]:
         """The scans of all files, streamed; `notices` and `clocks` are complete at the end."""

@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format
+from furrowmap.core.readers.pcap import Capture, Datagrams, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.spinning.angles import AngleTable
@@ -232,13 +232,7 @@ class SpinningPcap(FileReader):
     @classmethod
     def recognise(cls, head: Head) -> float:
         """1 for captures with a data packet of the maker in their first part."""
-        if not capture_format(head.data):
-            return 0.0
-        try:
-            with Source(head.path) as source:
-                first = next(iter(Capture(source)), None)
-        except InputError:
-            return 0.0
+        first = first_datagrams(head)
         return float(first is not None and (_kinds_of(cls.maker, first)[0] >= 0).any())
 
     def scans(self) -> Iterator[Scan]:
