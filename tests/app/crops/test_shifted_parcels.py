@@ -1,0 +1,63 @@
+"""The parcels of a run, held against the crop on its own surface."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+import shapely
+from rasterio.features import rasterize
+from rasterio.transform import from_origin
+from shapely.affinity import translate
+
+from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
+from furrowmap.core.values.parcel import Parcel
+from furrowmap.exporters.files.result_folder import DSM, PARCEL_TABLE
+from furrowmap.workflows.crops.parcels import WrittenParcels, held_against_surface
+
+WEST, SOUTH, CROP_M, SIGMA_M = 651_500.0, 6_133_880.0, 0.5, 0.005
+SOWN = [
+    shapely.box(WEST + 10 + 6 * i, SOUTH + 10 + 3 * j, WEST + 15 + 6 * i, SOUTH + 12.4 + 3 * j)
+    for i in range(3)
+    for j in range(3)
+]
+
+
+@pytest.fixture
+def result(tmp_path: Path) -> Path:
+    transform = from_origin(WEST, SOUTH + 30.0, 0.1, 0.1)
+    soil = np.random.default_rng(4).normal(70.0, 0.01, (300, 400))
+    surface = soil + rasterize(SOWN, soil.shape, transform=transform) * CROP_M
+    kind = {"driver": "GTiff", "count": 1, "dtype": "float32", "crs": "EPSG:25832", "nodata": -9999.0}
+    with rasterio.open(tmp_path / DSM, "w", width=400, height=300, transform=transform, **kind) as raster:
+        raster.write(surface.astype(np.float32), 1)
+    return tmp_path
+
+
+def written(east_m: float) -> WrittenParcels:
+    found = []
+    for k, shape in enumerate(translate(shape, east_m) for shape in SOWN):
+        values = {field.name: 0.4 for field in fields(ParcelFigures)}
+        values |= {"id": str(k), "points": 900, "lodging": False, "area_m2": 8.0, "height_sigma_m": SIGMA_M}
+        found.append(MeasuredParcel(Parcel(str(k), shape, shape.buffer(-0.3)), ParcelFigures(**values)))  # type: ignore[arg-type]
+    return WrittenParcels(found, None, {"parcels": []}, [])
+
+
+def test_parcels_beside_the_crop__are_told_with_the_shift_and_state_what_it_costs(result: Path) -> None:
+    held = held_against_surface(written(1.0), result)
+    (notice,) = held.notices
+    assert notice.code == "parcels-beside-crop"
+    assert held.shift is not None
+    assert (held.shift.east_m, held.shift.north_m) == pytest.approx((-1.0, 0.0), abs=0.11)
+    stated = np.genfromtxt(result / PARCEL_TABLE, delimiter=",", names=True, encoding="utf-8")["height_sigma_m"]
+    assert (stated > 0.2 * CROP_M).all()
+    assert held.account["parcels"][0]["height_sigma_m"] == pytest.approx(stated[0])
+
+
+def test_parcels_on_the_crop__stay_as_they_are(result: Path) -> None:
+    right = written(0.0)
+    assert held_against_surface(right, result) == right
+    assert not (result / PARCEL_TABLE).exists()
