@@ -88,8 +88,8 @@ BOUNDARIES = {
     "rosbags": ["core.readers.rosbag.messages"],
     "lz4": ["core.readers.rosbag.storage"],
     "bz2": ["core.readers.rosbag.storage"],
-    "backports": ["core.readers.rosbag.storage", "core.readers.source"],
-    "compression": ["core.readers.rosbag.storage", "core.readers.source"],
+    "backports": ["core.readers.ouster.osf", "core.readers.rosbag.storage", "core.readers.source"],
+    "compression": ["core.readers.ouster.osf", "core.readers.rosbag.storage", "core.readers.source"],
     "lzma": ["core.readers.source"],
     "gzip": [],
     "tarfile": [],
@@ -108,7 +108,8 @@ BOUNDARIES = {
     "jgdtrans": ["core.geodesy.parameter_file"],
     "japan_geoid": ["core.geodesy.height_system"],
     "rasterio": [
-        *("core.readers.geotiff", "core.readers.las.crs", "core.checking.surface_at_points"),
+        *("core.readers.geotiff", "core.readers.las.crs", "core.readers.ouster.osf"),
+        "core.checking.surface_at_points",
         *("core.surfaces.depressions", "results", "workflows.clouds.rasters", "workflows.clouds.surface"),
         "cli.main",  # its version
     ],

@@ -293,8 +293,6 @@ _STRANGERS: Final = {
         "a coordinate transformation parameter file (.par), which a session names under [crs]",
     ),
 }
-_OSF: Final = b"OSF$"
-"""Bytes 8 to 12 of a file of Ouster's SDK."""
 _RECEIVERS_OWN: Final = {
     b"\xb5\x62": "a u-blox receiver's own messages (UBX)",
     b"$@": "a Septentrio receiver's own messages (SBF)",
@@ -309,8 +307,6 @@ def _unknown(head: Head) -> InputError:
         return InputError(
             "unknown-format.unknown", head=head.path, readers="; ".join(sorted(reader.title for reader in readers()))
         )
-    if head.data[8:12] == _OSF:
-        return InputError("unknown-format.osf", head=head.path, pcap=head.path.with_suffix(".pcap").name)
     own = next((words for start, words in _RECEIVERS_OWN.items() if head.data.startswith(start)), "")
     like = own or next((words for start, words in _STRANGERS.items() if head.data.startswith(start)), "")
     if not like:

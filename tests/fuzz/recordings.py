@@ -7,6 +7,7 @@ import io
 import lzma
 import sys
 from pathlib import Path
+from zlib import crc32
 
 import laspy
 import numpy as np
@@ -20,6 +21,7 @@ from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.results import read_raster
 from tests.core.readers import hesai_packets
 from tests.core.readers.las.test_tables import COMPRESSED, ROWS, pcd, ply
+from tests.core.readers.osf_files import osf_of
 from tests.core.readers.small_bags import ROS1, T0_NS, livox_cloud, mixed, write_bag1, write_bag2
 from tests.core.readers.test_ouster import in_fragments, recorded
 from tests.core.readers.test_pcap_framing import PcapNg
@@ -105,6 +107,20 @@ def ouster_seeds(folder: Path) -> list[Files]:
     return seeds
 
 
+def osf_seeds(folder: Path) -> list[Files]:
+    capture = recorded(folder, 1.1, return_mode="dual")
+    return [{"drive.osf": osf_of([capture], encoding=encoding)} for encoding in ("zpng", "png")]
+
+
+def mend_osf(data: bytes) -> bytes:
+    """With right checksums, as far as the lengths of parts lead from one to the next."""
+    out, at = bytearray(data), 0
+    while at + 8 < len(out) and (end := at + 4 + int.from_bytes(out[at : at + 4], "little")) + 4 <= len(out):
+        out[end : end + 4] = crc32(out[at:end]).to_bytes(4, "little")
+        at = end + 4
+    return bytes(out)
+
+
 def packed_seeds(folder: Path) -> list[Files]:
     plain = next(iter(capture_seeds(folder)[0].values()))
     return [
@@ -171,6 +187,7 @@ RECORDINGS = (
     Entry("pcd-ply", lambda _: [{"points": data} for data in (ply(ROWS), pcd(ROWS), COMPRESSED)], read_cloud),
     Entry("capture", capture_seeds, read_recording),
     Entry("ouster", ouster_seeds, read_recording, trials=50),
+    Entry("ouster-osf", osf_seeds, read_recording, mend_osf, trials=50),
     Entry("capture-packed", packed_seeds, read_recording),
     Entry("rosbag1", bag1_seeds, read_recording),
     Entry("rosbag2", bag2_seeds, read_bag2),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,12 +13,13 @@ from typing import Any, ClassVar, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.ouster.clock import PTP_PORT, announced_s, settle
+from furrowmap.core.readers.ouster.clock import PTP_PORT, SensorTime, announced_s, settle
 from furrowmap.core.readers.ouster.metadata import LEGACY, PROFILES, Metadata, heads, metadata_beside, packet_bytes
-from furrowmap.core.readers.ouster.packets import OusterDecoder
+from furrowmap.core.readers.ouster.packets import ByteArray, OusterDecoder
 from furrowmap.core.readers.pcap import Capture, Datagrams, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
+from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import ClockReading
@@ -112,11 +114,88 @@ def looks_like_data(datagrams: Datagrams) -> Counter[PacketSender]:
     return found
 
 
-class OusterPcap(FileReader):
+class OusterReader(FileReader, ABC):
+    """Base of the readers of files with data of Ouster sensors; opening one finds the sensors and their clock."""
+
+    _sensors: list[OusterSensor]
+    """The sensors in the files, the one that is read first."""
+    _time: SensorTime
+    _uncertain: list[Notice]
+
+    def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
+        super().__init__(paths, options)
+        self.share_read = 0.0
+        self.clocks: tuple[ClockReading, ...] = ()
+
+    @abstractmethod
+    def _packets(self, path: Path, others: Counter[str]) -> Iterator[tuple[ByteArray, IntArray, FloatArray, float]]:
+        """Batches of the first sensor's data packets for :meth:`OusterDecoder.push`, and the share of the file read.
+
+        What else there is, is counted in `others`.
+        """
+
+    def _decoder(self) -> OusterDecoder:
+        return OusterDecoder(self._sensors[0].metadata, self._time)
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that the times come from."""
+        return self._time.kind
+
+    def scans(self) -> Iterator[Scan]:
+        """The scans of all files, streamed; `notices` and `clocks` are complete at the end."""
+        if len(self._sensors) > 1:
+            words = "; ".join(sensor.name for sensor in self._sensors)
+            example = next((str(m.serial) for _, m in self._sensors if m.serial), self._sensors[0].metadata.product)
+            raise InputError("two-sensors.ouster", paths=self.name, words=words, example=example)
+        return self._read(self.paths, self._decoder(), Counter())
+
+    def inspect(self) -> Inspection:
+        """Read the whole first file and report what it contains, of several sensors the first one."""
+        decoder, others = self._decoder(), Counter[str]()
+        for _ in self._read(self.paths[:1], decoder, others):
+            pass
+        facts: dict[str, Any] = decoder.facts() | {
+            "profile": self._sensors[0].metadata.profile,
+            "other_packets": dict(others.most_common()),
+            "first": iso_utc(decoder.counts.first_s),
+            "last": iso_utc(decoder.counts.last_s),
+            "span_s": round(decoder.counts.last_s - decoder.counts.first_s, 6),
+        }
+        if len(self._sensors) > 1:
+            facts["sensors"] = [sensor.name for sensor in self._sensors]
+        return Inspection(self.paths[0], self.format, self.title, facts, self.clocks, tuple(self.notices))
+
+    def _read(self, paths: Sequence[Path], decoder: OusterDecoder, others: Counter[str]) -> Iterator[Scan]:
+        self.notices.clear()
+        sizes = [path.stat().st_size for path in paths]
+        for i, path in enumerate(paths):
+            for data, offset, host_s, share in self._packets(path, others):
+                self.share_read = (sum(sizes[:i]) + sizes[i] * share) / sum(sizes)
+                if self.options.glance_s is not None:
+                    glanced = host_s % self.options.glance_s < _GLANCE_S
+                    offset, host_s = offset[glanced], host_s[glanced]
+                yield from decoder.push(data, offset, host_s)
+        yield from decoder.finish()
+        self.notices += [*self._uncertain, *decoder.notices()]
+        counts = decoder.counts
+        if not counts.packets:
+            frames = ", ".join(f"{n:,} {why}" for why, n in others.items() if n)
+            raise InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")
+        apart = f"packet times; {counts.host_least_s:+.4f} to {counts.host_most_s:+.4f} s relative to the stamps"
+        shift_s = counts.host_least_s
+        readings = [ClockReading(Clock.RECORDER, counts.first_s + shift_s, counts.last_s + shift_s, apart)]
+        if self.clock is not Clock.RECORDER:
+            readings.insert(0, ClockReading(self.clock, counts.first_s, counts.last_s, self._time.note))
+        self.clocks = tuple(readings)
+        self.share_read = 1.0
+
+
+class OusterPcap(OusterReader):
     """Scans in captures of an OS0, OS1, OS2 or OSDome, with the sensor's metadata as JSON in the same folder.
 
-    Opening it reads the first seconds to find the sensors and what sets their clocks. `model` of the options chooses
-    among several sensors by product line or serial number.
+    Opening it reads the first seconds to find the sensors, those with most packets first, and what sets their clocks.
+    `model` of the options chooses among several sensors by product line or serial number.
 
     Raises:
         InputError: on opening, if a file is not a capture, or has no Ouster packets; if the metadata of their sensor
@@ -128,8 +207,6 @@ class OusterPcap(FileReader):
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
         super().__init__(paths, options)
-        self.share_read = 0.0
-        self.clocks: tuple[ClockReading, ...] = ()
         found, first, tai_s = _survey(self.paths)
         beside = metadata_beside(self.paths[0])
         self._sensors, self._uncertain = sensors_of(self.paths[0], found, beside, options.model)
@@ -141,7 +218,6 @@ class OusterPcap(FileReader):
         host_s = np.concatenate([d.time_s[m] for d, m in zip(first, mine, strict=True)])
         self._time, clock_notices = settle(stamp_ns, host_s, metadata, tai_s)
         self._uncertain += clock_notices
-        self.clock: Clock = self._time.kind
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -149,65 +225,19 @@ class OusterPcap(FileReader):
         first = first_datagrams(head)
         return 0.9 if first is not None and looks_like_data(first) else 0.0
 
-    def scans(self) -> Iterator[Scan]:
-        """The scans of all files, streamed; `notices` and `clocks` are complete at the end."""
-        if len(self._sensors) > 1:
-            words = "; ".join(sensor.name for sensor in self._sensors)
-            example = next((str(m.serial) for _, m in self._sensors if m.serial), self._sensors[0].metadata.product)
-            raise InputError("two-sensors.ouster", paths=self.name, words=words, example=example)
-        return self._read(self.paths, self._decoder(), Counter())
-
-    def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains, of several sensors the one with most packets."""
-        decoder, others = self._decoder(), Counter[str]()
-        for _ in self._read(self.paths[:1], decoder, others):
-            pass
-        facts: dict[str, Any] = decoder.facts() | {
-            "other_packets": dict(others.most_common()),
-            "first": iso_utc(decoder.counts.first_s),
-            "last": iso_utc(decoder.counts.last_s),
-            "span_s": round(decoder.counts.last_s - decoder.counts.first_s, 6),
-        }
-        if len(self._sensors) > 1:
-            facts["sensors"] = [sensor.name for sensor in self._sensors]
-        return Inspection(self.paths[0], self.format, self.title, facts, self.clocks, tuple(self.notices))
-
-    def _decoder(self) -> OusterDecoder:
-        return OusterDecoder(self._sensors[0][1], self._time)
-
-    def _read(self, paths: Sequence[Path], decoder: OusterDecoder, others: Counter[str]) -> Iterator[Scan]:
-        self.notices.clear()
+    def _packets(self, path: Path, others: Counter[str]) -> Iterator[tuple[ByteArray, IntArray, FloatArray, float]]:
         sender, metadata = self._sensors[0]
-        sizes = [path.stat().st_size for path in paths]
-        for i, path in enumerate(paths):
-            with Source(path) as source:
-                capture = Capture(source)
-                for datagrams in capture:
-                    self.share_read = (sum(sizes[:i]) + sizes[i] * source.share_read) / sum(sizes)
-                    mine = sender.sort(datagrams, metadata)
-                    others["other UDP datagrams"] += int((~mine).sum())
-                    if self.options.glance_s is not None:
-                        mine &= datagrams.time_s % self.options.glance_s < _GLANCE_S
-                    yield from decoder.push(datagrams.data, datagrams.offset[mine], datagrams.time_s[mine])
-                others.update(capture.skipped)
-                self.notices += capture.notices
-        yield from decoder.finish()
+        with Source(path) as source:
+            capture = Capture(source)
+            for datagrams in capture:
+                mine = sender.sort(datagrams, metadata)
+                others["other UDP datagrams"] += int((~mine).sum())
+                yield datagrams.data, datagrams.offset[mine], datagrams.time_s[mine], source.share_read
+            others.update(capture.skipped)
+            self.notices += capture.notices
         for key, count in [*others.items()]:
             if not count:
                 del others[key]
-        self.notices += [*self._uncertain, *decoder.notices()]
-        counts = decoder.counts
-        if not counts.packets:
-            raise InputError(
-                "no-packets", paths=paths[0], frames=", ".join(f"{n:,} {why}" for why, n in others.items())
-            )
-        apart = f"packet times; {counts.host_least_s:+.4f} to {counts.host_most_s:+.4f} s relative to the stamps"
-        shift_s = counts.host_least_s
-        readings = [ClockReading(Clock.RECORDER, counts.first_s + shift_s, counts.last_s + shift_s, apart)]
-        if self.clock is not Clock.RECORDER:
-            readings.insert(0, ClockReading(self.clock, counts.first_s, counts.last_s, self._time.note))
-        self.clocks = tuple(readings)
-        self.share_read = 1.0
 
 
 def _beginnings(datagrams: Datagrams) -> Datagrams:

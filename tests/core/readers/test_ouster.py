@@ -349,14 +349,6 @@ def test_bags_of_packets(told: str, tmp_path: Path) -> None:
     assert Recognised.by_content(bag).inspect().facts["scans"]["model"] == "OS-1-32-U0"
 
 
-def test_osf__is_to_be_converted(tmp_path: Path) -> None:
-    path = tmp_path / "drive.osf"
-    path.write_bytes(bytes.fromhex("34000000140000004f5346240c002000") + bytes(64))
-    with pytest.raises(InputError, match=r"ouster-cli source .*drive.osf save drive.pcap") as caught:
-        Recognised.by_content(path)
-    assert caught.value.code == "unknown-format"
-
-
 def test_fragments__in_any_order_repeated_and_lost(tmp_path: Path) -> None:
     path = recorded(tmp_path, 0.25)
     data = path.read_bytes()
