@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -108,6 +108,42 @@ def has_position(columns: Mapping[str, NDArray[Any]]) -> NDArray[np.bool_]:
     """Which epochs (n,) have a fix and a place."""
     has: NDArray[np.bool_] = np.isfinite(columns["lon_deg"] + columns["lat_deg"]) & (columns["fix"] != Fix.NONE)
     return has
+
+
+def dated_positions(
+    columns: Mapping[str, NDArray[Any]],
+    at: NDArray[np.int64],
+    place: Callable[[int], str],
+    *,
+    name: str,
+    what: str,
+    facts: Mapping[str, Any],
+    service: str = "",
+    notices: Sequence[Notice] = (),
+) -> LoggedPositions:
+    """The positions of epochs with a fix, a place and a time.
+
+    Args:
+        columns: (n,) each, as in :meth:`LoggedPositions.in_order`; times are UTC, nan if unknown.
+        at: (n,) offset of each epoch in the stream.
+        place: describes an offset.
+        what: the messages that the epochs come from, for an error.
+    """
+    stated = has_position(columns) & np.isfinite(columns["t_s"])
+    without = int(np.sum(~stated))
+    if not stated.any():
+        fault = no_valid_positions(name, len(at), what)
+        return replace(LoggedPositions.none(name, fault, without_position=without), facts=facts)
+    at = at[stated]
+    positions = LoggedPositions.in_order(
+        {column: values[stated] for column, values in columns.items()},
+        lambda k: place(int(at[k])),
+        name=name,
+        service=service,
+        without_position=without,
+        notices=notices,
+    )
+    return replace(positions, facts=facts, scale="UTC from its messages")
 
 
 def no_valid_positions(name: str, count: int, frames: str) -> InputError:

@@ -11,7 +11,8 @@ import pyubx2
 
 from furrowmap.core.readers.novatel.messages import crc
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
-from tests.core.readers.test_novatel import BINARY, TEXT, bestpos
+from tests.core.readers.test_gsof import epoch, transmission
+from tests.core.readers.test_novatel import BINARY, TEXT, bestnav, bestpos, unicore_binary
 from tests.core.readers.test_sbet import records
 from tests.core.readers.test_sbf import pvt
 from tests.fuzz.mutations import Files
@@ -87,12 +88,30 @@ def mend_novatel(data: bytes) -> bytes:
         return b"%s%s*%08x" % (match[1], match[2], crc(match[2]))
 
     out = bytearray(_NOVATEL_TEXT.sub(mended, data))
-    at = out.find(b"\xaaD\x12")
-    while at >= 0 and at + 10 <= len(out):
-        end = at + out[at + 3] + int.from_bytes(out[at + 8 : at + 10], "little")
-        if end + 4 <= len(out):
-            out[end : end + 4] = crc(bytes(out[at:end])).to_bytes(4, "little")
-        at = out.find(b"\xaaD\x12", at + 3)
+    for sync in (b"\xaaD\x12", b"\xaaD\xb5"):
+        at = out.find(sync)
+        while at >= 0 and at + 10 <= len(out):
+            header, length_at = (out[at + 3], 8) if sync[2] == 0x12 else (24, 6)
+            end = at + header + int.from_bytes(out[at + length_at : at + length_at + 2], "little")
+            if end + 4 <= len(out):
+                out[end : end + 4] = crc(bytes(out[at:end])).to_bytes(4, "little")
+            at = out.find(sync, at + 3)
+    return bytes(out)
+
+
+def gsof() -> bytes:
+    """Transmissions of a receiver, of two pages each."""
+    return b"".join(b"".join(transmission(epoch(k), k)) for k in range(8))
+
+
+def mend_gsof(data: bytes) -> bytes:
+    out, at = bytearray(data), data.find(2)
+    while at >= 0 and at + 4 <= len(out):
+        end = at + out[at + 3] + 6
+        if end <= len(out) and out[end - 1] == 3:
+            out[end - 2] = sum(out[at + 1 : end - 2]) & 0xFF
+            at = end - 1
+        at = out.find(2, at + 1)
     return bytes(out)
 
 
@@ -117,8 +136,13 @@ def imu() -> bytes:
 
 
 def novatel_seeds(folder: Path) -> list[Files]:
+    unicore = b"".join(unicore_binary(2118, bestnav(43.0 + 1e-6 * k), 2400, 1000 * k) for k in range(12))
     ins = TEXT.splitlines(keepends=True)[3].replace(b",1984,450849.", b",2400,345600.")
-    return [{"gnss.gps": mend_novatel(b"".join(bestpos(k) for k in range(12)) + ins)}, {"gnss.bin": BINARY + TEXT}]
+    return [
+        {"gnss.gps": mend_novatel(b"".join(bestpos(k) for k in range(12)) + ins)},
+        {"gnss.bin": BINARY + TEXT},
+        {"gnss.dat": unicore},
+    ]
 
 
 STATES = b"time,state\n2026-06-11T08:00:00Z,up\n2026-06-11T08:00:10.5Z,down\n2026-06-11T17:01:00+09:00,unknown\n"
@@ -137,6 +161,7 @@ POSITIONS = (
     Entry("nmea", lambda folder: [{"gnss.nmea": nmea()}], read_recording, mend_nmea),
     Entry("ubx", lambda folder: [{"gnss.ubx": ubx()}], read_recording, mend_ubx),
     Entry("sbf", lambda folder: [{"gnss.sbf": b"".join(pvt(1000 * k) for k in range(12))}], read_recording, mend_sbf),
+    Entry("gsof", lambda folder: [{"gnss.gsof": gsof()}], read_recording, mend_gsof),
     Entry("novatel", novatel_seeds, read_recording, mend_novatel),
     Entry("rtklib-pos", lambda folder: [{"solution.pos": pos()}], read_recording),
     Entry("pose-csv", lambda folder: [{"trajectory.csv": poses()}], read_recording),

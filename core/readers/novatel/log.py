@@ -16,7 +16,7 @@ from furrowmap.core.readers.novatel.messages import KIND_NUMBERS, LAYOUTS, SOL_C
 from furrowmap.core.readers.poses.file import RawPoses
 from furrowmap.core.readers.position_log import LoggedPositions, PositionLog, byte_place
 from furrowmap.core.readers.reader import Inspection, recording_name
-from furrowmap.core.readers.receiver_log import MIN_INTACT_SHARE, has_position, log_facts, no_valid_positions
+from furrowmap.core.readers.receiver_log import MIN_INTACT_SHARE, dated_positions, has_position, log_facts
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
@@ -47,7 +47,7 @@ _SBAS: Final = (KIND_NUMBERS["WAAS"], KIND_NUMBERS["INS_SBAS"])
 
 
 class NovatelLog(PositionLog):
-    """The positions and poses in a log of NovAtel's messages, in ASCII or binary, or of Unicore's in ASCII.
+    """The positions and poses in a log of NovAtel's or Unicore's messages, in ASCII or binary.
 
     BESTPOS makes the epoch, or the first of :data:`POSITIONS` that the log has. BESTVEL and the heading of two antennas
     (HEADING2, HEADING or UNIHEADING, with fixed ambiguities) are joined by equal time stamp. Times are GPS week and
@@ -116,21 +116,12 @@ class NovatelLog(PositionLog):
         numbers, times = (found.tolist() for found in np.unique(kind, return_counts=True))
         words = [_KIND_WORDS.get(number, f"type {number}") for number in numbers]
         facts |= {"positions_from": of, "solutions": dict(zip(words, times, strict=True))}
-        stated = has_position(columns) & (base.values["gps_ms"] >= 0)
-        without = int(np.sum(~stated))
-        if not stated.any():
-            fault = no_valid_positions(name, len(base), f"{of} messages")
-            return replace(LoggedPositions.none(name, fault, without_position=without), facts=facts)
-        columns = {column: values[stated] for column, values in columns.items()}
-        at, place = base.at[stated], byte_place(paths, ends)
-        positions = LoggedPositions.in_order(
-            columns | {"t_s": gps_to_utc_s(base.column("gps_ms", 1e-3)[stated])},
-            lambda k: place(int(at[k])),
-            name=name,
-            service=_service(kind[stated]),
-            without_position=without,
-        )
-        return replace(positions, facts=facts, scale="UTC from its messages")
+        gps_s = base.column("gps_ms", 1e-3)
+        columns["t_s"] = np.where(gps_s >= 0.0, gps_to_utc_s(gps_s), np.nan)
+        return dated_positions(
+            columns, base.at, byte_place(paths, ends), name=name, what=f"{of} messages", facts=facts,
+            service=_service(kind[has_position(columns)]),
+        )  # fmt: skip
 
 
 def _columns(
@@ -191,9 +182,9 @@ def _positive(sigma: FloatArray) -> FloatArray:
 
 def _service(kind: NDArray[np.int64]) -> str:
     """The correction service of most positions, by their types."""
-    if np.mean(np.isin(kind, _SBAS)) > 0.5:
+    if 2 * np.sum(np.isin(kind, _SBAS)) > len(kind):
         return "sbas"
-    return "ppp" if np.mean(_FIX_BY_KIND[np.minimum(kind, 255)] == Fix.PPP) > 0.5 else ""
+    return "ppp" if 2 * np.sum(_FIX_BY_KIND[np.minimum(kind, 255)] == Fix.PPP) > len(kind) else ""
 
 
 def _raw_poses(messages: Mapping[str, Messages], name: str) -> RawPoses:

@@ -1,10 +1,10 @@
-"""Messages of NovAtel's OEM receivers in a stream of bytes, and Unicore's ASCII messages, which have the same form.
+"""Messages of NovAtel's OEM receivers and Unicore's in a stream of bytes.
 
 An ASCII message is ``#`` and its name with an A, header, ``;`` and fields, ``*`` and a CRC of 8 hexadecimal digits; one
-with a short header begins with ``%``. A binary message is AA 44 12 (AA 44 13 with a short header), header, content and
-CRC. The CRC-32 has the polynomial EDB88320 hexadecimal (reflected), initial value 0 and no final inversion, over all
-behind ``#`` or from AA on (NovAtel, OEM7 commands and logs reference manual, "Message formats"; Unicore, N4 high
-precision products commands and logs reference).
+with a short header begins with ``%``. A binary message is AA 44 12, header, content and CRC; with a short header it
+begins with AA 44 13, one of Unicore with AA 44 B5. The CRC-32 has the polynomial EDB88320 hexadecimal (reflected),
+initial value 0 and no final inversion, over all behind ``#`` or from AA on (NovAtel, OEM7 commands and logs reference
+manual, "Message formats"; Unicore, N4 high precision products commands and logs reference).
 """
 
 from __future__ import annotations
@@ -25,9 +25,13 @@ from furrowmap.core.values.clock import WEEK_S
 MAX_CONTENT_BYTES: Final = 16384
 """Largest content of a binary message; observations of all satellites have half of it."""
 MAX_TEXT_BYTES: Final = 32768
-_LONG_HEADER, _SHORT_HEADER, _CRC_BYTES = 28, 12, 4
+_LONG_HEADER, _SHORT_HEADER, _UNICORE_HEADER, _CRC_BYTES = 28, 12, 24, 4
+_SHORT, _UNICORE = 0x13, 0xB5
+"""Third bytes of binary messages with other headers than the long one."""
 _COARSE: Final = 100
 """Time status from which the receiver knows the time to 10 ms or better."""
+_OLDEST_WEEK: Final = 520
+"""Of Unicore's binary messages: their receivers count from 0 or 1 until they know the week."""
 _TIME_UNKNOWN: Final = frozenset((b"UNKNOWN", b"APPROXIMATE", b"COARSEADJUSTING"))
 _BEIDOU_WEEK, _BEIDOU_MS = 1356, 14_000
 """BeiDou time 0 as GPS time."""
@@ -71,11 +75,6 @@ def _layout(size: int, **fields: tuple[int, int, str]) -> _Layout:
     return _Layout({name: commas for name, (commas, _, _) in fields.items()}, record)
 
 
-def _text_layout(**commas: int) -> _Layout:
-    """A message that is read in ASCII only."""
-    return _Layout(commas, np.dtype([(name, "f8") for name in commas]))
-
-
 _ANTENNAS: Final = {"status": (0, 0, "u4"), "kind": (1, 4, "u4"), "heading": (3, 12, "f4")}
 _INSPVA: Final = _layout(
     88, lat=(2, 12, "f8"), lon=(3, 20, "f8"), height=(4, 28, "f8"), vn=(5, 36, "f8"), ve=(6, 44, "f8"),
@@ -100,15 +99,19 @@ LAYOUTS: Final = {
         azimuth=(11, 76, "f8"), sigma_n=(12, 84, "f4"), sigma_e=(13, 88, "f4"), sigma_h=(14, 92, "f4"),
         sigma_roll=(18, 108, "f4"), sigma_pitch=(19, 112, "f4"), sigma_azimuth=(20, 116, "f4"),
     ),
-    "BESTNAV": _text_layout(
-        status=0, kind=1, lat=2, lon=3, height=4, undulation=5, sigma_n=7, sigma_e=8, sigma_h=9, age=11, satellites=14,
-        velocity_status=21, speed=25, course=26,
+    "BESTNAV": _layout(
+        120, status=(0, 0, "u4"), kind=(1, 4, "u4"), lat=(2, 8, "f8"), lon=(3, 16, "f8"), height=(4, 24, "f8"),
+        undulation=(5, 32, "f4"), sigma_n=(7, 40, "f4"), sigma_e=(8, 44, "f4"), sigma_h=(9, 48, "f4"),
+        age=(11, 56, "f4"), satellites=(14, 65, "u1"), velocity_status=(21, 72, "u4"), speed=(25, 88, "f8"),
+        course=(26, 96, "f8"),
     ),
-    "PVTSLN": _text_layout(
-        kind=0, height=1, lat=2, lon=3, sigma_h=4, sigma_n=5, sigma_e=6, age=7, undulation=12, satellites=14, vn=17,
-        ve=18, heading_kind=20, heading=22,
+    "PVTSLN": _layout(
+        112, kind=(0, 0, "u4"), height=(1, 4, "f4"), lat=(2, 8, "f8"), lon=(3, 16, "f8"), sigma_h=(4, 24, "f4"),
+        sigma_n=(5, 28, "f4"), sigma_e=(6, 32, "f4"), age=(7, 36, "f4"), undulation=(12, 64, "f4"),
+        satellites=(14, 69, "u1"), vn=(17, 72, "f8"), ve=(18, 80, "f8"), heading_kind=(20, 96, "u4"),
+        heading=(22, 104, "f4"),
     ),
-    "UNIHEADING": _text_layout(status=0, kind=1, heading=3),
+    "UNIHEADING": _layout(44, **_ANTENNAS),
 }  # fmt: skip
 """The messages that are read; BESTNAV, PVTSLN and UNIHEADING are Unicore's."""
 
@@ -120,8 +123,14 @@ NAMES: Final = {
     1122: "GALEPHEMERIS", 1429: "BESTGNSSPOS", 1430: "BESTGNSSVEL", 1461: "RAWIMUX", 1462: "RAWIMUSX",
     2264: "CORRIMUS",
 }  # fmt: skip
-"""Name of messages by their number; BESTPOS to INSPVAX are read."""
-_START: Final = re.compile(rb"[#%](?=[A-Z][A-Z0-9_]{2,30}A,)|\xaaD[\x12\x13]")
+"""Name of NovAtel's messages by their number; BESTPOS to INSPVAX are read."""
+UNICORE_NAMES: Final = {
+    2118: "BESTNAV", 1021: "PVTSLN", 972: "UNIHEADING", 8: "GPSION", 12: "OBSVM", 13: "OBSVH", 37: "VERSION",
+    102: "RECTIME", 138: "OBSVMCMP", 142: "ADRNAV", 240: "BESTNAVXYZ", 509: "RTKSTATUS", 954: "STADOP", 1026: "PPPNAV",
+    1331: "UNIHEADING2", 2125: "RTCMSTATUS", 11276: "AGRIC",
+}  # fmt: skip
+"""Name of Unicore's messages by their number; BESTNAV to UNIHEADING are read."""
+_START: Final = re.compile(rb"[#%](?=[A-Z][A-Z0-9_]{2,30}A,)|\xaaD[\x12\x13\xb5]")
 _MAX_NAME_BYTES: Final = 34
 _BEGUN: Final = re.compile(rb"(?:[#%][A-Z0-9_]*|\xaaD?)\Z")
 """A message whose start the next piece of a stream may complete."""
@@ -210,14 +219,16 @@ def _text_end(data: bytes, begin: int) -> int | None:
 
 def _binary_end(data: bytes, begin: int) -> int | None:
     """End of a binary message, beyond the data if they end first; None if its header is invalid."""
-    short = data[begin + 2] == 0x13
-    header = _SHORT_HEADER if short else _LONG_HEADER
-    if begin + header > len(data):
+    third = data[begin + 2]
+    least = {_SHORT: _SHORT_HEADER, _UNICORE: _UNICORE_HEADER}.get(third, _LONG_HEADER)
+    if begin + least > len(data):
         return len(data) + 1
-    if not short:
-        header = data[begin + 3]
-    length = data[begin + 3] if short else data[begin + 8] | data[begin + 9] << 8
-    if not short and (header < _LONG_HEADER or length > MAX_CONTENT_BYTES):
+    if third == _SHORT:
+        return begin + least + data[begin + 3] + _CRC_BYTES
+    length_at = begin + (6 if third == _UNICORE else 8)
+    length = data[length_at] | data[length_at + 1] << 8
+    header = least if third == _UNICORE else data[begin + 3]
+    if header < least or length > MAX_CONTENT_BYTES:
         return None
     return begin + header + length + _CRC_BYTES
 
@@ -252,13 +263,14 @@ def _text_time(header: list[bytes]) -> int:
             week = week if header[3] not in _TIME_UNKNOWN else 0
     except (ValueError, IndexError, OverflowError):
         return -1
-    gps_ms = _gps_ms(week, ms)
-    return gps_ms + (_BEIDOU_WEEK * WEEK_S * 1000 + _BEIDOU_MS) * (beidou and gps_ms >= 0)
+    return _gps_ms(week, ms, beidou=beidou)
 
 
-def _gps_ms(week: int, ms: int) -> int:
+def _gps_ms(week: int, ms: int, *, beidou: bool = False) -> int:
     """GPS milliseconds since 1980; −1 for an unknown week or an invalid time."""
-    return 1000 * WEEK_S * week + ms if 0 < week < 10_000 and 0 <= ms < 1000 * WEEK_S else -1
+    if not (0 < week < 10_000 and 0 <= ms < 1000 * WEEK_S):
+        return -1
+    return 1000 * WEEK_S * week + ms + (_BEIDOU_WEEK * WEEK_S * 1000 + _BEIDOU_MS) * beidou
 
 
 def _take_binary(
@@ -269,17 +281,22 @@ def _take_binary(
     stop = end - _CRC_BYTES
     if crc(memoryview(data)[begin:stop]) != int.from_bytes(data[stop:end], "little"):
         return False
-    number = data[begin + 4] | data[begin + 5] << 8
-    name = NAMES.get(number, f"message {number}")
+    number, third = data[begin + 4] | data[begin + 5] << 8, data[begin + 2]
+    name = (UNICORE_NAMES if third == _UNICORE else NAMES).get(number, f"message {number}")
     counts.kinds[name] += 1
-    if data[begin + 2] == 0x13:
-        header, (week, ms), response = _SHORT_HEADER, struct.unpack_from("<HI", data, begin + 6), False
+    response, beidou, known = False, False, True
+    if third == _SHORT:
+        header, (week, ms) = _SHORT_HEADER, struct.unpack_from("<HI", data, begin + 6)
+    elif third == _UNICORE:
+        header, (week, ms) = _UNICORE_HEADER, struct.unpack_from("<HI", data, begin + 10)
+        beidou, known = data[begin + 8] == 1, week > _OLDEST_WEEK
     else:
         header, response = data[begin + 3], data[begin + 6] & 0x80 > 0
         week, ms = struct.unpack_from("<HI", data, begin + 14)
-        week = week if data[begin + 13] >= _COARSE else 0
+        known = data[begin + 13] >= _COARSE
     if name in LAYOUTS and not response:
-        found[name].contents.append((base + begin, _gps_ms(week, ms), data[begin + header : stop]))
+        gps_ms = _gps_ms(week, ms, beidou=beidou) if known else -1
+        found[name].contents.append((base + begin, gps_ms, data[begin + header : stop]))
     return True
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import ClassVar, Final
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers.messages import CRC, Framing, MessageCounts, Messages, at_equal, layout
 from furrowmap.core.readers.position_log import LoggedPositions
-from furrowmap.core.readers.receiver_log import ReceiverLog, has_position, no_valid_positions
+from furrowmap.core.readers.receiver_log import ReceiverLog, dated_positions, has_position
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import WEEK_S, gps_to_utc_s
@@ -140,26 +139,20 @@ class SbfLog(ReceiverLog):
         }
         kinds = np.bincount(pvt.values["mode"] & 15, minlength=16)
         facts = {"solutions": {_SOLUTIONS.get(k, f"type {k}"): n for k, n in enumerate(kinds.tolist()) if n}}
-        stated = has_position(columns)
-        stated &= (pvt.values["week"] != _NO_WEEK) & (pvt.values["tow"] < 1000 * WEEK_S)
-        without = int(np.sum(~stated))
-        if not stated.any():
-            fault = no_valid_positions(name, len(pvt), "position blocks")
-            return replace(LoggedPositions.none(name, fault, without_position=without), facts=facts)
-        columns = {column: values[stated] for column, values in columns.items()}
-        at, mode = pvt.at[stated], pvt.values["mode"][stated]
-        columns["t_s"] = gps_to_utc_s(pvt.column("week")[stated] * WEEK_S + pvt.column("tow", 1e-3)[stated])
+        known = (pvt.values["week"] != _NO_WEEK) & (pvt.values["tow"] < 1000 * WEEK_S)
+        columns["t_s"] = np.where(known, gps_to_utc_s(pvt.column("week") * WEEK_S + pvt.column("tow", 1e-3)), np.nan)
+        mode = pvt.values["mode"][has_position(columns) & known]
         flat = int(np.sum((mode & 128) > 0))
-        notices = [Notice("positions-2d", name=name, flat=flat)] if flat else []
-        positions = LoggedPositions.in_order(
+        return dated_positions(
             columns,
-            lambda k: place(int(at[k])),
+            pvt.at,
+            place,
             name=name,
-            service="sbas" if np.mean((mode & 15) == 6) > 0.5 else "",
-            without_position=without,
-            notices=notices,
+            what="position blocks",
+            facts=facts,
+            service="sbas" if 2 * np.sum((mode & 15) == 6) > len(mode) else "",
+            notices=[Notice("positions-2d", name=name, flat=flat)] if flat else [],
         )
-        return replace(positions, facts=facts)
 
     def _no_position_messages(self, name: str, frames: str, counts: MessageCounts[int]) -> InputError:  # noqa: ARG002
         return InputError("no-positions.no-position-messages", name=name, frames=frames)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from base64 import b85decode
 from pathlib import Path
 from zlib import crc32
@@ -89,6 +90,55 @@ def test_sample__is_one_position_written_a_thousand_times(shared_data: Path) -> 
     track = log.track()
     assert track.height_m[0] == pytest.approx(1059.7447 - 16.9)
     assert track.fix[0] == Fix.SINGLE
+
+
+def unicore_binary(number: int, content: bytes, week: int, ms: int, scale: int = 0) -> bytes:
+    """A binary message of a UM980 (N4 commands and logs reference, "Binary format")."""
+    head = struct.pack("<4BHHBBHIIBBH", 0xAA, 0x44, 0xB5, 68, number, len(content), scale, 160, week, ms, 0, 18, 18, 9)
+    return head + content + struct.pack("<I", crc32(head + content, 0xFFFFFFFF) ^ 0xFFFFFFFF)
+
+
+def bestnav(lat_deg: float = -7.89377025183) -> bytes:
+    """The content of a binary BESTNAV."""
+    place = (lat_deg, -78.13098235479, 3363.0132, 22.3499, 61, 0.0153, 0.0171, 0.0694)
+    used = struct.pack("<4sff8B", b"665", 1.4, 46.0, 38, 36, 36, 34, 0, 1, 3, 0xF3)
+    return (
+        struct.pack("<II3dfI3f", 0, 50, *place) + used + struct.pack("<IIff3d2f", 0, 8, 0, 0, 2.5, 251.5, 0, 0.1, 0.1)
+    )
+
+
+def test_unicore__in_binary(tmp_path: Path) -> None:
+    heading = struct.pack("<II6f4s8B", 0, 50, 1.3868, 41.3574, -0.9784, 0, 0.1966, 0.5238, b"999", *range(8))
+    log = log_of(
+        tmp_path,
+        unicore_binary(2118, bestnav(), 2433, 239990400)
+        + unicore_binary(972, heading, 2433, 239990400)
+        # the same in BeiDou time, one second later
+        + unicore_binary(2118, bestnav(-7.8937), 2433 - 1356, 239991400 - 14_000, 1),
+    )
+    assert Recognised.by_content(log.paths[0]).reader is NovatelLog
+    track = log.track()
+    assert track.t_s - GPS_EPOCH_S == pytest.approx(2433 * WEEK_S + np.array([239990.4, 239991.4]) - 18, abs=1e-6)
+    assert (track.lat_deg[0], track.lon_deg[0]) == (-7.89377025183, -78.13098235479)
+    assert track.height_m[0] == pytest.approx(3363.0132 + 22.3499)
+    assert (track.sigma_n_m[0], track.sigma_e_m[0], track.sigma_h_m[0]) == pytest.approx((0.0153, 0.0171, 0.0694))
+    assert (track.fix[0], track.satellites[0], track.age_s[0]) == (Fix.FIXED, 36, pytest.approx(1.4))
+    assert (track.speed_mps[0], track.course_deg[0]) == (2.5, 251.5)
+    assert track.heading_deg[0] == pytest.approx(41.3574)
+    assert np.isnan(track.heading_deg[1])
+    # Of a UM982 that has no position yet; its CRC is the receiver's.
+    indoors = bytes.fromhex("aa44b562cc032c0000c901005069 0f0000000000001202000100000000000000") + bytes(36)
+    counts = MessageCounts[str]()
+    found, _ = scan_bytes(indoors + bytes.fromhex("40f82210"), counts, last=True)
+    assert (counts.bad, counts.kinds, found["UNIHEADING"].values["gps_ms"].tolist()) == (0, {"UNIHEADING": 1}, [-1])
+    solution = struct.pack("<If2d4f", 16, 188.1621, 34.6, -86.7, 7.5696, 4.3304, 3.4834, 0.0)
+    solution += struct.pack("<If2df4B3d", 16, 188.1, 34.6, -86.7, -28.5587, 19, 17, 19, 17, -0.0933, -0.0469, -0.1506)
+    solution += struct.pack("<I3f", 50, 1.0, 95.25, 0.0)
+    track = log_of(tmp_path, unicore_binary(1021, solution, 2377, 93246900)).track()
+    assert track.height_m[0] == pytest.approx(188.1621 - 28.5587, abs=1e-4)
+    assert (track.sigma_n_m[0], track.sigma_e_m[0], track.sigma_h_m[0]) == pytest.approx((4.3304, 3.4834, 7.5696))
+    assert (track.speed_mps[0], track.heading_deg[0]) == pytest.approx((np.hypot(0.0933, 0.0469), 95.25))
+    assert (track.fix[0], track.satellites[0]) == (Fix.SINGLE, 17)
 
 
 def test_unicore__examples_of_receivers(tmp_path: Path) -> None:
