@@ -12,6 +12,7 @@ import shapely
 from pyproj import CRS, Transformer
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.readers.agopengps import is_field_folder, read_outline
 from furrowmap.core.readers.isoxml.content import MAX_FIELD_DEG, read_content
 from furrowmap.core.readers.isoxml.files import is_task_data, open_task_files
 from furrowmap.core.readers.vector_file import VECTOR_FORMATS, Polygons, read_polygons
@@ -35,12 +36,16 @@ class FieldOutline:
 def read_fields(path: Path) -> list[FieldOutline]:
     """The fields of a vector file (:mod:`.vector_file`), a feature each, or of task data, in longitude and latitude.
 
+    A folder of AgOpenGPS is one field.
+
     Projected coordinates are converted to longitude and latitude of the same datum; no datum is changed.
 
     Raises:
         InputError: if the file has another format, cannot be read, has no polygon, states no CRS, or one on a
             historical datum.
     """
+    if is_field_folder(path):
+        return [FieldOutline(_texts((path.name,)), shapely.make_valid(read_outline(path, partial(_unreadable, path))))]
     if is_task_data(path):
         fields = read_content(open_task_files(path)).partfields.values()
         known = [FieldOutline(_texts((one.name, one.id)), one.boundary) for one in fields if one.boundary is not None]

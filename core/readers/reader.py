@@ -15,6 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Final, Protocol, Self, runtime_checkable
 
+from furrowmap.core.readers.agopengps import PARTS, is_field_folder
 from furrowmap.core.readers.source import Head, look
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.foreign_content import SIGNATURES
@@ -303,6 +304,8 @@ _RECEIVERS_OWN: Final = {
 
 def _unknown(head: Head) -> InputError:
     """The error of a file that no reader recognises, with a guess at its format."""
+    if is_field_folder(head.path) or any(part in head.data[:256] for part in PARTS):
+        return InputError("unknown-format.agopengps", head=head.path)
     if head.path.is_dir():
         return InputError(
             "unknown-format.unknown", head=head.path, readers="; ".join(sorted(reader.title for reader in readers()))

@@ -13,20 +13,8 @@ from furrowmap.core.readers.implausible_positions import spans_in_words, strays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError
 from furrowmap.core.values.clock import iso_utc
-from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
+from furrowmap.core.values.gnss import Fix, GnssTrack, Positions, assumed_sigma_m
 
-ASSUMED_SIGMA_M: Final = {
-    Fix.FIXED: 0.015,
-    Fix.FLOAT: 0.30,
-    Fix.PPP: 0.15,
-    Fix.DGPS: 0.60,
-    Fix.PPS: 0.60,
-    Fix.SINGLE: 2.0,
-    Fix.ESTIMATED: 2.0,
-    Fix.MANUAL: 2.0,
-    Fix.SIMULATED: 0.015,
-}
-"""Horizontal standard deviation of a position whose receiver states none, by its quality."""
 HEIGHT_FACTOR: Final = 2.0
 """Heights are this much worse than positions where the receiver states none."""
 WHITE_SHARE: Final = 0.3
@@ -266,7 +254,7 @@ def without_jumps(
 
 def sigmas_m(track: GnssTrack) -> FloatArray:
     """(n, 2) standard deviations of a position's horizontal axes and of its height, stated or by quality."""
-    default = np.array([ASSUMED_SIGMA_M.get(Fix(f), 2.0) for f in track.fix.tolist()])
+    default = assumed_sigma_m(track.fix)
     horizontal = np.hypot(track.sigma_e_m, track.sigma_n_m) / np.sqrt(2.0)
     horizontal = np.where(np.isfinite(horizontal) & (horizontal > 0), horizontal, default)
     vertical = np.where(

@@ -41,6 +41,25 @@ class Fix(IntEnum):
         return self.name.lower()
 
 
+ASSUMED_SIGMA_M: Final = {
+    Fix.FIXED: 0.015,
+    Fix.FLOAT: 0.30,
+    Fix.PPP: 0.15,
+    Fix.DGPS: 0.60,
+    Fix.PPS: 0.60,
+    Fix.SINGLE: 2.0,
+    Fix.ESTIMATED: 2.0,
+    Fix.MANUAL: 2.0,
+    Fix.SIMULATED: 0.015,
+}
+"""Horizontal standard deviation of a position whose receiver states none, by its quality."""
+
+
+def assumed_sigma_m(fix: NDArray[np.int8]) -> FloatArray:
+    """(n,) horizontal standard deviations by :data:`ASSUMED_SIGMA_M` of qualities (n,)."""
+    return np.array([ASSUMED_SIGMA_M.get(Fix(each), ASSUMED_SIGMA_M[Fix.SINGLE]) for each in fix.tolist()], np.float64)
+
+
 @dataclass(frozen=True)
 class GnssTrack:
     """Positions of one antenna in the order of time; values that the receiver does not state are nan.

@@ -27,6 +27,7 @@ from furrowmap.core.values.session import Crs
 from furrowmap.core.work.boundary import field_boundary
 from tests.core.geodesy.test_coordinates import QUARTER
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
+from tests.core.readers.test_boundary import RING, agopengps_folder
 from tests.fuzz.mutations import Files
 from tests.fuzz.positions import STATES, mend_nmea, nmea
 from tests.fuzz.reading import read_recording
@@ -184,8 +185,14 @@ def drive(path: Path) -> None:
     trajectory_from_gnss(NmeaLog([path], ReadOptions(date="2026-06-11")).track(), FRAME, (1.85, 0.0, 1.62), None)
 
 
+def agopengps(folder: Path) -> list[Files]:
+    place = agopengps_folder(folder / "North", "$Boundary\n" + RING + RING.replace("0.000", ".000"))
+    return [{path.name: path.read_bytes() for path in sorted(place.iterdir())}]
+
+
 TEXTS = (
     Entry("boundary", boundaries, read_field, trials=60),
+    Entry("agopengps", agopengps, lambda path: read_field(path.parent), trials=60),
     Entry("parcels", parcels, lambda path: read_parcels(path, FRAME.crs, (5.0, 1.0)), trials=60),
     Entry("treatments", treatments, lambda path: read_treatments(path, dt.date(2017, 5, 23)), trials=60),
     Entry("parameters", parameters, read_par),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -14,12 +14,22 @@ from furrowmap.core.readers.isoxml.files import MAIN, is_task_data, open_task_fi
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import ClockReading
-from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.gnss import GnssTrack, assumed_sigma_m
 from furrowmap.core.values.scan import Clock
 from furrowmap.core.values.tool_states import ToolState, ToolStates
+
+LATE_S: Final = 0.1
+"""Half of the interval of receivers with 5 Hz, which terminals have."""
+METRES_A_DEGREE: Final = 111_200.0
+MOVING_MPS: Final = 1.0
+MAX_CHORD_S: Final = 6.0
+"""Duration of two steps beyond which a vehicle may have turned between them."""
+MEDIAN_OF_NORMAL: Final = 0.6745
+"""Median of the absolute value of a normal deviate, in its standard deviation."""
 
 
 class TaskDataLog(FileReader):
@@ -45,12 +55,21 @@ class TaskDataLog(FileReader):
     def track(self) -> GnssTrack:
         """The positions of the task, or of all tasks in the order of time.
 
+        Their standard deviations are those of their quality and what the vehicle goes in the error of their times.
+
         Raises:
             InputError: if there are none, or two tasks overlap in time.
         """
         tasks = self._tasks()
         columns = {name: np.concatenate([getattr(t.track, name) for t in tasks]) for name in GnssTrack.columns()}
-        return GnssTrack(**columns, source=", ".join(str(path) for path in self.paths), service="")
+        off = [_time_sigmas(task.track) for task in tasks]
+        sigma_m = np.hypot(assumed_sigma_m(columns["fix"]), np.concatenate([sigma_m for sigma_m, _ in off]))
+        columns |= {"sigma_e_m": sigma_m, "sigma_n_m": sigma_m.copy()}
+        source, worst_s = ", ".join(str(path) for path in self.paths), max(time_s for _, time_s in off)
+        self.notices.append(
+            Notice("positions-of-terminal", source=source, time_s=worst_s, sigma_m=float(np.median(sigma_m)))
+        )
+        return GnssTrack(**columns, source=source, service="")
 
     def states(self) -> ToolStates:
         """Whether the machine worked, over time.
@@ -102,6 +121,28 @@ class TaskDataLog(FileReader):
                     "tasks-overlap", paths=self.paths[0], id=one.id, other_id=other.id, other=iso_utc(_span(other)[0])
                 )
         return found
+
+
+def _time_sigmas(track: GnssTrack) -> tuple[FloatArray, float]:
+    """How far (n,) the vehicle goes in the error of the times of a time log, and that error in seconds.
+
+    A terminal's stamp says when a record was written: it is late by :data:`LATE_S` at least, and it varies by what
+    positions are ahead of or behind the middle of their neighbours along the way.
+    """
+    if len(track) < 3:
+        return np.zeros(len(track)), LATE_S
+    metres = METRES_A_DEGREE * np.array([np.cos(np.radians(np.median(track.lat_deg))), 1.0])
+    en_m = np.column_stack([track.lon_deg, track.lat_deg]) * metres
+    step_s = np.diff(track.t_s)
+    chord_m, chord_s = en_m[2:] - en_m[:-2], step_s[1:] + step_s[:-1]
+    speed = np.linalg.norm(chord_m, axis=1) / chord_s
+    ahead_m = en_m[1:-1] - en_m[:-2] - chord_m * (step_s[:-1] / chord_s)[:, None]
+    moving = (speed > MOVING_MPS) & (chord_s < MAX_CHORD_S)
+    along_s = np.einsum("ni,ni->n", ahead_m, chord_m)[moving] / (speed[moving] ** 2 * chord_s[moving])
+    # The difference of a stamp to the mean of two others has one and a half times its variance.
+    varies_s = float(np.median(np.abs(along_s))) / MEDIAN_OF_NORMAL / np.sqrt(1.5) if len(along_s) else 0.0
+    time_s = float(np.hypot(LATE_S, varies_s))
+    return np.pad(speed, 1, mode="edge") * time_s, time_s
 
 
 def _span(task: LoggedTask) -> tuple[float, float]:

@@ -9,10 +9,12 @@ import geopandas as gpd
 import numpy as np
 import pytest
 import shapely
+from pyproj import Geod
 
 from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.readers.isoxml.content import read_content
 from furrowmap.core.readers.isoxml.files import open_task_files
+from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
 
 FIELD = shapely.Polygon(
@@ -227,3 +229,56 @@ def test_task_data__holes_and_several_exteriors(tmp_path: Path) -> None:
     text = f'<PFD A="P" C="Hof"><PLN A="1">{text}</PLN><PLN A="2">{ring_of([(1, 1), (1.1, 1), (1, 1.1)])}</PLN></PFD>'
     (tmp_path / "TASKDATA.XML").write_text(f'<ISO11783_TaskData VersionMajor="4">{text}</ISO11783_TaskData>')
     assert read_boundary(tmp_path).equals(shapely.difference(shapely.union_all(shells), hole))
+
+
+def agopengps_folder(folder: Path, boundary: str) -> Path:
+    """A field as AgOpenGPS 6 writes it (FieldPlaneFiles.cs, BoundaryFiles.cs)."""
+    folder.mkdir(parents=True, exist_ok=True)
+    start = "2026-June-11 08:04:00 AM\n$FieldDir\nFieldNew\n$Offsets\n0,0\nConvergence\n0\nStartFix\n36.87,140.02\n"
+    (folder / "Field.txt").write_text(start, encoding="utf-8")
+    (folder / "Boundary.txt").write_text(boundary, encoding="utf-8")
+    return folder
+
+
+RING = "False\n4\n-50.000,-40.000,0.00000\n50.000,-40.000,1.57080\n50.000,40.000,3.14159\n-50.000,40.000,4.71239\n"
+
+
+def test_agopengps__a_folder_is_a_field(tmp_path: Path) -> None:
+    island = RING.replace("0.000", ".000")  # ten times smaller
+    folder = agopengps_folder(
+        tmp_path / "北圃場", "$Boundary\n" + RING + island + island.replace("False", "True\nTrue")
+    )
+    (field,) = read_fields(folder)
+    assert field.names == ("北圃場",)
+    area, length = Geod(ellps="WGS84").geometry_area_perimeter(shapely.geometry.polygon.orient(field.outline))
+    assert area == pytest.approx(100 * 80 - 10 * 8, rel=1e-4)  # the second island is to drive through
+    assert (length, len(field.outline.interiors)) == (pytest.approx(360, rel=1e-4), 1)
+    assert field.outline.bounds[:2] == pytest.approx((140.02 - 50 / 89160, 36.87 - 40 / 110980), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("boundary", "words"),
+    [
+        ("$Boundary\n", "has no boundary"),
+        (RING[:55], "corners of 4"),
+        (RING.replace("4\n", "x\n", 1), "is damaged at 'x'"),
+        (RING.replace("50.000", "nan"), "far from the origin"),
+        ("False\n", "is damaged"),
+    ],
+)
+def test_agopengps__damage(boundary: str, words: str, tmp_path: Path) -> None:
+    folder = agopengps_folder(tmp_path, boundary)
+    with pytest.raises(InputError, match=words) as caught:
+        read_fields(folder)
+    assert caught.value.code == "boundary-unreadable"
+    (folder / "Field.txt").write_text("$FieldDir\n")
+    with pytest.raises(InputError, match="no origin"):
+        read_fields(folder)
+
+
+def test_agopengps__is_no_recording(tmp_path: Path) -> None:
+    folder = agopengps_folder(tmp_path, "$Boundary\n" + RING)
+    for path in (folder, folder / "Field.txt", folder / "Boundary.txt"):
+        with pytest.raises(InputError, match="a field folder of AgOpenGPS") as caught:
+            Recognised.by_content(path)
+        assert caught.value.code == "unknown-format"

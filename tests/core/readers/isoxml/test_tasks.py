@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from furrowmap.core.readers.isoxml.files import open_task_files
+from furrowmap.core.readers.isoxml.log import TaskDataLog
 from furrowmap.core.readers.isoxml.tasks import LoggedTask, read_tasks, whole_width_m
+from furrowmap.core.readers.reader import ReadOptions
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
@@ -166,3 +168,20 @@ def test_counter__is_the_increase_of_the_whole_machine(tmp_path: Path) -> None:
     assert task_of(tmp_path / "1", records, channels, device=device).counted_m2 == 80.0
     assert task_of(tmp_path / "2", records, channels).counted_m2 == 90.0
     assert np.isnan(task_of(tmp_path / "3", [at(0), at(1)], channels).counted_m2)
+
+
+@pytest.mark.parametrize("varies_s", [0.0, 0.3])
+def test_positions__are_those_of_last_resort(varies_s: float, tmp_path: Path) -> None:
+    """A straight drive at 2 m/s whose stamps vary: the standard deviations are those of its times."""
+    chance = np.random.default_rng(4)
+    late_s = varies_s * chance.standard_normal(600)
+    metre = 90  # units of 1e-7 degrees of latitude
+    records = [at(k + late_s[k], A=500_000_000 + 2 * metre * k) for k in range(600)]
+    task_of(tmp_path, records, [(STATE, "DET-1")])
+    reader = TaskDataLog([tmp_path], ReadOptions())
+    track = reader.track()
+    time_s = np.hypot(0.1, varies_s)
+    assert np.median(track.sigma_e_m) == pytest.approx(np.hypot(0.015, 2.0 * time_s), rel=0.1)
+    np.testing.assert_array_equal(track.sigma_e_m, track.sigma_n_m)
+    (notice,) = [notice for notice in reader.notices if notice.code == "positions-of-terminal"]
+    assert f"off by {time_s:.1f}" in notice.text

@@ -1,0 +1,100 @@
+"""Field folders of AgOpenGPS: the field's boundary.
+
+`Field.txt` has the origin of the field's plane in degrees below `StartFix`; `Boundary.txt` has a flag, a number of
+corners, and east, north and heading of each, for the boundary and then for each hole. No file of the folder has times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import shapely
+
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.errors import InputError
+
+FIELD, BOUNDARY = "Field.txt", "Boundary.txt"
+PARTS: Final = (b"$FieldDir", b"$Boundary", b"$RecPath", b"$Contour")
+"""Begin the files, those of the first kind behind a line with the date."""
+_MAX_BYTES: Final = 1 << 26
+_MAX_FROM_ORIGIN_M: Final = 100_000.0
+_FLAGS: Final = ("true", "false")
+
+
+def is_field_folder(path: Path) -> bool:
+    """Whether a folder is that of a field of AgOpenGPS."""
+    try:
+        with (path / FIELD).open("rb") as file:
+            return PARTS[0] in file.read(256)
+    except OSError:
+        return False
+
+
+def read_outline(folder: Path, unreadable: Callable[[str], InputError]) -> shapely.Polygon:
+    """The boundary of a field without its holes, in longitude and latitude; holes to drive through belong to it.
+
+    Args:
+        unreadable: the error of a folder that cannot be read, for a reason.
+
+    Raises:
+        InputError: if there is no boundary, or a file is damaged.
+    """
+    lines = _lines(folder / FIELD, unreadable)
+    below = next((k + 1 for k, line in enumerate(lines) if line.startswith("StartFix")), len(lines))
+    try:
+        lat_deg, lon_deg = (float(word) for word in lines[below].split(",")[:2])
+    except (IndexError, ValueError):
+        raise unreadable(f"{FIELD} has no origin (StartFix)") from None
+    if not (abs(lat_deg) < 90.0 and abs(lon_deg) <= 180.0):
+        raise unreadable(f"{FIELD} has the origin {lat_deg:g}, {lon_deg:g}")
+    rings = _rings(_lines(folder / BOUNDARY, unreadable), unreadable)
+    if not rings:
+        raise unreadable(f"{BOUNDARY} has no boundary")
+    origin, degree_m = np.array([lon_deg, lat_deg]), _degree_m(lat_deg)
+    outline, *holes = (origin + en_m / degree_m for _, en_m in rings)
+    kept = [hole for (through, _), hole in zip(rings[1:], holes, strict=True) if not through]
+    return shapely.Polygon(outline, kept)
+
+
+def _lines(path: Path, unreadable: Callable[[str], InputError]) -> list[str]:
+    try:
+        if path.stat().st_size > _MAX_BYTES:
+            raise unreadable(f"{path.name} is larger than a field's")
+        return [line.strip() for line in path.read_text("utf-8-sig", "replace").splitlines() if line.strip()]
+    except OSError as error:
+        raise unreadable(f"{path.name}: {error.strerror}") from None
+
+
+def _rings(lines: list[str], unreadable: Callable[[str], InputError]) -> list[tuple[bool, FloatArray]]:
+    """Rings with at least three corners: whether one drives through, and (n, 2) east and north in metres."""
+    rings, k = [], int(bool(lines) and lines[0].startswith("$"))
+    while k < len(lines):
+        through = False
+        while k < len(lines) and lines[k].casefold() in _FLAGS:  # some versions wrote the flag twice
+            through, k = lines[k].casefold() == _FLAGS[0], k + 1
+        try:
+            count = int(lines[k])
+            rows = [line.split(",")[:2] for line in lines[k + 1 : k + 1 + count]]
+            en_m = np.array(rows, np.float64).reshape(-1, 2)
+        except (IndexError, ValueError):
+            raise unreadable(f"{BOUNDARY} is damaged at {lines[min(k, len(lines) - 1)][:40]!r}") from None
+        if len(en_m) != count or not (np.abs(en_m) < _MAX_FROM_ORIGIN_M).all():
+            raise unreadable(f"{BOUNDARY} has {len(en_m)} corners of {count}, or corners far from the origin")
+        if count > 2:
+            rings.append((through, en_m))
+        k += 1 + count
+    return rings
+
+
+def _degree_m(lat_deg: float) -> FloatArray:
+    """(2,) metres per degree of longitude and of latitude, as AgOpenGPS has them."""
+    angle = np.radians(lat_deg)
+    return np.array(
+        [
+            111412.84 * np.cos(angle) - 93.5 * np.cos(3 * angle) + 0.118 * np.cos(5 * angle),
+            111132.92 - 559.82 * np.cos(2 * angle) + 1.175 * np.cos(4 * angle) - 0.0023 * np.cos(6 * angle),
+        ]
+    )
