@@ -37,6 +37,9 @@ _RING_RETURNS: Final = 20
 _RING_DEG: Final = 2.0
 """Spread of elevations of a ring, at most: origins beside the centre spread those of near returns by a degree."""
 
+_FALLING_SHARE: Final = 0.75
+"""Of the steps from a laser to the next; ranges near the scanner and damage disturb some."""
+
 ARRAYS: Final = ("t_s", "xyz_m", "intensity", "laser", "column", "return_number", "returns")
 """Names of the arrays of a scan."""
 
@@ -97,13 +100,26 @@ class Scan:
         return replace(parts[0], **arrays)
 
 
-def has_rings(scan: Scan) -> bool:
-    """Whether lasers keep their elevation while they turn, so that scans are range images; not in a rosette."""
+def _ring_elevations(scan: Scan) -> tuple[FloatArray, FloatArray]:
+    """Median elevation of each laser (k,) with enough returns, and how far half of them spread (k,), in degrees."""
     elevation = np.degrees(np.arctan2(scan.xyz_m[:, 2], np.hypot(scan.xyz_m[:, 0], scan.xyz_m[:, 1])))
     order = np.argsort(scan.laser, kind="stable")
     each = np.split(elevation[order], np.flatnonzero(np.diff(scan.laser[order])) + 1)
-    spread = [float(np.subtract(*np.percentile(of_one, (75, 25)))) for of_one in each if len(of_one) >= _RING_RETURNS]
-    return not spread or float(np.median(spread)) < _RING_DEG
+    quartiles = [np.percentile(of_one, (25, 50, 75)) for of_one in each if len(of_one) >= _RING_RETURNS]
+    low, middle, high = np.array(quartiles, np.float64).reshape(-1, 3).T
+    return middle, high - low
+
+
+def has_rings(scan: Scan) -> bool:
+    """Whether lasers keep their elevation while they turn, so that scans are range images; not in a rosette."""
+    _, spread = _ring_elevations(scan)
+    return not len(spread) or float(np.median(spread)) < _RING_DEG
+
+
+def counts_from_top(scan: Scan) -> bool:
+    """Whether the lasers of a scan are numbered from the highest one."""
+    elevation, _ = _ring_elevations(scan)
+    return len(elevation) > 2 and has_rings(scan) and float(np.mean(np.diff(elevation) < 0.0)) > _FALLING_SHARE
 
 
 class PointClass(IntEnum):

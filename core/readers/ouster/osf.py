@@ -289,8 +289,8 @@ def _packets_of(message: _FlatTable, stream: _Stream) -> tuple[ByteArray, IntArr
     packets[:, 0] = 1
     packets[:, 2:4] = np.frombuffer(struct.pack("<H", turn.number(5, "i") & 0xFFFF), np.uint8)
     packets[:, 32:-32] = columns.reshape(blocks, -1)
-    sent_ns = turn.vector(7, "<u8") & np.uint64(STAMP)
-    sent_ns = sent_ns.astype(np.float64) if len(sent_ns) == blocks else np.zeros(blocks)
+    stated_ns = turn.vector(7, "<u8") & np.uint64(STAMP)
+    sent_ns: FloatArray = stated_ns.astype(np.float64) if len(stated_ns) == blocks else np.zeros(blocks)
     host_s = np.where(sent_ns > 0, sent_ns, message.number(0, "Q") & STAMP) * 1e-9
     order = np.roll(np.arange(blocks), -(m.window[0] // m.packet_columns))
     order = order[there[order].any(axis=1)]

@@ -7,6 +7,7 @@ the drivers of Velodyne, Ouster, Hesai, Robosense and Livox. Definition: ROS pac
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S
-from furrowmap.core.values.scan import Clock, Scan, has_rings
+from furrowmap.core.values.scan import MAX_LASERS, Clock, Scan, counts_from_top, has_rings
 
 MAX_SWEEP_S: Final = 10.0
 """No sweep takes longer: its time increment is damaged."""
@@ -150,7 +151,8 @@ class CloudScans:
         self._fields: tuple[str, ...] = ()
         self._times: _PointTimes | None = None
         self._ringed = True
-        self._rosette = False
+        self._rosette = self._from_top = False
+        self._lasers = 0
         self._last_s = -np.inf
 
     def push(self, content: Any, message: BagMessage) -> list[Scan]:
@@ -211,9 +213,21 @@ class CloudScans:
             return_number=np.ones(len(order), np.uint8),
             returns=np.ones(len(order), np.uint8),
         )
-        if self._scans == 1:
-            self._rosette = ring is not None and not has_rings(scan)
-        return [scan]
+        return [self._ranked(scan, ring)]
+
+    def _ranked(self, scan: Scan, ring: NDArray[Any] | None) -> Scan:
+        """The scan with its lasers counted from the lowest, and their number; rings are those of all its slots."""
+        if ring is None:
+            return scan
+        if self._lasers == 0:
+            self._rosette = not has_rings(scan)
+            self._from_top = counts_from_top(scan)
+            self._lasers = min(int(ring.max()) + 1, MAX_LASERS)
+        if self._rosette:
+            return scan
+        if self._from_top:
+            scan = replace(scan, laser=self._lasers - 1 - np.minimum(scan.laser, self._lasers - 1))
+        return replace(scan, lasers=max(self._lasers, int(scan.laser.max()) + 1))
 
     def finish(self) -> list[Scan]:
         """No scans: every message is a complete scan.

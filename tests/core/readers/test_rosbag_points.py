@@ -137,6 +137,54 @@ def test_times_from_an_unknown_zero_start_at_the_stamp() -> None:
     assert codes(decoder) == {"point-times-unanchored", "no-rings"}
 
 
+DRIVERS = {
+    # Fields of drivers with their types; how times are written; how rings are counted; how points are laid out.
+    "ouster": ([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("pad", "<f4"), ("intensity", "<f4"), ("t", "<u4"),
+                ("reflectivity", "<u2"), ("ring", "<u2"), ("ambient", "<u2"), ("range", "<u4")], 1e9, 0.0, True, True),
+    "ouster 2020": ([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("t", "<u4"),
+                     ("reflectivity", "<u2"), ("ring", "u1"), ("range", "<u4")], 1e9, 0.0, True, True),
+    "rslidar_sdk": ([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"),
+                     ("timestamp", "<f8")], 1.0, T0_S, False, False),
+    "hesai": ([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("timestamp", "<f8")],
+              1.0, T0_S, True, False),
+    "velodyne": ([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2"), ("time", "<f4")],
+                 1.0, 0.0, False, False),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("lasers", [32, 64, 128])
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_drivers__lasers_count_from_the_lowest_beam(driver: str, lasers: int) -> None:
+    """A turn of 100 columns over flat ground and a wall all round, as each driver writes it."""
+    fields, unit, origin_s, from_top, organised = DRIVERS[driver]
+    elevation = np.radians(np.linspace(-22.5, 22.5, lasers))
+    column, beam = np.meshgrid(np.arange(100), np.arange(lasers))
+    azimuth = -2.0 * np.pi * column / 100
+    level = np.minimum(30.0, 2.0 / np.tan(np.maximum(-elevation[beam], 1e-3)))
+    points = np.zeros((lasers, 100), fields)
+    points["x"], points["y"] = level * np.cos(azimuth), level * np.sin(azimuth)
+    points["z"] = level * np.tan(elevation[beam])
+    points["intensity"] = 7
+    points["ring"] = lasers - 1 - beam if from_top else beam
+    time = next(name for name in ("t", "timestamp", "time") if name in points.dtype.names)
+    time_s = column * 1e-3 + (0.0 if organised else beam * 1e-6)
+    points[time] = np.round((origin_s + time_s) * unit, 0 if unit > 1.0 else 9)
+    laid_out = points[::-1] if from_top else points
+    if not organised:  # those without a return are left out, here the highest beams
+        laid_out = np.ascontiguousarray(points.T).ravel()
+        laid_out = laid_out[np.arctan2(laid_out["z"], np.hypot(laid_out["x"], laid_out["y"])) < np.radians(20.0)]
+    (scan, again), decoder = scans_of(cloud(laid_out), cloud(laid_out, T0_NS + 100_000_000))
+    assert again.lasers == scan.lasers == (lasers if from_top or organised else (elevation < np.radians(20.0)).sum())
+    np.testing.assert_array_equal(again.laser, scan.laser)
+    x, y, z = scan.xyz_m.T
+    rank = np.rint(np.interp(np.arctan2(z, np.hypot(x, y)), elevation, range(lasers)))
+    np.testing.assert_array_equal(scan.laser, rank)
+    np.testing.assert_array_equal(scan.column, np.rint(-np.arctan2(y, x) * 50 / np.pi) % 100)
+    since_s = scan.column * 1e-3 + (0.0 if organised else rank * 1e-6)
+    np.testing.assert_allclose(scan.t_s, T0_S + since_s, rtol=0, atol=1.1e-6)
+    assert not codes(decoder)
+
+
 def test_columns_are_firings_whether_organised_or_not() -> None:
     """16 lasers, 10 firings of 55 µs: as rows of firings, as rows of lasers, and as a list with returns missing."""
     points = revolution(160)
