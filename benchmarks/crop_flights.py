@@ -23,6 +23,7 @@ import shapely
 import shapely.affinity
 from flights import simulated
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 import furrowmap
 from furrowmap.core.crops.measure import measure_parcels
@@ -37,7 +38,7 @@ TABLE = Path(__file__).with_suffix(".toml")
 CRS = "EPSG:25832"
 HEAD = (
     f"{'':12}parcels points/m2   height: bias, RMSE, largest mm   /sigma   volume: bias, RMS, largest %   "
-    "soil: RMS, largest mm   /sigma   published: height RMSE mm, volume RMS %"
+    "soil: RMS, largest mm   /sigma   own, common /sigma   published: height RMSE mm, volume RMS %"
 )
 
 
@@ -49,6 +50,7 @@ class Judged:
         points_m2: (n,) points a square metre.
         height_m: (n,) mean heights.
         sigma_m: (n,) their stated standard deviations.
+        common_m: (n,) the part of these that all parcels of a flight share.
         soil_m: (n,) errors of the mean height of the soil, less their mean: an offset of the whole flight
             moves crop and soil alike.
         soil_sigma_m: (n,) their stated standard deviations.
@@ -61,12 +63,20 @@ class Judged:
     points_m2: FloatArray
     height_m: FloatArray
     sigma_m: FloatArray
+    common_m: FloatArray
     soil_m: FloatArray
     soil_sigma_m: FloatArray
     published_m: FloatArray
     published_m3: FloatArray
     area_m2: FloatArray
     true_m: FloatArray
+
+    @property
+    def parts(self) -> tuple[FloatArray, float]:
+        """(n,) errors over sigma of the parcels apart, and that of all together."""
+        off, own = self.height_m - self.true_m, np.sqrt(self.sigma_m**2 - self.common_m**2)
+        alone = (off - off.mean()) / own * math.sqrt(len(off) / (len(off) - 1))
+        return alone, float(off.mean() / math.hypot(rms(self.common_m), rms(own) / math.sqrt(len(off))))
 
 
 def main() -> int:
@@ -90,6 +100,7 @@ def main() -> int:
             print_line(f"  {density:.0f}", judged)
             found.setdefault(density, []).append(judged)
     for density, flights_judged in found.items():
+        print_parts(density, flights_judged)
         if options.only[:2] == ["21_along", "22_across"]:
             print_paths(density, *flights_judged[:2])
     return 0
@@ -172,11 +183,11 @@ def table_of(recording: Path, trial: Mapping[str, Any]) -> Judged:
     true, _ = truth_of(recording, parcels)
     layer = geopandas.read_file(recording / "out" / "field.gpkg", layer="parcels").set_index("id")
     layer = layer.loc[[p.id for p in parcels]]
-    columns = ("points_m2", "mean_height_m", "height_sigma_m")
-    density, height, sigma = (layer[name].to_numpy(float) for name in columns)
+    columns = ("points_m2", "mean_height_m", "height_sigma_m", "common_sigma_m")
+    density, height, sigma, common = (layer[name].to_numpy(float) for name in columns)
     none = np.full(len(true), math.nan)
     area = layer["area_m2"].to_numpy(float)
-    return Judged(density, height, sigma, none, none, none, none, area, true)
+    return Judged(density, height, sigma, common, none, none, none, none, area, true)
 
 
 def judge(recording: Path, trial: Mapping[str, Any], points_m2: float, *, published: bool) -> Judged:
@@ -204,6 +215,7 @@ def judge(recording: Path, trial: Mapping[str, Any], points_m2: float, *, publis
         np.array([f.points_m2 for f in figures]),
         np.array([f.mean_height_m for f in figures]),
         np.array([f.height_sigma_m for f in figures]),
+        np.array([f.common_sigma_m for f in figures]),
         off - off.mean(),
         np.array([f.soil_sigma_m for f in figures]),
         np.array([row.published_height_m for row in rows]),
@@ -230,9 +242,23 @@ def print_line(name: str, judged: Judged) -> None:
         f"     {np.nanmean(volume):+6.2f} {rms(volume):6.2f} {np.nanmax(np.abs(volume)):6.2f}"
         f"        {rms(soil):6.1f} {np.max(np.abs(soil)):6.1f}"
         f"{rms(0.001 * soil / judged.soil_sigma_m):10.2f}"
+        f"{rms(judged.parts[0]):12.2f} {judged.parts[1]:+7.2f}"
         f"     {1000.0 * rms(published):6.1f} {100.0 * rms(published_volume):6.1f}",
         flush=True,
     )
+
+
+def print_parts(density: float, flights: list[Judged]) -> None:
+    """Errors over sigma of all flights, and within what limits they are by chance in 95 of 100 cases."""
+    alone, common = [np.concatenate([judged.parts[0] for judged in flights]), np.array([j.parts[1] for j in flights])]
+    for words, values, freedom in (
+        ("parcels apart", alone, len(alone) - len(flights)),
+        ("what a flight's parcels share", common, len(common)),
+    ):
+        low, high = np.sqrt(chi2.ppf([0.025, 0.975], freedom) / freedom)
+        print(
+            f"error over sigma, {density:.0f} points/m2, {words}: {rms(values):.2f} ({low:.2f} to {high:.2f} by chance)"
+        )
 
 
 def print_paths(density: float, one: Judged, other: Judged) -> None:

@@ -84,7 +84,7 @@ class Judged:
         return max((self.errors[key] / self.sigmas[key] for key in self.errors), default=0.0)
 
     @property
-    def warned(self) -> bool:
+    def named(self) -> bool:
         """Whether a warning names what is wrong; of a right session, whether any casts doubt on the result."""
         if not self.names:
             return bool(set(self.codes) - HARMLESS)
@@ -92,17 +92,17 @@ class Judged:
 
     @property
     def well(self) -> bool:
-        """Whether a right session is as good as it says and not doubted, and a wrong one is warned of."""
+        """Whether a right session is as good as it says and not doubted, and the cause of a wrong one is named."""
         return (
-            (self.warned or self.worst <= LARGEST or bool(self.refused))
+            (self.named or self.worst <= LARGEST or bool(self.refused))
             if self.names
-            else not (self.warned or self.refused or self.worst > LARGEST)
+            else not (self.named or self.refused or self.worst > LARGEST)
         )
 
 
 def main() -> int:
     keep_kernels()
-    options = _options()
+    options = options_of(__doc__).parse_args()
     table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
     cases = [
         (f"{scene} {what}".strip(), scene, what)
@@ -117,14 +117,25 @@ def main() -> int:
         recording = simulated(f"misstated_{scene}", table["scenes"][scene])
         found[name] = case(recording, table["misstated"].get(what, {}), table["faulty"].get(scene, ()))
         print(line(name, found[name]), flush=True)
-    unwarned = {name: one.worst for name, one in found.items() if not one.warned and not one.refused}
-    worst = max(unwarned, key=lambda name: unwarned[name], default="")
-    print(f"\nworst without a warning that names the cause: {unwarned.get(worst, 0.0):.1f} ({worst})")
+    return conclude(found, "warning", options.json)
+
+
+def conclude(found: Mapping[str, Any], said: str, json_file: Path | None) -> int:
+    """Print the worst case that nothing names and those that are not well; exit status.
+
+    Args:
+        found: cases judged, by name.
+        said: what names a cause.
+        json_file: of the figures as well.
+    """
+    unnamed = {name: one.worst for name, one in found.items() if not one.named and not one.refused}
+    worst = max(unnamed, key=lambda name: unnamed[name], default="")
+    print(f"\nworst without a {said} that names the cause: {unnamed.get(worst, 0.0):.1f} ({worst})")
     failed = [name for name, one in found.items() if not one.well]
     print(f"{len(found)} cases, not well: {', '.join(failed) or 'none'}")
-    if options.json:
+    if json_file:
         rows = {name: {**dataclasses.asdict(one), "worst": one.worst} for name, one in found.items()}
-        options.json.write_bytes(msgspec.json.format(msgspec.json.encode(rows), indent=1) + b"\n")
+        json_file.write_bytes(msgspec.json.format(msgspec.json.encode(rows), indent=1) + b"\n")
     return int(bool(failed))
 
 
@@ -246,12 +257,17 @@ def _damaged(log: str, what: Mapping[str, Any]) -> str:
             field[at] = f"{field[at][:2]}{minutes:011.8f}"
         else:
             field[at], field[at + 2] = "0000.00000000", "00000.00000000"
-        body = ",".join(field)
-        checksum = 0
-        for byte in body.encode("ascii"):
-            checksum ^= byte
-        lines[i] = f"${body}*{checksum:02X}"
+        lines[i] = sentence(field)
     return "\r\n".join(lines) + "\r\n"
+
+
+def sentence(field: Sequence[str]) -> str:
+    """NMEA 0183 of fields."""
+    body = ",".join(field)
+    checksum = 0
+    for byte in body.encode("ascii"):
+        checksum ^= byte
+    return f"${body}*{checksum:02X}"
 
 
 def line(name: str, one: Judged) -> str:
@@ -265,11 +281,12 @@ def line(name: str, one: Judged) -> str:
     return f"{name:30}{'':6}" + "".join(f"{pair:>16}" for pair in pairs) + f"{one.worst:8.1f} {mark} {words}"
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def options_of(text: str | None) -> argparse.ArgumentParser:
+    """The options of a table of cases, described by a text."""
+    parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", default=[], metavar="WORD", help="cases whose name contains a word")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE as well")
-    return parser.parse_args()
+    return parser
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ ratio of error to sigma without a verdict that names the cause.
 
 from __future__ import annotations
 
-import argparse
 import csv
 import dataclasses
 import json
@@ -23,10 +22,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pyogrio
 import tomli_w
+from misstated import LARGEST, conclude, options_of, sentence
 from numpy.typing import NDArray
 from trajectory_error import Poses, load_trajectory, rms
 
@@ -37,8 +36,6 @@ from furrowmap.process import keep_kernels
 FloatArray = NDArray[np.float64]
 
 TABLE = Path(__file__).with_suffix(".toml")
-LARGEST = 5.0
-"""Of error over sigma without a verdict."""
 QUANTITIES = ("east", "north", "height", "roll", "pitch", "heading", "crop")
 AT_TOP = {"imu-clock-off": "clock", "imu-frozen": "imu"}
 """Codes of what was found and mended, which reports show beside the verdict, and what they name."""
@@ -85,7 +82,10 @@ class Judged:
 
 def main() -> int:
     keep_kernels()
-    options = _options()
+    parser = options_of(__doc__)
+    parser.add_argument("session", type=Path, help="a flight with truth/ beside it")
+    parser.add_argument("--images", action="store_true", help="with the session's images")
+    options = parser.parse_args()
     table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
     found = {}
     print(f"{'':26}" + "".join(f"{key:>15}" for key in QUANTITIES) + f"{'worst':>8}  verdict", flush=True)
@@ -94,15 +94,7 @@ def main() -> int:
             continue
         found[name] = case(options.session, misstated, with_images=options.images)
         print(line(name, found[name]), flush=True)
-    unnamed = {name: one.worst for name, one in found.items() if not one.named and not one.refused}
-    worst = max(unnamed, key=lambda name: unnamed[name], default="")
-    print(f"\nworst without a verdict that names the cause: {unnamed.get(worst, 0.0):.1f} ({worst})")
-    failed = [name for name, one in found.items() if not one.well]
-    print(f"{len(found)} flights, not well: {', '.join(failed) or 'none'}")
-    if options.json:
-        rows = {name: {**dataclasses.asdict(one), "worst": one.worst} for name, one in found.items()}
-        options.json.write_bytes(msgspec.json.format(msgspec.json.encode(rows), indent=1) + b"\n")
-    return int(bool(failed))
+    return conclude(found, "verdict", options.json)
 
 
 def case(session: Path, misstated: Mapping[str, Any], *, with_images: bool) -> Judged:
@@ -160,7 +152,7 @@ def misstate(session: Path, folder: Path, misstated: Mapping[str, Any], *, with_
         table, key = path.split(".")
         keys[table][key] = value
     if with_images and "camera" in keys:
-        (folder / "images").symlink_to(session.parent / "images")
+        shutil.copytree(session.parent / "images", folder / "images")
     for name, change in (("gnss", _positions), ("imu", _inertial), ("parcels", _parcels)):
         if name in misstated:
             change(folder, keys, misstated[name])
@@ -186,11 +178,7 @@ def _positions(folder: Path, keys: Mapping[str, Any], what: Mapping[str, Any]) -
                 _change_sentence(kind, field, what, at_s - first_s)
         if kind == "GST" and what.get("without_gst"):
             continue
-        body = ",".join(field)
-        checksum = 0
-        for byte in body.encode("ascii"):
-            checksum ^= byte
-        lines.append(f"${body}*{checksum:02X}")
+        lines.append(sentence(field))
     (folder / keys["recording"]["gnss"][0]).write_text("\r\n".join(lines) + "\r\n", encoding="ascii")
 
 
@@ -274,15 +262,6 @@ def line(name: str, one: Judged) -> str:
     mark = " " if one.well else "!"
     words = ", ".join(one.codes)
     return f"{name:26}" + "".join(f"{pair:>15}" for pair in pairs) + f"{one.worst:8.1f} {mark} {one.cause} ({words})"
-
-
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("session", type=Path, help="a flight with truth/ beside it")
-    parser.add_argument("--only", nargs="+", default=[], metavar="WORD", help="cases whose name contains a word")
-    parser.add_argument("--images", action="store_true", help="with the session's images")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE as well")
-    return parser.parse_args()
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ error of the survey, RMSE² = RMSE₁² + RMSE₂², where 1 is the fit to the p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 import pyproj
 
 from furrowmap.core.checking.cloud_at_points import Targets, cloud_at_points
-from furrowmap.core.checking.point_check import InternalPrecision, PointCheck, rounded
+from furrowmap.core.checking.point_check import InternalPrecision, PointCheck, ProductAtPoints, rounded
 from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.readers.las.header import SIGNATURE
 from furrowmap.core.readers.surveyed_points import SurveyOptions
@@ -121,6 +122,12 @@ class Accuracy:
         }
 
 
+CHECK_POINTS_OFF: Final = "check-points-off"
+MIN_HELD_POINTS: Final = 3
+HELD_SIGMAS: Final = 4.0
+"""Standard deviations by which heights must be off surveyed points to contradict them."""
+SURVEY_SIGMA_M: Final = 0.01
+"""Standard deviation of surveyed heights whose file states none."""
 MAX_MEAN_HEIGHT_M: Final = 2.0
 """A larger mean error in height comes from a geoid or a wrong point."""
 PRECISION_LABELS: Final = {
@@ -128,6 +135,49 @@ PRECISION_LABELS: Final = {
     "between_swath_m": "RMS between swaths",
     "between_swath_max_m": "greatest between swaths",
 }
+
+
+@dataclass(frozen=True)
+class HeldHeights:
+    """Heights of a surface held against surveyed points.
+
+    Attributes:
+        points: that are surveyed.
+        compared: of these, where the surface has heights.
+        off_m: median of surface less survey; nan with fewer than MIN_HELD_POINTS.
+        sigma_m: standard deviation of that, by what is stated and by how the points scatter.
+    """
+
+    points: int
+    compared: int
+    off_m: float
+    sigma_m: float
+
+    @classmethod
+    def of(cls, surface: ProductAtPoints, stated_m: float) -> HeldHeights:
+        """Of a surface whose heights have a standard deviation that all points share, as those of the survey do."""
+        error = np.array([point.error_m[2] for point in surface.points])
+        known = np.isfinite(error)
+        error, survey = error[known], surface.survey.sigma_m[known, 2]
+        if len(error) < MIN_HELD_POINTS:
+            return cls(len(known), len(error), math.nan, math.nan)
+        off = float(np.median(error))
+        # Of a median: 1.2533 times that of a mean.
+        scatter = 1.2533 * 1.4826 * float(np.median(np.abs(error - off))) / math.sqrt(len(error))
+        surveyed = float(np.median(np.where(np.isfinite(survey), survey, SURVEY_SIGMA_M)))
+        return cls(len(known), len(error), off, math.hypot(stated_m, surveyed, scatter))
+
+    def notice(self, file: str) -> Notice | None:
+        """Of heights that the points contradict, or of too few points to tell."""
+        if self.compared < MIN_HELD_POINTS:
+            return Notice("check-points-few", file=file, compared=self.compared, points=self.points)
+        if abs(self.off_m) <= HELD_SIGMAS * self.sigma_m:
+            return None
+        return Notice(CHECK_POINTS_OFF, file=file, off_m=self.off_m, sigma_m=self.sigma_m, compared=self.compared)
+
+    def plain(self) -> dict[str, Any]:
+        """For JSON; null where unknown."""
+        return {name: value if isinstance(value, int) else rounded(value, 5) for name, value in vars(self).items()}
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,7 @@ class ParcelFigures:
         lodging: whether a tenth of the parcel or more lies below 0.6 of the height of its upper tenth.
         penetration_m: mean depth of a return below the top.
         soil_sigma_m: standard deviation of the mean height of the soil.
+        common_sigma_m: part of `height_sigma_m` that all parcels of a flight share, and their differences do not have.
     """
 
     id: str
@@ -81,6 +82,7 @@ class ParcelFigures:
     lodging: bool
     penetration_m: float
     soil_sigma_m: float
+    common_sigma_m: float
     height_sigma_m: float
     volume_sigma_m3: float
 
@@ -149,7 +151,8 @@ def parcel_figures(name: str, canopy: Canopy, area_m2: float, soil_sigma_m: floa
     true = _without_chance(top, canopy.chance_m) if known else np.full(max(len(top), 1), np.nan)
     spread = float(true.std())
     quantiles = _quantiles(true, (0.50, 0.90, 0.95, 0.99))
-    sigma = math.hypot(_height_sigma_m(canopy, spread), soil_sigma_m) if known else math.nan
+    common = _common_sigma_m(canopy) if known else math.nan
+    sigma = math.hypot(_own_sigma_m(canopy, spread), common, soil_sigma_m) if known else math.nan
     roughness, lodging = math.nan, False
     if known:
         # mean height of the net pixels in the square around each
@@ -175,6 +178,7 @@ def parcel_figures(name: str, canopy: Canopy, area_m2: float, soil_sigma_m: floa
         lodging=lodging,
         penetration_m=canopy.penetration.mean_depth_m if canopy.penetration is not None else math.nan,
         soil_sigma_m=soil_sigma_m,
+        common_sigma_m=common,
         height_sigma_m=sigma,
         volume_sigma_m3=sigma * area_m2,
     )
@@ -199,18 +203,21 @@ def _without_chance(top: FloatArray, chance_m: float) -> FloatArray:
     return np.where(stands, np.maximum(middle + left * (top - middle), 0.0), top)
 
 
-def _height_sigma_m(canopy: Canopy, spread_m: float) -> float:
-    """Standard deviation of the mean height but for the soil: by chance, model, noise, filling, extrapolation."""
-    found = canopy.penetration
-    if found is None:
-        return float("nan")
+def _own_sigma_m(canopy: Canopy, spread_m: float) -> float:
+    """Standard deviation of the mean height by what is of one parcel, but for the soil: by chance and filling."""
     seen = max(int(canopy.seen.sum()), 1)
     chance = math.hypot(spread_m * math.sqrt(CORRELATED_PIXELS), canopy.error_m) / math.sqrt(seen)
-    model = MODEL_SHARE * found.mean_depth_m
-    noise = NOISE_SHARE * found.noise_m
     # pixels without returns are between like the others and the lowest of all: as much below the mean as the tail
     # of a normal distribution, a third of whose square is the variance of what is spread evenly between both
     missing = 1.0 - int(canopy.seen.sum()) / max(int(canopy.net.sum()), 1)
     empty = spread_m * math.exp(-0.5 * ndtri(missing) ** 2) / math.sqrt(2.0 * math.pi * 3.0)
+    return math.hypot(chance, empty)
+
+
+def _common_sigma_m(canopy: Canopy) -> float:
+    """Standard deviation of the mean height by what errs alike on all parcels: model, noise, extrapolation."""
+    found = canopy.penetration
+    if found is None:
+        return math.nan
     extrapolated = EXTRAPOLATED_SHARE * math.hypot(canopy.extrapolated_m, canopy.sharpened_m)
-    return math.sqrt(chance**2 + model**2 + noise**2 + empty**2 + extrapolated**2)
+    return math.hypot(MODEL_SHARE * found.mean_depth_m, NOISE_SHARE * found.noise_m, extrapolated)

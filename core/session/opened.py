@@ -77,6 +77,7 @@ class Inputs:
     mount: Path | None = None
     boundary: Path | None = None
     within: Path | None = None
+    check_points: Path | None = None
     images: Path | None = None
     camera: tuple[Path, ...] = ()
     control_points: Path | None = None
@@ -108,6 +109,7 @@ class Inputs:
             mount=one(session.mount.attitude if session.mount is not None else None),
             boundary=one(session.field.boundary),
             within=one(session.field.within),
+            check_points=one(session.field.check_points),
             images=camera_table(session_file, camera),
             camera=several(camera.files if camera is not None and camera.topic is not None else ()),
             control_points=one(camera.control_points if camera is not None else None),
@@ -128,7 +130,7 @@ class Inputs:
             *(path for tool in self.tools for path in tool.states),
             *(self.control_points, self.control_pixels),
             *(tool.learned for tool in self.tools),
-            *(self.parameters, self.geoid_grid, self.within),
+            *(self.parameters, self.geoid_grid, self.within, self.check_points),
         )
         return tuple(
             dict.fromkeys(

@@ -181,7 +181,7 @@ def trajectory_from_inertial(
     positions = positions_without_steps(gated, en)
     imu = replace(imu, noise=with_shown_noise(imu.noise, imu.track, notices))
     site, lever = site_of(gated, frame), np.asarray(lever_m, np.float64)
-    searched_s = search_imu_clock(imu.in_vehicle_axes, positions, on_wheels=hints.on_wheels)
+    searched_s = search_imu_clock(imu.in_vehicle_axes, positions, lever - imu.mounting.xyz_m, on_wheels=hints.on_wheels)
     whole = InertialProblem.over_common_time(positions, imu.earlier_by(searched_s), site, lever, hints)
     problem, start = first_guess(whole, notices)
     adjusted, clock_s = with_clock(with_travel(adjust(problem, start)), searched_s)

@@ -51,18 +51,21 @@ CLEAR_SHARE: Final = 0.6
 """The best offset must leave less unexplained than this share of what none leaves, and of what any other leaves."""
 
 
-def search_imu_clock(imu: InertialTrack, positions: Positions, *, on_wheels: bool) -> float:
+def search_imu_clock(imu: InertialTrack, positions: Positions, arm_m: FloatArray, *, on_wheels: bool) -> float:
     """Time by which the IMU's clock is clearly ahead of the positions'; 0 where it is not by more than MIN_OFFSET_S.
 
     Args:
         imu: in axes that keep to the vehicle; on wheels in the vehicle's.
         positions: of the antenna.
+        arm_m: (3,) from the IMU to the antenna in these axes. Where it turns off, an antenna ahead is early.
     """
     if len(imu) < 2 or len(positions.t_s) < 2:
         return 0.0
     half = _half(positions)
     t_s = np.arange(imu.t_s[0], imu.t_s[-1], STEP_S)
     rate, force = (_means(imu.t_s, values, t_s) for values in (imu.rate_radps, imu.force_mps2))
+    if len(rate) > 1:
+        force += np.cross(np.gradient(rate, STEP_S, axis=0), arm_m) + np.cross(rate, np.cross(rate, arm_m))
     # The bias that gravity shows is that of the gyroscopes, or of few and long accelerations.
     for turned in (_turned(rate - _rate_bias(_turned(rate), force)), _turned(rate)):
         for of_nose in (False, True) if on_wheels else (False,):

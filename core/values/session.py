@@ -113,6 +113,7 @@ class Field(TomlTable, frozen=True):
     name: str | None = None
     time_zone: str | None = None
     within: str | None = None
+    check_points: str | None = None
 
 
 class TrajectorySource(TomlTable, frozen=True):
@@ -366,6 +367,7 @@ EXAMPLES: Final = {
     "field.name": '"North field"',
     "field.time_zone": '"Asia/Tokyo"',
     "field.within": '"part.geojson"',
+    "field.check_points": '"check_points.csv"',
     "trajectory.files": '["trajectory.csv"]',
     "trajectory.time": '"utc"',
     "trajectory.week": "2422",

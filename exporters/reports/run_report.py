@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.boresight import BORESIGHT_NAMES, Boresight
+from furrowmap.core.checking.check import CHECK_POINTS_OFF
 from furrowmap.core.geodesy.local_time import in_local_time, local_time
 from furrowmap.core.pipeline.notices import fix_shares
 from furrowmap.core.pipeline.run_result import RunResult
@@ -143,6 +144,7 @@ FLIGHT_CAUSES: Final = {
     "geoid-separation": "geoid",
     "parcels-beside-crop": "parcels",
     CONTRADICTING: "camera",
+    CHECK_POINTS_OFF: "check-points",
 }
 """Codes of contradictions of a trajectory with an IMU beside those of CONTRADICTION, and the cause that each names."""
 
@@ -152,11 +154,13 @@ def verdict(found: RunResult) -> dict[str, Any]:
 
     `consistent` is null where nothing was matched, and there is no IMU whose measurements could contradict positions.
     """
-    codes = [CONTRADICTION, *(FLIGHT_CAUSES if found.matched is None else ())]
+    codes = [CONTRADICTION, *(FLIGHT_CAUSES if found.matched is None else (CHECK_POINTS_OFF,))]
     contradictions = sorted((n for n in found.notices if n.code in codes), key=lambda notice: codes.index(notice.code))
     text = next((in_local_time(notice.text, found.zone) for notice in contradictions), None)
     if found.matched is not None:
         seen = found.matched.seen.plain()
+        if contradictions:
+            seen |= {"consistent": False, "cause": seen["cause"] or "check-points"}
     else:
         kinds = [FLIGHT_CAUSES.get(n.code, n.key.partition(".")[2]) for n in contradictions]
         seen = {"consistent": not kinds if found.located.source == "imu" or kinds else None}

@@ -18,6 +18,8 @@ import msgspec
 import numpy as np
 import tomli_w
 
+from furrowmap.core.checking.check import CHECK_POINTS_OFF, HeldHeights
+from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.crops.parcel_points import ParcelPoints
 from furrowmap.core.crops.placement import ParcelShift
 from furrowmap.core.features.cloud_features import FoundFeatures, classify_features, measure_density
@@ -27,6 +29,7 @@ from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.cleaning_steps import Cleaning
 from furrowmap.core.pointclouds.clouds import open_clouds
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import behind, beside
 from furrowmap.core.runtime.errors import Notice, printable
 from furrowmap.core.runtime.progress import Progress
@@ -46,6 +49,7 @@ from furrowmap.exporters.exchange.stac import write_item
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.result_folder import (
     CLOUD,
+    DSM,
     FIELD,
     ITEM,
     LEARNED,
@@ -96,6 +100,7 @@ class Made:
     parcels: WrittenParcels | None = None
     colours: ColourFigures | None = None
     features: RunFeatures | None = None
+    checked: HeldHeights | None = None
 
 
 @contextmanager
@@ -171,6 +176,16 @@ class RunProducts:
             assert made.parcels is not None
             notices += made.parcels.notices
             found = _with_shift(found, made.parcels.shift)
+        if (points := opened.inputs.check_points) is not None and (staging / DSM).is_file():
+            sigma = found.placement.poses.sigma.copy()
+            at_points = surface_at_points(staging / DSM, points)
+            made = replace(made, checked=HeldHeights.of(at_points, float(np.sqrt(np.mean(sigma[:, 2] ** 2)))))
+            assert made.checked is not None
+            if (notice := made.checked.notice(points.name)) is not None:
+                notices.append(notice)
+            if notice is not None and notice.code == CHECK_POINTS_OFF:
+                sigma[:, 2] = np.hypot(sigma[:, 2], made.checked.off_m)
+                found = _with_sigma(found, sigma)
         stated = found.session.features
         if stated is not None and summary.points:
             begin = perf_counter()
@@ -187,6 +202,11 @@ def _with_shift(found: RunResult, shift: ParcelShift | None) -> RunResult:
         return found
     sigma = found.placement.poses.sigma.copy()
     sigma[:, :2] = np.hypot(sigma[:, :2], (shift.east_m, shift.north_m))
+    return _with_sigma(found, sigma)
+
+
+def _with_sigma(found: RunResult, sigma: FloatArray) -> RunResult:
+    """The result with other standard deviations (n, 6) of its poses."""
     poses = replace(found.placement.poses, sigma=sigma)
     return replace(found, placement=replace(found.placement, poses=poses))
 
@@ -236,6 +256,7 @@ def write_products(
         content["parcels"] = made.parcels.account
     if features is not None:
         content["features"] = features
+    content["check_points"] = made.checked.plain() if made.checked is not None else None
     write_item(staging / ITEM, write_report(staging / REPORT, content))
 
 

@@ -21,6 +21,7 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline import pipeline
 from furrowmap.core.pointclouds.placed import PlacedScan
+from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.arrays import release
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.core.runtime.json_text import json_text, plain
@@ -87,6 +88,8 @@ def run_opened(
     start = perf_counter()
     if opened.inputs.within is not None:
         ground_to_map(opened.inputs.within, opened.frame)  # an error of the polygons is raised before the work
+    if opened.inputs.check_points is not None:
+        read_points(opened.inputs.check_points, opened.frame.whole_crs)  # likewise
     if opened.file.resolve() in {(folder / name).resolve() for name in RUN_PRODUCTS}:
         raise RefusedError("output-is-input.refuse-original", folder=folder, session_file=opened.file.name)
     inputs = None if overwrite else _refuse_foreign(folder, opened, progress)

@@ -6,6 +6,7 @@ import json
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import furrowmap
@@ -20,8 +21,7 @@ def test_promise_12__results_that_contradict_each_other_are_marked_everywhere(
     roll = tomllib.loads(text)["lidar"]["rpy_deg"][0]
     wrong = simulated.session.with_name("wrong.toml")
     wrong.write_text(text.replace(f"rpy_deg = [{roll}", f"rpy_deg = [{roll + 180.0}"), encoding="utf-8")
-    assert command_line(["run", str(wrong), "-o", str(tmp_path / "out"), "--strict", "-q"]) == 4
-    assert "contradict each other" in capsys.readouterr().err
+    assert command_line(["run", str(wrong), "-o", str(tmp_path / "out"), "-q"]) == 0
     report = furrowmap.open_result(tmp_path / "out").report
     assert report["warnings"][0]["code"] == "contradiction"
     assert report["verdict"]["consistent"] is False
@@ -31,4 +31,25 @@ def test_promise_12__results_that_contradict_each_other_are_marked_everywhere(
     assert page.index('class="alarm"') < page.index("<section")
     item = json.loads((tmp_path / "out" / "item.json").read_text(encoding="utf-8"))
     assert item["properties"]["furrowmap:contradiction"] == report["verdict"]["text"]
-    assert command_line(["run", str(wrong), "-o", str(tmp_path / "out"), "-q"]) == 0
+
+
+def test_surveyed_check_points__that_contradict_the_heights_are_named(
+    simulated: furrowmap.Simulated, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Points on the true ground, half a metre too high."""
+    with np.load(simulated.folder / "truth" / "surface.npz") as truth:
+        cell_m, height_m = float(truth["cell_m"]), truth["before"] + float(truth["h0_m"])
+        row, column = (at.ravel() for at in np.indices(height_m.shape)[:, ::40, ::40])
+        east, north = float(truth["e0"]) + cell_m * (column + 0.5), float(truth["n0"]) + cell_m * (row + 0.5)
+        rows = np.column_stack([east, north, height_m[row, column] + 0.5])
+    points = simulated.session.with_name("points.csv")
+    np.savetxt(points, rows, "%.3f", ",", header="e_m,n_m,h_m", comments="")
+    text = simulated.session.read_text(encoding="utf-8")
+    session = simulated.session.with_name("points.toml")
+    session.write_text(text.replace("[field]\n", '[field]\ncheck_points = "points.csv"\n'), encoding="utf-8")
+    assert command_line(["run", str(session), "-o", str(tmp_path / "out"), "--strict", "-q"]) == 4
+    assert "contradict each other" in capsys.readouterr().err
+    report = furrowmap.open_result(tmp_path / "out").report
+    assert report["verdict"]["cause"] == "check-points"
+    assert report["check_points"]["off_m"] == pytest.approx(-0.5, abs=0.15)
+    assert report["accuracy"]["sigma_h_m"]["median"] > 0.4

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 
 from furrowmap.cli.main import command_line
-from furrowmap.core.checking.check import Component, check_product
+from furrowmap.core.checking.check import Component, HeldHeights, check_product
+from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.crops.parcels import read_parcels
 from furrowmap.core.readers.surveyed_points import SurveyOptions, read_points
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
@@ -354,6 +356,24 @@ def test_heights_of_another_kind_are_asked_for(tmp_path: Path) -> None:
     found = check_product(write_surface(tmp_path / "dsm.tif"), write_points(tmp_path / "p.csv", survey, 0.005))
     (bias,) = [notice.text for notice in found.notices if notice.code == "check-bias"]
     assert "whether both heights are ellipsoidal" in bias
+
+
+def test_heights_of_a_run__are_held_against_points(tmp_path: Path) -> None:
+    """The surface is 2 cm too high everywhere: more than 4 mm explain, not more than 8 mm."""
+    surface = write_surface(tmp_path / "dsm.tif")
+    points = write_points(tmp_path / "p.csv", places(), 0.002)
+    found, as_good = (HeldHeights.of(surface_at_points(surface, points), stated) for stated in (0.004, 0.008))
+    assert (found.points, found.compared) == (36, 35)  # one lies where the surface has no heights
+    assert found.off_m == pytest.approx(0.02, abs=1e-3)
+    assert found.sigma_m == pytest.approx(math.hypot(0.004, 0.002), rel=0.05)
+    notice = found.notice("p.csv")
+    assert notice is not None
+    assert notice.code == "check-points-off"
+    assert as_good.notice("p.csv") is None
+    few = HeldHeights.of(surface_at_points(surface, write_points(points, places()[:2])), 0.004)
+    told = few.notice("p.csv")
+    assert told is not None
+    assert told.code == "check-points-few"
 
 
 def test_cloud__in_degrees_is_brought_to_metres(tmp_path: Path) -> None:

@@ -112,6 +112,7 @@ def test_sigma__of_an_even_canopy_is_that_of_what_alone_is_uncertain(
     found = parcel_figures("1", canopy_of(np.full((50, 100), 0.5), **others), 8.0, soil_m)
     assert found.height_sigma_m == pytest.approx(sigma_m, rel=1e-6)
     assert found.volume_sigma_m3 == pytest.approx(8.0 * sigma_m, rel=1e-6)
+    assert found.common_sigma_m == pytest.approx(0.0 if soil_m or "error_m" in others else sigma_m, abs=1e-7)
 
 
 def test_sigma__of_what_is_filled_is_that_of_the_lowest_pixels() -> None:

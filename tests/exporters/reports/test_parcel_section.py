@@ -20,7 +20,8 @@ from furrowmap.exporters.reports.parcel_section import (
 FIGURES = ParcelFigures(
     id="", points=9000, points_m2=500.0, area_m2=18.0, filled=0.01, mean_height_m=0.5, p50_m=0.5, p90_m=0.55,
     p95_m=0.6, p99_m=0.65, volume_m3=9.0, cover=0.98, height_cv=0.1, roughness_m=0.02, lodging=False,
-    penetration_m=0.08, soil_sigma_m=0.004, height_sigma_m=0.005, volume_sigma_m3=0.09,
+    penetration_m=0.08, soil_sigma_m=0.004, common_sigma_m=0.003, height_sigma_m=0.005,
+    volume_sigma_m3=0.09,
 )  # fmt: skip
 
 
