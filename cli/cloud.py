@@ -25,7 +25,7 @@ from furrowmap.settings import Cleaning, CleanSettings
 def cloud(
     console: Console, clouds: Paths, output: Path, cleaning: Cleaning, settings: CleanSettings, *, overwrite: bool
 ) -> None:
-    """Merge CLOUDs (LAS, LAZ, COPC, PCD or PLY from any software) into one COPC.
+    """Merge CLOUDs (LAS, LAZ, COPC, PCD, PLY or E57 from any software) into one COPC.
 
     Coordinates, time, intensity, returns, class, source and colour of the points are kept. Order of the steps: box and
     classes, every N-th point, outliers, ground, voxels. False statements in a file header are reported as warnings.

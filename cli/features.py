@@ -19,7 +19,7 @@ from furrowmap.settings import FeatureSettings
 @settings_options(FeatureSettings)
 @overwrite("Replace existing features in DIR.")
 def features(console: Console, clouds: Paths, output: Path, settings: FeatureSettings, *, overwrite: bool) -> None:
-    """Classify CLOUDs (LAS, LAZ, COPC, PCD or PLY from any software) by the shape and colour around each point.
+    """Classify CLOUDs (LAS, LAZ, COPC, PCD, PLY or E57 from any software) by the shape and colour around each point.
 
     Writes cloud.copc.laz with the classes ground, horizontal plane, vertical plane, line and vegetation; features.gpkg
     with the layers planes, lines and plants; and features.json.

@@ -27,7 +27,7 @@ PARCEL_COLUMNS = ("mean_height_m", "height_sigma_m", "volume_m3", "p95_m", "cove
 def parcels(
     console: Console, clouds: Paths, parcels_file: Path, output: Path, settings: ParcelSettings, *, overwrite: bool
 ) -> None:
-    """Measure height and volume of the crop on each parcel of PARCELS from CLOUDs (LAS, LAZ, COPC, PCD or PLY).
+    """Measure height and volume of the crop on each parcel of PARCELS from CLOUDs (LAS, LAZ, COPC, PCD, PLY or E57).
 
     PARCELS is a GeoPackage, Shapefile (also zipped), GeoJSON, FlatGeobuf, KML, or a CSV of corners, with the gross
     parcels. Writes parcels.gpkg, parcels.csv, parcels.xlsx (with the extra `trials`), crop_height.tif and parcels.json.

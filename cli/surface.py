@@ -20,7 +20,7 @@ from furrowmap.settings import SurfaceSettings
 @settings_options(SurfaceSettings)
 @overwrite("Replace existing surfaces in DIR.")
 def surface(console: Console, clouds: Paths, output: Path, settings: SurfaceSettings, *, overwrite: bool) -> None:
-    """Compute surfaces of CLOUDs (LAS, LAZ, COPC, PCD or PLY from any software) together on one grid.
+    """Compute surfaces of CLOUDs (LAS, LAZ, COPC, PCD, PLY or E57 from any software) together on one grid.
 
     Writes dsm.tif (all points), dtm.tif (ground), height_above_ground.tif, hillshade.tif, slope.tif, roughness.tif,
     low_spots.tif, low_spots.gpkg and surfaces.json. False statements in a file header are reported as warnings.

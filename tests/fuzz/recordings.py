@@ -20,6 +20,7 @@ from furrowmap.exporters.cloud.writer import CopcWriter
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.results import read_raster
 from tests.core.readers import hesai_packets
+from tests.core.readers.las.e57_files import PAGE, POSE, e57, paged, some_rows
 from tests.core.readers.las.test_tables import COMPRESSED, ROWS, pcd, ply
 from tests.core.readers.osf_files import osf_of
 from tests.core.readers.small_bags import ROS1, T0_NS, livox_cloud, mixed, write_bag1, write_bag2
@@ -121,6 +122,10 @@ def mend_osf(data: bytes) -> bytes:
     return bytes(out)
 
 
+def mend_e57(data: bytes) -> bytes:
+    return paged(b"".join(data[k : k + PAGE - 4] for k in range(0, len(data), PAGE)))
+
+
 def packed_seeds(folder: Path) -> list[Files]:
     plain = next(iter(capture_seeds(folder)[0].values()))
     return [
@@ -185,6 +190,7 @@ RECORDINGS = (
     Entry("laz", laz_seeds, read_cloud, trials=200),
     Entry("copc", copc_seeds, read_cloud),
     Entry("pcd-ply", lambda _: [{"points": data} for data in (ply(ROWS), pcd(ROWS), COMPRESSED)], read_cloud),
+    Entry("e57", lambda _: [{"scan.e57": e57(some_rows(150), pose=POSE)}], read_cloud, mend_e57),
     Entry("capture", capture_seeds, read_recording),
     Entry("ouster", ouster_seeds, read_recording, trials=50),
     Entry("ouster-osf", osf_seeds, read_recording, mend_osf, trials=50),

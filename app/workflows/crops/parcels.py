@@ -29,7 +29,7 @@ from furrowmap.core.pointclouds.spooled_clouds import spool_clouds
 from furrowmap.core.pointclouds.surfaces import GroundMethod
 from furrowmap.core.readers.las.cloud import Box, Survey
 from furrowmap.core.readers.las.header import SIGNATURE
-from furrowmap.core.readers.las.tables import TABLE_SIGNATURES
+from furrowmap.core.readers.las.tables import POINT_SIGNATURES
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES, translated
 from furrowmap.core.runtime.progress import Progress, silent
@@ -311,7 +311,7 @@ def soil_source(
 
 def _is_cloud(path: Path) -> bool:
     with path.open("rb") as file:
-        return file.read(16).startswith((SIGNATURE, *TABLE_SIGNATURES))
+        return file.read(16).startswith((SIGNATURE, *POINT_SIGNATURES))
 
 
 def _grid_cloud(clouds: Clouds, folder: Path, box_m: Box, progress: Progress) -> Path:

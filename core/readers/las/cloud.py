@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.las.copc import CopcIndex, is_copc, read_index
 from furrowmap.core.readers.las.crs import stated_crs
 from furrowmap.core.readers.las.decoder import DECODER, Decoder
+from furrowmap.core.readers.las.e57 import read_e57
 from furrowmap.core.readers.las.header import LEAST_RECORD_BYTES, LasHeader, read_header
 from furrowmap.core.readers.las.laz import (
     LAZ_RECORD_ID,
@@ -26,7 +27,7 @@ from furrowmap.core.readers.las.laz import (
 )
 from furrowmap.core.readers.las.points import TIME_SAMPLE, CloudBatch, TimeKind, clock_of, layout, unpack
 from furrowmap.core.readers.las.records import ExtraDimension, extra_dimensions, read_records
-from furrowmap.core.readers.las.tables import TABLE_HEADER_BYTES, PointTable, read_table
+from furrowmap.core.readers.las.tables import E57_SIGNATURE, TABLE_HEADER_BYTES, PointTable, read_table
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import las_time_to_utc
@@ -231,7 +232,7 @@ class CloudFile:
 
 @dataclass(frozen=True)
 class TableCloud(CloudFile):
-    """A PCD or PLY file; its header is that of a LAS file with the same points.
+    """A PCD, PLY or E57 file; its header is that of a LAS file with the same points.
 
     Attributes:
         table: where the points are.
@@ -264,7 +265,7 @@ def _inside(batch: CloudBatch, box: Box) -> NDArray[np.bool_]:
 
 
 def _open_table(path: Path, table: PointTable, size_bytes: int) -> TableCloud:
-    """A PCD or PLY file, whose points are read once for their bounds."""
+    """A PCD, PLY or E57 file, whose points are read once for their bounds."""
     record_bytes = LEAST_TEXT_BYTES if table.coding == "ascii" else table.row.itemsize
     header = LasHeader(
         version=4, encoding=0, system="", software="", created=None, header_bytes=table.offset, offset=table.offset,
@@ -272,8 +273,8 @@ def _open_table(path: Path, table: PointTable, size_bytes: int) -> TableCloud:
         points=table.points, by_return=(), scale=(TABLE_SCALE,) * 3, shift=(0.0,) * 3, low=(np.inf,) * 3,
         high=(-np.inf,) * 3, extended_at=0, extended=0, waveforms_at=0, size_bytes=size_bytes, notices=(),
     )  # fmt: skip
-    compressed = table.coding == "binary_compressed"
-    points, notices = (table.points, ()) if compressed else _room(path, header)
+    packed = table.coding in ("binary_compressed", "e57")
+    points, notices = (table.points, ()) if packed else _room(path, header)
     cloud = TableCloud(path, table.format, header, points, None, TimeKind.NONE, (), None, None, notices, table=table)
     found = survey(cloud)
     if not found.points:
@@ -285,7 +286,7 @@ def _open_table(path: Path, table: PointTable, size_bytes: int) -> TableCloud:
 
 
 def open_cloud(path: Path) -> CloudFile:
-    """Open a LAS, LAZ, COPC, PCD or PLY file and check everything that can be checked before its points are read.
+    """Open a LAS, LAZ, COPC, PCD, PLY or E57 file and check everything that can be checked before its points are read.
 
     Raises:
         InputError: if there is no such file, or its points cannot be read.
@@ -295,7 +296,7 @@ def open_cloud(path: Path) -> CloudFile:
     with path.open("rb") as file:
         size_bytes = path.stat().st_size
         head = file.read(TABLE_HEADER_BYTES)
-        table = read_table(path, head)
+        table = read_e57(path) if head.startswith(E57_SIGNATURE) else read_table(path, head)
         if table is not None:
             return _open_table(path, table, size_bytes)
         header = read_header(path, head[:LAS_HEAD_BYTES], size_bytes)

@@ -1,4 +1,4 @@
-"""Inspection of LAS, LAZ, COPC, PCD and PLY files."""
+"""Inspection of LAS, LAZ, COPC, PCD, PLY and E57 files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from furrowmap.core.readers.las.header import SIGNATURE
-from furrowmap.core.readers.las.tables import TABLE_SIGNATURES
+from furrowmap.core.readers.las.tables import POINT_SIGNATURES
 from furrowmap.core.readers.reader import FileReader, Inspection
 from furrowmap.core.readers.source import Head
 from furrowmap.core.runtime.errors import InputError
@@ -87,15 +87,15 @@ class LasCloud(FileReader):
 
 
 class PointFile(FileReader):
-    """Points in PCD or PLY: they can be inspected and used like a LAS file; their CRS has to be stated."""
+    """Points in PCD, PLY or E57: they can be inspected and used like a LAS file; their CRS has to be stated."""
 
     format: ClassVar[str] = "pcd-ply"
-    title: ClassVar[str] = "PCD or PLY point cloud"
+    title: ClassVar[str] = "PCD, PLY or E57 point cloud"
 
     @classmethod
     def recognise(cls, head: Head) -> float:
         """By its signature."""
-        return 1.0 if head.data.startswith(tuple(TABLE_SIGNATURES)) else 0.0
+        return 1.0 if head.data.startswith(POINT_SIGNATURES) else 0.0
 
     def inspect(self) -> Inspection:
         """Read the whole first file and report what it contains."""
@@ -103,7 +103,7 @@ class PointFile(FileReader):
 
         path = self.paths[0]
         with path.open("rb") as file:
-            if not file.read(16).startswith(tuple(TABLE_SIGNATURES)):
+            if not file.read(16).startswith(POINT_SIGNATURES):
                 raise InputError("cloud-in-archive", path=path)
         cloud = open_cloud(path)
         found = survey(cloud)

@@ -27,6 +27,9 @@ TABLE_SIGNATURES: Final = {
     b"ply\n": "ply",
     b"ply\r\n": "ply",
 }
+E57_SIGNATURE: Final = b"ASTM-E57"
+POINT_SIGNATURES: Final = (E57_SIGNATURE, *TABLE_SIGNATURES)
+"""First bytes of files of points besides LAS."""
 TABLE_HEADER_BYTES: Final = 1 << 16
 MAX_TEXT_ROW_BYTES: Final = 4096
 _PLY_TYPES: Final = {
@@ -79,7 +82,7 @@ class PointTable:
                 if not len(rows):
                     return
                 done += len(rows)
-                yield _batch(rows)
+                yield batch_of_rows(rows)
 
     def _binary_rows(self, file: BinaryIO, count: int) -> NDArray[np.void]:
         data = file.read(count * self.row.itemsize)
@@ -157,7 +160,8 @@ def _unpack(data: Any, out: Any) -> Any:
     return n
 
 
-def _batch(rows: NDArray[np.void]) -> CloudBatch:
+def batch_of_rows(rows: NDArray[np.void]) -> CloudBatch:
+    """The points of rows (n,) with the usual names of fields, without those without coordinates."""
     names = rows.dtype.names or ()
     xyz = np.column_stack([rows[axis].astype(np.float64) for axis in "xyz"])
     known = (np.abs(xyz) <= MAX_COORDINATE).all(axis=1)  # False for nan
