@@ -25,6 +25,7 @@ from furrowmap.core.runtime.settings import using
 COMMANDS: Final = (
     "init",
     "inspect",
+    "record",
     "run",
     "batch",
     "season",

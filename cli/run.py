@@ -53,9 +53,11 @@ def run(
 ) -> None:
     """Compute the georeferenced point cloud, the surfaces and the worked ground of the recording described by SESSION.
 
-    Writes cloud.copc.laz, field.gpkg with the trajectory and the worked ground, rasters, report.html, report.json and
-    session.toml as it was interpreted.
+    SESSION may be the folder of a session.toml. Writes cloud.copc.laz, field.gpkg with the trajectory and the worked
+    ground, rasters, report.html, report.json and session.toml as it was interpreted.
     """
+    if (session / "session.toml").is_file():
+        session /= "session.toml"
     with console.work() as progress:
         if preview:
             folder = output or session.resolve().parent / f"{session.stem}_preview"

@@ -22,6 +22,7 @@ NOT_IN_QGIS = {
     "batch": "it works for hours on many sessions, with processes of its own or on a cluster",
     "qgis install": "it installs the plugin that would run it",
     "qgis zip": "it writes the plugin that would run it",
+    "record": "it works in the cab, on a machine without a screen",
     "notebooks": "QGIS opens none",
     "worker": "the plugin starts it and speaks its protocol",
     "report": "the dock opens the report, which a run writes in the language of QGIS",

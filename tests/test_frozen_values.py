@@ -30,6 +30,12 @@ COLLECTING: Final = {
     "core/readers/spinning/captures.py SensorTraffic",
     "core/runtime/record_spool.py _Block",
     "app/workflows/clouds/clean.py _LostAttributes",
+    "app/workflows/record/network.py Port",
+    "app/workflows/record/network.py Sender",
+    "app/workflows/record/storage.py Series",
+    "app/workflows/record/watch.py Watch",
+    "core/readers/arrived_packets.py ArrivedPackets",
+    "core/readers/arrived_positions.py ArrivedPositions",
     "exporters/exchange/partitions.py Partition",
 }
 READ_ONCE: Final = {"cli/worker.py _Order", "exporters/files/result_folder.py _Input"}

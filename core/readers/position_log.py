@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.epochs import in_order, week_time
 from furrowmap.core.readers.facts import jump_notices, position_facts, timing_facts, utc_facts
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
-from furrowmap.core.readers.reader import FileReader, Inspection
-from furrowmap.core.readers.source import Source, cut_notice
+from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.source import Piece, Source, cut_notice
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import ClockReading
@@ -96,6 +96,15 @@ class LoggedPositions:
 class PositionLog(FileReader, ABC):
     """A reader of one receiver's positions."""
 
+    _piece: bytes | None = None
+
+    @classmethod
+    def of_bytes(cls, data: bytes, near_s: float) -> LoggedPositions:
+        """The positions in a piece of a log; `near_s` is a UTC time near it, for logs without dates."""
+        log = cls([Path("stream")], ReadOptions(near_s=near_s))
+        log._piece = data
+        return log._read(log.paths)
+
     @abstractmethod
     def _read(self, paths: list[Path]) -> LoggedPositions:
         """The positions of some of the files; damage to the files is added to `notices`."""
@@ -139,7 +148,7 @@ class PositionLog(FileReader, ABC):
     def _sources(self, paths: list[Path]) -> Iterator[Source]:
         """Each file, open; a truncated one is reported in `notices`."""
         for path in paths:
-            with Source(path) as source:
+            with Source(path) if self._piece is None else Piece(self._piece) as source:
                 yield source
             if source.fault:
                 self.notices.append(cut_notice(path, source.fault))

@@ -9,7 +9,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import BinaryIO, Protocol
 
 from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.runtime.limits import expect_growth
@@ -107,7 +107,7 @@ class Source(io.BufferedIOBase):
         self.path = path
         self.size_bytes = path.stat().st_size
         self.fault = ""
-        self._raw = path.open("rb")
+        self._raw: BinaryIO = path.open("rb")
         magic = self._raw.read(6)
         self._raw.seek(0)
         self.compression = next((name for start, name in _MAGIC.items() if magic.startswith(start)), "")
@@ -174,6 +174,14 @@ class Source(io.BufferedIOBase):
         """Close the file."""
         self._raw.close()
         super().close()
+
+
+class Piece(Source):
+    """Bytes in memory in the place of a file, such as the end of a log that is still written."""
+
+    def __init__(self, data: bytes) -> None:
+        self.path, self.size_bytes, self.fault, self.compression = Path("stream"), len(data), "", ""
+        self._raw = io.BytesIO(data)
 
 
 def look(path: Path) -> Head:

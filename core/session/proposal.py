@@ -35,6 +35,7 @@ from furrowmap.core.session.proposed_places import (
     lidar_lines,
     places_missing,
 )
+from furrowmap.core.session.toml_edit import with_value
 from furrowmap.core.session.trial_files import NO_TRIAL, ImageTable, TrialFiles
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.clock_readings import ClockReading
@@ -166,6 +167,35 @@ def propose_session(
         *([Notice("camera-uncalibrated")] if beside.images is not None else []),
     ]
     return Proposal(text, tuple(found), tuple(missing))
+
+
+def recorded_session(name: str, machine: Machine) -> str:
+    """The session of a recording that begins; its files and its CRS are filled in by :func:`with_recorded`."""
+    head = "# Session file written by `furrowmap record`. Lines that begin with a hash sign are comments.\n"
+    return "\n".join(
+        [
+            f"{head}{head_words(machine)}furrowmap = {SESSION_SCHEMA}\nname = {_quoted(name)}\n",
+            _recording([], [], [], [], Path()),
+            _times([], None, undated=False),
+            _crs(None),
+            antenna_table(machine, flies=False),
+            _lidar([], machine, None, flies=False),
+            implement_table(machine),
+            _FIELD_COMMENT,
+        ]
+    )
+
+
+def with_recorded(text: str, lidar: Sequence[str], gnss: Sequence[str], crs: CrsChoice | None) -> str:
+    """The text of a session with the files of a recording, and with a CRS where it has none.
+
+    Raises:
+        RefusedError: if its tables are written in a way that cannot be changed.
+    """
+    for key, files in (("lidar", lidar), ("gnss", gnss)):
+        if files:
+            text = with_value(text, "recording", key, _listed(files))
+    return text.replace(_crs(None), _crs(crs))
 
 
 def _apart(gnss: Sequence[Examined]) -> tuple[list[Examined], list[Examined]]:

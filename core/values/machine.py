@@ -46,6 +46,18 @@ class MachineImplement(TomlTable, frozen=True):
     moves_soil: bool = False
 
 
+class MachineRecord(TomlTable, frozen=True):
+    """`[record]`: what `furrowmap record` records on this machine.
+
+    Attributes:
+        ports: UDP ports that the scanner sends to; by default the usual ones of all makers.
+        gnss: sources of GNSS receivers, such as "/dev/ttyACM0:115200" or "tcp://192.168.1.30:5017".
+    """
+
+    ports: tuple[int, ...] = ()
+    gnss: tuple[str, ...] = ()
+
+
 class Calibrated(TomlTable, frozen=True):
     """`[calibrated]`: where the angles of the scanner are from, if a recording showed them.
 
@@ -66,6 +78,7 @@ class Machine(TomlTable, frozen=True):
         antenna, lidar, imu, camera, implement: as in a session; None for none, or not measured.
         calibrated: where the angles in `lidar` are from; None where they were measured.
         further_implements: the others of several `[[implement]]`.
+        record: what is recorded on it; None where that is not stated.
     """
 
     furrowmap_machine: int = MACHINE_SCHEMA
@@ -77,6 +90,7 @@ class Machine(TomlTable, frozen=True):
     implement: MachineImplement | None = None
     calibrated: Calibrated | None = None
     further_implements: tuple[MachineImplement, ...] = ()
+    record: MachineRecord | None = None
 
     @property
     def implements(self) -> tuple[MachineImplement, ...]:

@@ -37,7 +37,7 @@ _GLANCE_S: Final = 0.12
 
 
 @cache
-def _lengths() -> dict[int, bool]:
+def data_lengths() -> dict[int, bool]:
     """Lengths of data packets of all models and profiles, and whether they are LEGACY."""
     return {packet_bytes(name, n, _PACKET_COLUMNS): name == LEGACY for name in PROFILES for n in BEAM_COUNTS}
 
@@ -97,10 +97,10 @@ class OusterSensor(NamedTuple):
 def looks_like_data(datagrams: Datagrams) -> Counter[PacketSender]:
     """Senders of what looks like data packets, and their number."""
     found: Counter[PacketSender] = Counter()
-    for length in set(np.unique(datagrams.length).tolist()) & set(_lengths()):
+    for length in set(np.unique(datagrams.length).tolist()) & set(data_lengths()):
         at = np.flatnonzero(datagrams.length == length)
         offset, senders = datagrams.offset[at], datagrams.sender[at].tolist()
-        if _lengths()[length]:
+        if data_lengths()[length]:
             size = length // _PACKET_COLUMNS
             first, second = (heads(datagrams.data, offset + k * size, legacy=True, fusa=False) for k in (0, 1))
             sound = (second.frame == first.frame) & (second.column == first.column + 1)
@@ -242,7 +242,7 @@ class OusterPcap(OusterReader):
 
 def _beginnings(datagrams: Datagrams) -> Datagrams:
     """The first bytes of datagrams as long as data packets."""
-    kept = np.isin(datagrams.length, list(_lengths()))
+    kept = np.isin(datagrams.length, list(data_lengths()))
     data = datagrams.data[datagrams.offset[kept][:, None] + np.arange(_HEAD_BYTES)]
     offset = _HEAD_BYTES * np.arange(len(data), dtype=np.int64)
     return Datagrams(data.reshape(-1), offset, datagrams.length[kept], datagrams.time_s[kept], datagrams.sender[kept])

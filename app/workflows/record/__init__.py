@@ -1,0 +1,1 @@
+"""`furrowmap record`: what scanners and receivers send, into files that `furrowmap run` reads."""

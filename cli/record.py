@@ -1,0 +1,106 @@
+"""`furrowmap record`: what scanners and GNSS receivers send, into files."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+import click
+
+import furrowmap
+from furrowmap.cli.console import CLEARED_LINE, Console
+from furrowmap.cli.options import command, numbers, option, output
+from furrowmap.cli.tables import table
+from furrowmap.core.runtime.errors import UsageError, printable
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.settings import language_of_user
+from furrowmap.workflows.record.record import Told
+
+SHOWN_S: Final = 60.0
+"""Between two lines of the status where standard error is no terminal."""
+
+
+@command(
+    "Record scanners and GNSS receivers in the cab.",
+    "furrowmap record -o monday --machine 'Tractor 1, tiller'",
+    "furrowmap record -o monday --gnss /dev/ttyACM0:115200",
+    "furrowmap record -o monday --gnss tcp://192.168.1.30:5017 --ports 2368,8308",
+)
+@output("DIR", "Folder of the recording; one that holds a recording is continued.", "Folder", required=True)
+@option("--machine", "NAME|FILE", "Machine whose places go into the session, and whose ports and receivers are used.")
+@option(
+    "--gnss",
+    "SOURCE",
+    "GNSS receiver: DEVICE, DEVICE:BAUD, tcp://HOST:PORT or udp://:PORT. May be repeated; the session uses the first.",
+    multiple=True,
+)
+@option(
+    "--ports",
+    "PORT,...",
+    "UDP ports of a scanner [default: those of the machine, else the usual ones of Velodyne, Hesai, Ouster and "
+    "Livox]. Repeat it for several scanners of one address.",
+    multiple=True,
+)
+@option("--roll-minutes", "N", "Begin the next capture after this many minutes.", default=15, minimum=1)
+@option("--roll-megabytes", "N", "Begin the next file after this many megabytes.", default=1024, minimum=1)
+@option("--duration", "SECONDS", "End after this time [default: on Ctrl-C or SIGTERM].", above=0.0)
+def record(
+    console: Console,
+    output: Path,
+    machine: str | None,
+    gnss: tuple[str, ...],
+    ports: tuple[str, ...],
+    roll_minutes: int,
+    roll_megabytes: int,
+    duration: float | None,
+) -> None:
+    """Record the UDP packets of scanners and the bytes of GNSS receivers until Ctrl-C.
+
+    Writes captures (PCAP), GNSS logs as received, and a session file for `furrowmap run DIR`. A power cut loses at most
+    a second. What is wrong is shown, and written to record.log and status.json.
+    """
+    shown_s, language = -SHOWN_S, language_of_user()
+
+    def show(told: Told) -> None:
+        nonlocal shown_s
+        if sys.stderr.isatty():
+            click.echo(CLEARED_LINE, nl=False, err=True)
+        console.warn_all(told.begun)
+        for notice in told.ended:
+            console.say(f"{translated('over:', language)} {printable(notice.text_in(language))}")
+        line = printable(told.status.summary.text_in(language))
+        if sys.stderr.isatty():
+            click.echo(line, nl=False, err=True)
+        elif time.monotonic() - shown_s >= SHOWN_S:
+            shown_s = time.monotonic()
+            console.say(line)
+
+    with console.work():  # reports that kernels are compiled
+        recorded = furrowmap.record(
+            output,
+            machine=machine,
+            gnss=gnss,
+            ports=[_numbers(text) for text in ports],
+            roll_s=60.0 * roll_minutes,
+            roll_bytes=1e6 * roll_megabytes,
+            duration_s=math.inf if duration is None else duration,
+            told=show,
+        )
+    status = recorded.status
+    rows = [
+        *((each["address"], f"{each['packets']:,} packets, {each['lost']:,} lost") for each in status["scanners"]),
+        *((each["source"], f"{each['bytes']:,} bytes, {each['format'] or 'unknown'}") for each in status["gnss"]),
+        ("duration", f"{status['elapsed_s']:.1f} s"),
+    ]
+    session = printable(str(recorded.session))
+    console.answer({"session": recorded.session, **status}, f"{table(rows)}\nNext: furrowmap run {session}")
+
+
+def _numbers(text: str) -> tuple[int, ...]:
+    found = numbers(text)
+    if not found or any(port % 1.0 or not 0 < port < 1 << 16 for port in found):
+        raise UsageError("usage.no-list", option="--ports", text=text, wanted="UDP ports separated by commas")
+    return tuple(map(int, found))

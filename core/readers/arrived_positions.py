@@ -1,0 +1,99 @@
+"""What a GNSS receiver says while its bytes arrive: the format, the last position, its fix and its time."""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from furrowmap.core.readers.nmea.log import NmeaLog
+from furrowmap.core.readers.position_log import PositionLog
+from furrowmap.core.readers.sbf.log import SBF, SbfLog
+from furrowmap.core.readers.source import Head
+from furrowmap.core.readers.ubx.log import UBX, UbxLog
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.values.gnss import Fix
+
+_MARKS: Final[dict[type[PositionLog], bytes]] = {NmeaLog: b"$", UbxLog: UBX.sync, SbfLog: SBF.sync}
+"""What a message of each format begins with."""
+_MIN_BYTES: Final = 256
+"""From this on the format is looked for."""
+_MAX_BYTES: Final = 1 << 20
+"""That wait to be looked at; older ones are left out."""
+_MAX_MESSAGE: Final = 8192
+
+
+@dataclass
+class ArrivedPositions:
+    """Follows the bytes of one receiver.
+
+    Attributes:
+        format: "nmea", "ubx" or "sbf"; empty while it is unknown.
+        fix: of the last position; `Fix.NONE` if the receiver has none.
+        satellites: of the last position; None if unknown.
+        t_s: UTC of the last position; nan without one.
+        lon_deg, lat_deg: the last position; nan without one.
+        late_s: time of its arrival, by this machine's clock, minus `t_s`.
+    """
+
+    format: str = ""
+    fix: Fix = Fix.NONE
+    satellites: int | None = None
+    t_s: float = math.nan
+    lon_deg: float = math.nan
+    lat_deg: float = math.nan
+    late_s: float = math.nan
+    _kind: type[PositionLog] | None = None
+    _bytes: bytearray = field(default_factory=bytearray, repr=False)
+    _arrived_s: float = 0.0
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    @classmethod
+    def prepare(cls) -> None:
+        """Compile the kernels of all formats, so that nothing is compiled while bytes arrive."""
+        arrived = cls()
+        arrived.add(b"".join(_MARKS.values()) * _MIN_BYTES, 0.0)
+        arrived.look()
+
+    def add(self, data: bytes, arrived_s: float) -> None:
+        """Keep bytes for `look`, which arrived at that time of this machine's clock. Another thread may call it."""
+        with self._lock:
+            self._bytes += data
+            del self._bytes[:-_MAX_BYTES]
+            self._arrived_s = arrived_s
+
+    def look(self) -> None:
+        """Look at the bytes that were added."""
+        with self._lock:
+            data, arrived_s = bytes(self._bytes), self._arrived_s
+            self._bytes.clear()
+        if self._kind is None and len(data) >= _MIN_BYTES:
+            head = Head(Path("stream"), data, "", "")
+            score, kind = max(((kind.recognise(head), kind) for kind in _MARKS), key=lambda found: found[0])
+            if score:
+                self._kind, self.format = kind, kind.format
+        mark = _MARKS[self._kind] if self._kind else b""
+        rest = data[-_MAX_MESSAGE:]
+        with self._lock:  # the last message may be incomplete
+            self._bytes[:0] = rest[max(rest.rfind(mark), 0) :] if mark else rest
+        if self._kind is None:
+            return
+        try:
+            near_s = arrived_s if math.isnan(self.late_s) else arrived_s - self.late_s
+            positions = self._kind.of_bytes(data, near_s)
+        except InputError:
+            return
+        track = positions.track
+        if len(track):
+            satellites = int(track.satellites[-1])
+            self.fix, self.satellites = Fix(int(track.fix[-1])), satellites if satellites >= 0 else None
+            self.t_s, self.lon_deg, self.lat_deg = (
+                float(track.t_s[-1]),
+                float(track.lon_deg[-1]),
+                float(track.lat_deg[-1]),
+            )
+            self.late_s = arrived_s - self.t_s
+        elif positions.without_position:
+            self.fix, self.satellites = Fix.NONE, None

@@ -1,0 +1,361 @@
+"""`furrowmap record` with real sockets, terminals and disks: what was sent is in the files, and faults are named."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import reduce
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from itertools import islice
+from operator import xor
+from pathlib import Path
+
+import pytest
+
+import furrowmap
+from furrowmap.core.readers.ouster.metadata import packet_bytes
+from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
+from furrowmap.core.session.file import load_session
+from furrowmap.workflows.record.network import Network, Port
+from furrowmap.workflows.record.receivers import Receiver
+from furrowmap.workflows.record.record import Told, open_ports, sensor_metadata
+from furrowmap.workflows.record.storage import Series, Storage
+from furrowmap.workflows.record.watch import Watch
+from tests.replay import packets, replay, sentences
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the addresses of the loopback are those of Linux")
+
+
+@pytest.fixture
+def ports() -> tuple[int, int, int]:
+    """Free UDP ports: data, positions, GNSS."""
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(3)]
+    for each in sockets:
+        each.bind(("", 0))
+    numbers = [each.getsockname()[1] for each in sockets]
+    for each in sockets:
+        each.close()
+    return numbers[0], numbers[1], numbers[2]
+
+
+def recorded(
+    folder: Path, ports: tuple[int, int, int], work: Callable[[], object], gnss: str | None = None, **options: object
+) -> tuple[furrowmap.Recorded, list[Told]]:
+    """A recording during which `work` is done, and what it reported."""
+    heard: list[Told] = []
+    worker = threading.Thread(target=work)
+
+    def told(moment: Told) -> None:
+        heard.append(moment)
+        if len(heard) == 1:
+            worker.start()
+        elif not worker.is_alive():
+            raise KeyboardInterrupt  # as the user does
+
+    source = gnss if gnss is not None else f"udp://127.0.0.1:{ports[2]}"
+    found = furrowmap.record(folder, gnss=[source] if source else [], ports=[ports[:2]], **{"told": told, **options})
+    return found, heard
+
+
+def codes(heard: list[Told], kind: str = "begun") -> list[str]:
+    return [notice.code for told in heard for notice in getattr(told, kind)]
+
+
+def payloads(folder: Path, stem: str) -> list[bytes]:
+    """The payloads in all captures of a scanner, by the byte, without furrowmap's reader."""
+    found = []
+    for path in sorted(folder.glob(f"{stem}-*.pcap")):
+        data, at = path.read_bytes(), 24
+        assert data[:4] == struct.pack("<I", 0xA1B23C4D)
+        while at + 16 <= len(data):
+            captured = struct.unpack_from("<I", data, at + 8)[0]
+            frame = data[at + 16 : at + 16 + captured]
+            ip = struct.unpack(">10H", frame[14:34])
+            assert sum(ip) % 0xFFFF == 0, "the header's checksum (RFC 791)"
+            assert int.from_bytes(frame[16:18], "big") == len(frame) - 14
+            found.append(frame[42:])
+            at += 16 + captured
+        assert at == len(data)
+    return found
+
+
+def test_recording__holds_all_that_two_scanners_and_a_receiver_sent(
+    shared_data: Path, tmp_path: Path, ports: tuple[int, int, int]
+) -> None:
+    """A reader of the status that hangs does not stop it. The capture rolls, and the session names all files."""
+    loop = shared_data / "tractor_loop"
+    sent = list(islice(packets(loop / "recording.pcap.gz", {2368: ports[0], 8308: ports[1]}), 2000))
+    log = list(islice(sentences(loop / "gnss.nmea", sent[0][0] // 86_400 * 86_400, ports[2]), 80))
+
+    def work() -> None:
+        for k in range(3):
+            replay(iter(sent[k * 500 : k * 500 + 500]))
+            replay(iter(sent[k * 500 : k * 500 + 250]), source="127.0.0.2")
+            replay(iter(log[k * 20 : k * 20 + 20]))
+
+    hung: list[float] = []
+
+    def told_once(_: Told) -> None:
+        if not hung:
+            worker.start()
+            hung.append(time.monotonic())
+            worker.join()  # looks at nothing while all is sent
+        else:
+            raise KeyboardInterrupt
+
+    worker = threading.Thread(target=work)
+    found, _ = recorded(tmp_path / "rec", ports, work, roll_s=0.5, told=told_once)
+    folder = tmp_path / "rec"
+    second = [event for k in range(3) for event in sent[k * 500 : k * 500 + 250]]
+    for address, events in (("127.0.0.1", sent[:1500]), ("127.0.0.2", second)):
+        there = payloads(folder, f"lidar-{address}")
+        for port in ports[:2]:  # each port is read in its turn
+            expected = [content for _, to, content in events if to == port]
+            assert [each for each in there if len(each) == len(expected[0])] == expected
+    assert (folder / "gnss-0001.log").read_bytes() == b"".join(line for _, _, line in log[:60])
+    session = load_session(found.session)
+    assert session.recording.lidar == tuple(sorted(path.name for path in folder.glob("lidar-127.0.0.1-*.pcap")))
+    assert len(session.recording.lidar) > 1
+    assert (session.recording.gnss, session.crs.map) == (("gnss-0001.log",), "EPSG:6677")
+    other = load_session(folder / "session-127.0.0.2.toml")
+    assert other.recording.lidar[0] == "lidar-127.0.0.2-0001.pcap"
+    status = json.loads((folder / "status.json").read_text())
+    assert status["state"] == "ended"
+    assert [(each["address"], each["packets"], each["maker"]) for each in status["scanners"]] == [
+        ("127.0.0.1", 1500, "Velodyne"),
+        ("127.0.0.2", 750, "Velodyne"),
+    ]
+    assert status["disk"]["most_unsynced_s"] > 0.0
+    assert {socket_["dropped"] for socket_ in status["sockets"]} == {0}
+    assert "granted" in (folder / "record.log").read_text()
+
+
+def power_cut(folder: Path, ports: tuple[int, int, int], after_s: float) -> tuple[float, list[int]]:
+    """Kill a recording of numbered packets; the time of the kill, and the numbers in its captures."""
+    program = "import sys, furrowmap; furrowmap.record(sys.argv[1], ports=[[int(sys.argv[2])]], roll_s=0.7)"
+    with subprocess.Popen([sys.executable, "-c", program, folder, str(ports[0])]) as process:
+        while not (folder / "status.json").exists():
+            assert process.poll() is None
+            time.sleep(0.05)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            begun_s, sent = time.monotonic(), 0
+            while time.monotonic() - begun_s < after_s:
+                sender.sendto(struct.pack("<I", sent) + bytes(1200), ("127.0.0.1", ports[0]))
+                sent += 1
+                time.sleep(0.001)
+        process.kill()
+    return sent, [struct.unpack_from("<I", each)[0] for each in payloads(folder, "lidar-127.0.0.1")]
+
+
+def test_power_cut__loses_a_second_at_most(tmp_path: Path, ports: tuple[int, int, int]) -> None:
+    sent, found = power_cut(tmp_path / "rec", ports, 2.0)
+    assert found == list(range(len(found)))
+    assert len(found) > sent / 2, "a second of two"
+    # The next recording into the folder goes on behind it.
+    _, more = power_cut(tmp_path / "rec", ports, 1.0)
+    assert more[: len(found)] == found
+    assert more[len(found) :] == list(range(len(more) - len(found)))
+    names = sorted(path.name for path in (tmp_path / "rec").glob("*.pcap"))
+    assert [name[-9:-5] for name in names] == [f"{k + 1:04d}" for k in range(len(names))]
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 3 MB."""
+    folder = tmp_path / "card"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", folder], check=False, capture_output=True
+    )
+    if mounted.returncode:
+        pytest.skip("only root may mount a disk")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
+
+
+def test_full_disk__is_named_and_nothing_is_lost_when_space_returns(
+    small_disk: Path, ports: tuple[int, int, int]
+) -> None:
+    sent = [struct.pack("<I", k) + bytes(1200) for k in range(2000)]
+
+    def work() -> None:
+        (small_disk / "ballast").write_bytes(bytes(3 << 19))
+        replay((k * 1e-3, ports[0], each) for k, each in enumerate(sent))
+        time.sleep(1.5)
+        (small_disk / "ballast").unlink()
+        time.sleep(2.5)
+
+    _, heard = recorded(small_disk / "rec", ports, work, gnss="")
+    assert payloads(small_disk / "rec", "lidar-127.0.0.1") == sent
+    assert "record-disk" in codes(heard)
+    assert "record-disk" in codes(heard, "ended")
+    assert "waiting-for-space" in {told.status.values["state"] for told in heard}
+    assert "record-disk" in (small_disk / "rec" / "record.log").read_text()
+
+
+def test_full_disk__at_the_end_leaves_what_was_written_whole(small_disk: Path, ports: tuple[int, int, int]) -> None:
+    sent = [struct.pack("<I", k) + bytes(1200) for k in range(3000)]
+    found, heard = recorded(
+        small_disk / "rec", ports, lambda: replay((k * 3e-4, ports[0], each) for k, each in enumerate(sent)), gnss=""
+    )
+    there = payloads(small_disk / "rec", "lidar-127.0.0.1")
+    assert there == sorted({*there} & {*sent}, key=sent.index)
+    lost_bytes = (len(sent) - len(there)) * (16 + 42 + 1204)
+    assert found.status["disk"]["discarded_bytes"] == lost_bytes > 0
+    assert {"record-disk", "record-discarded"} <= {*codes(heard), *(w["code"] for w in found.status["warnings"])}
+
+
+def test_file_that_takes_no_more__is_followed_by_another(tmp_path: Path) -> None:
+    """As on a card with FAT32, which has no file over 4 GB."""
+    storage = Storage(tmp_path)
+    series = Series(tmp_path, "lidar-a", ".pcap", b"head")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (250_000, hard))
+    try:
+        for k in range(4):
+            storage.put(series, bytes([k]) * 100_000, time.monotonic())
+        time.sleep(1.5)  # the third block is tried again after a second
+        storage.drain()
+        storage.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    written = [path.read_bytes() for path in sorted(tmp_path.glob("*.pcap"))]
+    assert written == [b"head" + b"".join(bytes([k]) * 100_000 for k in pair) for pair in ((0, 1), (2, 3))]
+
+
+def test_faults__are_named_within_three_seconds_and_end(
+    shared_data: Path, tmp_path: Path, ports: tuple[int, int, int]
+) -> None:
+    """The cable of the scanner is out for a while, the receiver comes late, has no fix, and is unplugged."""
+    loop = shared_data / "tractor_loop"
+    sent = list(islice(packets(loop / "recording.pcap.gz", {2368: ports[0], 8308: ports[1]}), 3800))
+    sent = [event for k, event in enumerate(sent) if not 200 <= k < 230]  # lost on the way
+    without_fix = b"".join(_sentence(b"GNGGA,0123%02d.00,,,,,0,00,99.9,,,,,," % k) for k in range(20))
+    with_fix = b"".join((loop / "gnss.nmea").read_bytes().splitlines(keepends=True)[:40])
+    device = tmp_path / "ttyGNSS"
+
+    def work() -> None:
+        scanner = threading.Thread(target=lambda: replay(iter(sent)))
+        scanner.start()
+        for content in (without_fix, with_fix):
+            controller, terminal = os.openpty()
+            device.symlink_to(os.ttyname(terminal))
+            time.sleep(1.2)
+            os.write(controller, content)
+            time.sleep(1.2)
+            os.close(terminal)
+            os.close(controller)
+            device.unlink()
+        scanner.join()
+        time.sleep(3.5)
+
+    _, heard = recorded(tmp_path / "rec", ports, work, gnss=str(device))
+    begun, ended = codes(heard), codes(heard, "ended")
+    assert {"record-gnss-fault", "record-no-fix", "record-clock", "record-lost", "record-silent"} <= {*begun}
+    assert {"record-gnss-fault", "record-no-fix", "record-clock"} <= {*ended}
+    assert heard[-1].status.values["scanners"][0]["lost"] == 30
+    assert (tmp_path / "rec" / "gnss-0001.log").read_bytes() == without_fix + with_fix
+    log = (tmp_path / "rec" / "record.log").read_text()
+    assert all(code in log for code in begun)
+
+
+def _sentence(content: bytes) -> bytes:
+    return b"$%b*%02X\r\n" % (content, reduce(xor, content))
+
+
+def test_watch__names_what_is_wrong(tmp_path: Path, ports: tuple[int, int, int]) -> None:
+    data = b"\xff\xee" + bytes(1198) + struct.pack("<IBB", 0, 0x37, 0x22)
+    size = packet_bytes("RNG19_RFL8_SIG16_NIR16", 16, 16)
+    ouster = struct.pack("<HH", 1, 7) + bytes(size - 4)
+    unlocked = bytes(202) + b"\1" + bytes(3) + b"$GPRMC" + bytes(300)
+    port = Port.open(ports[0])
+    with pytest.raises(RefusedError, match="cannot be opened"):
+        Port.open(ports[0])
+    port.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2000)
+    replay((0.0, ports[0], data) for _ in range(100))  # before anything is read
+    storage = Storage(tmp_path)
+    network = Network([port], storage, lambda address, _: Series(tmp_path, f"lidar-{address}", ".pcap", b"head"))
+    receivers = [
+        Receiver(f"udp://127.0.0.1:{number}", storage, Series(tmp_path, f"gnss-{number}", ".log"))
+        for number in ports[1:]
+    ]
+    watch = Watch(network, receivers, storage, [Notice("record-no-gnss")])
+    try:
+        time.sleep(0.1)
+        replay((0.0, ports[0], each) for each in (data, unlocked))
+        for k in range(2, 21):
+            replay(iter([(0.0, ports[0], ouster)]), source=f"127.0.0.{k}")
+            time.sleep(0.02)
+        replay((0.0, ports[1], bytes(range(128, 256)) * 8) for _ in range(8))
+        time.sleep(0.3)
+        watch._clock_s -= 5.0  # the clock of five seconds ago
+        storage._oldest_s = time.monotonic() - 1e6  # a disk that flushes nothing
+        found = watch.look().warnings
+        receivers[1].last_s -= 60.0
+        storage.discarded_bytes += 1
+        found |= watch.look().warnings
+    finally:
+        for part in (network, *receivers):
+            part.stop()
+        storage.drain()
+        storage.close()
+    assert {name.split(" ")[0].removeprefix("record-") for name in found} == {
+        *("no-gnss", "dropped", "pps", "senders", "no-metadata", "gnss-unknown", "gnss-silent", "clock-jump"),
+        *("disk-slow", "discarded"),
+    }
+    jump = next(notice for name, notice in found.items() if "clock-jump" in name)
+    assert "+5.00 s" in jump.text
+
+
+def test_buffer__that_is_small_is_named(ports: tuple[int, int, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("furrowmap.workflows.record.record.BUFFER_BYTES", 1 << 40)  # more than any system grants
+    lasting: list[Notice] = []
+    (port,) = open_ports([ports[:1]], lasting)
+    port.socket.close()
+    assert [notice.code for notice in lasting] == ["record-buffer"]
+
+
+def test_source__that_is_none_is_refused(tmp_path: Path) -> None:
+    for text in ("tcp://:5017", "udp://:99999", "http://host:1", "/dev/ttyUSB0:12345"):
+        with pytest.raises(UsageError, match="no source"):
+            furrowmap.record(tmp_path, gnss=[text])
+
+
+def test_server__that_ends_the_connection_is_asked_again(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        storage = Storage(tmp_path)
+        source = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        receiver = Receiver(source, storage, Series(tmp_path, "gnss", ".log"))
+        for content in (b"first", b"second"):
+            connection, _ = server.accept()
+            connection.sendall(content)
+            connection.close()
+        server.settimeout(3.0)
+        server.accept()[0].close()
+        receiver.stop()
+        storage.drain()
+        storage.close()
+    assert (tmp_path / "gnss-0001.log").read_bytes() == b"firstsecond"
+
+
+def test_ouster__is_asked_for_its_metadata(tmp_path: Path, shared_data: Path) -> None:
+    text = (shared_data / "other_lidars" / "ouster" / "OS-0-32-U1_v2.2.0_1024x10.json").read_text()
+
+    class Sensor(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200 if self.path == "/api/v1/sensor/metadata" else 404)
+            self.end_headers()
+            self.wfile.write(text.encode())
+
+    with HTTPServer(("127.0.0.1", 0), Sensor) as server:
+        threading.Thread(target=server.handle_request).start()
+        assert sensor_metadata(f"127.0.0.1:{server.server_port}") == text
+    assert sensor_metadata("127.0.0.1:1") == ""
