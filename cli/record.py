@@ -19,7 +19,7 @@ from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.workflows.record.record import Told
 
-SHOWN_S: Final = 60.0
+STATUS_SHOWN_S: Final = 60.0
 """Between two lines of the status where standard error is no terminal."""
 
 
@@ -62,7 +62,7 @@ def record(
     Writes captures (PCAP), GNSS logs as received, and a session file for `furrowmap run DIR`. A power cut loses at most
     a second. What is wrong is shown, and written to record.log and status.json.
     """
-    shown_s, language = -SHOWN_S, language_of_user()
+    shown_s, language = -STATUS_SHOWN_S, language_of_user()
 
     def show(told: Told) -> None:
         nonlocal shown_s
@@ -74,7 +74,7 @@ def record(
         line = printable(told.status.summary.text_in(language))
         if sys.stderr.isatty():
             click.echo(line, nl=False, err=True)
-        elif time.monotonic() - shown_s >= SHOWN_S:
+        elif time.monotonic() - shown_s >= STATUS_SHOWN_S:
             shown_s = time.monotonic()
             console.say(line)
 

@@ -31,7 +31,7 @@ MAX_PACKETS: Final = 4096
 FRAME_BYTES: Final = 14 + 20 + 8
 PCAP_HEAD: Final = struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 1 << 18, 1)
 """Of a capture of Ethernet frames with nanoseconds (draft-ietf-opsawg-pcap)."""
-RECORD: Final = struct.Struct("<IIII")
+PCAP_RECORD: Final = struct.Struct("<IIII")
 TIMESPEC: Final = struct.Struct("@qq")
 STAMP_SPACE: Final = 64
 SO_RCVBUFFORCE, SO_TIMESTAMPNS, SO_MEMINFO = 33, 35, 55
@@ -126,7 +126,7 @@ class Sender:
     block_packets: list[Packet] = field(default_factory=list, repr=False)
 
 
-class Network:
+class ScannerNetwork:
     """Receives the packets of all ports in a thread, and lets them be written.
 
     The thread takes all packets that wait and then sleeps: a wake-up each 10 ms costs less than one a packet, and
@@ -202,7 +202,7 @@ class Network:
                 self._heads[source, port.number, size] = head
                 sender.ports.add(port.number)
             block = sender.block
-            block += RECORD.pack(*arrived, FRAME_BYTES + size, FRAME_BYTES + size)
+            block += PCAP_RECORD.pack(*arrived, FRAME_BYTES + size, FRAME_BYTES + size)
             block += head
             sender.block_packets.append((len(block), size, arrived[0] * 10**9 + arrived[1]))
             block += self._payload[:size]

@@ -22,9 +22,9 @@ Read: TypeAlias = Callable[[], bytes]
 """Returns what arrived, or nothing after `WAIT_S`. Raises OSError where the connection has ended."""
 
 WAIT_S: Final = 0.25
-AGAIN_S: Final = 1.0
+REOPEN_S: Final = 1.0
 """Between two attempts to open a source."""
-SILENT_S: Final = 10.0
+CONNECTION_SILENT_S: Final = 10.0
 """Without bytes a TCP connection is opened anew: a server that lost its power says no farewell."""
 USUAL_BAUD: Final = 115_200
 _NETWORK: Final = re.compile(r"(tcp|udp)://([^:/\s]*):(\d{1,5})/?")
@@ -33,7 +33,7 @@ _PIECE: Final = 1 << 16
 
 
 @dataclass(frozen=True)
-class Place:
+class GnssSource:
     """Where a receiver is found.
 
     Attributes:
@@ -47,7 +47,7 @@ class Place:
     number: int
 
     @classmethod
-    def parse(cls, text: str) -> Place:
+    def parse(cls, text: str) -> GnssSource:
         """The place in a text: DEVICE, DEVICE:BAUD, tcp://HOST:PORT or udp://:PORT. Raises UsageError."""
         network, serial = _NETWORK.fullmatch(text), _SERIAL.fullmatch(text)
         if network and 0 < int(network[3]) < 1 << 16 and (network[2] or network[1] == "udp"):
@@ -82,7 +82,7 @@ class Place:
                 try:
                     data = connection.recv(_PIECE)
                 except TimeoutError:
-                    if self.kind == "tcp" and time.monotonic() - heard_s > SILENT_S:
+                    if self.kind == "tcp" and time.monotonic() - heard_s > CONNECTION_SILENT_S:
                         raise
                     return b""
                 if not data and self.kind == "tcp":
@@ -125,7 +125,7 @@ def _serial(device: str, baud: int) -> Iterator[Read]:
         os.close(descriptor)
 
 
-class Receiver:
+class GnssReceiver:
     """Reads a GNSS receiver in a thread and lets its bytes be written; a source that is lost is opened again.
 
     Attributes:
@@ -141,7 +141,7 @@ class Receiver:
         self.arrived = ArrivedPositions()
         self.fault = ""
         self.last_s = time.monotonic()
-        self._place, self._storage = Place.parse(source), storage
+        self._where, self._storage = GnssSource.parse(source), storage
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._receive, daemon=True)
         self._thread.start()
@@ -154,7 +154,7 @@ class Receiver:
     def _receive(self) -> None:
         while not self._stopped.is_set():
             try:
-                with self._place.open() as read:
+                with self._where.open() as read:
                     self.fault = ""
                     while not self._stopped.is_set():
                         if data := read():
@@ -163,4 +163,4 @@ class Receiver:
                             self.arrived.add(data, time.time())
             except OSError as error:
                 self.fault = error.strerror or str(error)
-                self._stopped.wait(AGAIN_S)
+                self._stopped.wait(REOPEN_S)

@@ -24,8 +24,8 @@ from furrowmap.core.session.machine import load_machine
 from furrowmap.core.session.proposal import recorded_session, with_recorded
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.machine import Machine, MachineRecord
-from furrowmap.workflows.record.network import BUFFER_BYTES, PCAP_HEAD, USUAL_PORTS, Network, Port, Sender
-from furrowmap.workflows.record.receivers import Place, Receiver
+from furrowmap.workflows.record.network import BUFFER_BYTES, PCAP_HEAD, USUAL_PORTS, Port, ScannerNetwork, Sender
+from furrowmap.workflows.record.receivers import GnssReceiver, GnssSource
 from furrowmap.workflows.record.storage import Series, Storage
 from furrowmap.workflows.record.watch import Status, Watch
 from furrowmap.workflows.session.machines import machine_file
@@ -100,7 +100,7 @@ def record(
     stated = profile.record or MachineRecord()
     gnss, ports = gnss or stated.gnss, ports or (stated.ports,)
     for source in gnss:
-        Place.parse(source)
+        GnssSource.parse(source)
     interval_s = _prepare()
     lasting = [] if gnss else [Notice("record-no-gnss")]
     opened = open_ports(ports, lasting)
@@ -111,9 +111,9 @@ def record(
         stem = f"lidar-{address}" + (f"-{ports[scanner][0]}" if len(ports) > 1 else "")
         return Series(folder, stem, ".pcap", PCAP_HEAD, roll_s=roll_s, roll_bytes=roll_bytes)
 
-    network = Network(opened, storage, new_series)
+    network = ScannerNetwork(opened, storage, new_series)
     receivers = [
-        Receiver(source, storage, Series(folder, f"gnss{k or ''}", ".log", roll_bytes=roll_bytes))
+        GnssReceiver(source, storage, Series(folder, f"gnss{k or ''}", ".log", roll_bytes=roll_bytes))
         for k, source in enumerate(gnss)
     ]
     watch = Watch(network, receivers, storage, lasting)

@@ -11,12 +11,12 @@ from typing import Any, Final
 
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.gnss import Fix
-from furrowmap.workflows.record.network import BUFFER_BYTES, Network
-from furrowmap.workflows.record.receivers import Receiver
+from furrowmap.workflows.record.network import BUFFER_BYTES, ScannerNetwork
+from furrowmap.workflows.record.receivers import GnssReceiver
 from furrowmap.workflows.record.storage import Storage
 
-SCHEMA: Final = 1
-SILENT_S: Final = 2.0
+STATUS_SCHEMA: Final = 1
+STREAM_SILENT_S: Final = 2.0
 """From this on a scanner or a receiver that sends nothing is reported."""
 RECENT_S: Final = 10.0
 """For this long the last loss, or jump of the clock, is reported."""
@@ -53,8 +53,8 @@ class Watch:
         lasting: warnings that hold from the start to the end.
     """
 
-    network: Network
-    receivers: Sequence[Receiver]
+    network: ScannerNetwork
+    receivers: Sequence[GnssReceiver]
     storage: Storage
     lasting: Sequence[Notice]
     _started_s: float = field(default_factory=time.monotonic)
@@ -84,7 +84,7 @@ class Watch:
             ]
         }
         values = {
-            "schema": SCHEMA,
+            "schema": STATUS_SCHEMA,
             "state": state if state != "recording" or not self.storage.fault else "waiting-for-space",
             "pid": os.getpid(),
             "time_s": time.time(),
@@ -124,7 +124,7 @@ class Watch:
             "pps": sender.arrived.pps or None,
         }
 
-    def _gnss(self, receiver: Receiver, now_s: float) -> dict[str, Any]:
+    def _gnss(self, receiver: GnssReceiver, now_s: float) -> dict[str, Any]:
         receiver.arrived.look()
         arrived = receiver.arrived
         return {
@@ -177,12 +177,12 @@ class Watch:
 
     def _of_scanners(self, scanners: Sequence[Mapping[str, Any]], now_s: float) -> Iterator[tuple[str, Notice]]:
         known = [scanner for scanner in scanners if scanner["maker"]]
-        if not known and self.network.ports and now_s - self._started_s > SILENT_S:
+        if not known and self.network.ports and now_s - self._started_s > STREAM_SILENT_S:
             ports = ", ".join(str(port.number) for port in self.network.ports)
             yield "", Notice("record-no-packets", ports=ports, others=", ".join(s["address"] for s in scanners) or None)
         for scanner in known:
             address, pps = scanner["address"], scanner["pps"]
-            if scanner["age_s"] > SILENT_S:
+            if scanner["age_s"] > STREAM_SILENT_S:
                 yield address, Notice("record-silent", source=address, age_s=scanner["age_s"])
             if self._count(f"lost {address}", scanner["lost"], now_s):
                 yield address, Notice("record-lost", source=address, lost=scanner["lost"])
@@ -198,7 +198,7 @@ class Watch:
             source = each["source"]
             if each["fault"]:
                 yield source, Notice("record-gnss-fault", source=source, fault=each["fault"])
-            elif each["age_s"] > SILENT_S:
+            elif each["age_s"] > STREAM_SILENT_S:
                 yield source, Notice("record-gnss-silent", source=source, age_s=each["age_s"])
             elif not each["format"]:
                 if each["bytes"] > UNKNOWN_BYTES:

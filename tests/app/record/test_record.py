@@ -24,8 +24,8 @@ import furrowmap
 from furrowmap.core.readers.ouster.metadata import packet_bytes
 from furrowmap.core.runtime.errors import Notice, RefusedError, UsageError
 from furrowmap.core.session.file import load_session
-from furrowmap.workflows.record.network import Network, Port
-from furrowmap.workflows.record.receivers import Receiver
+from furrowmap.workflows.record.network import Port, ScannerNetwork
+from furrowmap.workflows.record.receivers import GnssReceiver
 from furrowmap.workflows.record.record import Told, open_ports, sensor_metadata
 from furrowmap.workflows.record.storage import Series, Storage
 from furrowmap.workflows.record.watch import Watch
@@ -282,9 +282,9 @@ def test_watch__names_what_is_wrong(tmp_path: Path, ports: tuple[int, int, int])
     port.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2000)
     replay((0.0, ports[0], data) for _ in range(100))  # before anything is read
     storage = Storage(tmp_path)
-    network = Network([port], storage, lambda address, _: Series(tmp_path, f"lidar-{address}", ".pcap", b"head"))
+    network = ScannerNetwork([port], storage, lambda address, _: Series(tmp_path, f"lidar-{address}", ".pcap", b"head"))
     receivers = [
-        Receiver(f"udp://127.0.0.1:{number}", storage, Series(tmp_path, f"gnss-{number}", ".log"))
+        GnssReceiver(f"udp://127.0.0.1:{number}", storage, Series(tmp_path, f"gnss-{number}", ".log"))
         for number in ports[1:]
     ]
     watch = Watch(network, receivers, storage, [Notice("record-no-gnss")])
@@ -333,7 +333,7 @@ def test_server__that_ends_the_connection_is_asked_again(tmp_path: Path) -> None
     with socket.create_server(("127.0.0.1", 0)) as server:
         storage = Storage(tmp_path)
         source = f"tcp://127.0.0.1:{server.getsockname()[1]}"
-        receiver = Receiver(source, storage, Series(tmp_path, "gnss", ".log"))
+        receiver = GnssReceiver(source, storage, Series(tmp_path, "gnss", ".log"))
         for content in (b"first", b"second"):
             connection, _ = server.accept()
             connection.sendall(content)
