@@ -165,11 +165,13 @@ class CloudScans:
         names = points.dtype.names or ()
         self._fields = self._fields or tuple(str(field.name) for field in content.fields)
         self._slots += points.size
-        xyz = np.stack([points[axis] for axis in "xyz"], axis=-1).astype(np.float32)
+        x, y, z = (points[axis].astype(np.float32) for axis in "xyz")
         # Drivers write nan or 0 where there is no return, nan only in messages that are not dense.
-        empty = (xyz == 0).all(axis=-1) | (not content.is_dense and np.isnan(xyz).any(axis=-1))
-        finite = np.isfinite(xyz).all(axis=-1)
-        near = (np.abs(xyz) <= MAX_RANGE_M).all(axis=-1)
+        empty = (x == 0) & (y == 0) & (z == 0)
+        if not content.is_dense:
+            empty |= np.isnan(x) | np.isnan(y) | np.isnan(z)
+        finite = np.isfinite(x) & np.isfinite(y) & np.isfinite(z)
+        near = (np.abs(x) <= MAX_RANGE_M) & (np.abs(y) <= MAX_RANGE_M) & (np.abs(z) <= MAX_RANGE_M)
         self._points += int(np.count_nonzero(~empty))
         self._invalid["coordinates that are no numbers"] += int(np.count_nonzero(~empty & ~finite))
         self._invalid[f"coordinates beyond {MAX_RANGE_M:,.0f} m"] += int(np.count_nonzero(finite & ~near))
@@ -184,7 +186,7 @@ class CloudScans:
         self._last_s = at_s
         ring = points["ring"] if "ring" in names else None
         layout = _columns_of_layout(points.shape, ring)
-        xyz, points = xyz[returned], points[returned]
+        xyz, points = np.column_stack([x[returned], y[returned], z[returned]]), points[returned]
         n = len(points)
         self._ringed = self._ringed and ring is not None
         laser = np.clip(points["ring"], 0, 255).astype(np.uint8) if ring is not None else np.zeros(n, np.uint8)
@@ -198,8 +200,11 @@ class CloudScans:
             order = np.argsort(t_s, kind="stable")
             column = _columns_of_times(t_s[order], laser[order])
         else:
-            order = np.lexsort((layout[returned], t_s))
-            column = layout[returned][order]
+            column = layout[returned]
+            order = np.argsort(column.astype(np.uint16), kind="stable")
+            if (np.diff(t_s[order]) < 0).any():
+                order = np.lexsort((column, t_s))
+            column = column[order]
         values = points["intensity"][order] if "intensity" in names else np.zeros(len(order))
         counts = np.rint(np.clip(np.nan_to_num(values.astype(np.float64)), 0, 65535)).astype(np.uint16)
         self._scans += 1
