@@ -50,6 +50,7 @@ OPEN = {
     "flight": "from the path",
     "soil": "by kind",
     "lidar": "as above",
+    "second_lidar": "as above",
     "clock": "as above",
 }
 """The default of values that depend on others."""

@@ -181,11 +181,15 @@ def _prepared(
 ) -> tuple[Prepared | None, GroundTilt]:
     """Read the scans; also how the ground lies in the vehicle frame."""
     assert located.antenna is not None
-    implement = session.implement
-    tool = Tool(implement.xy_m, 0.5 * implement.width_m) if implement is not None else None
     scans = iter(watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans"))
     mounting, first = session.lidar.mounting, list(islice(scans, FIRST_SCANS))
     ground = ground_tilt(first, mounting)
     returns = ground_returns(chain(first, scans), mounting, located.trajectory, on_scan)
-    lever_m = lever_arm_m(session)
+    lever_m, tool = lever_arm_m(session), tool_of(session)
     return prepare(returns, located.trajectory, located.antenna, lever_m, mounting, tool, ground, located.aid), ground
+
+
+def tool_of(session: Session) -> Tool | None:
+    """The line at which the session's implement changes the soil; None where it states none."""
+    implement = session.implement
+    return Tool(implement.xy_m, 0.5 * implement.width_m) if implement is not None else None

@@ -91,7 +91,13 @@ def register_session(
 ) -> GroundRegistration:
     """Every `thin`-th return against the ground of the whole session; arguments as :func:`register_windows`."""
     portions = blocks(placing.returns.t_s, placing.knots, thin, placing.unused)
-    surface = session_surface(placing, portions, cell_m)
+    return register_to_surface(placing, portions, session_surface(placing, portions, cell_m), relief, coarse)
+
+
+def register_to_surface(
+    placing: Placing, portions: Sequence[Portion], surface: HeightGrid, relief: Relief, coarse: CoarseKnots | None
+) -> GroundRegistration:
+    """Portions of the returns against a surface; arguments as :func:`register_windows`."""
 
     def work(share: Sequence[Portion]) -> tuple[GroundSums, list[Patches]]:
         sums = GroundSums.empty(len(placing.knots))
@@ -149,7 +155,7 @@ def register_wall_windows(placing: Placing, correlated: float, coarse: CoarseKno
         coarse: coarse knots, with which the walls move; None for fixed walls.
     """
     portions = windows(placing.returns.upright.t_s, placing.knots, WALL_WINDOW_THIN, placing.unused)
-    return _register_walls(placing, portions, None, correlated, coarse)
+    return register_to_walls(placing, portions, None, correlated, coarse)
 
 
 def register_wall_session(
@@ -158,7 +164,12 @@ def register_wall_session(
     """Every `thin`-th return against the walls of the whole session; arguments as :func:`register_wall_windows`."""
     portions = blocks(placing.returns.upright.t_s, placing.knots, thin, placing.unused)
     if len(placing.returns.upright) < MIN_UPRIGHT_RETURNS:
-        return _register_walls(placing, [], None, correlated, coarse)
+        return register_to_walls(placing, [], None, correlated, coarse)
+    return register_to_walls(placing, portions, session_walls(placing, portions), correlated, coarse)
+
+
+def session_walls(placing: Placing, portions: Sequence[Portion]) -> Lines:
+    """The walls of all portions of upright returns."""
     ring = np.arange(-MAX_WALL_RANGE_M, MAX_WALL_RANGE_M + COLUMN_REACH_M, COLUMN_REACH_M)
     aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
     passed = np.unique(np.round(placing.state.xyz_m[::20, :2] / COLUMN_REACH_M), axis=0) * COLUMN_REACH_M
@@ -166,10 +177,10 @@ def register_wall_session(
     for chain, part in portions:
         placed = placing.upright(chain, part)
         columns = add_upright(columns, placed.xyz_m, placed.half)
-    return _register_walls(placing, portions, lines(columns), correlated, coarse)
+    return lines(columns)
 
 
-def _register_walls(
+def register_to_walls(
     placing: Placing, portions: Sequence[Portion], whole: Lines | None, correlated: float, coarse: CoarseKnots | None
 ) -> WallRegistration:
     """Upright returns against the walls of the whole session, or each portion against its own walls at half weight."""

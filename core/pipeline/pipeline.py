@@ -32,6 +32,7 @@ from furrowmap.core.pipeline.notices import (
     session_notices,
 )
 from furrowmap.core.pipeline.run_result import RunResult
+from furrowmap.core.pipeline.scanners import classifiers, further_notices, further_recordings, together
 from furrowmap.core.pointclouds.placed import PlacedScan, Placement, Placer, place_scans
 from furrowmap.core.readers.areas.area import nothing_within
 from furrowmap.core.readers.reader import GivesTrack, Reader
@@ -148,7 +149,11 @@ def run(
     watch.lap("implement")
     # Matching takes metres on the ground for metres of the map, within whose reach they differ by millimetres.
     scale = ground_scale(frame, located.trajectory) if matched is None else 1.0
-    placer = placer_of(located, _mounting(session, matched, flown.boresight), carrier, scale)
+    mounting = _mounting(session, matched, flown.boresight)
+    placer = placer_of(located, mounting, carrier, scale)
+    further = further_recordings(opened, lidar, mounting, matched, located.trajectory, progress)
+    if further:
+        watch.lap("scanners")
     frames = None
     if not any(notice.code == CONTRADICTING for notice in image_notices):
         frames = _camera_frames(opened, located.trajectory, aid, image_notices)
@@ -157,9 +162,10 @@ def run(
     if matched is not None and matched.ranges is not None:
         corrected = map(matched.ranges.corrected, corrected)
     moving = ahead(implement.following(corrected), SCANS_AHEAD)
-    scans = watched(moving, lidar, progress, "placing points")
+    scans = together(watched(moving, lidar, progress, "placing points"), further)
+    placers = [placer, *(replace(placer, mounting=one.found.mounting) for one in further)]
     with behind(sink, SCANS_AHEAD) as add:
-        placement = _place(opened, scans, placer, add, classifier(machine))
+        placement = _place(opened, scans, placers, add, classifiers(machine, further))
     watch.lap("placing")
     refuse_empty(placement, located.trajectory, session)
     work = implement.work(located.trajectory, frame, boundary, states)
@@ -167,25 +173,35 @@ def run(
     notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices, *image_notices]
     notices += session_notices(session, located, matched=matched is not None) + position_notices(placement, located)
     notices += [*placement_notices(placement), *field_notices, *state_notices, *work.notices]
+    notices += further_notices(opened, further)
     if located.source == "imu" and matched is None:
         notices += boresight_notices(flown.boresight, session.lidar.mounting)
         notices += mounting_doubts
     found = _run_result(opened, located, placement, work, lidar.clocks, notices, watch, matched)
-    return replace(found, image_aid=aid, **vars(flown))
+    mountings = {lidar.name: one.found for lidar, one in zip(session.further_lidars, further, strict=True)}
+    return replace(found, image_aid=aid, further_scanners=mountings, **vars(flown))
 
 
 def _place(
     opened: OpenSession,
     scans: Iterator[Scan],
-    placer: Placer,
+    placers: Sequence[Placer],
     sink: Callable[[PlacedScan], None],
-    classify: Callable[[Scan], NDArray[np.uint8]],
+    classify: Sequence[Callable[[Scan], NDArray[np.uint8]]],
 ) -> Placement:
-    """Place the scans and hand on the points that lie on the ground to map."""
+    """Place the scans and hand on the points that lie on the ground to map; placers and classes are of each scanner."""
     file = opened.inputs.within
     area = ground_to_map(file, opened.frame) if file is not None else None
     standing = opened.session.run.standing
-    placement = place_scans(scans, placer, standing=standing, sink=sink, classify=classify, within=area)
+    placement = place_scans(
+        scans,
+        placers[0],
+        standing=standing,
+        sink=sink,
+        classify=lambda scan: classify[scan.scanner](scan),
+        within=area,
+        further=placers[1:],
+    )
     if area is not None and not placement.points and placement.points_elsewhere:
         east_m, north_m = np.median(placement.poses.xyz_m[:, :2], axis=0).tolist()
         raise nothing_within(area, f"{placement.points_elsewhere:,} points", (east_m, north_m))

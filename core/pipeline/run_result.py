@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -26,6 +27,7 @@ from furrowmap.core.work.strip_differences import StripDifferences
 
 if TYPE_CHECKING:
     from furrowmap.core.adjustment.matched import Matched
+    from furrowmap.core.adjustment.relative_mounting import RelativeMounting
     from furrowmap.core.images.aiding import ImageAid
 
 MIN_LEVER_TURN_DEG: Final = 45.0
@@ -47,6 +49,7 @@ class RunResult:
         strip_differences: between them; None where no ground was seen by two.
         strip_adjustment: of the poses by the strips; None where these were not adjusted.
         image_aid: of the poses by images; None where these took no part.
+        further_scanners: mounting of each scanner but the first, by the name of the scanner.
     """
 
     session: Session
@@ -64,6 +67,7 @@ class RunResult:
     strip_differences: StripDifferences | None = None
     strip_adjustment: StripAdjustment | None = None
     image_aid: ImageAid | None = None
+    further_scanners: Mapping[str, RelativeMounting] = field(default_factory=dict)
 
     @cached_property
     def unconfirmed(self) -> tuple[str, ...]:

@@ -167,6 +167,9 @@ class Placement:
         points_elsewhere: left out because they lie outside the ground to map.
         first_s: time of the first return; nan without any.
         last_s: time of the last return.
+        poses: of the first scanner's scans.
+        scans_of: scans of each scanner.
+        points_of: points in the cloud of each scanner.
     """
 
     scans: int = 0
@@ -182,6 +185,8 @@ class Placement:
     first_s: float
     last_s: float
     poses: ScanPoses
+    scans_of: tuple[int, ...] = ()
+    points_of: tuple[int, ...] = ()
 
     @classmethod
     def without_scans(cls, trajectory: Trajectory) -> Placement:
@@ -203,32 +208,37 @@ def place_scans(
     sink: Callable[[PlacedScan], None],
     classify: Callable[[Scan], NDArray[np.uint8]] = unclassified,
     within: Area | None = None,
+    further: Sequence[Placer] = (),
 ) -> Placement:
-    """Place every scan and hand it to `sink`, in order; only the poses of the scans are kept.
+    """Place every scan and hand it to `sink`, in order; only the poses of the first scanner's scans are kept.
 
     Args:
-        scans: in time order.
+        scans: in time order, of one scanner or several.
+        placer: of the first scanner.
         standing: whether scans of a standing vehicle go to `sink`.
         sink: takes the points of each scan that has any.
         classify: gives the classes of a scan's points.
         within: points elsewhere do not go to `sink`; None for all.
+        further: what places the scans of further scanners, with the same trajectory.
 
     Raises:
         InputError: if time runs back from one scan to the next.
     """
-    trajectory, counts = placer.trajectory, Counter[str]()
+    trajectory, counts, placers = placer.trajectory, Counter[str](), (placer, *further)
+    scans_of, points_of = [0] * len(placers), [0] * len(placers)
     begin_s, end_s = trajectory.span_s
     first_s = last_s = float("nan")
     placed: list[tuple[int, float, int]] = []
     for scan in scans:
         counts.update(scans=1, scans_whole=int(scan.whole), points_read=len(scan))
+        scans_of[scan.scanner] += 1
         if not len(scan):
             continue
         scan_s = float(scan.t_s[0])
         if scan_s < last_s - DISORDER_S:
             raise InputError("scans-not-in-order", number=scan.number, at_s=iso_utc(scan_s), last_s=iso_utc(last_s))
         first_s, last_s = first_s if np.isfinite(first_s) else scan_s, float(scan.t_s[-1])
-        xyz, known = placer.place(scan)
+        xyz, known = placers[scan.scanner].place(scan)
         classification = classify(scan)
         count = int(np.count_nonzero(known))
         if count < len(scan):
@@ -246,17 +256,27 @@ def place_scans(
         before, share, _ = trajectory.interval(middle_s)
         if not standing and trajectory.motion[before[0] + int(share[0] > 0.5)] == Motion.STANDING:
             counts.update(scans_standing=1, points_standing=len(scan))
-            placed.append((scan.number, middle_s, 0))
+            if not scan.scanner:
+                placed.append((scan.number, middle_s, 0))
             continue
         if within is not None:
             inside = within.contains(xyz + placer.origin_m)
             counts["points_elsewhere"] += len(scan) - int(np.count_nonzero(inside))
             scan, xyz, classification = scan[inside], xyz[inside], classification[inside]
         counts["points"] += len(scan)
-        placed.append((scan.number, middle_s, len(scan)))
+        points_of[scan.scanner] += len(scan)
+        if not scan.scanner:
+            placed.append((scan.number, middle_s, len(scan)))
         if len(scan):
             sink(PlacedScan(scan, xyz, classification))
-    return Placement(**counts, first_s=first_s, last_s=last_s, poses=_poses(trajectory, placed))
+    return Placement(
+        **counts,
+        first_s=first_s,
+        last_s=last_s,
+        poses=_poses(trajectory, placed),
+        scans_of=tuple(scans_of),
+        points_of=tuple(points_of),
+    )
 
 
 def _poses(trajectory: Trajectory, placed: Sequence[tuple[int, float, int]]) -> ScanPoses:

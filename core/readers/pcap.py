@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Any, Final
 
@@ -278,6 +279,12 @@ def first_datagrams(head: Head) -> Datagrams | None:
             return next(iter(Capture(source)), None)
     except (InputError, OSError):
         return None
+
+
+def address_of(sender: int) -> str:
+    """Source address and destination port of a sender (see `Datagrams.sender`), for messages."""
+    host, port = sender >> 16, sender & 0xFFFF
+    return f"{IPv4Address(host) if host < 1 << 32 else 'an IPv6 address'} to port {port}"
 
 
 def _no_capture(path: Path, head: bytes) -> InputError:

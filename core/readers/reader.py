@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib.metadata
 import logging
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -46,6 +47,7 @@ class ReadOptions:
         task: id or name of the task to read, for task data with several.
         columns: what the columns of a CSV are: name → (quantity, unit, scale); empty for names that say it.
         topic: name of the topic to read, for bags with several of a kind.
+        source: which of several scanners in the files: its address, UDP port or serial number, in a bag its topic.
         glance_s: one scan or image in this many seconds is sufficient; of scans a reader may yield more if skipping
             saves no time.
     """
@@ -57,6 +59,7 @@ class ReadOptions:
     week: int | None = None
     task: str | None = None
     topic: str | None = None
+    source: str | None = None
     columns: Mapping[str, tuple[str, str, float]] = field(default_factory=dict)
     glance_s: float | None = None
 
@@ -247,11 +250,17 @@ class Recognised:
         Raises:
             InputError: if no reader recognises the file.
         """
+        return cls.each_by_content(path)[0]
+
+    @classmethod
+    def each_by_content(cls, path: Path) -> list[Self]:
+        """All readers of a file, the most certain first; errors as :meth:`by_content`."""
         head = look(path)
         scores = sorted(((reader.recognise(head), reader.format, reader) for reader in readers()), key=lambda s: s[:2])
-        if not scores or scores[-1][0] <= 0:
+        found = [cls(head, reader) for certainty, _, reader in reversed(scores) if certainty > 0]
+        if not found:
             raise _unknown(head)
-        return cls(head, scores[-1][2])
+        return found
 
 
 def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
@@ -260,7 +269,8 @@ def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
     Raises:
         InputError: if the format of a file is unknown, or the files differ in format.
     """
-    found = [Recognised.by_content(path) for path in paths]
+    first, *beside = Recognised.each_by_content(paths[0])
+    found = [first, *map(Recognised.by_content, paths[1:])]
     for other in found[1:]:
         if other.reader is not found[0].reader:
             raise InputError(
@@ -270,7 +280,17 @@ def open_recording(paths: Sequence[Path], options: ReadOptions) -> Reader:
                 paths=paths[0],
                 title_2=found[0].reader.title,
             )
-    return found[0].reader([f.head.path for f in found], options)
+    files = [f.head.path for f in found]
+    try:
+        return first.reader(files, options)
+    except InputError as error:
+        # A capture may hold scanners of two makers.
+        if error.code != "sensor-not-there":
+            raise
+        for other in beside:
+            with suppress(InputError):
+                return other.reader(files, options)
+        raise
 
 
 @cache

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import difflib
+import itertools
 import math
 import posixpath
 import re
@@ -47,10 +48,12 @@ _TYPE_WORDS: Final = {
     "datetime": "a date and time with its offset from UTC",
 }
 """Type names of msgspec and of this module's messages."""
-IMPLEMENT_TABLE: Final = "implement"
-FURTHER: Final = "further_implements"
+FURTHER: Final = {"implement": "further_implements", "lidar": "further_lidars"}
+"""Tables of which there may be several, and where a session keeps the others than the first."""
 MAX_IMPLEMENTS: Final = 3
 """Implements of one machine: in front, between the axles, behind."""
+MAX_LIDARS: Final = 4
+"""Scanners of one machine: one on each side."""
 MAX_TOML_INTEGER: Final = 2**63
 """Integers have 64 bits (TOML 1.0.0, "Integer")."""
 
@@ -83,11 +86,9 @@ def parse_toml(text: str) -> dict[str, Any]:
 def apart(data: dict[str, Any]) -> dict[str, Any]:
     """The content of a file with the implement that moves soil as `implement`, the others as `further_implements`.
 
-    It is the one with `moves_soil`, else the rearmost. What is not a list of tables stays as it is.
+    It is the one with `moves_soil`, else the rearmost. The first of several scanners is `lidar`, the others are
+    `further_lidars`; its own files and offset are those of the recording. What is not a list of tables stays as it is.
     """
-    tools = data.get(IMPLEMENT_TABLE)
-    if not isinstance(tools, list) or not tools or not all(isinstance(tool, dict) for tool in tools):
-        return data
 
     def x_m(tool: Mapping[str, Any]) -> int | float:
         """How far forward a tool is, as the file has it; accepts any integer."""
@@ -95,27 +96,47 @@ def apart(data: dict[str, Any]) -> dict[str, Any]:
         found = place[0] if isinstance(place, list) and place else 0.0
         return found if isinstance(found, int | float) else 0.0
 
-    first = min(range(len(tools)), key=lambda k: (tools[k].get("moves_soil") is not True, x_m(tools[k])))
-    return data | {IMPLEMENT_TABLE: tools[first], FURTHER: tools[:first] + tools[first + 1 :]}
+    for table, further in FURTHER.items():
+        several = data.get(table)
+        if isinstance(several, list) and several and all(isinstance(one, dict) for one in several):
+            first = 0
+            if table == "implement":
+                first = min(
+                    range(len(several)), key=lambda k: (several[k].get("moves_soil") is not True, x_m(several[k]))
+                )
+            data = data | {table: several[first], further: several[:first] + several[first + 1 :]}
+    lidar, recording = data.get("lidar"), data.get("recording")
+    if isinstance(lidar, dict) and isinstance(recording, dict):
+        for key, whole in (("files", "lidar"), ("minus_gnss_s", "lidar_minus_gnss_s")):
+            if key in lidar and whole not in recording:
+                recording = recording | {whole: lidar[key]}
+                lidar = {name: value for name, value in lidar.items() if name != key}
+        data = data | {"lidar": lidar, "recording": recording}
+    return data
 
 
 def together(data: Mapping[str, Any]) -> dict[str, Any]:
     """The reverse of :func:`apart`: what goes into a file."""
-    rest = {key: value for key, value in data.items() if key != FURTHER}
-    return rest | {IMPLEMENT_TABLE: [data[IMPLEMENT_TABLE], *data[FURTHER]]} if data.get(FURTHER) else rest
+    joined = {table: [data[table], *data[further]] for table, further in FURTHER.items() if data.get(further)}
+    return {key: value for key, value in data.items() if key not in FURTHER.values()} | joined
+
+
+def _several_faults(tables: Sequence[Any], table: str, most: int, example: str) -> Iterator[str]:
+    """What is wrong with several tables of a kind, or with their names."""
+    if len(tables) < 2:
+        return
+    if len(tables) > most:
+        yield f"[[{table}]] is given {len(tables)} times; at most {most} are allowed"
+    names = [one.name.strip() for one in tables]
+    if not all(names):
+        yield f'each of several [[{table}]] needs a name, such as name = "{example}"'
+    if len(set(names)) < len(names):
+        yield f"two [[{table}]] have the name {next(name for name in names if names.count(name) > 1)!r}"
 
 
 def implement_faults(tools: Sequence[Implement | MachineImplement]) -> Iterator[str]:
     """What is wrong with several implements, or with their names."""
-    if len(tools) < 2:
-        return
-    if len(tools) > MAX_IMPLEMENTS:
-        yield f"[[implement]] is given {len(tools)} times; at most {MAX_IMPLEMENTS} are allowed"
-    names = [tool.name.strip() for tool in tools]
-    if not all(names):
-        yield 'each of several [[implement]] needs a name, such as name = "front roller"'
-    if len(set(names)) < len(names):
-        yield f"two [[implement]] have the name {next(name for name in names if names.count(name) > 1)!r}"
+    yield from _several_faults(tools, "implement", MAX_IMPLEMENTS, "front roller")
     if sum(tool.moves_soil for tool in tools) > 1:
         yield "implement.moves_soil is true of more than one [[implement]]"
 
@@ -146,14 +167,12 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
     if data.get("furrowmap") != SESSION_SCHEMA:
         raise InputError("session-schema", name=name, data=data.get("furrowmap"), schema=SESSION_SCHEMA)
     # Refuse unknown keys and suggest the nearest known one, which msgspec does not do.
-    tables = tuple(key for key in Session.__struct_encode_fields__ if key != FURTHER)
+    tables = tuple(key for key in Session.__struct_encode_fields__ if key not in FURTHER.values())
     levels: list[tuple[str, dict[str, Any], tuple[str, ...]]] = [("", data, tables)]
     levels += [
         (f"{table}.", content, struct.__struct_encode_fields__)
         for table, struct in _tables().items()
-        for content in (
-            data[table] if table == IMPLEMENT_TABLE and isinstance(data.get(table), list) else [data.get(table)]
-        )
+        for content in (data[table] if table in FURTHER and isinstance(data.get(table), list) else [data.get(table)])
         if isinstance(content, dict)
     ]
     for prefix, table, known in levels:
@@ -184,7 +203,7 @@ def parse_session(text: str, name: str = "session.toml") -> Session:
 
 def _tables() -> dict[str, type[msgspec.Struct]]:
     """The table names and their structs."""
-    fields = (field for field in msgspec.structs.fields(Session) if field.name != FURTHER)
+    fields = (field for field in msgspec.structs.fields(Session) if field.name not in FURTHER.values())
     kinds = ((field.name, (field.type, *get_args(field.type))) for field in fields)
     return {name: kind for name, alternatives in kinds for kind in alternatives if is_struct_type(kind)}
 
@@ -192,7 +211,9 @@ def _tables() -> dict[str, type[msgspec.Struct]]:
 def _conversion_error(message: str, name: str) -> InputError:
     """Convert an error of msgspec about a missing key or a wrong type."""
     reason, _, path = message.partition(" - at `$.")
-    path = re.sub(rf"^{FURTHER}\[[^]]*\]", IMPLEMENT_TABLE, path.rstrip("`"))
+    path = path.rstrip("`")
+    for table, further in FURTHER.items():
+        path = re.sub(rf"^{further}\[[^]]*\]", table, path)
     missing = re.fullmatch(r"Object missing required field `(.+)`", reason)
     if missing is not None:
         path = f"{path}.{missing[1]}" if path else missing[1]
@@ -286,6 +307,7 @@ def _faults(session: Session) -> Iterator[str]:
     if attitude is not None and attitude.north == MAGNETIC_NORTH and attitude.declination_deg is None:
         yield 'attitude.north is "magnetic", which needs attitude.declination_deg (positive east)'
     yield from implement_faults(session.implements)
+    yield from _lidar_faults(session)
     if any(tool.states_use == CHECK for tool in session.implements) and not session.recording.lidar:
         yield f'implement.states_use is "{CHECK}", which needs recording.lidar'
     if session.trajectory is not None and not session.trajectory.files:
@@ -298,10 +320,28 @@ def _faults(session: Session) -> Iterator[str]:
             yield f"implement.region_m reaches farther than {MAX_PLACE_M:g} m from the rear axle (the unit is metres)"
 
 
+def _lidar_faults(session: Session) -> Iterator[str]:
+    """What is wrong with several scanners."""
+    lidars = session.lidars
+    yield from _several_faults(lidars, "lidar", MAX_LIDARS, "front")
+    recording = session.recording
+    if lidars[0].files != recording.lidar:
+        yield "lidar.files of the first scanner and recording.lidar differ; state one of them"
+    if lidars[0].minus_gnss_s != recording.lidar_minus_gnss_s:
+        yield "lidar.minus_gnss_s of the first scanner and recording.lidar_minus_gnss_s differ; state one of them"
+    read = [(set(lidar.files), lidar.source) for lidar in lidars]
+    for (files, source), (others, other) in itertools.combinations(read, 2):
+        if files & others and (source is None or other is None or source == other):
+            yield "two [[lidar]] read the same file; each needs its own lidar.source there, or its own lidar.files"
+    if len(lidars) > 1 and session.mount is not None:
+        yield "[mount] moves one scanner, but there are several [[lidar]]"
+
+
 def _far_places(session: Session) -> Iterator[str]:
     """Implausibly far positions in the vehicle frame, which were given in another unit."""
-    tables = ("lidar", "imu", "mount", "camera", "antenna")
-    places = [(f"{table}.xyz_m", getattr(getattr(session, table), "xyz_m", None)) for table in tables]
+    tables = ("imu", "mount", "camera", "antenna")
+    places = [("lidar.xyz_m", lidar.xyz_m) for lidar in session.lidars]
+    places += [(f"{table}.xyz_m", getattr(getattr(session, table), "xyz_m", None)) for table in tables]
     places += [("implement.xy_m", tool.xy_m) for tool in session.implements]
     for key, place in places:
         if place is None:
@@ -316,6 +356,7 @@ def _repetitions(session: Session) -> Iterator[str]:
     trajectory = session.trajectory.files if session.trajectory is not None else ()
     for key, names in (
         ("recording.lidar", session.recording.lidar),
+        *(("lidar.files", lidar.files) for lidar in session.further_lidars),
         ("recording.gnss", session.recording.gnss),
         *(("implement.states", tool.states) for tool in session.implements),
         ("trajectory.files", trajectory),

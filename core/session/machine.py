@@ -15,7 +15,6 @@ import msgspec
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.file import (
     FURTHER,
-    IMPLEMENT_TABLE,
     MAX_PLACE_M,
     apart,
     implement_faults,
@@ -69,10 +68,9 @@ def parse_machine(text: str, name: str = "machine.toml") -> Machine:
     if data.get("furrowmap_machine") != MACHINE_SCHEMA:
         raise _invalid(name, f"it is no profile of a machine, which begins with furrowmap_machine = {MACHINE_SCHEMA}")
     try:
-        if FURTHER in data:
-            raise _invalid(
-                name, f"{FURTHER} is no table of a profile; write [[{IMPLEMENT_TABLE}]] once for each implement"
-            )
+        for table, further in FURTHER.items():
+            if further in data:
+                raise _invalid(name, f"{further} is no table of a profile; write [[{table}]] once for each {table}")
         machine = msgspec.convert(apart(data), Machine)
     except msgspec.ValidationError as error:
         raise _invalid(name, str(error)) from None
@@ -105,6 +103,9 @@ def machine_of(session: Session, name: str) -> Machine:
         name=name,
         antenna=session.antenna,
         lidar=session.lidar if session.lidar != Lidar() else None,
+        further_lidars=tuple(
+            msgspec.structs.replace(lidar, files=(), minus_gnss_s=None) for lidar in session.further_lidars
+        ),
         imu=MachineImu(xyz_m=imu.xyz_m, rpy_deg=imu.rpy_deg, kind=imu.kind) if imu is not None else None,
         camera=MachineCamera(xyz_m=places[0], rpy_deg=places[1]) if places != (ORIGIN, ORIGIN) else None,
         implement=tools[0] if tools else None,

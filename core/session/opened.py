@@ -67,11 +67,14 @@ class Inputs:
     """The files that a session names, resolved: each exists and lies inside the session's folder.
 
     Attributes:
+        lidar: recordings of the first scanner.
         positions: GNSS logs, or the files of an external trajectory, in time order.
+        further_lidars: recordings of each other scanner.
     """
 
     lidar: tuple[Path, ...]
     positions: tuple[Path, ...]
+    further_lidars: tuple[tuple[Path, ...], ...] = ()
     inertial: tuple[Path, ...] = ()
     attitude: tuple[Path, ...] = ()
     mount: Path | None = None
@@ -103,6 +106,7 @@ class Inputs:
         parcels, camera = session.parcels, session.camera
         return cls(
             lidar=several(session.recording.lidar),
+            further_lidars=tuple(several(lidar.files) for lidar in session.lidars[1:]),
             positions=several(stated.files if stated is not None else session.recording.gnss),
             inertial=several(session.imu.files if session.imu is not None else ()),
             attitude=several((attitude.roll_pitch, attitude.heading) if attitude is not None else ()),
@@ -136,6 +140,7 @@ class Inputs:
             dict.fromkeys(
                 [
                     *self.lidar,
+                    *(path for paths in self.further_lidars for path in paths),
                     *self.positions,
                     *self.inertial,
                     *self.attitude,
@@ -277,16 +282,18 @@ class OpenSession:
         options = ReadOptions(topic=camera.topic, glance_s=camera.every_s or None)
         return cast("ImageReader", _open(self.inputs.camera, options, GivesImages, "camera.files"))
 
-    def lidar(self, near_s: float, glance_s: float | None = None) -> LidarRecording:
+    def lidar(self, near_s: float, glance_s: float | None = None, number: int = 0) -> LidarRecording:
         """The laser scans.
 
         Args:
             near_s: a time of the drive by the clock of the positions, for scanner clocks that show only part of a time.
             glance_s: one scan in this many seconds is enough; None for all.
+            number: of the scanner among those of the session.
         """
-        minus_gnss_s = self.session.recording.lidar_minus_gnss_s
-        options = ReadOptions(model=self.session.lidar.model, near_s=near_s + minus_gnss_s, glance_s=glance_s)
-        reader = cast("LidarReader", _open(self.inputs.lidar, options, GivesScans, "recording.lidar"))
+        lidar = self.session.lidars[number]
+        minus_gnss_s, paths = lidar.minus_gnss_s or 0.0, (self.inputs.lidar, *self.inputs.further_lidars)[number]
+        options = ReadOptions(model=lidar.model, source=lidar.source, near_s=near_s + minus_gnss_s, glance_s=glance_s)
+        reader = cast("LidarReader", _open(paths, options, GivesScans, "lidar.files" if number else "recording.lidar"))
         return LidarRecording(reader, minus_gnss_s, self.session.recording.span_s)
 
 

@@ -8,8 +8,9 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+import msgspec
 import numpy as np
 from pyproj import Transformer
 
@@ -110,7 +111,8 @@ def propose_session(
     states = [r for r in ordered if r.gives(GivesStates)]
     inertial = [r for r in ordered if r.gives(GivesInertial)]
     attitude = [r for r in ordered if r.gives(GivesAttitude)]
-    used = [*lidar, *gnss, *poses, *states, *inertial, *attitude]
+    others = [*states, *inertial, *attitude]
+    used = [*lidar, *gnss, *poses, *others]
     if not used:
         title, path = ordered[0].inspection.title, ordered[0].path
         finished = path.name if ordered[0].inspection.format == "las" else None
@@ -127,11 +129,11 @@ def propose_session(
     text = "\n".join(
         [
             _head(folder, machine),
-            _recording(lidar, gnss, poses, [*states, *inertial, *attitude], folder),
+            _recording(lidar, gnss, poses, others, folder),
             _times([match.text for match in matches], date, undated=undated),
             _crs(crs),
             _trajectory(poses, folder) if poses else antenna_table(machine, flies=flies),
-            *([_lidar(lidar, machine, flight, flies=flies)] if lidar or not (states or inertial or attitude) else []),
+            *([_lidar(lidar, folder, machine, flight, flies=flies)] if lidar or not others else []),
             *([_imu(inertial, folder, machine, flight)] if inertial else []),
             *([_attitude(attitude, folder, needed=not inertial)] if attitude else []),
             *([_implement(states, folder, machine)] if states else [] if flies else [implement_table(machine)]),
@@ -292,7 +294,8 @@ def _recording(
     scans = [(recording, recording.scan_clock) for recording in lidar]
     lines = ["[recording]", *_described(scans)]
     if lidar or not states:
-        lines.append(f"lidar = {_names(lidar, folder) or _listed([FILL_IN])}")
+        first = _scanners(lidar)[0][0] if lidar else []
+        lines.append(f"lidar = {_names(first, folder) or _listed([FILL_IN])}")
     if gnss or not poses:
         positions = [(recording, recording.position_clock) for recording in gnss]
         lines += [*_described(positions), f"gnss = {_names(gnss, folder) or _listed([FILL_IN])}"]
@@ -398,11 +401,58 @@ states = {_names(states, folder)}
 """
 
 
-def _lidar(lidar: Sequence[Examined], machine: Machine, flight: FlownMounting | None, *, flies: bool) -> str:
-    facts = (each for r in lidar for each in (r.inspection.facts, r.inspection.facts.get("scans")))  # of a container
-    model = next((str(each["model"]) for each in facts if isinstance(each, Mapping) and each.get("model")), None)
-    stated = f"model = {_quoted(model)}   # from the recording\n" if model else ""
-    return f"[lidar]\n{stated}{lidar_lines(machine, flight, flies=flies)}"
+def _scanners(lidar: Sequence[Examined]) -> list[tuple[list[Examined], str | None]]:
+    """The recordings of each scanner, and which one it is of several in them.
+
+    Recordings one after the other are of one scanner, those at the same time of several.
+    """
+    groups: list[list[Examined]] = []
+    for recording in lidar:
+        clock = recording.scan_clock
+        ended = (
+            group
+            for group in groups
+            if clock is None or group[-1].scan_clock is None or group[-1].scan_clock.last_s <= clock.first_s
+        )
+        group = next(ended, None)
+        if group is None:
+            groups.append([recording])
+        else:
+            group.append(recording)
+    facts = [(group, group[0].inspection.facts) for group in groups]
+    inside = [(group, known.get("sensors") or _of_bag(known).get("sensors") or [None]) for group, known in facts]
+    return [(group, source) for group, sources in inside for source in sources]
+
+
+def _of_bag(facts: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The facts of the scans in a bag, among those of the bag; none for another file."""
+    scans = facts.get("scans")
+    return scans if isinstance(scans, Mapping) else {}
+
+
+def _lidar(
+    lidar: Sequence[Examined], folder: Path, machine: Machine, flight: FlownMounting | None, *, flies: bool
+) -> str:
+    """The table of the scanner, or those of several, of which the first has the files of the recording."""
+    scanners = _scanners(lidar) or [([], None)]
+    known = (machine.lidar, *machine.further_lidars)
+    tables = []
+    for number, (recordings, source) in enumerate(scanners):
+        facts = (each for r in recordings for each in (r.inspection.facts, _of_bag(r.inspection.facts)))
+        model = next((str(each["model"]) for each in facts if each.get("model")), None)
+        own = known[number] if number < len(known) else None
+        lines = ["[lidar]"]
+        if len(scanners) > 1:
+            lines = [
+                "[[lidar]]",
+                f"name = {_quoted(own.name if own is not None and own.name else f'scanner {number + 1}')}",
+            ]
+            lines += [f"files = {_names(recordings, folder)}"] if recordings is not scanners[0][0] else []
+            lines += [f"source = {_quoted(source)}"] if source is not None else []
+        lines += [f"model = {_quoted(model)}   # from the recording"] if model and source is None else []
+        its = msgspec.structs.replace(machine, lidar=own, calibrated=None if number else machine.calibrated)
+        tables.append("\n".join([*lines, lidar_lines(its, flight, flies=flies)]))
+    return "\n".join(tables)
 
 
 def _described(recordings: Sequence[tuple[Examined, ClockReading | None]]) -> list[str]:

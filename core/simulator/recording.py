@@ -47,6 +47,11 @@ def recording_file(lidar: ScenarioLidar) -> str:
     return "recording" + SCANNERS[lidar.model].container.suffix + (".gz" if lidar.gzip else "")
 
 
+def second_file(lidar: ScenarioLidar) -> str:
+    """Name of the recording of a second scanner."""
+    return recording_file(lidar).replace("recording", "second", 1)
+
+
 @dataclass(frozen=True)
 class World:
     """What there is to record, and from where.

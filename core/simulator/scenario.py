@@ -16,6 +16,8 @@ from furrowmap.core.simulator.table import BY_KIND, Box, ScenarioTable, Vector3
 SoilKind: TypeAlias = Literal["stubble", "ploughed", "tilled", "rolled", "asphalt", "lawn", "snow", "maize"]
 ToolShape: TypeAlias = Literal["tiller", "mower", "plow", "roller"]
 
+OWN_SEED: Final = 7919
+"""Added to the seed of a scenario for the noise of its second scanner."""
 OF_SCENARIO: Final = -1
 """Placeholder for the seed of the scenario."""
 
@@ -306,6 +308,19 @@ class ScenarioLidar(ScenarioTable, frozen=True):
         self.fill(true_xyz_m=self.xyz_m, true_rpy_deg=self.rpy_deg)
 
 
+class SecondLidar(ScenarioLidar, frozen=True):
+    """A second scanner, recorded in a file of its own."""
+
+    name: Annotated[str, Meta(description="name in session.toml")] = "front"
+    first_name: Annotated[str, Meta(description="name in session.toml of the scanner of `[lidar]`")] = "rear"
+    minus_gnss_s: Annotated[float, Meta(description="its clock minus GNSS clock, as stated in the session")] = 0.0
+    true_minus_gnss_s: Annotated[float, Meta(description="actual offset")] = BY_KIND
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.fill(true_minus_gnss_s=self.minus_gnss_s)
+
+
 class Noise(ScenarioTable, frozen=True):
     """Measurement errors."""
 
@@ -429,6 +444,7 @@ class Scenario(ScenarioTable, frozen=True):
     front: FrontImplement | None = None
     antenna: ScenarioAntenna = ScenarioAntenna()
     lidar: ScenarioLidar = ScenarioLidar()
+    second_lidar: SecondLidar | None = None
     noise: Noise = Noise()
     clock: ScenarioClock = ScenarioClock()
     gnss: Gnss = Gnss()
@@ -438,7 +454,16 @@ class Scenario(ScenarioTable, frozen=True):
             raise ValueError("`t0` has no UTC offset")
         if self.line is not None and self.flight is None:
             raise ValueError("`line` needs a `flight`: the scanner of a tractor turns about its axis")
+        if self.second_lidar is not None and self.flight is not None:
+            raise ValueError("`second_lidar` needs a drive: a `flight` has one scanner")
         msgspec.structs.force_setattr(self, "soil", left_by(self.implement, self.soil, self.seed))
+
+    @property
+    def by_second_lidar(self) -> Scenario:
+        """The same drive as the second scanner records it, with noise of its own."""
+        assert self.second_lidar is not None
+        clock = msgspec.structs.replace(self.clock, true_lidar_minus_gnss_s=self.second_lidar.true_minus_gnss_s)
+        return msgspec.structs.replace(self, seed=self.seed + OWN_SEED, lidar=self.second_lidar, clock=clock)
 
     @property
     def t0_us(self) -> int:

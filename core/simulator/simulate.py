@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from furrowmap.core.simulator.gnss import receivers, report, sentences
 from furrowmap.core.simulator.motion import stand_on
 from furrowmap.core.simulator.noise import random_for
 from furrowmap.core.simulator.path import plan_path
-from furrowmap.core.simulator.recording import World, record, recording_file
+from furrowmap.core.simulator.recording import World, record, recording_file, second_file
 from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.scenario_file import as_toml
 from furrowmap.core.simulator.simulate_flight import Written, moving, session_head, write_flight, write_sensors
@@ -91,6 +91,11 @@ def _write_drive(folder: Path, scenario: Scenario, progress: Progress) -> Writte
         (folder / name).write_text(sentences(fixes, site, station), encoding="ascii", newline="")
     write_sensors(folder, world, end_s)
     lidar, seen_after = record(folder / capture, world, track.duration_s, progress)
+    if scenario.second_lidar is not None:
+        second = replace(world, scenario=scenario.by_second_lidar)
+        beside, seen = record(folder / second_file(scenario.second_lidar), second, track.duration_s, progress)
+        lidar |= {"second_lidar": beside}
+        seen_after = np.maximum(seen_after, seen)
     progress("truth", 0.0)
     surface = coarse_surface(scenario, ground)
     write_trajectory(truth / "trajectory.csv", motion, site)

@@ -19,8 +19,8 @@ from furrowmap.core.simulator.line_scanner import record_lines
 from furrowmap.core.simulator.motion import SimulatedMotion
 from furrowmap.core.simulator.moving_mount import SimulatedMountMotion
 from furrowmap.core.simulator.noise import random_for
-from furrowmap.core.simulator.recording import SCANNERS, World, record, recording_file
-from furrowmap.core.simulator.scenario import Scenario
+from furrowmap.core.simulator.recording import SCANNERS, World, record, recording_file, second_file
+from furrowmap.core.simulator.scenario import Scenario, ScenarioLidar
 from furrowmap.core.simulator.site import find_site
 from furrowmap.core.simulator.soil import make_ground
 
@@ -109,9 +109,12 @@ def flight_figures(motion: SimulatedMotion) -> dict[str, Any]:
 
 def session_head(scenario: Scenario, capture: str) -> str:
     """The session as its user states it, but for an implement and a field."""
-    lidar = scenario.lidar
-    stated = "" if scenario.line else SCANNERS[lidar.model].stated
-    model = f'model = "{stated}"\n' if stated else ""
+    second, line = scenario.second_lidar, scenario.line is not None
+    scanner = _lidar_table("[lidar]\n", scenario.lidar, line=line)
+    if second is not None:
+        first, other = (f"[[lidar]]\nname = {json.dumps(name)}\n" for name in (second.first_name, second.name))
+        other += f'files = ["{second_file(second)}"]\nminus_gnss_s = {second.minus_gnss_s!r}\n'
+        scanner = _lidar_table(first, scenario.lidar) + "\n" + _lidar_table(other, second)
     parts = [
         f"""\
 furrowmap = 1
@@ -130,16 +133,19 @@ coordinates = "as-recorded"
 [antenna]
 xyz_m = {list(scenario.antenna.xyz_m)}
 
-[lidar]
-{model}xyz_m = {list(lidar.xyz_m)}
-rpy_deg = {list(lidar.rpy_deg)}
-"""
+{scanner}"""
     ]
     if scenario.imu is not None:
         parts.append(_imu_table(scenario.imu))
     if scenario.mount is not None:
         parts.append('\n[mount]\nattitude = "mount.csv"\n')
     return "".join(parts)
+
+
+def _lidar_table(head: str, lidar: ScenarioLidar, *, line: bool = False) -> str:
+    stated = "" if line else SCANNERS[lidar.model].stated
+    model = f'model = "{stated}"\n' if stated else ""
+    return f"{head}{model}xyz_m = {list(lidar.xyz_m)}\nrpy_deg = {list(lidar.rpy_deg)}\n"
 
 
 def _imu_table(imu: ScenarioImu) -> str:

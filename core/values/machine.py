@@ -79,6 +79,7 @@ class Machine(TomlTable, frozen=True):
         calibrated: where the angles in `lidar` are from; None where they were measured.
         further_implements: the others of several `[[implement]]`.
         record: what is recorded on it; None where that is not stated.
+        further_lidars: the others of several `[[lidar]]`.
     """
 
     furrowmap_machine: int = MACHINE_SCHEMA
@@ -91,6 +92,7 @@ class Machine(TomlTable, frozen=True):
     calibrated: Calibrated | None = None
     further_implements: tuple[MachineImplement, ...] = ()
     record: MachineRecord | None = None
+    further_lidars: tuple[Lidar, ...] = ()
 
     @property
     def implements(self) -> tuple[MachineImplement, ...]:

@@ -62,6 +62,7 @@ class Scan:
         returns: (n,) uint8, number of returns of that firing.
         whole: False if the start or end of the recording or a pause cut the revolution short.
         lasers: number of lasers of the scanner; 0 if it is not known.
+        scanner: number of the scanner among those of a session, 0 for the first.
     """
 
     number: int
@@ -74,6 +75,7 @@ class Scan:
     returns: NDArray[np.uint8]
     whole: bool = True
     lasers: int = 0
+    scanner: int = 0
 
     def __post_init__(self) -> None:
         n = len(self.t_s)

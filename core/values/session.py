@@ -72,8 +72,12 @@ class Antenna(TomlTable, frozen=True):
 
 
 class Lidar(TomlTable, frozen=True):
-    """`[lidar]`: the laser scanner and its mounting."""
+    """`[lidar]`: the laser scanner and its mounting, or one of several `[[lidar]]`."""
 
+    name: str = ""
+    files: tuple[str, ...] = ()
+    source: str | None = None
+    minus_gnss_s: float | None = None
     xyz_m: Vector3 | None = None
     rpy_deg: Vector3 | None = None
     rpy_walk_deg_rts: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
@@ -265,6 +269,7 @@ class Session(TomlTable, frozen=True):
         recording, crs, antenna, lidar, imu, attitude, mount, implement, field, trajectory, camera, parcels, features,
             run, report: the tables; `implement` is the one that moves soil, of several.
         further_implements: the others of several `[[implement]]`, in their order.
+        further_lidars: the others of several `[[lidar]]` than the first, from which the trajectory comes.
     """
 
     furrowmap: int
@@ -285,6 +290,20 @@ class Session(TomlTable, frozen=True):
     report: Report = Report()
     camera: CameraSource | None = None
     further_implements: tuple[Implement, ...] = ()
+    further_lidars: tuple[Lidar, ...] = ()
+
+    @property
+    def lidars(self) -> tuple[Lidar, ...]:
+        """All scanners, that from which the trajectory comes first, each with its files and the offset of its clock."""
+        own = (self.lidar, *self.further_lidars)
+        return tuple(
+            msgspec.structs.replace(
+                lidar,
+                files=lidar.files or self.recording.lidar,
+                minus_gnss_s=self.recording.lidar_minus_gnss_s if lidar.minus_gnss_s is None else lidar.minus_gnss_s,
+            )
+            for lidar in own
+        )
 
     @property
     def implements(self) -> tuple[Implement, ...]:
@@ -301,8 +320,8 @@ class Session(TomlTable, frozen=True):
             return ()
         known = {
             "antenna.xyz_m": self.antenna is not None or self.trajectory is not None,
-            "lidar.xyz_m": self.lidar.xyz_m is not None,
-            "lidar.rpy_deg": self.lidar.rpy_deg is not None,
+            "lidar.xyz_m": all(lidar.xyz_m is not None for lidar in self.lidars),
+            "lidar.rpy_deg": all(lidar.rpy_deg is not None for lidar in self.lidars),
         }
         return tuple(key for key, stated in known.items() if not stated)
 
@@ -325,6 +344,10 @@ EXAMPLES: Final = {
     "antenna.xyz_m": "[1.85, 0.0, 1.62]",
     "antenna.baseline_yaw_deg": "90.0",
     "antenna.heading_sigma_deg": "0.3",
+    "lidar.name": '"rear"',
+    "lidar.files": '["recording.pcap"]',
+    "lidar.source": '"192.168.1.202"',
+    "lidar.minus_gnss_s": "0.0",
     "lidar.model": '"VLP-16"',
     "lidar.xyz_m": "[-0.55, 0.0, 2.35]",
     "lidar.rpy_deg": "[0.0, 40.0, 180.0]",

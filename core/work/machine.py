@@ -81,11 +81,19 @@ def _alone(xyz_m, laser, column, image):  # type: ignore[no-untyped-def]
     return out
 
 
-def classifier(machine: MachineVoxels | None) -> Callable[[Scan], NDArray[np.uint8]]:
-    """A function from a scan to the classes (n,) uint8 of its points: VEHICLE, IMPLEMENT, NOISE, else OTHER."""
+def classifier(*machines: MachineVoxels | None) -> Callable[[Scan], NDArray[np.uint8]]:
+    """A function from a scan to the classes (n,) uint8 of its points: VEHICLE, IMPLEMENT, NOISE, else OTHER.
+
+    Args:
+        machines: of which points may be; None for one that is not known.
+    """
 
     def classify(scan: Scan) -> NDArray[np.uint8]:
-        classes = machine.classify(scan) if machine is not None else unclassified(scan)
+        classes = unclassified(scan)
+        for machine in machines:
+            if machine is not None:
+                own = machine.classify(scan)
+                classes = np.where(own == PointClass.OTHER, classes, own)
         classes[isolated(scan) & (classes == PointClass.OTHER)] = PointClass.NOISE
         return classes
 

@@ -29,7 +29,7 @@ from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.reports.parcel_section import parcel_sections
 from furrowmap.exporters.reports.range_images import range_images
-from furrowmap.exporters.reports.run_report import points_by_class, verdict
+from furrowmap.exporters.reports.run_report import points_by_class, scanners, verdict
 
 MAX_ROWS: Final = 60
 """Maximum length of the tables of passes and strips."""
@@ -82,6 +82,7 @@ def write_page(
         when=span_words(found.placement.first_s, found.placement.last_s, found.zone),
         alarms=[text for text in (said["text"], *said["doubts"]) if text],
         found=found,
+        scanners=scanners(found),
         zone=found.zone,
         poses=poses,
         draw=drawings,

@@ -62,6 +62,8 @@ def run_report(
         rasters: figures of the surfaces; None for no surfaces.
     """
     calibration = {"lidar": _scanner_mounting(found.boresight)} if found.boresight is not None else {}
+    if found.further_scanners:
+        calibration["scanners"] = {name: mounting.plain() for name, mounting in found.further_scanners.items()}
     calibration |= {"camera": found.image_aid.calibration()} if found.image_aid is not None else {}
     return {
         "session_file": session_file,
@@ -233,6 +235,7 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
         "scans": placement.scans,
         "scans_whole": placement.scans_whole,
         "scans_without_pose": placement.scans_without_pose,
+        **({"scanners": scanners(found)} if found.further_scanners else {}),
         "start": iso_utc(placement.first_s),
         "end": iso_utc(placement.last_s),
         "time_zone": found.zone.key,
@@ -258,6 +261,15 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
             else {}
         ),
     }
+
+
+def scanners(found: RunResult) -> list[dict[str, Any]]:
+    """Name, files, number of scans and of points in the cloud of each scanner."""
+    placement = found.placement
+    return [
+        {"name": lidar.name, "files": list(lidar.files), "scans": scans, "points": points}
+        for lidar, scans, points in zip(found.session.lidars, placement.scans_of, placement.points_of, strict=True)
+    ]
 
 
 def points_by_class(cloud: CopcSummary) -> dict[str, int]:

@@ -117,7 +117,8 @@ def open_products(
     flies = (session.imu is not None or session.attitude is not None) and session.implement is None
     with ExitStack() as stack:
         colours = stack.enter_context(RunColours(frames, origin_m)) if frames is not None else None
-        cloud = stack.enter_context(open_cloud(staging / CLOUD, frame, origin_m, colours))
+        several = len(session.lidars) > 1
+        cloud = stack.enter_context(open_cloud(staging / CLOUD, frame, origin_m, colours, several_scanners=several))
         # All returns of an aircraft make surfaces: they meet the ground steeply.
         land = stack.enter_context(FieldPoints(staging, reach_m=math.inf if flies else MAX_REACH_M))
         land.begin(origin_m)
@@ -299,23 +300,33 @@ def _without_none(value: Any) -> Any:
 
 @contextmanager
 def open_cloud(
-    path: Path, frame: MapFrame, origin_m: tuple[float, float, float], colours: RunColours | None
+    path: Path,
+    frame: MapFrame,
+    origin_m: tuple[float, float, float],
+    colours: RunColours | None,
+    *,
+    several_scanners: bool = False,
 ) -> Iterator[RunCloud]:
     """The cloud in a file, coordinates against a local origin; with `colours` its points get theirs.
 
-    A thread packs the points and sorts those that exceed the memory into a file.
+    Points of several scanners have the number of theirs. A thread packs the points and sorts those that exceed the
+    memory into a file.
     """
-    extra = (("scan", "uint32", "scan (revolution) number"),)
+    extra: tuple[tuple[str, str, str], ...] = (("scan", "uint32", "scan (revolution) number"),)
+    if several_scanners:
+        extra += (("scanner", "uint8", "scanner, 0 for the first"),)
     kind = CopcFormat(las_wkt(frame.whole_crs), origin_m, SCALE_M, extra, colour=colours is not None)
     with CopcWriter(path, kind) as writer, ExitStack() as packing:
-        yield RunCloud(writer, packing, colours)
+        yield RunCloud(writer, packing, colours, several_scanners=several_scanners)
 
 
 class RunCloud:
     """The cloud of a run, which is open."""
 
-    def __init__(self, writer: CopcWriter, packing: ExitStack, colours: RunColours | None) -> None:
-        self._writer, self._packing, self._colours = writer, packing, colours
+    def __init__(
+        self, writer: CopcWriter, packing: ExitStack, colours: RunColours | None, *, several_scanners: bool = False
+    ) -> None:
+        self._writer, self._packing, self._colours, self._several = writer, packing, colours, several_scanners
         self._append = packing.enter_context(behind(writer.append, SCANS_BEHIND))
         self._watch = GroundSampler()
 
@@ -332,7 +343,7 @@ class RunCloud:
                 returns=scan.returns,
                 classification=placed.classification,
                 rgb=np.broadcast_to(NO_COLOUR, (len(scan), 3)) if self._colours is not None else None,
-                extra={"scan": scan.number},
+                extra={"scan": scan.number} | ({"scanner": scan.scanner} if self._several else {}),
             )
         )
 

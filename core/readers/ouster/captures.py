@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.ouster.clock import PTP_PORT, SensorTime, announced_s, settle
 from furrowmap.core.readers.ouster.metadata import LEGACY, PROFILES, Metadata, heads, metadata_beside, packet_bytes
 from furrowmap.core.readers.ouster.packets import ByteArray, OusterDecoder
-from furrowmap.core.readers.pcap import Capture, Datagrams, first_datagrams
+from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
@@ -77,9 +77,12 @@ class PacketSender:
     @property
     def name(self) -> str:
         """For messages."""
-        host, port = self.sender >> 16, self.sender & 0xFFFF
-        address = ".".join(str(host >> shift & 255) for shift in (24, 16, 8, 0)) if host < 1 << 32 else "IPv6"
-        return f"serial number {self.serial}" if self.serial else f"{address} to port {port}"
+        return f"serial number {self.serial}" if self.serial else address_of(self.sender)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Serial number, address and port."""
+        return (str(self.serial), address_of(self.sender), *address_of(self.sender).split(" to port "))
 
 
 class OusterSensor(NamedTuple):
@@ -92,6 +95,11 @@ class OusterSensor(NamedTuple):
     def name(self) -> str:
         """For messages."""
         return f"{self.metadata.product}, {self.sender.name}"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What a session may state as its source."""
+        return (self.name, self.sender.name, *self.sender.names)
 
 
 def looks_like_data(datagrams: Datagrams) -> Counter[PacketSender]:
@@ -195,7 +203,7 @@ class OusterPcap(OusterReader):
     """Scans in captures of an OS0, OS1, OS2 or OSDome, with the sensor's metadata as JSON in the same folder.
 
     Opening it reads the first seconds to find the sensors, those with most packets first, and what sets their clocks.
-    `model` of the options chooses among several sensors by product line or serial number.
+    Options choose among several: `model` by product line or serial number, `source` by serial number, address or port.
 
     Raises:
         InputError: on opening, if a file is not a capture, or has no Ouster packets; if the metadata of their sensor
@@ -210,6 +218,11 @@ class OusterPcap(OusterReader):
         found, first, tai_s = _survey(self.paths)
         beside = metadata_beside(self.paths[0])
         self._sensors, self._uncertain = sensors_of(self.paths[0], found, beside, options.model)
+        if options.source is not None:
+            there = "; ".join(sensor.name for sensor in self._sensors)
+            self._sensors = [sensor for sensor in self._sensors if options.source in sensor.names]
+            if not self._sensors:
+                raise InputError("sensor-not-there", path=self.paths[0], wanted=options.source, there=there)
         sender, metadata = self._sensors[0]
         mine = [sender.sort(datagrams, metadata) for datagrams in first]
         stamp_ns = np.concatenate(

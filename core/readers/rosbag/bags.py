@@ -59,6 +59,10 @@ _DJI_NODES: Final = frozenset({"dji_sdk", "dji_osdk_ros"})
 _POINT_TIMES: Final = "time stamps of the points, the clock of the scans"
 
 
+_SCANS: Final = (*PACKET_SCANS, *LIVOX_CLOUDS, POINT_CLOUD, LASER_SCAN)
+"""Types of messages with scans, those preferred first."""
+
+
 @dataclass
 class _Topic:
     """The messages of one name and type."""
@@ -92,8 +96,8 @@ class _RosBag(FileReader):
         self._topics: list[_Topic] | None = None
 
     def scans(self) -> Iterator[Scan]:
-        """The scans of the topic with the most packets, else point clouds, else sweeps of a line scanner."""
-        chosen = self._choose("laser scans", *PACKET_SCANS, *LIVOX_CLOUDS, POINT_CLOUD, LASER_SCAN)
+        """The scans of the topic that `options` name, else of that with the most packets, point clouds, or sweeps."""
+        chosen = self._choose("laser scans", *_SCANS, wanted=self.options.source)
         yield from self._scans(chosen, self._decoder(chosen))
 
     def track(self) -> GnssTrack:
@@ -326,7 +330,7 @@ class _RosBag(FileReader):
             self._add_notices(Notice("bag-messages-damaged", source=source, damaged=damaged, first=first))
 
     def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        chosen = self._choose("laser scans", *PACKET_SCANS, *LIVOX_CLOUDS, POINT_CLOUD, LASER_SCAN)
+        chosen = self._choose("laser scans", *_SCANS, wanted=self.options.source)
         decoder = self._decoder(chosen)
         scans = points = 0
         first_s, last_s = float("inf"), float("-inf")
@@ -335,6 +339,9 @@ class _RosBag(FileReader):
             points += len(scan)
             first_s, last_s = min(first_s, float(scan.t_s[0])), max(last_s, float(scan.t_s[-1]))
         facts = {"topic": chosen.name, "scans": scans, "points": points} | decoder.facts()
+        sensors = [topic.name for topic in self._found() if topic.type == chosen.type]
+        if len(sensors) > 1:
+            facts["sensors"] = sensors
         return facts, ClockReading(self.clock, first_s, last_s, _POINT_TIMES)
 
     def _imu_facts(self) -> tuple[dict[str, Any], ClockReading]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.pcap import Capture, Datagrams, first_datagrams
+from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.spinning.angles import AngleTable
@@ -125,7 +124,7 @@ class SensorTraffic:
             "model": model.name if model else None,
             **self.decoder.angles,
             "return_mode": next(iter(modes)) if len(modes) == 1 else modes,
-            "sender": _address_of(sender),
+            "sender": address_of(sender),
             "data_packets": counts.packets,
             "position_packets": self.pps.total(),
             "other_packets": self.other_packets,
@@ -190,12 +189,6 @@ def position_packets(datagrams: Datagrams, which: NDArray[np.bool_]) -> list[tup
     return found
 
 
-def _address_of(sender: int) -> str:
-    """A sender (see `Datagrams.sender`) for messages."""
-    host, port = sender >> 16, sender & 0xFFFF
-    return f"{IPv4Address(host) if host < 1 << 32 else 'an IPv6 address'} to port {port}"
-
-
 GLANCE_S: Final = 0.12
 """Duration of the packets that are read where a glance is sufficient: a revolution, in two parts."""
 _SURVEY_PACKETS: Final = 4000
@@ -212,9 +205,12 @@ class SpinningPcap(FileReader):
     position packets but the sensor has no GPS lock yet, it reads up to the lock, so that scans before it have the
     correct time too. Angles come from a calibration file beside the capture, if the maker has such.
 
+    `source` of the options chooses among several sensors by their address or UDP port.
+
     Raises:
-        InputError: on opening, if a file is not a capture, or has no packets of the maker or those of several sensors,
-            or the calibration beside it is damaged; on reading, if the model is not supported.
+        InputError: on opening, if a file is not a capture, or has no packets of the maker or of the sensor chosen, or
+            the calibration beside it is damaged; on reading, if the model is not supported, or there are several
+            sensors and none is chosen.
     """
 
     maker: ClassVar[Maker]
@@ -225,7 +221,8 @@ class SpinningPcap(FileReader):
         if options.model:
             self.maker.named(options.model)
         self._angles = AngleTable.beside(self.paths) if self.maker.calibrated else None
-        self._sender, self._first_packets = _survey(self.maker, self.paths)
+        self._senders, self._first_packets = _survey(self.maker, self.paths, options.source)
+        self._sender = self._senders[0]
         self.clock: Clock = settle(*self._first_packets, options.near_s)[0].kind
         self.clocks: tuple[ClockReading, ...] = ()
 
@@ -237,14 +234,19 @@ class SpinningPcap(FileReader):
 
     def scans(self) -> Iterator[Scan]:
         """The scans of all files, streamed; `notices` and `clocks` are complete at the end."""
+        if len(self._senders) > 1:
+            names = [address_of(sender) for sender in self._senders]
+            raise InputError("two-sensors", paths=self.name, words="; ".join(names), example=names[0])
         return self._read(self.paths, SensorTraffic(self.maker))
 
     def inspect(self) -> Inspection:
-        """Read the whole first file and report what it contains."""
+        """Read the whole first file and report what it contains, of several sensors the one with most packets."""
         traffic = SensorTraffic(self.maker)
         for _ in self._read(self.paths[:1], traffic):
             pass
         facts = traffic.facts(self._sender)
+        if len(self._senders) > 1:
+            facts["sensors"] = [address_of(sender) for sender in self._senders]
         return Inspection(self.paths[0], self.format, self.title, facts, self.clocks, tuple(self.notices))
 
     def _read(self, paths: Sequence[Path], traffic: SensorTraffic) -> Iterator[Scan]:
@@ -275,9 +277,12 @@ class SpinningPcap(FileReader):
 
 
 def _survey(
-    maker: Maker, paths: Sequence[Path]
-) -> tuple[int, tuple[NDArray[np.uint32], FloatArray, list[PositionPacket]]]:
-    """The sensor's sender; stamps and the recorder's times of its first data packets; position packets up to a lock."""
+    maker: Maker, paths: Sequence[Path], wanted: str | None
+) -> tuple[list[int], tuple[NDArray[np.uint32], FloatArray, list[PositionPacket]]]:
+    """The sensors' senders; of that with most packets the stamps and the recorder's times of the first data packets.
+
+    Position packets are those up to a lock.
+    """
     stamps: list[NDArray[np.uint32]] = []
     senders: list[NDArray[np.uint64]] = []
     times: list[NDArray[np.float64]] = []
@@ -306,10 +311,11 @@ def _survey(
             frames = f"{len(positions):,} position packets" + (f", {frames}" if frames else "")
         raise InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")
     all_senders = np.concatenate(senders)
-    sender = _only_sender(paths, all_senders)
+    several = _senders(paths, all_senders, wanted)
+    sender = several[0]
     mine = all_senders == np.uint64(sender)
     from_sensor = [p for from_, p in positions if from_ >> 16 == sender >> 16]
-    return sender, (np.concatenate(stamps)[mine], np.concatenate(times)[mine], from_sensor)
+    return several, (np.concatenate(stamps)[mine], np.concatenate(times)[mine], from_sensor)
 
 
 def _blocks(paths: Sequence[Path], skipped: Counter[str]) -> Iterator[Datagrams]:
@@ -320,19 +326,16 @@ def _blocks(paths: Sequence[Path], skipped: Counter[str]) -> Iterator[Datagrams]
             skipped.update(capture.skipped)
 
 
-def _only_sender(paths: Sequence[Path], senders: NDArray[np.uint64]) -> int:
-    """The sensor that sends the packets."""
+def _senders(paths: Sequence[Path], senders: NDArray[np.uint64], wanted: str | None) -> list[int]:
+    """The sensors that send the packets, or the one wanted."""
     found, counts = np.unique(senders, return_counts=True)
-    order = np.argsort(-counts)
+    order = np.argsort(-counts, kind="stable")
     least = max(_STRAY_SHARE * counts[order[0]], _STRAY_PACKETS)
-    several = [(int(found[i]), int(counts[i])) for i in order if i == order[0] or counts[i] >= least]
-    if len(several) > 1:
-        words = "; ".join(f"{_address_of(sender)} ({n:,} packets)" for sender, n in several)
-        raise InputError(
-            "two-sensors",
-            paths=paths[0],
-            several=len(several),
-            words=words,
-            value=str(_address_of(several[0][0])).split(" ")[0],
-        )
-    return several[0][0]
+    several = [int(found[i]) for i in order if i == order[0] or counts[i] >= least]
+    if wanted is None:
+        return several
+    chosen = [one for one in several if wanted in (address_of(one), *address_of(one).split(" to port "))]
+    if not chosen:
+        there = "; ".join(map(address_of, several))
+        raise InputError("sensor-not-there", path=paths[0], wanted=wanted, there=there)
+    return chosen

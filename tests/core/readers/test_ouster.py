@@ -245,6 +245,14 @@ def test_two_sensors__are_told_apart(shared_data: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         scans_of(folder / "same_ports.pcap", ReadOptions(model="VLP-16"))
     assert caught.value.code == "ouster-other-sensor"
+    by_model, by_source = (
+        scans_of(folder / "same_ports.pcap", options)[1]
+        for options in (ReadOptions(model="OS-0-128"), ReadOptions(source="122247000785"))
+    )
+    assert [len(scan) for scan in by_source] == [len(scan) for scan in by_model]
+    with pytest.raises(InputError, match="OS-1-64-AH") as caught:
+        scans_of(folder / "same_ports.pcap", ReadOptions(source="7500"))
+    assert caught.value.code == "sensor-not-there"
     alone = tmp_path / "same_ports.pcap"
     alone.write_bytes((folder / alone.name).read_bytes())
     (tmp_path / "same_ports.1.json").write_text((folder / "same_ports.1.json").read_text())

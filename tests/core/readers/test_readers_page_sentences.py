@@ -16,7 +16,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from furrowmap.core.readers.isoxml.files import open_task_files
 from furrowmap.core.readers.isoxml.tasks import read_tasks
-from furrowmap.core.readers.reader import ReadOptions, open_recording
+from furrowmap.core.readers.reader import GivesScans, ReadOptions, open_recording
 from furrowmap.core.readers.rosbag.clouds import CloudScans
 from furrowmap.core.readers.rosbag.storage import BagMessage
 from furrowmap.core.readers.states_csv import StatesCsv
@@ -126,6 +126,20 @@ def test_bag__packets_are_preferred_to_clouds(tmp_path: Path) -> None:
     assert reader.inspect().facts["scans"]["topic"] == "/packets"
     assert max(len(scan) for scan in reader.scans()) > len(revolution())
     assert any(notice.code == "bag-topic-chosen" and "/points (3)" in notice.text for notice in reader.notices)
+
+
+def test_bag_with_two_scanners__gives_the_topic_that_is_chosen(tmp_path: Path) -> None:
+    messages = [
+        (topic, T0_NS + k * 10**8, point_cloud(T0_NS + k * 10**8, revolution(seed=seed)))
+        for k in range(3)
+        for topic, seed in (("/front/points", 1), ("/rear/points", 2))
+    ]
+    bag = write_bag2(tmp_path / "bag", messages)
+    reader = open_recording([bag], ReadOptions(source="/rear/points"))
+    assert isinstance(reader, GivesScans)
+    assert reader.inspect().facts["scans"]["sensors"] == ["/front/points", "/rear/points"]
+    (scan, *_) = reader.scans()
+    np.testing.assert_array_equal(np.sort(scan.xyz_m[:, 0]), np.sort(revolution(seed=2)["x"]))
 
 
 @pytest.mark.parametrize(("sigma_m", "fix"), [(0.0999, "fixed"), (0.1001, "float"), (None, "float")])

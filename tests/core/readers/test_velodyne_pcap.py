@@ -278,16 +278,24 @@ def test_clock__of_a_recorder_without_a_date_is_found_by_a_time_near(tmp_path: P
     assert points(reader.scans())[0, 0] == pytest.approx(T0, abs=2e-6)
 
 
-def test_promise_04__two_sensors_are_refused_by_name(tmp_path: Path) -> None:
+def test_promise_04__two_sensors_are_refused_by_name_until_one_is_chosen(tmp_path: Path) -> None:
     one = frames(turning(60, 0), T0)
     two = [
         (t + 1e-4, frame(data_packet(i * PACKET_US + 77, 100), sender="192.168.1.202")) for i, (t, _) in enumerate(one)
     ]
-    content = [f for pair in zip(one, two, strict=True) for f in pair]
-    with pytest.raises(InputError, match=r"192\.168\.1\.201 to port 2368 \(60 packets\); 192\.168\.1\.202") as error:
-        inspected(write_pcap(tmp_path / "a.pcap", content))
+    path = write_pcap(tmp_path / "a.pcap", [f for pair in zip(one, two, strict=True) for f in pair])
+    with pytest.raises(InputError, match=r"192\.168\.1\.201 to port 2368; 192\.168\.1\.202") as error:
+        VelodynePcap([path], ReadOptions()).scans()
     assert error.value.code == "two-sensors"
-    assert "src host 192.168.1.20" in error.value.lines[2]
+    names = inspected(path).facts["sensors"]
+    assert names == ["192.168.1.201 to port 2368", "192.168.1.202 to port 2368"]
+    alone = [read(write_pcap(tmp_path / f"{k}.pcap", content)) for k, content in enumerate((one, two))]
+    for source, expected in ((names[0], alone[0]), ("192.168.1.202", alone[1]), (names[1], alone[1])):
+        chosen = VelodynePcap([path], ReadOptions(source=source))
+        np.testing.assert_array_equal(points(chosen.scans()), expected)
+    with pytest.raises(InputError) as error:
+        open_recording([path], ReadOptions(source="2369"))
+    assert error.value.code == "sensor-not-there"
 
 
 def test_two_sensors__a_few_stray_packets_are_dropped_and_reported(tmp_path: Path) -> None:
