@@ -54,8 +54,8 @@ MIN_RETURNS: Final = 5_000
 """Of the ground that both see; with fewer the mounting is not shown."""
 BATCH_S: Final = 1.0
 """Registered returns of such a time share their errors."""
-SYSTEMATIC: Final = np.array([*np.radians([0.005, 0.005, 0.005]), 0.001, 0.001, 0.0015, 2e-5])
-"""Standard deviations of what all returns share: what is common to the lasers' constants, what a clod hides."""
+SYSTEMATIC: Final = np.array([*np.radians([0.015, 0.015, 0.01]), 0.002, 0.002, 0.002, 1e-4])
+"""Standard deviations of what all returns share: lasers' constants that grow evenly with elevation, what clods hide."""
 MAX_SIGMA_DEG: Final = 0.2
 """Largest standard deviation of roll and pitch with which the mounting is used."""
 RELATIVE_OFF_SIGMAS: Final = 3.0

@@ -192,6 +192,10 @@ class SessionPage(QWidget):
                 "is z. One that sweeps across the track has about -90, 0, -90. The run refines the angles; within 2° "
                 "is accurate enough."
             )
+        names = [str(self._lines.get(table, "name")) for table in self._lines.tables("lidar")]
+        if len(names) > 1:
+            several = self.tr("Scanners of this session: {}. Shown here is the first; the others stay as they are.")
+            turns = f"{several.format(', '.join(names))} {turns}"
         self.lidar_hint.setText(turns)
 
     def _write_findings(self, missing: Sequence[str]) -> None:

@@ -863,6 +863,7 @@ The other layers do not need it. Check the address and the network, or choose a 
   <message><source>Save and run</source><translation>保存して実行</translation></message>
   <message><source>Save as machine</source><translation>機械として保存</translation></message>
   <message><source>Scanner</source><translation>スキャナ</translation></message>
+  <message><source>Scanners of this session: {}. Shown here is the first; the others stay as they are.</source><translation>このセッションのスキャナ：{}。ここには一台目の値を示し、ほかはそのまま残ります。</translation></message>
   <message><source>Session</source><translation>セッション</translation></message>
   <message><source>The machine {name} cannot be read.</source><translation>機械 {name} を読めません。</translation></message>
   <message><source>Tractor or other ground vehicle</source><translation>トラクタなどの地上車両</translation></message>
