@@ -19,7 +19,7 @@ from furrowmap.core.runtime.errors import InputError
 FIELD, BOUNDARY = "Field.txt", "Boundary.txt"
 PARTS: Final = (b"$FieldDir", b"$Boundary", b"$RecPath", b"$Contour")
 """Begin the files, those of the first kind behind a line with the date."""
-_MAX_BYTES: Final = 1 << 26
+_MAX_FIELD_BYTES: Final = 1 << 26
 _MAX_FROM_ORIGIN_M: Final = 100_000.0
 _FLAGS: Final = ("true", "false")
 
@@ -61,7 +61,7 @@ def read_outline(folder: Path, unreadable: Callable[[str], InputError]) -> shape
 
 def _lines(path: Path, unreadable: Callable[[str], InputError]) -> list[str]:
     try:
-        if path.stat().st_size > _MAX_BYTES:
+        if path.stat().st_size > _MAX_FIELD_BYTES:
             raise unreadable(f"{path.name} is larger than a field's")
         return [line.strip() for line in path.read_text("utf-8-sig", "replace").splitlines() if line.strip()]
     except OSError as error:

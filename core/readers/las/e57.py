@@ -31,11 +31,11 @@ _PLACE: Final = [*((axis, "f8") for axis in "xyz"), ("intensity", "u2")]
 _COLOURS: Final = [(colour, "u2") for colour in ("red", "green", "blue")]
 _SCALED: Final = {"intensity": "intensity", "colorRed": "red", "colorGreen": "green", "colorBlue": "blue"}
 """Fields whose limits become those of 16 bits."""
-_FAULTS: Final = (struct.error, ValueError, KeyError, IndexError, OverflowError)
+_E57_FAULTS: Final = (struct.error, ValueError, KeyError, IndexError, OverflowError)
 
 
 @dataclass(frozen=True)
-class _Field:
+class _PackedField:
     """A field of a point: bits in its stream, and value = scale × (lowest + bits) + offset; floats have no scale."""
 
     name: str
@@ -46,7 +46,7 @@ class _Field:
     offset: float
 
     @classmethod
-    def of(cls, said: Element) -> _Field:
+    def of(cls, said: Element) -> _PackedField:
         kind = said.get("type")
         if kind == "Float":
             return cls(said.tag, 32 if said.get("precision") == "single" else 64, True, 0, 1.0, 0.0)  # noqa: FBT003
@@ -68,7 +68,7 @@ class _Field:
         at = first_bit + np.arange(count, dtype=np.int64) * self.bits
         words = np.lib.stride_tricks.sliding_window_view(data, 8)[at >> 3].copy().view("<u8")[:, 0]
         raw = (words >> (at & 7).astype(np.uint64)) & np.uint64((1 << self.bits) - 1)
-        return self.scale * (self.lowest + raw.astype(np.float64)) + self.offset
+        return np.asarray(self.scale * (self.lowest + raw.astype(np.float64)) + self.offset)
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class _Scan:
 
     at: int
     points: int
-    fields: tuple[_Field, ...]
+    fields: tuple[_PackedField, ...]
     limits: dict[str, tuple[float, float]]
     pose: FloatArray
 
@@ -101,7 +101,7 @@ class _Scan:
         count = int(points.get("recordCount"))
         if count < 0 or not np.isfinite(pose).all():
             raise ValueError(f"a scan has {count} points, or an invalid pose")
-        fields = tuple(_Field.of(each) for each in _child(points, "prototype").children)
+        fields = tuple(_PackedField.of(each) for each in _child(points, "prototype").children)
         return cls(_logical(place, page_bytes), count, fields, limits, pose)
 
     def rows(self, column: dict[str, FloatArray], row: np.dtype[np.void]) -> NDArray[np.void]:
@@ -150,7 +150,7 @@ class E57Points(PointTable):
                 try:
                     for column in _columns(file, self.page_bytes, scan):
                         yield batch_of_rows(scan.rows(column, self.row))
-                except _FAULTS as error:
+                except _E57_FAULTS as error:
                     raise InputError("points-damaged.e57", path=path, reason=str(error)[:100]) from None
 
 
@@ -170,7 +170,7 @@ def read_e57(path: Path) -> E57Points:
         scans = tuple(_Scan.of(each, page_bytes) for each in _child(root, "data3D").children)
         if not scans:
             raise ValueError("it has no scans")
-    except _FAULTS as error:
+    except _E57_FAULTS as error:
         raise InputError("bad-table-header", path=path, title="E57", reason=str(error)[:100]) from None
     coloured = any(field.name == "colorRed" for scan in scans for field in scan.fields)
     row = np.dtype(_PLACE + _COLOURS * coloured)

@@ -48,7 +48,7 @@ _PNG, _ZPNG = b"\x89PNG", b"\xf8\xfb"
 _ZPNG_HEADER: Final = struct.Struct("<2sHHBB")
 _MAX_PART_BYTES: Final = 1 << 28
 _MAX_RANGE_MM: Final = (1 << 19) - 1
-_FAULTS: Final = (struct.error, ValueError, IndexError, UnicodeDecodeError, zstd.ZstdError, RasterioError)
+_OSF_FAULTS: Final = (struct.error, ValueError, IndexError, UnicodeDecodeError, zstd.ZstdError, RasterioError)
 """What damaged content raises."""
 
 
@@ -158,7 +158,7 @@ class OusterOsf(OusterReader):
             for chunk in _chunks(file, path):
                 try:
                     messages = _FlatTable.root(chunk).tables(0) if chunk else []
-                except _FAULTS:
+                except _OSF_FAULTS:
                     messages = []
                 bad += not messages
                 for message in messages:
@@ -167,7 +167,7 @@ class OusterOsf(OusterReader):
                             others["other messages"] += 1
                             continue
                         batch = _packets_of(message, stream)
-                    except _FAULTS:
+                    except _OSF_FAULTS:
                         bad += 1
                         continue
                     yield *batch, file.tell() / size
@@ -204,7 +204,7 @@ def _header(file: BinaryIO, path: Path) -> tuple[int, int]:
     try:
         root = _FlatTable.root(header)
         end, finished = root.number(2, "Q"), root.number(1, "B") == 2 and root.number(3, "Q") == path.stat().st_size
-    except _FAULTS:
+    except _OSF_FAULTS:
         raise _damaged(path, "its header is damaged") from None
     if not finished or not begin <= end < path.stat().st_size:
         raise _damaged(path, "it was not finished by the recorder, or is cut")
@@ -226,7 +226,7 @@ def _streams(path: Path) -> list[_Stream]:
             (number, _FlatTable.root(content).number(0, "I")) for number, kind, content in entries if kind == _SCANS
         ]
         streams = [_stream(number, texts[sensor], path.name) for number, sensor in found]
-    except (*_FAULTS, KeyError) as error:
+    except (*_OSF_FAULTS, KeyError) as error:
         raise _damaged(path, f"its metadata are damaged ({error or type(error).__name__})") from None
     if not streams:
         raise _damaged(path, "it has no scans")
@@ -259,7 +259,7 @@ def _packets_of(message: _FlatTable, stream: _Stream) -> tuple[ByteArray, IntArr
     """The data packets of a turn as (data, offsets, the recorder's times); those without a valid column are left out.
 
     Raises:
-        one of `_FAULTS`: if it is damaged.
+        one of `_OSF_FAULTS`: if it is damaged.
     """
     m = stream.metadata
     turn = _FlatTable.root(message.vector(2, "u1").tobytes())
