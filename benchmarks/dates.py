@@ -36,7 +36,8 @@ TABLE = Path(__file__).with_suffix(".toml")
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "furrowmap" / "benchmarks" / "dates"
 HEIGHT_SIGMA_M = 0.04
 """Standard deviation of the bias of each date's heights."""
-BAR_M, BAR_DEG, BAR_SHARE = 0.003, 0.02, 0.03
+CELL_M = 0.05
+"""Of the surfaces of runs."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Judged:
         untouched_m: median error of the change where neither date worked.
         tilt_deg: of a plane through these errors.
         true_m, found_m, sigma_m: mean change of the ground worked in between.
-        level_sigmas: error of the tie over its sigmas: offset in the middle, tilts.
+        level_sigmas: error of the tie over its sigmas: offset in the middle, tilts (as of `level_sigmas`).
         place_m: error of the shift in place, by the mean errors of the two trajectories (the slow error of the
             receivers during a session leaves that open to some millimetres).
         upright: pieces of walls, and posts, that took part.
@@ -134,6 +135,8 @@ def judged_field(folders: Sequence[Path]) -> list[tuple[str, Judged]]:
             pair = (change["date_a"], change["date_b"])
             tie = next((row for row in account["ties"] if (row["date_a"], row["date_b"]) == pair), None)
             found = _judged(Path(made) / "tie" / change["raster"], truth(one), truth(other), change, tie, account)
+            if tie:
+                found = replace(found, level_sigmas=level_sigmas(one, other, tie, account["middle_m"]))
             place = np.full(2, np.nan)
             if tie:
                 moved = np.array([tie["east_m"], tie["north_m"]])
@@ -184,10 +187,6 @@ def _judged(
     design = np.column_stack([np.ones(still.sum()), east[still], north[still]])
     plane = robust_plane(design, error[still])
     between = np.isfinite(other["worked_time"])
-    sigmas = (
-        np.array([tie[f"{key}_sigma"] for key in ("height_m", "tilt_east_deg", "tilt_north_deg")]) if tie else np.nan
-    )
-    off = plane * [1.0, np.degrees(1.0), np.degrees(1.0)]
     return Judged(
         offset_m=-tie["height_m"] if tie else np.nan,
         untouched_m=float(np.median(error[still])),
@@ -195,10 +194,48 @@ def _judged(
         true_m=float((other["after"] - one["after"])[between].mean()),
         found_m=change["mean_change_m"],
         sigma_m=change["mean_change_sigma_m"],
-        level_sigmas=np.atleast_1d(off / sigmas),
+        level_sigmas=np.full(3, np.nan),
         place_m=np.full(2, np.nan),
         upright=0,
     )
+
+
+def level_sigmas(one: Path, other: Path, tie: Mapping[str, Any], middle_m: Sequence[float]) -> FloatArray:
+    """Errors (3,) of a tie over its standard deviations: offset in the middle, tilts east and north.
+
+    A right tie is the plane through the difference of the errors of both surfaces before the tool, each against its own
+    ground, wherever both dates saw any, whether it was worked in between or not.
+    """
+    (a, west_a, north_a, ground), (b, west_b, north_b, _) = (surface_error(recording) for recording in (one, other))
+    west, north = max(west_a, west_b), min(north_a, north_b)
+    a, b = a[north_a - north :, west - west_a :], b[north_b - north :, west - west_b :]
+    rows, columns = min(a.shape[0], b.shape[0]), min(a.shape[1], b.shape[1])
+    differ = b[:rows, :columns] - a[:rows, :columns]
+    known = np.isfinite(differ)
+    known &= np.abs(differ - np.median(differ[known])) < 0.3
+    i, j = np.nonzero(known)
+    x, y = CELL_M * (j + west + 0.5) - middle_m[0], CELL_M * (north - i - 0.5) - middle_m[1]
+    design = np.column_stack([np.ones(len(x)), x, y])
+    slope = robust_plane(design, ground[north_a - north :, west - west_a :][i, j])[1:]
+    plane = robust_plane(design, differ[known])
+    plane[0] -= slope @ (tie["east_m"], tie["north_m"])  # the tie moves a slope in place as well
+    keys = ("height_m", "tilt_east_deg", "tilt_north_deg")
+    moved, sigma = (np.array([tie[f"{key}{end}"] for key in keys]) for end in ("", "_sigma"))
+    return np.asarray((moved + plane * [1.0, np.degrees(1.0), np.degrees(1.0)]) / sigma)
+
+
+def surface_error(recording: Path) -> tuple[FloatArray, int, int, FloatArray]:
+    """Heights before the tool less the true ones (rows, columns), cells to the western and northern edge, true ones."""
+    with rasterio.open(CACHE / "results" / recording.name / "dsm_before.tif") as opened:
+        values, to_map = opened.read(1, masked=True).astype(np.float64).filled(np.nan), opened.transform
+    ground, (rows, columns) = truth(recording), values.shape
+    column = np.floor((to_map.c + to_map.a * (np.arange(columns) + 0.5) - ground["e0"]) / ground["cell_m"]).astype(int)
+    row = np.floor((to_map.f + to_map.e * (np.arange(rows) + 0.5) - ground["n0"]) / ground["cell_m"]).astype(int)
+    height, width = ground["before"].shape
+    there = ((row >= 0) & (row < height))[:, None] & ((column >= 0) & (column < width))[None]
+    true = ground["before"][np.ix_(row.clip(0, height - 1), column.clip(0, width - 1))]
+    edges = round(to_map.c / CELL_M), round(to_map.f / CELL_M)
+    return np.where(there, values - true, np.nan), *edges, true
 
 
 def robust_plane(design: FloatArray, values: FloatArray) -> FloatArray:

@@ -143,14 +143,14 @@ def judged(truth: Path, field: Path) -> tuple[dict[str, float], dict[str, float]
 def misstate(session: Path, folder: Path, misstated: Mapping[str, Any], *, with_images: bool) -> Path:
     """The session in a folder with what is misstated, and its files beside it."""
     keys = tomllib.loads(session.read_text(encoding="utf-8"))
-    if not with_images:
-        keys.pop("camera", None)
+    for table in (*misstated.get("without", ()), *(() if with_images else ("camera",))):
+        keys.pop(table, None)
     for path in session.parent.iterdir():
         if path.is_file():
             shutil.copy(path, folder / path.name)
     for path, value in misstated.get("session", {}).items():
         table, key = path.split(".")
-        keys[table][key] = value
+        keys.setdefault(table, {})[key] = value
     if with_images and "camera" in keys:
         shutil.copytree(session.parent / "images", folder / "images")
     for name, change in (("gnss", _positions), ("imu", _inertial), ("parcels", _parcels)):

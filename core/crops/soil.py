@@ -225,14 +225,27 @@ def patch_nodes(parcel: Parcel) -> PatchNodes:
 
 def estimate_covariance(surroundings: list[SoilCells], trend: Trend = "plane") -> HeightCovariance:
     """How the soil departs from a trend by restricted maximum likelihood, from the cells around some parcels."""
+    return likely_covariances(surroundings, trend)[0][1]
+
+
+def likely_covariances(surroundings: list[SoilCells], trend: Trend = "plane") -> list[tuple[float, HeightCovariance]]:
+    """Probabilities of covariances by their restricted likelihood, all alike before, the likeliest first.
+
+    One place hardly tells a long bend from a tilt: covariances that are nearly as likely may differ in the error of a
+    trend by a factor of five.
+    """
     groups = [cells for cells in surroundings if len(cells) > MIN_SOIL_CELLS and _determines(cells, trend)]
-    best, found = -math.inf, HeightCovariance(0.0, RANGES_M[0], 0.01)
+    found = []
     for range_m in RANGES_M:
         for ratio in RATIOS:
             likelihood, cell = _likelihood(groups, HeightCovariance(ratio, range_m, 1.0), trend)
-            if likelihood > best:
-                best, found = likelihood, HeightCovariance(ratio * cell, range_m, cell)
-    return found
+            if math.isfinite(likelihood):
+                found.append((likelihood, HeightCovariance(ratio * cell, range_m, cell)))
+    if not found:
+        return [(1.0, HeightCovariance(0.0, RANGES_M[0], 0.01))]
+    found.sort(key=lambda one: -one[0])
+    share = [math.exp(likelihood - found[0][0]) for likelihood, _ in found]
+    return [(one / sum(share), covariance) for one, (_, covariance) in zip(share, found, strict=True)]
 
 
 def _likelihood(groups: list[SoilCells], covariance: HeightCovariance, trend: Trend) -> tuple[float, float]:

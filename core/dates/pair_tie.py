@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.crops.soil import OUTLIER_SIGMAS, HeightCovariance, SoilCells, estimate_covariance, plane_design
+from furrowmap.core.crops.soil import OUTLIER_SIGMAS, HeightCovariance, SoilCells, likely_covariances, plane_design
 from furrowmap.core.dates.ground_pair import DifferencePatches, GroundPair, smooth_pair, sum_differences
 from furrowmap.core.dates.upright import UprightTie
 from furrowmap.core.runtime.arrays import FloatArray
@@ -31,6 +31,8 @@ MIN_RELIEF_RATIO: Final = 3.0
 """The relief that both dates saw determines a shift if its sum over patches is so many times that of chance."""
 MAX_CONTRADICTION: Final = 3.0
 """Difference from the place that relief shows, in standard deviations, above which walls do not count."""
+MIN_PROBABILITY: Final = 0.01
+"""Covariances that are less probable do not count."""
 MAX_DIFFERENCE_M: Final = 0.30
 
 
@@ -65,10 +67,10 @@ def tie_pair(
 
     The shift in place is estimated from the relief within patches by least squares, each patch by itself a witness
     (sandwich covariance). Offset and tilt are those of a plane through the means of patches. What these
-    depart from it is correlated from patch to patch, as they show themselves (restricted maximum likelihood): the slow
-    errors of receivers bend a surface, and many cells of one neighbourhood say little about the next. The standard
-    deviations of the plane are those of least squares under that correlation. Walls and posts add what they show of
-    the place, unless they contradict the relief: then they moved, or are others.
+    depart from it is correlated from patch to patch, as they show themselves (restricted likelihood): the slow
+    errors of receivers bend a surface, and many cells of one neighbourhood say little about the next. The covariance
+    of the plane is that of least squares under that correlation, averaged over those that are likely. Walls and posts
+    add what they show of the place, unless they contradict the relief: then they moved, or are others.
 
     Args:
         place_sigma: (3,) standard deviations of the shift east and north (m) and of the turn (rad) before; the place is
@@ -162,20 +164,23 @@ def _complete_tie(found: DifferencePatches, middle_m: FloatArray, place: FloatAr
     off = found.difference_m - plane_design(found.xy_m, middle_m) @ _fit_plane(found, middle_m)
     even = np.abs(off) <= max(OUTLIER_SIGMAS * 1.4826 * float(np.median(np.abs(off))), 1e-4)
     cells = cells.at(even).thinned(TREND_PATCHES)
-    departure = estimate_covariance([cells.thinned(RELIEF_PATCHES)])
+    likely = likely_covariances([cells.thinned(RELIEF_PATCHES)])
     design = plane_design(cells.xy_m, middle_m)
     inverse = np.linalg.pinv(design)
     trend = inverse @ cells.height_m
-    lower, _ = departure.factor(cells)
-    spread = inverse @ np.tril(lower)
-    covariance = spread @ spread.T
+    covariance = np.zeros((3, 3))
+    for probability, departure in likely:
+        if probability > MIN_PROBABILITY:
+            lower, _ = departure.factor(cells)
+            spread = inverse @ np.tril(lower)
+            covariance += probability * spread @ spread.T
     departures = SoilCells(cells.xy_m, cells.height_m - design @ trend, cells.sigma_m)
     move, information = np.zeros(6), np.zeros((6, 6))
     move[LEVEL_TERMS], move[PLACE_TERMS] = -trend, place
     information[np.ix_(LEVEL_TERMS, LEVEL_TERMS)] = np.linalg.inv(covariance)
     information[np.ix_(PLACE_TERMS, PLACE_TERMS)] = of_place
     scatter = math.sqrt(float(np.median(found.variance_m2)))
-    return PairTie(move, information, int(found.count.sum()), len(found), departures, departure, scatter)
+    return PairTie(move, information, int(found.count.sum()), len(found), departures, likely[0][1], scatter)
 
 
 def tie_points(xy_m: FloatArray, above_m: FloatArray, sigma_m: FloatArray, middle_m: FloatArray) -> PairTie | None:
