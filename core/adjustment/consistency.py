@@ -12,7 +12,7 @@ import numpy as np
 from furrowmap.core.adjustment.antenna_sway import LEVER_CERTAIN_SIGMAS, AntennaSway
 from furrowmap.core.adjustment.clock_offset import MIN_OFFSET_GAIN, AntennaConstants
 from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S, Knots, State
-from furrowmap.core.estimation.vehicle import SLIP_EVERY_S, AxleSteps
+from furrowmap.core.estimation.vehicle import SLIP, SLIP_EVERY_S, AxleSteps
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
@@ -266,6 +266,11 @@ def enlarge_sigmas(
     if c.off:
         speed = float(np.sqrt(np.nanmean(trajectory.speed_mps**2)))
         place_m = max(place_m, abs(c.clock_s) * speed, float(np.hypot(*c.lever_m)))
+    if seen.cause is Cause.UNKNOWN:
+        # It may be the lever arm, as far as the sway leaves that open; and the nose may point aside as the axle slips.
+        left_open = np.hypot(seen.sway.lever_m, seen.sway.sigma_m)
+        place_m = float(np.linalg.norm(left_open[np.isfinite(left_open)]))
+        turned_deg = float(np.degrees(SLIP * seen.slip)) if seen.slip > MAX_SLIP else 0.0
     sigma[:, :3] = np.hypot(sigma[:, :3], place_m)
     sigma[:, 3:5] = np.hypot(sigma[:, 3:5], turn_deg)
     sigma[:, 5] = np.hypot(sigma[:, 5], turned_deg)

@@ -181,6 +181,15 @@ def test_sigmas__grow_to_what_the_cause_moves(seen: Seen, place_m: float, turn_d
     np.testing.assert_allclose(found[:, 5], np.hypot(grown[:, 5], 1.5))
 
 
+def test_sigmas__of_an_unknown_cause_hold_a_lever_arm_that_the_sway_leaves_open() -> None:
+    """And headings turn by what the axle slips, twice the 3 % of wheels."""
+    drive, seen = straight(), Seen(slip=2.0, sway=AntennaSway((0.3, 0.0, 0.0), (0.4, np.inf, np.inf)))
+    assert seen.cause is Cause.UNKNOWN
+    found, grown = enlarge_sigmas(drive, seen, LEVER_M, SENSOR_M).sigma, drive.sigma * seen.factor
+    np.testing.assert_allclose(found[:, :3], np.hypot(grown[:, :3], 0.5))
+    np.testing.assert_allclose(found[:, 5], np.hypot(grown[:, 5], np.degrees(0.06)))
+
+
 def test_sigmas__stay_where_nothing_contradicts() -> None:
     drive = straight()
     assert enlarge_sigmas(drive, Seen(slip=1.2), LEVER_M, SENSOR_M) is drive
