@@ -141,7 +141,7 @@ def novatel_seeds(folder: Path) -> list[Files]:
     return [
         {"gnss.gps": mend_novatel(b"".join(bestpos(k) for k in range(12)) + ins)},
         {"gnss.bin": BINARY + TEXT},
-        {"gnss.dat": unicore},
+        {"gnss.dat": unicore + mend_novatel(ins)},
     ]
 
 
