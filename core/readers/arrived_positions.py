@@ -20,7 +20,7 @@ _MARKS: Final[dict[type[PositionLog], bytes]] = {NmeaLog: b"$", UbxLog: UBX.sync
 """What a message of each format begins with."""
 _MIN_BYTES: Final = 256
 """From this on the format is looked for."""
-_MAX_BYTES: Final = 1 << 20
+_MAX_UNREAD_BYTES: Final = 1 << 20
 """That wait to be looked at; older ones are left out."""
 _MAX_MESSAGE: Final = 8192
 
@@ -61,7 +61,7 @@ class ArrivedPositions:
         """Keep bytes for `look`, which arrived at that time of this machine's clock. Another thread may call it."""
         with self._lock:
             self._bytes += data
-            del self._bytes[:-_MAX_BYTES]
+            del self._bytes[:-_MAX_UNREAD_BYTES]
             self._arrived_s = arrived_s
 
     def look(self) -> None:

@@ -28,7 +28,7 @@ CONNECTION_SILENT_S: Final = 10.0
 """Without bytes a TCP connection is opened anew: a server that lost its power says no farewell."""
 USUAL_BAUD: Final = 115_200
 _NETWORK: Final = re.compile(r"(tcp|udp)://([^:/\s]*):(\d{1,5})/?")
-_SERIAL: Final = re.compile(r"([^:]+?)(?::(\d+))?")
+_SERIAL_SOURCE: Final = re.compile(r"([^:]+?)(?::(\d+))?")
 _PIECE: Final = 1 << 16
 
 
@@ -49,7 +49,7 @@ class GnssSource:
     @classmethod
     def parse(cls, text: str) -> GnssSource:
         """The place in a text: DEVICE, DEVICE:BAUD, tcp://HOST:PORT or udp://:PORT. Raises UsageError."""
-        network, serial = _NETWORK.fullmatch(text), _SERIAL.fullmatch(text)
+        network, serial = _NETWORK.fullmatch(text), _SERIAL_SOURCE.fullmatch(text)
         if network and 0 < int(network[3]) < 1 << 16 and (network[2] or network[1] == "udp"):
             return cls(network[1], network[2], int(network[3]))
         if serial and "//" not in text and sys.platform != "win32":
