@@ -6,17 +6,22 @@ import math
 import threading
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 from furrowmap.core.readers.nmea.log import NmeaLog
-from furrowmap.core.readers.position_log import PositionLog
 from furrowmap.core.readers.sbf.log import SBF, SbfLog
 from furrowmap.core.readers.source import Head
 from furrowmap.core.readers.ubx.log import UBX, UbxLog
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.gnss import Fix
 
-_MARKS: Final[dict[type[PositionLog], bytes]] = {NmeaLog: b"$", UbxLog: UBX.sync, SbfLog: SBF.sync}
+Kind: TypeAlias = type[NmeaLog] | type[UbxLog] | type[SbfLog]
+
+_MARKS: Final[dict[Kind, bytes]] = {
+    NmeaLog: b"$",
+    UbxLog: UBX.sync,
+    SbfLog: SBF.sync,
+}
 """What a message of each format begins with."""
 _MIN_BYTES: Final = 256
 """From this on the format is looked for."""
@@ -45,7 +50,7 @@ class ArrivedPositions:
     lon_deg: float = math.nan
     lat_deg: float = math.nan
     late_s: float = math.nan
-    _kind: type[PositionLog] | None = None
+    _kind: Kind | None = None
     _bytes: bytearray = field(default_factory=bytearray, repr=False)
     _arrived_s: float = 0.0
     _lock: threading.Lock = field(default_factory=threading.Lock)

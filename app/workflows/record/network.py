@@ -47,7 +47,7 @@ def frame_head(source: tuple[str, int], target: tuple[str, int], size: int) -> b
     """
     ends = [IPv4Address(host).packed for host, _ in (source, target)]
     ip = struct.pack(">BBHHHBBH", 0x45, 0, 28 + size, 0, 0x4000, 64, 17, 0) + ends[0] + ends[1]
-    total = sum(struct.unpack(">10H", ip))
+    total = int(sum(struct.unpack(">10H", ip)))
     checksum = ~(total + (total >> 16)) & 0xFFFF
     ethernet = b"\x02\0" + ends[1] + b"\x02\0" + ends[0] + b"\x08\0"
     return (

@@ -126,8 +126,9 @@ def record(
     except KeyboardInterrupt:
         pass
     finally:
-        for part in (network, *receivers):
-            part.stop()
+        network.stop()
+        for receiver in receivers:
+            receiver.stop()
         storage.drain()
         status = watch.look("ended")
         recording.note(status)

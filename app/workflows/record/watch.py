@@ -148,7 +148,8 @@ class Watch:
             free_bytes = max(0, storage.free_bytes)
         except OSError:
             free_bytes = 0
-        series = [each.series for each in [*self.network.senders.values(), *self.receivers]]
+        senders = list(self.network.senders.values())
+        series = [*(sender.series for sender in senders), *(receiver.series for receiver in self.receivers)]
         rate = sum(each.written for each in series) / max(now_s - self._started_s, 1.0)
         return {
             "free_bytes": free_bytes,
