@@ -54,7 +54,7 @@ MIN_RETURNS: Final = 5_000
 """Of the ground that both see; with fewer the mounting is not shown."""
 BATCH_S: Final = 1.0
 """Registered returns of such a time share their errors."""
-SYSTEMATIC: Final = np.array([*np.radians([0.015, 0.015, 0.01]), 0.002, 0.002, 0.002, 1e-4])
+SYSTEMATIC: Final = np.array([*np.radians([0.02, 0.02, 0.01]), 0.002, 0.002, 0.002, 1e-4])
 """Standard deviations of what all returns share: lasers' constants that grow evenly with elevation, what clods hide."""
 MAX_SIGMA_DEG: Final = 0.2
 """Largest standard deviation of roll and pitch with which the mounting is used."""

@@ -218,11 +218,7 @@ class OusterPcap(OusterReader):
         found, first, tai_s = _survey(self.paths)
         beside = metadata_beside(self.paths[0])
         self._sensors, self._uncertain = sensors_of(self.paths[0], found, beside, options.model)
-        if options.source is not None:
-            there = "; ".join(sensor.name for sensor in self._sensors)
-            self._sensors = [sensor for sensor in self._sensors if options.source in sensor.names]
-            if not self._sensors:
-                raise InputError("sensor-not-there", path=self.paths[0], wanted=options.source, there=there)
+        self._sensors = chosen_by_source(self._sensors, self.paths[0], options.source)
         sender, metadata = self._sensors[0]
         mine = [sender.sort(datagrams, metadata) for datagrams in first]
         stamp_ns = np.concatenate(
@@ -285,6 +281,19 @@ def _survey(paths: Sequence[Path]) -> tuple[Counter[PacketSender], list[Datagram
         frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common() if n)
         raise InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")
     return found, first, tai_s
+
+
+def chosen_by_source(sensors: list[OusterSensor], path: Path, source: str | None) -> list[OusterSensor]:
+    """The sensor that a session names by its source; all where it names none.
+
+    Raises:
+        InputError: if it is none of them.
+    """
+    chosen = [sensor for sensor in sensors if source is None or source in sensor.names]
+    if not chosen:
+        there = "; ".join(sensor.name for sensor in sensors)
+        raise InputError("sensor-not-there", path=path, wanted=source, there=there)
+    return chosen
 
 
 def sensors_of(

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 from rasterio.io import MemoryFile
 
-from furrowmap.core.readers.ouster.captures import OusterReader, OusterSensor, PacketSender
+from furrowmap.core.readers.ouster.captures import OusterReader, OusterSensor, PacketSender, chosen_by_source
 from furrowmap.core.readers.ouster.clock import settle
 from furrowmap.core.readers.ouster.metadata import STAMP, Metadata
 from furrowmap.core.readers.ouster.packets import ByteArray, OusterDecoder
@@ -130,6 +130,7 @@ class OusterOsf(OusterReader):
         if not self._sensors:
             there = "; ".join(sensor.name for sensor in sensors)
             raise InputError("ouster-other-sensor", path=self.paths[0], model=options.model, there=there)
+        self._sensors = chosen_by_source(self._sensors, self.paths[0], options.source)
         first = next(self._packets(self.paths[0], Counter()), None)
         if first is None:
             raise _damaged(self.paths[0], "it has no scans of its sensor")
