@@ -21,7 +21,8 @@ def with_value(text: str, table: str, key: str, value: str, origin: str = "") ->
     In a table with a header, `origin` becomes a comment behind the value: it follows the comment that is there, and
     replaces that of an earlier calibration.
 
-    The table may be written as ``[table]``, ``table.key = …`` or ``table = { … }``. Line ends are kept.
+    The table may be written as ``[table]``, ``table.key = …`` or ``table = { … }``; of several ``[[table]]`` it is the
+    first. Line ends are kept.
 
     Raises:
         RefusedError: if the table is written in another way.
@@ -30,7 +31,8 @@ def with_value(text: str, table: str, key: str, value: str, origin: str = "") ->
     plain = text.replace("\r\n", "\n")
     changed = _changed(plain, table, key, value, origin)
     wanted = tomllib.loads(plain)
-    wanted.setdefault(table, {})[key] = tomllib.loads(f"value = {value}")["value"]
+    tables = wanted.setdefault(table, {})
+    (tables[0] if isinstance(tables, list) else tables)[key] = tomllib.loads(f"value = {value}")["value"]
     try:
         done = tomllib.loads(changed) == wanted
     except tomllib.TOMLDecodeError:
@@ -41,7 +43,7 @@ def with_value(text: str, table: str, key: str, value: str, origin: str = "") ->
 
 
 def _changed(text: str, table: str, key: str, value: str, origin: str) -> str:
-    head = re.search(rf"^[ \t]*\[[ \t]*{table}[ \t]*\][^\n]*\n?", text, re.MULTILINE)
+    head = re.search(rf"^[ \t]*\[\[?[ \t]*{table}[ \t]*\]\]?[^\n]*\n?", text, re.MULTILINE)
     if head is not None:
         return _in_table(text, head, key, value, origin)
     first = _TABLE_HEADER.search(text)

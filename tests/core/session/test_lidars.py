@@ -12,6 +12,7 @@ from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.file import parse_session, together
 from furrowmap.core.session.machine import machine_of, machine_text, parse_machine
 from furrowmap.core.session.proposal import propose_session
+from furrowmap.core.session.toml_edit import with_value
 from tests.core.readers.velodyne_packets import frame, frames, turning, write_pcap
 
 HEAD = 'furrowmap = 1\ncrs = { map = "EPSG:6677" }\n'
@@ -85,6 +86,11 @@ def test_machine__keeps_the_places_of_all_scanners_and_no_files() -> None:
     assert again.further_lidars[0].rpy_deg == (0.0, 35.0, 0.0)
     with pytest.raises(InputError, match="further_lidars is no table of a profile"):
         parse_machine("furrowmap_machine = 1\nfurther_lidars = []\n")
+
+
+def test_calibrated_angles__are_written_into_the_first_table() -> None:
+    changed = with_value(LEAST + REAR + FRONT + OWN, "lidar", "rpy_deg", "[0.1, 40.2, 179.9]")
+    assert changed == LEAST + REAR.replace("[0.0, 40.0, 180.0]", "[0.1, 40.2, 179.9]") + FRONT + OWN
 
 
 def test_proposed_session__has_a_table_for_each_scanner(tmp_path: Path) -> None:
