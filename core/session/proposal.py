@@ -181,7 +181,7 @@ def recorded_session(name: str, machine: Machine) -> str:
             _times([], None, undated=False),
             _crs(None),
             antenna_table(machine, flies=False),
-            _lidar([], machine, None, flies=False),
+            _lidar([], Path(), machine, None, flies=False),
             implement_table(machine),
             _FIELD_COMMENT,
         ]
