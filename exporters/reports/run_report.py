@@ -266,9 +266,10 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
 def scanners(found: RunResult) -> list[dict[str, Any]]:
     """Name, files, number of scans and of points in the cloud of each scanner."""
     placement = found.placement
+    lidars = found.session.lidars if placement.scans_of else ()  # positions alone have none
     return [
         {"name": lidar.name, "files": list(lidar.files), "scans": scans, "points": points}
-        for lidar, scans, points in zip(found.session.lidars, placement.scans_of, placement.points_of, strict=True)
+        for lidar, scans, points in zip(lidars, placement.scans_of, placement.points_of, strict=True)
     ]
 
 

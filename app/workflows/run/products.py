@@ -257,7 +257,8 @@ def write_products(
         content["parcels"] = made.parcels.account
     if features is not None:
         content["features"] = features
-    content["check_points"] = made.checked.plain() if made.checked is not None else None
+    if made.checked is not None:
+        content["check_points"] = made.checked.plain()
     write_item(staging / ITEM, write_report(staging / REPORT, content))
 
 
