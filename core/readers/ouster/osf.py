@@ -40,8 +40,8 @@ else:
 
 _HEADER, _CHUNK, _METADATA = b"OSF$", b"OSF!", b"OSF#"
 """Identifiers of the parts."""
-_SENSOR: Final = "ouster/v1/os_sensor/LidarSensor"
-_SCANS: Final = "ouster/v1/os_sensor/LidarScanStream"
+_SENSOR_ENTRY: Final = "ouster/v1/os_sensor/LidarSensor"
+_SCAN_STREAM: Final = "ouster/v1/os_sensor/LidarScanStream"
 _RANGES, _BRIGHTS = (1, 2), (5, 6)
 """Numbers of the fields RANGE, RANGE2, REFLECTIVITY and REFLECTIVITY2."""
 _PNG, _ZPNG = b"\x89PNG", b"\xf8\xfb"
@@ -222,9 +222,11 @@ def _streams(path: Path) -> list[_Stream]:
         data = _part(file, _header(file, path)[1], _METADATA)
     try:
         entries = [(e.number(0, "I"), e.text(1), e.vector(2, "u1").tobytes()) for e in _FlatTable.root(data).tables(4)]
-        texts = {number: _FlatTable.root(content).text(0) for number, kind, content in entries if kind == _SENSOR}
+        texts = {number: _FlatTable.root(content).text(0) for number, kind, content in entries if kind == _SENSOR_ENTRY}
         found = [
-            (number, _FlatTable.root(content).number(0, "I")) for number, kind, content in entries if kind == _SCANS
+            (number, _FlatTable.root(content).number(0, "I"))
+            for number, kind, content in entries
+            if kind == _SCAN_STREAM
         ]
         streams = [_stream(number, texts[sensor], path.name) for number, sensor in found]
     except (*_OSF_FAULTS, KeyError) as error:
