@@ -89,6 +89,8 @@ def record(
             duration_s=math.inf if duration is None else duration,
             told=show,
         )
+    if sys.stderr.isatty():
+        click.echo(err=True)  # the last status stays
     status = recorded.status
     rows = [
         *((each["address"], f"{each['packets']:,} packets, {each['lost']:,} lost") for each in status["scanners"]),
