@@ -340,7 +340,7 @@ def _lidar_faults(session: Session) -> Iterator[str]:
 def _far_places(session: Session) -> Iterator[str]:
     """Implausibly far positions in the vehicle frame, which were given in another unit."""
     tables = ("imu", "mount", "camera", "antenna")
-    places = [("lidar.xyz_m", lidar.xyz_m) for lidar in session.lidars]
+    places: list[tuple[str, tuple[float, ...] | None]] = [("lidar.xyz_m", lidar.xyz_m) for lidar in session.lidars]
     places += [(f"{table}.xyz_m", getattr(getattr(session, table), "xyz_m", None)) for table in tables]
     places += [("implement.xy_m", tool.xy_m) for tool in session.implements]
     for key, place in places:

@@ -59,7 +59,7 @@ _DJI_NODES: Final = frozenset({"dji_sdk", "dji_osdk_ros"})
 _POINT_TIMES: Final = "time stamps of the points, the clock of the scans"
 
 
-_SCANS: Final = (*PACKET_SCANS, *LIVOX_CLOUDS, POINT_CLOUD, LASER_SCAN)
+_SCAN_TYPES: Final = (*PACKET_SCANS, *LIVOX_CLOUDS, POINT_CLOUD, LASER_SCAN)
 """Types of messages with scans, those preferred first."""
 
 
@@ -97,7 +97,7 @@ class _RosBag(FileReader):
 
     def scans(self) -> Iterator[Scan]:
         """The scans of the topic that `options` name, else of that with the most packets, point clouds, or sweeps."""
-        chosen = self._choose("laser scans", *_SCANS, wanted=self.options.source)
+        chosen = self._choose("laser scans", *_SCAN_TYPES, wanted=self.options.source)
         yield from self._scans(chosen, self._decoder(chosen))
 
     def track(self) -> GnssTrack:
@@ -330,7 +330,7 @@ class _RosBag(FileReader):
             self._add_notices(Notice("bag-messages-damaged", source=source, damaged=damaged, first=first))
 
     def _scan_facts(self) -> tuple[dict[str, Any], ClockReading]:
-        chosen = self._choose("laser scans", *_SCANS, wanted=self.options.source)
+        chosen = self._choose("laser scans", *_SCAN_TYPES, wanted=self.options.source)
         decoder = self._decoder(chosen)
         scans = points = 0
         first_s, last_s = float("inf"), float("-inf")

@@ -271,6 +271,8 @@ class SpinningPcap(FileReader):
                 traffic.captures.append(capture)
                 self.notices += capture.notices
         yield from decoder.finish()
+        if self.options.source is not None:
+            del traffic.ignored["of another sensor"]
         self.notices += [*clock_notices, *decoder.notices(), *traffic.notices(self.clock)]
         self.clocks = traffic.clock_readings(self.clock)
         self.share_read = 1.0
