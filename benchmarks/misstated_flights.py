@@ -92,6 +92,8 @@ def main() -> int:
     for name, misstated in table.items():
         if options.only and not any(word in name for word in options.only):
             continue
+        if misstated.get("images", False) and not options.images:
+            continue
         found[name] = case(options.session, misstated, with_images=options.images)
         print(line(name, found[name]), flush=True)
     return conclude(found, "verdict", options.json)
