@@ -17,7 +17,7 @@ unexport PYTHONDONTWRITEBYTECODE
 export MYPY_CACHE_DIR ?= $(or $(XDG_CACHE_HOME),$(HOME)/.cache)/furrowmap/types
 
 .DEFAULT_GOAL := help
-.PHONY: help demo quick test all-tests fuzz kills setup lint typecheck layout format test-lowest test-open3d test-python bench bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin release-check web clean
+.PHONY: help demo quick test all-tests fuzz kills setup lint typecheck layout format test-lowest test-open3d test-python bench bench-release bench-sessions bench-dates bench-flights bench-misstated bench-outages coverage mutants docs pages plugin release-check web clean
 
 help:  ## this list
 	@sed -nE 's/^([a-z-]+):.*## (.*)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
@@ -90,6 +90,12 @@ format: $(INSTALLED)  ## let ruff lay out the code
 bench: $(INSTALLED)  ## speed, memory and error, beside others
 	$(BIN)/python -m pip install -qq --constraint constraints.txt --group bench
 	@for file in $(filter-out $(SESSIONS),$(wildcard benchmarks/*.py)); do echo "== $$file"; $(BIN)/python "$$file" || exit; done
+
+bench-release: $(INSTALLED)  ## runs in turn with the last release, or RELEASE=COMMIT; fails where time or memory is worse by 5 %
+	$(BIN)/python -m pip install -qq --constraint constraints.txt --group bench
+	test -d build/release || git worktree add --detach build/release $(or $(RELEASE),$(shell git describe --tags --abbrev=0))
+	cd build/release && $(PYTHON) scripts/setup.py
+	$(BIN)/python benchmarks/whole_run.py build/release/$(BIN)/furrowmap
 
 bench-sessions: $(INSTALLED)  ## trajectories of twenty simulated sessions against their truth
 	$(BIN)/python benchmarks/sessions.py

@@ -5,6 +5,9 @@ Of flights, the sample `uav_wheat` where it is beside the checkout, and ten minu
 The recordings are simulated once and kept in the user's cache folder. Decoding is set against velodyne-decoder in the
 same run; the whole is measured from outside, as a process of its own, start included. Beside the time that passed
 stands the processors' own, which other work on the machine stretches less.
+
+`whole_run.py PROGRAM` runs the long recording and the flight in turn with another `furrowmap`, as of the last release,
+prints the ratios, and fails where one is beyond WORSE (`make bench-release`).
 """
 
 from __future__ import annotations
@@ -31,6 +34,8 @@ from furrowmap.core.simulator.simulate import simulate
 from furrowmap.core.trajectory.located import locate
 
 ROUNDS = 3
+WORSE = 1.05
+OWN = Path(sys.executable).with_name("furrowmap")
 PASSES = {"1x": 4, "5x": 19}
 SCENARIO = """
 name = "bench_{passes}"
@@ -71,6 +76,8 @@ start_s = 1e6
 
 
 def main() -> None:
+    if len(sys.argv) > 1:
+        sys.exit(compared(Path(sys.argv[1])))
     folders = {label: recording(passes) for label, passes in PASSES.items()}
     print(f"{'':28}{'points':>12}{'seconds':>10}{'M points/s':>12}{'peak MB':>10}")
     for label, folder in folders.items():
@@ -83,6 +90,21 @@ def main() -> None:
         row(f"whole, {label}", counted(session), middle.seconds, middle.peak_mb)
         print(f"{'':4}processor {middle.processor_s:.1f} s; of the time, in s: {middle.stages}", flush=True)
     flights()
+
+
+def compared(other: Path) -> int:
+    """Medians of this program's figures over another's; 1 if one is beyond WORSE."""
+    found = 0
+    sessions = [recording(PASSES["5x"]) / "session.toml", FLIGHT]
+    for session in filter(Path.exists, sessions):
+        for program in (OWN, other):  # compiles kernels
+            whole(session, program)
+        pairs = [(whole(session), whole(session, other)) for _ in range(ROUNDS)]
+        for name in ("seconds", "processor_s", "peak_mb"):
+            ratio = statistics.median(getattr(own, name) / getattr(before, name) for own, before in pairs)
+            print(f"{session.parent.name:16}{name:14}{ratio:6.2f}{'  worse' if ratio > WORSE else ''}", flush=True)
+            found |= ratio > WORSE
+    return found
 
 
 def flights() -> None:
@@ -162,12 +184,12 @@ def peer(capture: Path) -> None:
         pass
 
 
-def whole(session: Path) -> Whole:
+def whole(session: Path, program: Path = OWN) -> Whole:
     """`furrowmap run` as a process."""
     with tempfile.TemporaryDirectory(dir=recording(PASSES["1x"])) as folder:
         start = time.perf_counter()
         process = subprocess.Popen(
-            [Path(sys.executable).with_name("furrowmap"), "run", str(session), "-o", f"{folder}/out", "-q"],
+            [program, "run", str(session), "-o", f"{folder}/out", "-q"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )

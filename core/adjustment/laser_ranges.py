@@ -14,7 +14,7 @@ The bow is therefore not estimated but considered (:class:`~furrowmap.core.estim
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Final
 
 import numba
@@ -67,7 +67,7 @@ def laser_ranges(placing: Placing, axis: FloatArray) -> LaserRanges | None:
     tiles = surface.tiles
     sensor_m, axes = state.xyz_m + state.rotation @ sensor.xyz_m, state.rotation @ (sensor.turn @ axis)
 
-    def work(share: Sequence[Portion]) -> FloatArray:
+    def work(share: Iterable[Portion]) -> FloatArray:
         sums = np.zeros((4, MAX_LASERS))
         for c, part in share:
             placed = placing.ground(c, part)

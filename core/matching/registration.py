@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -68,7 +68,7 @@ def register_windows(
     """
     size = placing.state.layout.size
 
-    def work(share: Sequence[Portion]) -> tuple[GroundSums, NormalEquations]:
+    def work(share: Iterable[Portion]) -> tuple[GroundSums, NormalEquations]:
         sums, freed = GroundSums.empty(len(placing.knots)), NormalEquations(len(centre_m) * size, max(width, 1))
         for c, part in share:
             placed = placing.ground(c, part)
@@ -99,7 +99,7 @@ def register_to_surface(
 ) -> GroundRegistration:
     """Portions of the returns against a surface; arguments as :func:`register_windows`."""
 
-    def work(share: Sequence[Portion]) -> tuple[GroundSums, list[Patches]]:
+    def work(share: Iterable[Portion]) -> tuple[GroundSums, list[Patches]]:
         sums = GroundSums.empty(len(placing.knots))
         return sums, stored(
             register_ground(placing.ground(c, part), surface, placing.poses(c, coarse), relief, 1.0, sums)
@@ -119,7 +119,7 @@ def session_surface(placing: Placing, portions: Sequence[Portion], cell_m: float
     aside = np.stack(np.meshgrid(ring, ring), axis=-1).reshape(-1, 2)
     tiles = tiles_around(path, aside[np.hypot(*aside.T) < MAX_GROUND_RANGE_M + 2.0], cell_m)
 
-    def work(share: Sequence[Portion]) -> HeightGrid:
+    def work(share: Iterable[Portion]) -> HeightGrid:
         surface = empty_surface(tiles)
         for c, part in share:
             placed = placing.ground(c, part)
@@ -185,7 +185,7 @@ def register_to_walls(
 ) -> WallRegistration:
     """Upright returns against the walls of the whole session, or each portion against its own walls at half weight."""
 
-    def work(share: Sequence[Portion]) -> tuple[SliceSums, Scatter, list[list[Patches]]]:
+    def work(share: Iterable[Portion]) -> tuple[SliceSums, Scatter, list[list[Patches]]]:
         sums, scatter = SliceSums.empty(len(placing.knots)), Scatter()
 
         def found() -> Iterator[Patches]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import chain, islice
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from furrowmap.core.matching.walls import UPRIGHT_RATE_HZ, UprightReturns, no_upright, select_upright
-from furrowmap.core.runtime.arrays import FloatArray, scratch_file, zeros
+from furrowmap.core.runtime.arrays import FloatArray, of_file, scratch_file, zeros
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.time_span import Span
@@ -107,7 +107,6 @@ def ground_returns(
     scans: Iterable[Scan],
     mounting: Mounting,
     trajectory: Trajectory,
-    on_scan: Callable[[Scan], None] | None = None,
 ) -> GroundReturns:
     """The returns of the ground in a recording.
 
@@ -119,7 +118,6 @@ def ground_returns(
         mounting: of the sensor.
         trajectory: the first approximation; scans well outside its span are left out, those at a stand teach nothing
             about the body.
-        on_scan: sees each scan on its way.
     """
     rotation = np.ascontiguousarray(mounting.rotation)
     lever = np.asarray(mounting.xyz_m, np.float64)
@@ -133,8 +131,6 @@ def ground_returns(
     ground_m = ground_height_m(first, rotation, lever)
     with _Scratch() as ground, _Scratch() as upright:
         for scan in chain(first, scans):
-            if on_scan is not None:
-                on_scan(scan)
             if not len(scan):
                 continue
             t_s = scan.t_s
@@ -216,10 +212,10 @@ class _Scratch:
             file.flush()
         t_s, xyz_m, half, laser = self._files
         return (
-            np.memmap(t_s, np.float64, "r", shape=(self._count,)),
-            np.memmap(xyz_m, np.float32, "r", shape=(self._count, 3)),
-            np.memmap(half, np.uint8, "r", shape=(self._count,)),
-            np.memmap(laser, np.uint8, "r", shape=(self._count,)),
+            of_file(t_s, self._count, np.float64),
+            of_file(xyz_m, (self._count, 3), np.float32),
+            of_file(half, self._count, np.uint8),
+            of_file(laser, self._count, np.uint8),
         )
 
 

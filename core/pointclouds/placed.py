@@ -144,7 +144,7 @@ class PlacedScan:
     xyz_m: NDArray[np.float64]
     classification: NDArray[np.uint8]
 
-    @property
+    @cached_property
     def kept(self) -> NDArray[np.bool_]:
         """(n,) which points may lie on the land: neither of the machine nor noise."""
         kept: NDArray[np.bool_] = self.classification == PointClass.OTHER

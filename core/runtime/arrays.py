@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from math import prod
 from typing import IO, Any, Final, Literal, TypeAlias
+from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -28,6 +29,8 @@ LARGE: Final = 8 << 20
 """Arrays of fewer bytes stay in memory."""
 ROWS_AT_ONCE: Final = 1 << 15
 """Rows that are computed together where intermediate results would be large."""
+_mapped: WeakSet[mmap.mmap] = WeakSet()
+"""Files of arrays in use."""
 
 
 def scratch_file() -> IO[bytes]:
@@ -48,7 +51,15 @@ def zeros(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64, order: Li
                 file.write(bytes(min(1 << 20, size - begin)))
             file.flush()
         mapped = mmap.mmap(file.fileno(), size)
+    _mapped.add(mapped)
     return np.ndarray(shape, dtype, mapped, order=order)
+
+
+def of_file(file: IO[bytes], shape: int | tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
+    """The content of a scratch file as an array that is not to be changed; the file may be closed."""
+    mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    _mapped.add(mapped)
+    return np.ndarray(shape, dtype, mapped)
 
 
 def full(shape: int | tuple[int, ...], value: float, dtype: DTypeLike = np.float64) -> NDArray[Any]:
@@ -86,6 +97,12 @@ def concatenated(pieces: Sequence[NDArray[Any]]) -> NDArray[Any]:
     """Arrays of one type behind each other, as :func:`zeros`."""
     rows = sum(len(piece) for piece in pieces)
     return np.concatenate(pieces, out=zeros((rows, *pieces[0].shape[1:]), pieces[0].dtype))
+
+
+def release_files() -> None:
+    """Let the system take back the pages of arrays in files, which count as memory of the process; none is lost."""
+    for mapped in list(_mapped) if hasattr(mmap, "MADV_DONTNEED") else ():
+        mapped.madvise(mmap.MADV_DONTNEED)
 
 
 def release() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
+import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -76,9 +77,21 @@ class Interval(Protocol):
 
 def interval_numbers(intervals: Sequence[Interval], t_s: ArrayLike) -> NDArray[np.intp]:
     """Number (n,) from 1 of the interval, of several in order of time, at times (n,), ends included; 0 between them."""
-    t = np.atleast_1d(np.asarray(t_s, np.float64))
-    if not intervals:
-        return np.zeros(len(t), np.intp)
-    number = np.searchsorted([when.begin_s for when in intervals], t, side="right")
-    ends_s = np.array([when.end_s for when in intervals])
-    return np.where((number > 0) & (t <= ends_s[number - 1]), number, 0)
+    begin_s, end_s = np.array([(when.begin_s, when.end_s) for when in intervals], np.float64).reshape(-1, 2).T.copy()
+    out: NDArray[np.intp] = _numbers(np.atleast_1d(np.array(t_s, np.float64)), begin_s, end_s)
+    return out
+
+
+@numba.njit("int64[::1](float64[::1], float64[::1], float64[::1])", cache=True, nogil=True)
+def _numbers(t_s, begin_s, end_s):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`interval_numbers`, which steps from the interval of one time to that of the next."""
+    out = np.zeros(len(t_s), np.int64)
+    number = 0
+    for i in range(len(t_s)):
+        while number < len(begin_s) and t_s[i] >= begin_s[number]:
+            number += 1
+        while number > 0 and t_s[i] < begin_s[number - 1]:
+            number -= 1
+        if number > 0 and t_s[i] <= end_s[number - 1]:
+            out[i] = number
+    return out

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
+from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.coverage import Coverage, coverage
 from furrowmap.core.surfaces.grid import Grid, Surface
@@ -42,7 +43,7 @@ BLOCK: Final = 8
 MAX_SOIL_POINTS: Final = 100_000
 """Returns of a tile used for that, a hundred a block."""
 LOWER: Final = Statistic.parse("p10")
-TILES_AHEAD: Final = 16
+TILES_AHEAD: Final = 4
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,9 @@ class FieldPoints:
     def tiles(
         self, passages: Passages, statistic: Statistic = MEDIAN, strips: Sequence[Interval] = ()
     ) -> Iterator[FieldTile]:
-        """The surfaces, tile by tile, computed in several threads.
+        """The surfaces, tile by tile, computed in half of the threads: beside them the cloud is compressed.
+
+        A tile of millions of points takes 50 bytes for each of them.
 
         Args:
             passages: of the tool's line; none where no work is known.
@@ -131,10 +134,11 @@ class FieldPoints:
         if spool is None:
             return
         keys = spool.tiles
-        with ThreadPoolExecutor(threads()) as pool:
+        with ThreadPoolExecutor(max(1, threads() // 2)) as pool:
             for first in range(0, len(keys), TILES_AHEAD):
                 some = keys[first : first + TILES_AHEAD]
                 yield from pool.map(lambda key: field_tile(spool.tile(key), passages, statistic, strips), some)
+                arrays.release()  # what is free between arrays of so different lengths grows otherwise
 
 
 def tool_passages(trajectory: Trajectory, work: FieldWork, implement: Implement | None) -> Passages:
@@ -167,11 +171,13 @@ def field_tile(
     ]
     after, before, both = before_and_after(points.cell, points.t_s, *limits_s, np.float32(SETTLE_S))
     left = points.part(after)
-    later, earlier = left.surface(statistic), points.part(before).surface(statistic)
+    later, swaths = left.surface(statistic), block_differences(left)
+    del left
+    earlier = points.part(before).surface(statistic)
     compared = both.reshape(grid.shape)
     change = np.where(compared, later.height_m - earlier.height_m, np.float32(np.nan))
     error = np.where(compared, np.hypot(later.standard_error_m, earlier.standard_error_m), np.float32(np.nan))
-    return FieldTile(grid, later, earlier, change, error, tool.number, block_differences(left), covered)
+    return FieldTile(grid, later, earlier, change, error, tool.number, swaths, covered)
 
 
 def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -86,4 +86,4 @@ def compress_points(points: ChunkColumns) -> bytes:
 
 def differs(column: NDArray[Any]) -> bool:
     """Whether not all values are the same."""
-    return bool((column[1:] != column[0]).any())
+    return bool(column.min() != column.max())

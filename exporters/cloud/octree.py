@@ -17,8 +17,8 @@ from furrowmap.core.runtime.record_spool import RecordSpool
 from furrowmap.exporters.cloud.cube import DEPTH, Cube, codes_of, places, sorted_order
 from furrowmap.exporters.cloud.records import Chosen, Records, copy_records, gather_records
 
-SLICE: Final = 1_000_000
-"""Records copied in one go when a half of memory is sorted into the file."""
+SLICE: Final = 1 << 16
+"""Records copied in one go when a half of memory is sorted into the file: few enough for the processor's cache."""
 CERTAIN_THRESHOLD: Final = 1 << 31
 """A threshold above all random numbers."""
 
@@ -139,11 +139,12 @@ def draw(codes, first, threshold, depth, state, nodes, counts):  # type: ignore[
 class Octree:
     """Sorts records into nodes.
 
-    One cube is divided into at most 128³ cells (:mod:`~furrowmap.exporters.cloud.cube`). Records beyond `memory_points`
-    go to a file, sorted by cell in blocks; memory has two halves, one of which a thread writes to the file while the
-    other is filled. At the end, ranges of cells that fit into a half are read back in the order of the cells' codes,
-    into the halves by turns. A node is complete once its last cell has been read, so that only one node of each level
-    is waiting. A cell with too many records for a node becomes the root of an octree of its own.
+    One cube is divided into at most 128³ cells (:mod:`~furrowmap.exporters.cloud.cube`). Where there are more than
+    `memory_points`, records go to a file, sorted by cell in blocks, and half of the memory is given back; the rest has
+    two halves, one of which a thread writes to the file while the other is filled. At the end, ranges of cells that fit
+    into a half are read back in the order of the cells' codes, into the halves by turns. A node is complete once its
+    last cell has been read, so that only one node of each level is waiting. A cell with too many records for a node
+    becomes the root of an octree of its own.
 
     Args:
         memory_points: maximum number of records in memory; others are kept in a file in `folder`.
@@ -180,7 +181,7 @@ class Octree:
     def room(self, wanted: int) -> Records:
         """Room for 1 to `wanted` records, to be filled before the next call."""
         if not len(self._buffer):
-            self._buffer = np.empty(2 * -(-self._memory_points // 2), self._buffer.dtype)
+            self._buffer = np.empty(4 * -(-self._memory_points // 4), self._buffer.dtype)
             self._end = len(self._buffer)
         elif self._held == self._end:
             self._make_room()
@@ -216,15 +217,18 @@ class Octree:
             inner.close()
 
     def _make_room(self) -> None:
-        """Write the full half to the file in a thread, and continue in the other half."""
+        """Write the full half to the file in a thread, and continue in the other half; at first write all."""
         half = len(self._buffer) // 2
         self._await_spill()
         cube = self._enclose()
         if self._spool is None or self._thread is None:
             self._spool = RecordSpool(self._buffer.dtype, self._folder)
             self._thread = ThreadPoolExecutor(1, "spill")
-            self._spill(self._spool, cube, self._buffer[:half])
-            self._first = half
+            for block in self._buffer.reshape(4, -1):  # blocks as long as the halves to come
+                self._spill(self._spool, cube, block)
+            self._buffer = np.empty(half, self._buffer.dtype)
+            self._first, self._held, self._end = 0, 0, half // 2
+            return
         full = self._buffer[self._first : self._end]
         self._spilling = self._thread.submit(self._spill, self._spool, cube, full)
         self._first, self._end = (half, len(self._buffer)) if self._first == 0 else (0, half)
