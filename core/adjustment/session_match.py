@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from typing import Final
@@ -64,7 +64,7 @@ def match_to_ground(
 ) -> tuple[Located, Matched | None]:
     """The adjusted trajectory with its notices, and the result of matching; the first guess and None without one.
 
-    `on_scan` gets each scan as it is read, in the thread that reads.
+    `on_scan` gets each scan as it is read.
     """
     try:
         matched, ground = match_session(located, lidar, session, on_scan, progress)
@@ -181,17 +181,10 @@ def _prepared(
 ) -> tuple[Prepared | None, GroundTilt]:
     """Read the scans; also how the ground lies in the vehicle frame."""
     assert located.antenna is not None
-
-    def read() -> Iterator[Scan]:
-        for scan in lidar.scans():
-            if on_scan is not None:
-                on_scan(scan)
-            yield scan
-
-    scans = iter(watched(ahead(read(), SCANS_AHEAD), lidar, progress, "reading scans"))
+    scans = iter(watched(ahead(lidar.scans(), SCANS_AHEAD), lidar, progress, "reading scans"))
     mounting, first = session.lidar.mounting, list(islice(scans, FIRST_SCANS))
     ground = ground_tilt(first, mounting)
-    returns = ground_returns(chain(first, scans), mounting, located.trajectory)
+    returns = ground_returns(chain(first, scans), mounting, located.trajectory, on_scan)
     lever_m, tool = lever_arm_m(session), tool_of(session)
     return prepare(returns, located.trajectory, located.antenna, lever_m, mounting, tool, ground, located.aid), ground
 

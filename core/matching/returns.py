@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from itertools import chain, islice
@@ -107,6 +107,7 @@ def ground_returns(
     scans: Iterable[Scan],
     mounting: Mounting,
     trajectory: Trajectory,
+    on_scan: Callable[[Scan], None] | None = None,
 ) -> GroundReturns:
     """The returns of the ground in a recording.
 
@@ -118,6 +119,7 @@ def ground_returns(
         mounting: of the sensor.
         trajectory: the first approximation; scans well outside its span are left out, those at a stand teach nothing
             about the body.
+        on_scan: sees each scan on its way.
     """
     rotation = np.ascontiguousarray(mounting.rotation)
     lever = np.asarray(mounting.xyz_m, np.float64)
@@ -131,6 +133,8 @@ def ground_returns(
     ground_m = ground_height_m(first, rotation, lever)
     with _Scratch() as ground, _Scratch() as upright:
         for scan in chain(first, scans):
+            if on_scan is not None:
+                on_scan(scan)
             if not len(scan):
                 continue
             t_s = scan.t_s
