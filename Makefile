@@ -33,6 +33,7 @@ test: lint  ## everything that must hold: style, types for three platforms, test
 	@$(MAKE) --no-print-directory -j 2 typecheck all-tests
 
 all-tests: $(INSTALLED)
+	$(BIN)/furrowmap warm-up  # once, in two processes: two workers would compile the same kernels at the same time
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 fuzz: $(INSTALLED)  ## damaged inputs to all readers, or some: make fuzz MINUTES=5 ONLY=laz

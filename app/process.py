@@ -7,19 +7,18 @@ import gc
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 CACHE_VARIABLE: Final = "NUMBA_CACHE_DIR"
 _M_TRIM_THRESHOLD: Final = -1
 _M_MMAP_THRESHOLD: Final = -3
 _M_ARENA_MAX: Final = -8
 """Parameters of mallopt(3)."""
-COMPILING: Final = "Compiling kernels for this machine. This takes one to two minutes, once."
 
 
 @cache
@@ -87,30 +86,6 @@ def importing() -> Iterator[None]:
     finally:
         if was_enabled:
             gc.enable()
-
-
-@contextmanager
-def reporting_compilation(say: Callable[[str], None]) -> Iterator[None]:
-    """Within it, `say` is called once if a kernel is compiled that is not in the cache. Entering imports numba."""
-    from numba.core import event
-
-    class FirstCompilation(event.Listener):  # type: ignore[misc]  # numba has no types
-        reported = False
-
-        def on_start(self, _event: Any) -> None:
-            if not self.reported:
-                self.reported = True
-                say(COMPILING)
-
-        def on_end(self, _event: Any) -> None:
-            """Only a start is reported."""
-
-    listener = FirstCompilation()
-    event.register("numba:compile", listener)
-    try:
-        yield
-    finally:
-        event.unregister("numba:compile", listener)
 
 
 def _caches() -> Path:

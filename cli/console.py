@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -18,7 +18,6 @@ from furrowmap.core.runtime.errors import FurrowmapError, Notice, printable
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.runtime.settings import language_of_user
-from furrowmap.process import reporting_compilation
 
 log = logging.getLogger("furrowmap.cli")
 
@@ -73,6 +72,13 @@ class Console:
         line = f"{translated('warning:', language_of_user())} {printable(text)}"
         click.secho(line, err=True, fg="yellow", color=colour())
 
+    def reporting_compilation(self) -> AbstractContextManager[None]:
+        """Within it, compilations are reported, and other processes help with them."""
+        from furrowmap.warm_up import reporting_compilation  # it imports numba
+
+        context = click.get_current_context(silent=True)
+        return reporting_compilation(self.say, context and context.find_root().invoked_subcommand)
+
     @contextmanager
     def work(self, *, passing: bool = False) -> Iterator[Progress]:
         """Show the progress of long work: bars with stage, share and remaining time if standard error is a terminal.
@@ -80,7 +86,7 @@ class Console:
         Args:
             passing: whether to remove the bars at the end.
         """
-        with reporting_compilation(self.say):
+        with self.reporting_compilation():
             if self.quiet or self.verbose or not sys.stderr.isatty():
                 yield _stages_to_log()
             else:

@@ -52,11 +52,12 @@ COMMANDS: Final = (
     "check",
     "explain",
     "simulate",
+    "warm-up",
     "notebooks",
     "qgis",
     "worker",
 )
-"""Each is the function of that name in the module of that name in this package."""
+"""Each is the function of that name, with _ for -, in the module of that name in this package."""
 
 log = logging.getLogger("furrowmap.cli")
 
@@ -72,7 +73,8 @@ class Commands(CommandGroup):
         """The command of that name."""
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
-        command: click.Command = getattr(import_module(f"furrowmap.cli.{cmd_name}"), cmd_name)
+        name = cmd_name.replace("-", "_")
+        command: click.Command = getattr(import_module(f"furrowmap.cli.{name}"), name)
         return command
 
     def invoke(self, ctx: click.Context) -> Any:

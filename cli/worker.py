@@ -41,7 +41,7 @@ from furrowmap.cli.main import asked_language, attempt
 from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.runtime.settings import using
-from furrowmap.process import prepare_process, reporting_compilation
+from furrowmap.process import prepare_process
 
 PROTOCOL: Final = 1
 PERIOD_S: Final = 0.1
@@ -132,7 +132,7 @@ class WorkerConsole(Console):
     @contextmanager
     def work(self, *, passing: bool = False) -> Iterator[Progress]:  # noqa: ARG002 (there is no progress bar)
         """Send the progress of long work."""
-        with reporting_compilation(self.say):
+        with self.reporting_compilation():
             yield _throttled(self.send)
 
 

@@ -82,6 +82,8 @@ def create_environment(source: str, on_line: OnLine, is_cancelled: IsCancelled) 
         run_program([*pip, "check"], on_line, is_cancelled)
         versions = check(command_of(building), on_line, is_cancelled)
         _replace(folder, building)
+        with suppress(ProgramError):  # what is missing is compiled when it is first needed
+            run_program([*command_of(folder), "warm-up"], on_line, is_cancelled)
     except (ProgramError, WorkerError, OSError) as error:
         if getattr(error, "cancelled", False):
             raise

@@ -24,6 +24,7 @@ NOT_IN_QGIS = {
     "qgis zip": "it writes the plugin that would run it",
     "record": "it works in the cab, on a machine without a screen",
     "notebooks": "QGIS opens none",
+    "warm-up": "the plugin starts it when it has made its environment",
     "worker": "the plugin starts it and speaks its protocol",
     "report": "the dock opens the report, which a run writes in the language of QGIS",
 }

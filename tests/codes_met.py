@@ -53,16 +53,16 @@ def pytest_sessionfinish(session: pytest.Session) -> Iterator[None]:
     """Compare what all processes met with the page of codes, in the process that started the others."""
     yield
     folder = Path(os.environ[FOLDER])
-    if "PYTEST_XDIST_WORKER" in os.environ or not _is_whole(session.config):
+    if "PYTEST_XDIST_WORKER" in os.environ or not is_whole(session.config):
         return
-    met = {code for file in folder.iterdir() for code in file.read_text(encoding="utf-8").split()}
+    met = {code for file in folder.glob("*[0-9]") for code in file.read_text(encoding="utf-8").split()}
     missing = sorted((unmet := listed() - met) - named(unmet))
     if missing:
         sys.stderr.write(f"\nno test makes or names the codes: {', '.join(missing)}\n")
         session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED
 
 
-def _is_whole(config: pytest.Config) -> bool:
+def is_whole(config: pytest.Config) -> bool:
     """Whether all tests were run, with the sample recordings."""
     paths = [(Path(config.invocation_params.dir) / argument).resolve() for argument in config.args]
     chosen = config.getoption("keyword") or config.getoption("markexpr") or config.getoption("collectonly")

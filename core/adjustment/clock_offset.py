@@ -209,7 +209,7 @@ class _Trial:
         out = np.full(wanted.shape, np.nan)
         count, total = np.zeros((2, COUNT_GRID, COUNT_GRID), np.int64), np.zeros((2, COUNT_GRID, COUNT_GRID))
         for row, window in enumerate(self.windows):
-            t_s, place, height, half = (values[::every] for values in window)
+            t_s, place, height, half = (np.ascontiguousarray(values[::every]) for values in window)
             these = np.flatnonzero(wanted[row])
             out[row, these] = agreement_at(
                 t_s, place, height, half, self.motion, offsets[these], 1.0 / self.cell_m, count, total

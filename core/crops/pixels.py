@@ -59,7 +59,8 @@ def pixel_returns(column: FloatArray, row: FloatArray, height_m: FloatArray, gri
         row: (n,) float64 likewise from its northern edge.
         height_m: (n,) float64 heights, such as above the soil.
     """
-    heights, part, starts = _sorted_by_pixel(column, row, height_m, np.zeros(0, np.bool_), *grid.shape)
+    unmarked = np.zeros(0, np.bool_)
+    heights, part, starts = _sorted_by_pixel(column, row, np.ascontiguousarray(height_m), unmarked, *grid.shape)
     return _of_part(heights, part, starts, -1, grid)
 
 
@@ -67,7 +68,7 @@ def pixel_halves(
     column: FloatArray, row: FloatArray, height_m: FloatArray, first: NDArray[np.bool_], grid: Grid
 ) -> tuple[PixelReturns, PixelReturns, PixelReturns]:
     """Returns by pixel: of all, of those marked by `first` (n,), and of the others; see :func:`pixel_returns`."""
-    heights, part, starts = _sorted_by_pixel(column, row, height_m, first, *grid.shape)
+    heights, part, starts = _sorted_by_pixel(column, row, np.ascontiguousarray(height_m), first, *grid.shape)
     whole, half, other = (_of_part(heights, part, starts, which, grid) for which in (-1, 1, 0))
     return whole, half, other
 

@@ -149,14 +149,16 @@ def _reduce(  # type: ignore[no-untyped-def]
                 knot = interval[r] + e
                 part = _square(late[r] if e else early[r])
                 whole += part
+                slot = used
                 if used and knots[used - 1] == knot:
-                    sums[used - 1] += part
+                    slot = used - 1
                 elif used > 1 and knots[used - 2] == knot:
-                    sums[used - 2] += part
+                    slot = used - 2
                 else:
                     knots[used] = knot
-                    sums[used] = part
                     used += 1
+                own = sums[slot]  # an assignment of arrays would take seconds to compile, for its error message
+                own += part
         # The weight of a patch of ground's height, or of a wall's place.
         most = max(whole[0, 0], whole[1, 1], whole[2, 2])
         if most <= 0.0:
@@ -241,9 +243,14 @@ def open_patch(store, count, column, row, layer, interval):  # type: ignore[no-u
     """Begin row `count`; returns the store, twice as long where it was full."""
     if count == len(store[1]):
         longer = patch_store(2 * count)
-        for k in range(count):
-            longer[0][k], longer[1][k], longer[2][k] = store[0][k], store[1][k], store[2][k]
-            longer[3][k], longer[4][k] = store[3][k], store[4][k]
+        for k in range(count):  # entry by entry: an assignment of arrays would take seconds to compile
+            longer[1][k] = store[1][k]
+            for e in range(3):
+                longer[0][k, e] = store[0][k, e]
+            for e in range(UPPER):
+                longer[2][k, e], longer[3][k, e] = store[2][k, e], store[3][k, e]
+            for e in range(6):
+                longer[4][k, e] = store[4][k, e]
         store = longer
     store[0][count, 0], store[0][count, 1], store[0][count, 2] = column, row, layer
     store[1][count] = interval

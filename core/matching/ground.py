@@ -170,7 +170,7 @@ def _register(  # type: ignore[no-untyped-def]
     # Only these returns' own extent: that of the whole surface grows with the length of the drive.
     patch_west, patch_south, slots = patch_slots(xyz_m[: n if every > 0 else 0], patch_m)
     store = patch_store(1024 if every > 0 else 0)
-    patches = opened = 0
+    patches = opened = np.int64(0)
     now = -1
     variance = NOISE_M * NOISE_M
     node = np.empty((2, 4))
@@ -257,7 +257,7 @@ def _register(  # type: ignore[no-untyped-def]
         px, py = int(np.floor(xyz_m[i, 0] / patch_m)), int(np.floor(xyz_m[i, 1] / patch_m))
         c = slots[layer[i], py - patch_south, px - patch_west]
         if c < 0:
-            store = open_patch(store, patches, px, py, layer[i], first_coarse + interval)
+            store = open_patch(store, patches, px, py, np.int64(layer[i]), first_coarse + interval)
             c = slots[layer[i], py - patch_south, px - patch_west] = patches
             patches += 1
         lx, ly, lz = xyz_m[i, 0] - (px + 0.5) * patch_m, xyz_m[i, 1] - (py + 0.5) * patch_m, xyz_m[i, 2]

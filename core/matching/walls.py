@@ -64,7 +64,7 @@ CORRELATED_START: Final = 20.0
 MIN_CORRELATED: Final = 4.0
 MIN_WALL_GROUPS: Final = 50
 WALL_PATCH_M: Final = 8.0
-WALL_LAYER: Final = 2
+WALL_LAYER: Final = np.int64(2)
 """Layer of a wall's patch in :class:`~furrowmap.core.estimation.registration.Patches`."""
 
 
@@ -336,7 +336,7 @@ def _register(  # type: ignore[no-untyped-def]
     n = len(t_s)
     patch_west, patch_south, slots = patch_slots(xyz_m[: n if every > 0 else 0], patch_m)
     store = patch_store(64 if every > 0 else 0)
-    patches = opened = 0
+    patches = opened = np.int64(0)
     interval_now = -1
     group = np.full(2 * len(line), -1, np.int64)
     group_sums = np.zeros((2 * len(line), 3))

@@ -42,7 +42,7 @@ class SideViewGrid:
     def side_view(self, x_m: NDArray[np.float32], z_m: NDArray[np.float32]) -> NDArray[np.float32]:
         """(columns, rows) points in each cell, divided linearly between the two nearest rows."""
         view: NDArray[np.float32] = np.zeros((self.columns, self.rows), np.float32)
-        _count(x_m, z_m, self.x_m, self.z_m, view)
+        _count(np.ascontiguousarray(x_m), z_m, self.x_m, self.z_m, view)
         return view
 
 

@@ -206,7 +206,8 @@ def _select(xyz_m, range_m, laser, column, ground, box):  # type: ignore[no-unty
             count += 1
     kept = kept[:count]
     xyz = xyz_m[kept]
-    xyz[:, 2] = above[:count]
+    for i in range(count):
+        xyz[i, 2] = above[i]
     return xyz, range_m[kept], laser[kept], column[kept]
 
 

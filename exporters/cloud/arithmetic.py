@@ -42,14 +42,14 @@ MAX_BITS_BETWEEN: Final = 64
 MAX_RAW_BITS: Final = 19
 
 
-def model_size(symbols: int) -> int:
+def model_size(symbols: int | np.int64) -> np.int64:
     """Numbers that a model takes in its table."""
-    return HEAD + 2 * symbols
+    return np.int64(HEAD + 2 * symbols)
 
 
-def ends_of(*sizes: int) -> list[int]:
+def ends_of(*sizes: np.int64) -> list[np.int64]:
     """Offsets of consecutive models in a table; last, the end."""
-    return [0, *accumulate(sizes)]
+    return [np.int64(0), *accumulate(sizes)]
 
 
 @kernel()
@@ -79,7 +79,7 @@ def settled(out, base, length, at):  # type: ignore[no-untyped-def]
 @inlined()
 def coder_at(at):  # type: ignore[no-untyped-def]
     """A coder whose first byte goes to `at`."""
-    return 0, 0xFFFFFFFF, at
+    return np.int64(0), np.int64(0xFFFFFFFF), np.int64(at)
 
 
 @inlined()
@@ -189,9 +189,9 @@ CORRECTORS: Final = np.cumsum(
 """Offset of the model of errors of k bits from that of 0 bits; last, the end."""
 
 
-def integers_size(bits: int, contexts: int) -> int:
+def integers_size(bits: np.int64, contexts: np.int64) -> np.int64:
     """Numbers that a coding of integers of `bits` bits takes in its table."""
-    return contexts * model_size(bits + 1) + int(CORRECTORS[bits + 1])
+    return contexts * model_size(bits + 1) + CORRECTORS[bits + 1]
 
 
 @inlined()

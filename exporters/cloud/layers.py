@@ -52,32 +52,34 @@ RETURN_KINDS: Final = np.array(
     ],
     np.int64,
 )
-POINT_CHANGES: Final = 128
+# Numbers that kernels pass to each other are int64: numba would compile the called one again for every literal.
+ZERO, ONE, EIGHT, BITS_16, BITS_32 = (np.int64(number) for number in (0, 1, 8, 16, 32))
+POINT_CHANGES: Final = np.int64(128)
 """Symbols of what differs between a point and the one before."""
-RETURN_NUMBERS: Final = 16
-JUMPS: Final = 13
+RETURN_NUMBERS: Final = np.int64(16)
+JUMPS: Final = np.int64(13)
 """Differences of return numbers within a pulse that are neither 0, 1 nor −1."""
-BYTES: Final = 256
+BYTES: Final = np.int64(256)
 CHANGES_SIZE: Final = model_size(POINT_CHANGES)
 NUMBERS_SIZE: Final = model_size(RETURN_NUMBERS)
 BYTES_SIZE: Final = model_size(BYTES)
-X_CONTEXTS: Final = 2
-Y_CONTEXTS: Final = 22
-Z_CONTEXTS: Final = 20
+X_CONTEXTS: Final = np.int64(2)
+Y_CONTEXTS: Final = np.int64(22)
+Z_CONTEXTS: Final = np.int64(20)
 COUNTS_AT, NUMBERS_AT, JUMPS_AT, X_AT, Y_AT, PLACES_END = ends_of(
     8 * CHANGES_SIZE,
     16 * NUMBERS_SIZE,
     16 * NUMBERS_SIZE,
     model_size(JUMPS),
-    integers_size(32, X_CONTEXTS),
-    integers_size(32, Y_CONTEXTS),
+    integers_size(BITS_32, X_CONTEXTS),
+    integers_size(BITS_32, Y_CONTEXTS),
 )[1:]
-Z_END: Final = integers_size(32, Z_CONTEXTS)
+Z_END: Final = integers_size(BITS_32, Z_CONTEXTS)
 CLASSES_END: Final = 64 * BYTES_SIZE
-INTENSITY_CONTEXTS: Final = 4
-INTENSITY_END: Final = integers_size(16, INTENSITY_CONTEXTS)
-SOURCE_END: Final = integers_size(16, 1)
-COLOUR_CHANGES: Final = 128
+INTENSITY_CONTEXTS: Final = np.int64(4)
+INTENSITY_END: Final = integers_size(BITS_16, INTENSITY_CONTEXTS)
+SOURCE_END: Final = integers_size(BITS_16, ONE)
+COLOUR_CHANGES: Final = np.int64(128)
 """Symbols of which bytes of a colour differ from the point before (six bits), and whether it is other than grey."""
 RED_LOW, RED_HIGH, GREEN_LOW, GREEN_HIGH, BLUE_LOW, BLUE_HIGH, COLOURS_END = (
     model_size(COLOUR_CHANGES) + i * BYTES_SIZE for i in range(7)
@@ -88,13 +90,15 @@ MAX_MULTIPLE: Final = 500
 MIN_MULTIPLE: Final = -10
 OTHER_SEQUENCE: Final = MAX_MULTIPLE - MIN_MULTIPLE + 1
 """The symbol of a new sequence; those of the other three follow."""
-MULTIPLES: Final = OTHER_SEQUENCE + SEQUENCES
-FIRSTS: Final = 1 + SEQUENCES
+MULTIPLES: Final = np.int64(OTHER_SEQUENCE + SEQUENCES)
+FIRSTS: Final = np.int64(1 + SEQUENCES)
 """Symbols without a step: 0 for this sequence, 1 for a new one, then the other three."""
 MAX_UNSTEADY: Final = 3
 """After more consecutive multiples of 0 or beyond the limits, the step becomes the last difference."""
-T_CONTEXTS: Final = 9
-FIRSTS_AT, STEPS_AT, TIMES_END = ends_of(model_size(MULTIPLES), model_size(FIRSTS), integers_size(32, T_CONTEXTS))[1:]
+T_CONTEXTS: Final = np.int64(9)
+FIRSTS_AT, STEPS_AT, TIMES_END = ends_of(model_size(MULTIPLES), model_size(FIRSTS), integers_size(BITS_32, T_CONTEXTS))[
+    1:
+]
 TABLE_SIZE: Final = max(PLACES_END, Z_END, CLASSES_END, INTENSITY_END, SOURCE_END, COLOURS_END, TIMES_END)
 
 MEDIAN_SIZE: Final = 6
@@ -148,22 +152,26 @@ def encode_places(out, at, table, memory, x, y, returns, source, time, z_context
         change |= (source[i] != source[i - 1]) << 5
         coder = encode(out, coder, table, context * CHANGES_SIZE, POINT_CHANGES, change)
         if count != last_count:
-            coder = encode(out, coder, table, COUNTS_AT + last_count * NUMBERS_SIZE, RETURN_NUMBERS, count)
+            coder = encode(out, coder, table, COUNTS_AT + last_count * NUMBERS_SIZE, RETURN_NUMBERS, np.int64(count))
         if change & 3 == 3:
             if time_differs:
-                coder = encode(out, coder, table, NUMBERS_AT + last_number * NUMBERS_SIZE, RETURN_NUMBERS, number)
+                coder = encode(
+                    out, coder, table, NUMBERS_AT + last_number * NUMBERS_SIZE, RETURN_NUMBERS, np.int64(number)
+                )
             else:
                 coder = encode(out, coder, table, JUMPS_AT, JUMPS, jump - 2)
 
         single = count == 1
         usual = MEDIAN_SIZE * (2 * RETURN_KINDS[count, number] + time_differs)
         step = wrapped(np.int64(x[i]) - x[i - 1])
-        coder, x_bits = encode_integer(out, coder, table, X_AT, 32, X_CONTEXTS, single, step - memory[usual + 2])
+        coder, x_bits = encode_integer(
+            out, coder, table, X_AT, BITS_32, X_CONTEXTS, np.int64(single), step - memory[usual + 2]
+        )
         take_into_median(memory, usual, step)
         usual += MEDIAN_SIZE * MEDIANS
         step = wrapped(np.int64(y[i]) - y[i - 1])
         context = min(x_bits & ~1, 20) + single
-        coder, y_bits = encode_integer(out, coder, table, Y_AT, 32, Y_CONTEXTS, context, step - memory[usual + 2])
+        coder, y_bits = encode_integer(out, coder, table, Y_AT, BITS_32, Y_CONTEXTS, context, step - memory[usual + 2])
         take_into_median(memory, usual, step)
         z_context[i] = min(((x_bits + y_bits) >> 1) & ~1, 18) + single
     return finish(out, coder)
@@ -177,7 +185,9 @@ def encode_heights(out, at, table, memory, z, returns, z_context):  # type: igno
     coder = coder_at(at)
     for i in range(1, len(z)):
         left = min(abs((returns[i] >> 4) - (returns[i] & 15)), 7)
-        coder, _ = encode_integer(out, coder, table, 0, 32, Z_CONTEXTS, z_context[i], z[i] - memory[left])
+        coder, _ = encode_integer(
+            out, coder, table, ZERO, BITS_32, Z_CONTEXTS, np.int64(z_context[i]), z[i] - memory[left]
+        )
         memory[left] = z[i]
     return finish(out, coder)
 
@@ -189,7 +199,7 @@ def encode_classes(out, at, table, classes, returns):  # type: ignore[no-untyped
     coder = coder_at(at)
     for i in range(1, len(classes)):
         context = 2 * (classes[i - 1] & 31) + (return_place(returns[i]) == 3)
-        coder = encode(out, coder, table, context * BYTES_SIZE, BYTES, classes[i])
+        coder = encode(out, coder, table, context * BYTES_SIZE, BYTES, np.int64(classes[i]))
     return finish(out, coder)
 
 
@@ -203,7 +213,7 @@ def encode_intensities(out, at, table, memory, intensity, returns, time):  # typ
         place = return_place(returns[i])
         like = 2 * place + (time[i] != time[i - 1])
         error = intensity[i] - memory[like]
-        coder, _ = encode_integer(out, coder, table, 0, 16, INTENSITY_CONTEXTS, place, error)
+        coder, _ = encode_integer(out, coder, table, ZERO, BITS_16, INTENSITY_CONTEXTS, place, error)
         memory[like] = intensity[i]
     return finish(out, coder)
 
@@ -215,7 +225,7 @@ def encode_sources(out, at, table, source):  # type: ignore[no-untyped-def]
     coder = coder_at(at)
     for i in range(1, len(source)):
         if source[i] != source[i - 1]:
-            coder, _ = encode_integer(out, coder, table, 0, 16, 1, 0, np.int64(source[i]) - source[i - 1])
+            coder, _ = encode_integer(out, coder, table, ZERO, BITS_16, ONE, ZERO, np.int64(source[i]) - source[i - 1])
     return finish(out, coder)
 
 
@@ -225,7 +235,7 @@ def encode_bytes(out, at, table, values):  # type: ignore[no-untyped-def]
     table[:BYTES_SIZE] = 0
     coder = coder_at(at)
     for i in range(1, len(values)):
-        coder = encode(out, coder, table, 0, BYTES, (np.int64(values[i]) - values[i - 1]) & 255)
+        coder = encode(out, coder, table, ZERO, BYTES, (np.int64(values[i]) - values[i - 1]) & 255)
     return finish(out, coder)
 
 
@@ -257,7 +267,7 @@ def encode_colours(out, at, table, red, green, blue):  # type: ignore[no-untyped
         change |= (low_g != was_low_g) << 2 | (high_g != was_high_g) << 3
         change |= (low_b != was_low_b) << 4 | (high_b != was_high_b) << 5
         coloured = (r != g) | (r != b)
-        coder = encode(out, coder, table, 0, COLOUR_CHANGES, change | coloured << 6)
+        coder = encode(out, coder, table, ZERO, COLOUR_CHANGES, change | coloured << 6)
         if low_r != was_low_r:
             coder = encode_byte(out, coder, table, RED_LOW, low_r, was_low_r)
         if high_r != was_high_r:
@@ -316,12 +326,12 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
             if step[now] == 0:
                 coder = encode(out, coder, table, FIRSTS_AT, FIRSTS, 1 + other)
             else:
-                coder = encode(out, coder, table, 0, MULTIPLES, OTHER_SEQUENCE + other)
+                coder = encode(out, coder, table, ZERO, MULTIPLES, OTHER_SEQUENCE + other)
             if other == 0:
                 error = (value >> 32) - (last[now] >> 32)
-                coder, _ = encode_integer(out, coder, table, STEPS_AT, 32, T_CONTEXTS, 8, error)
-                coder = write_bits(out, coder, 16, value & 0xFFFF)
-                coder = write_bits(out, coder, 16, (value >> 16) & 0xFFFF)
+                coder, _ = encode_integer(out, coder, table, STEPS_AT, BITS_32, T_CONTEXTS, EIGHT, error)
+                coder = write_bits(out, coder, BITS_16, value & 0xFFFF)
+                coder = write_bits(out, coder, BITS_16, (value >> 16) & 0xFFFF)
                 now = newest = (newest + 1) & 3
                 last[now], step[now], unsteady[now] = value, 0, 0
                 continue
@@ -329,8 +339,8 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
         difference = value - last[now]
         last[now] = value
         if step[now] == 0:
-            coder = encode(out, coder, table, FIRSTS_AT, FIRSTS, 0)
-            coder, _ = encode_integer(out, coder, table, STEPS_AT, 32, T_CONTEXTS, 0, difference)
+            coder = encode(out, coder, table, FIRSTS_AT, FIRSTS, ZERO)
+            coder, _ = encode_integer(out, coder, table, STEPS_AT, BITS_32, T_CONTEXTS, ZERO, difference)
             step[now], unsteady[now] = difference, 0
             continue
         # In single precision, as every decoder has it.
@@ -338,9 +348,9 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
         ratio += np.float32(0.5) if ratio >= 0 else np.float32(-0.5)
         multiple = np.int64(max(min(ratio, np.float32(MAX_MULTIPLE)), np.float32(MIN_MULTIPLE)))
         symbol = multiple if multiple >= 0 else MAX_MULTIPLE - multiple
-        coder = encode(out, coder, table, 0, MULTIPLES, symbol)
+        coder = encode(out, coder, table, ZERO, MULTIPLES, symbol)
         error = difference - multiple * step[now]
-        coder, _ = encode_integer(out, coder, table, STEPS_AT, 32, T_CONTEXTS, rest_context(multiple), error)
+        coder, _ = encode_integer(out, coder, table, STEPS_AT, BITS_32, T_CONTEXTS, rest_context(multiple), error)
         if multiple == 1:
             unsteady[now] = 0
         elif multiple in (0, MAX_MULTIPLE, MIN_MULTIPLE):

@@ -100,7 +100,9 @@ def _serve(pipe: Connection) -> None:
     """Do what comes through the pipe until it is closed; end with the parent, whatever ends that."""
     prepare_process()
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    with suppress(EOFError, KeyboardInterrupt):
+    from furrowmap.warm_up import reporting_compilation  # it imports numba
+
+    with suppress(EOFError, KeyboardInterrupt), reporting_compilation(lambda _: None, "run"):
         while True:
             work, item = pipe.recv()
             pipe.send(work(item))

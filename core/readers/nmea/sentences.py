@@ -179,10 +179,9 @@ def _scan(
     """Fill the arrays; number of rows of known kinds, of intact sentences, and of bytes done with."""
     size = len(data)
     begin = np.empty(_MOST_FIELDS + 1, np.int64)
-    rows = 0
+    rows = i = np.int64(0)  # of one type from the start: _take would be compiled for a literal 0 as well
     sentences = 0
     broken_off = -1
-    i = 0
     while i < size:
         if data[i] != _DOLLAR:
             i += 1

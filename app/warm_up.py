@@ -1,0 +1,152 @@
+"""Compilation of kernels: ahead of their first use, in one process a core, and what is said where it happens later."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from importlib import import_module
+from multiprocessing import get_context
+from pathlib import Path
+from time import perf_counter
+from types import ModuleType
+from typing import Any, Final
+
+import numba
+from numba.core import event
+
+from furrowmap.core.runtime.languages.catalogue import translated
+from furrowmap.core.runtime.progress import Progress, silent
+from furrowmap.core.runtime.settings import language_of_user, threads
+from furrowmap.process import prepare_process
+
+LIST: Final = Path(__file__).with_name("kernels.toml")
+"""Kernels by the first command that calls them, in the order of their calls, with the types of the arguments."""
+OTHERS: Final = "run"
+"""Commands without kernels of their own in the list mostly call those of this one."""
+KERNELS_A_SECOND: Final = 3
+"""Compiled by one process, what they call included; for an estimate."""
+HELPED_S: Final = 2.0
+"""After so many seconds of compilation in a command, other processes help it."""
+
+
+def warm_up(commands: Collection[str] = (), progress: Progress = silent) -> int:
+    """Compile kernels for this machine, in as many processes as there may be threads.
+
+    Args:
+        commands: those whose kernels are compiled; by default all.
+        progress: is called with the share of the kernels that are done.
+
+    Returns:
+        Number of compilations, those of numba's own functions included; what is in the cache is not compiled again.
+    """
+    # The last ones first: a command that this helps compiles its first ones itself in the meantime.
+    modules = [*_listed(commands).items()][::-1]
+    total, done, compiled = sum(len(kernels) for _, kernels in modules), 0, 0
+    stage = "compiling kernels"
+    progress(stage, 0.0)
+    processes = min(threads(), len(modules))
+    with get_context("spawn").Pool(processes, prepare_process) if processes > 1 else nullcontext() as pool:
+        for kernels, news in (pool.imap_unordered if pool else map)(_compile_module, modules):
+            done, compiled = done + kernels, compiled + news
+            progress(stage, done / total)
+    return compiled
+
+
+@contextmanager
+def reporting_compilation(say: Callable[[str], None], command: str | None) -> Iterator[None]:
+    """Within it, `say` is called once if kernels are compiled, and other processes help if that takes long.
+
+    Args:
+        command: the name of the command that runs, if it is one.
+    """
+    if command == "warm-up":
+        yield
+        return
+    group = command if command and _listed([command]) else OTHERS
+    seconds = sum(map(len, _listed([group]).values())) / KERNELS_A_SECOND / threads()
+    helper: subprocess.Popen[bytes] | None = None
+
+    def begun() -> None:
+        text = f"Compiling kernels for this machine, once: up to {seconds:.0f} s. furrowmap warm-up does it ahead."
+        say(translated(text, language_of_user()))
+
+    def lasted(seconds: float) -> None:
+        nonlocal helper
+        if helper is None and seconds > HELPED_S and threads() > 1:
+            options = ["--quiet", "--threads", str(threads() - 1)]
+            helper = subprocess.Popen(  # noqa: S603 (this interpreter)
+                [sys.executable, "-m", "furrowmap", "warm-up", group, *options],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+
+    try:
+        with _watching(_Watch(begun, lasted)):
+            yield
+    finally:
+        if helper is not None:
+            helper.terminate()
+            helper.wait()
+
+
+def _listed(commands: Collection[str]) -> dict[str, list[tuple[str, str]]]:
+    """Name and types of the arguments of the listed kernels of these commands, or of all, by module."""
+    modules: dict[str, list[tuple[str, str]]] = {}
+    for command, kernels in tomllib.loads(LIST.read_text(encoding="utf-8")).items():
+        for name, signatures in kernels.items() if not commands or command in commands else ():
+            module, _, kernel = name.rpartition(".")
+            modules.setdefault(module, []).extend((kernel, signature) for signature in signatures)
+    return modules
+
+
+def _compile_module(work: tuple[str, Sequence[tuple[str, str]]]) -> tuple[int, int]:
+    """Compile kernels of a module where they are not in the cache; their number, and that of compilations."""
+    name, kernels = work
+    watch = _Watch()
+    with _watching(watch):
+        module = import_module(f"furrowmap.{name}")
+        for kernel, signature in kernels:
+            getattr(module, kernel).compile(types_of(signature, module))
+    return len(kernels), watch.count
+
+
+def types_of(signature: str, module: ModuleType) -> tuple[Any, ...]:
+    """The types of arguments that the list states, with numba's names and those of the kernel's module."""
+    types: tuple[Any, ...] = eval(signature, {**vars(module), **vars(numba.types)})  # noqa: S307 (furrowmap's own list)
+    return types
+
+
+class _Watch(event.Listener):  # type: ignore[misc]  # numba has no types
+    """Counts compilations and their time; numba compiles in one thread at a time."""
+
+    def __init__(self, begun: Callable[[], None] = lambda: None, lasted: Callable[[float], None] = lambda _: None):
+        self._begun, self._lasted = begun, lasted
+        self.count = self._depth = 0
+        self._since = self._seconds = 0.0
+
+    def on_start(self, _event: Any) -> None:
+        """A kernel, or one that it calls."""
+        if self.count == 0:
+            self._begun()
+        if self._depth == 0:
+            self._since = perf_counter()
+        self.count += 1
+        self._depth += 1
+
+    def on_end(self, _event: Any) -> None:
+        """Its end."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._seconds += perf_counter() - self._since
+            self._lasted(self._seconds)
+
+
+@contextmanager
+def _watching(watch: _Watch) -> Iterator[None]:
+    event.register("numba:compile", watch)
+    try:
+        yield
+    finally:
+        event.unregister("numba:compile", watch)
