@@ -26,8 +26,8 @@ LIST: Final = Path(__file__).with_name("kernels.toml")
 """Kernels by the first command that calls them, in the order of their calls, with the types of the arguments."""
 OTHERS: Final = "run"
 """Commands without kernels of their own in the list mostly call those of this one."""
-KERNELS_A_SECOND: Final = 3
-"""Compiled by one process, what they call included; for an estimate."""
+KERNELS_A_SECOND: Final = 1
+"""Compiled by one process, what they call included, on a slow computer; for an estimate."""
 HELPED_S: Final = 2.0
 """After so many seconds of compilation in a command, other processes help it."""
 
@@ -42,8 +42,7 @@ def warm_up(commands: Collection[str] = (), progress: Progress = silent) -> int:
     Returns:
         Number of compilations, those of numba's own functions included; what is in the cache is not compiled again.
     """
-    # The last ones first: a command that this helps compiles its first ones itself in the meantime.
-    modules = [*_listed(commands).items()][::-1]
+    modules = _listed(commands).items()
     total, done, compiled = sum(len(kernels) for _, kernels in modules), 0, 0
     stage = "compiling kernels"
     progress(stage, 0.0)
@@ -65,11 +64,13 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
     if command == "warm-up":
         yield
         return
-    group = command if command and _listed([command]) else OTHERS
-    seconds = sum(map(len, _listed([group]).values())) / KERNELS_A_SECOND / threads()
+    group = OTHERS
     helper: subprocess.Popen[bytes] | None = None
 
     def begun() -> None:
+        nonlocal group
+        group = command if command and _listed([command]) else OTHERS
+        seconds = sum(map(len, _listed([group]).values())) / KERNELS_A_SECOND / threads()
         text = f"Compiling kernels for this machine, once: up to {seconds:.0f} s. furrowmap warm-up does it ahead."
         say(translated(text, language_of_user()))
 
@@ -92,10 +93,13 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
 
 
 def _listed(commands: Collection[str]) -> dict[str, list[tuple[str, str]]]:
-    """Name and types of the arguments of the listed kernels of these commands, or of all, by module."""
+    """Name and types of the arguments of the listed kernels of these commands, or of all, by module.
+
+    The last ones of each command come first: a command that is helped compiles its first ones itself in the meantime.
+    """
     modules: dict[str, list[tuple[str, str]]] = {}
     for command, kernels in tomllib.loads(LIST.read_text(encoding="utf-8")).items():
-        for name, signatures in kernels.items() if not commands or command in commands else ():
+        for name, signatures in reversed(kernels.items()) if not commands or command in commands else ():
             module, _, kernel = name.rpartition(".")
             modules.setdefault(module, []).extend((kernel, signature) for signature in signatures)
     return modules
