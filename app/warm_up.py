@@ -24,8 +24,8 @@ from furrowmap.process import prepare_process
 
 LIST: Final = Path(__file__).with_name("kernels.toml")
 """Kernels by the first command that calls them, in the order of their calls, with the types of the arguments."""
-OTHERS: Final = "run"
-"""Commands without kernels of their own in the list mostly call those of this one."""
+MOST: Final = "run"
+"""The command with the most kernels; commands without any of their own call some of them."""
 KERNELS_A_SECOND: Final = 1
 """Compiled by one process, what they call included, on a slow computer; for an estimate."""
 HELPED_S: Final = 2.0
@@ -64,22 +64,20 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
     if command == "warm-up":
         yield
         return
-    group = OTHERS
     helper: subprocess.Popen[bytes] | None = None
 
     def begun() -> None:
-        nonlocal group
-        group = command if command and _listed([command]) else OTHERS
-        seconds = sum(map(len, _listed([group]).values())) / KERNELS_A_SECOND / threads()
+        kernels = (command and _listed([command])) or _listed([MOST])
+        seconds = sum(map(len, kernels.values())) / KERNELS_A_SECOND / threads()
         text = f"Compiling kernels for this machine, once: up to {seconds:.0f} s. furrowmap warm-up does it ahead."
         say(translated(text, language_of_user()))
 
     def lasted(seconds: float) -> None:
         nonlocal helper
-        if helper is None and seconds > HELPED_S and threads() > 1:
+        if helper is None and seconds > HELPED_S and threads() > 1 and command and _listed([command]):
             options = ["--quiet", "--threads", str(threads() - 1)]
             helper = subprocess.Popen(  # noqa: S603 (this interpreter)
-                [sys.executable, "-m", "furrowmap", "warm-up", group, *options],
+                [sys.executable, "-m", "furrowmap", "warm-up", command, *options],
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             )  # fmt: skip
 
