@@ -24,7 +24,7 @@ from furrowmap.process import prepare_process
 
 LIST: Final = Path(__file__).with_name("kernels.toml")
 """Kernels by the first command that calls them, in the order of their calls, with the types of the arguments."""
-MOST: Final = "run"
+MOST_KERNELS: Final = "run"
 """The command with the most kernels; commands without any of their own call some of them."""
 KERNELS_A_SECOND: Final = 1
 """Compiled by one process, what they call included, on a slow computer; for an estimate."""
@@ -67,7 +67,7 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
     helper: subprocess.Popen[bytes] | None = None
 
     def begun() -> None:
-        kernels = (command and _listed([command])) or _listed([MOST])
+        kernels = (command and _listed([command])) or _listed([MOST_KERNELS])
         seconds = sum(map(len, kernels.values())) / KERNELS_A_SECOND / threads()
         text = f"Compiling kernels for this machine, once: up to {seconds:.0f} s. furrowmap warm-up does it ahead."
         say(translated(text, language_of_user()))
@@ -86,7 +86,7 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
             yield
     finally:
         if helper is not None:
-            helper.terminate()
+            helper.kill()  # what it has compiled is in the cache; it would not end before what it is compiling
             helper.wait()
 
 

@@ -10,10 +10,7 @@ from furrowmap.cli.console import Console
 from furrowmap.cli.options import command
 
 
-@command(
-    "Compile the kernels of all commands for this machine, ahead.", "furrowmap warm-up", "furrowmap warm-up run",
-    name="warm-up",
-)  # fmt: skip
+@command("Compile the kernels of all commands for this machine, ahead.", "furrowmap warm-up run", name="warm-up")
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
 def warm_up(console: Console, commands: tuple[str, ...]) -> None:
     """Compile kernels for this machine and keep them in the user's cache: those of COMMANDs, or of all commands.

@@ -75,6 +75,7 @@ MAY_IMPORT = {
         "furrowmap.core.values",
         "furrowmap.process",
         "furrowmap.settings",
+        "furrowmap.warm_up",
         "furrowmap.workflows",
         "furrowmap!",
     ],
