@@ -16,11 +16,12 @@ from furrowmap.warm_up import LIST, types_of
 
 CODE = """
 import sys
+from pathlib import Path
 from numba.core import event
 from furrowmap.core.readers.isoxml.files import open_task_files
 from furrowmap.core.readers.isoxml.tasks import read_tasks
 with event.install_recorder("numba:compile") as recorder:
-    read_tasks(open_task_files(sys.argv[1]))
+    read_tasks(open_task_files(Path(sys.argv[1])))
 print(sum(each.is_start for _, each in recorder.buffer))
 """
 """What only `furrowmap fields` calls; benchmarks/compilation.py counts the compilations of whole commands."""

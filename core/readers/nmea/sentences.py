@@ -162,14 +162,14 @@ _GGA, _RMC, _GST, _VTG, _HDT, _ZDA, _GNS, _PUBX, _PUBX_MOTION, _PASHR = (int(kin
 _MOST_FIELDS = 19
 _TENS = 10.0 ** np.arange(19)
 
-_DOLLAR, _STAR, _COMMA, _DOT, _MINUS, _PLUS = (ord(c) for c in "$*,.-+")
-_0, _4, _9, _A, _B, _C, _D, _E, _F, _G = (ord(c) for c in "049ABCDEFG")
-_H, _K, _M, _N, _P, _R, _S, _T, _U, _V, _W, _X, _Z = (ord(c) for c in "HKMNPRSTUVWXZ")
+_DOLLAR, _STAR, _COMMA, _DOT, _MINUS, _PLUS = (np.int64(ord(c)) for c in "$*,.-+")
+_0, _4, _9, _A, _B, _C, _D, _E, _F, _G = (np.int64(ord(c)) for c in "049ABCDEFG")
+_H, _K, _M, _N, _P, _R, _S, _T, _U, _V, _W, _X, _Z = (np.int64(ord(c)) for c in "HKMNPRSTUVWXZ")
 _MODES = np.frombuffer(b"SMEADPFR", np.uint8)
 """Mode indicators of GNS, the best last; N is no position."""
 _QUALITIES = np.array([8.0, 7.0, 6.0, 1.0, 2.0, 3.0, 5.0, 4.0])
 """The quality that GGA gives each of them."""
-_SMALL_A, _SMALL_F = ord("a"), ord("f")
+_SMALL_A, _SMALL_F = np.int64(ord("a")), np.int64(ord("f"))
 
 
 @njit(cache=True, nogil=True)
