@@ -103,6 +103,8 @@ if TYPE_CHECKING:
     from furrowmap.workflows.gnss.evaluate import evaluation_table as evaluation_table
     from furrowmap.workflows.gnss.solve import SolvedPositions as SolvedPositions
     from furrowmap.workflows.gnss.solve import solve_gnss as solve_gnss
+    from furrowmap.workflows.live.live import LiveSummary as LiveSummary
+    from furrowmap.workflows.live.live import live as live
     from furrowmap.workflows.record.record import Recorded as Recorded
     from furrowmap.workflows.record.record import record as record
     from furrowmap.workflows.run.preview import preview as preview
@@ -170,6 +172,7 @@ _PUBLIC_NAMES = {
     "workflows.farm.mosaic": "mosaic",
     "workflows.gnss.evaluate": "evaluate_gnss evaluation_table",
     "workflows.gnss.solve": "SolvedPositions solve_gnss",
+    "workflows.live.live": "LiveSummary live",
     "workflows.record.record": "Recorded record",
     "workflows.run.preview": "preview",
     "workflows.run.run": "run",

@@ -27,6 +27,7 @@ COMMANDS: Final = (
     "inspect",
     "record",
     "run",
+    "live",
     "batch",
     "season",
     "surface",

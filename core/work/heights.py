@@ -111,6 +111,14 @@ class ToolHeightTracker:
     def heights(self) -> ToolHeights:
         """All heights so far, including the current revolution."""
         self._end_turn(whole=False)
+        return self._stored()
+
+    def latest(self, turns: int) -> ToolHeights:
+        """Those of the last complete revolutions; earlier ones are forgotten."""
+        del self._turns[: -6 * turns], self._scans[: -3 * turns]
+        return self._stored()
+
+    def _stored(self) -> ToolHeights:
         t_s, height, seen, contrast, whole, soil = np.array(self._turns).reshape(-1, 6).T
         number, begin_s, end_s = np.array(self._scans).reshape(-1, 3).T
         return ToolHeights(t_s, height, seen, contrast, whole > 0, soil, number.astype(np.int64), begin_s, end_s)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -221,7 +221,9 @@ class SpinningPcap(FileReader):
         if options.model:
             self.maker.named(options.model)
         self._angles = AngleTable.beside(self.paths) if self.maker.calibrated else None
-        self._senders, self._first_packets = _survey(self.maker, self.paths, options.source)
+        skipped: Counter[str] = Counter()
+        blocks = _blocks(self.paths, skipped)
+        self._senders, self._first_packets = survey(self.maker, self.paths, options.source, blocks, skipped)
         self._sender = self._senders[0]
         self.clock: Clock = settle(*self._first_packets, options.near_s)[0].kind
         self.clocks: tuple[ClockReading, ...] = ()
@@ -278,20 +280,28 @@ class SpinningPcap(FileReader):
         self.share_read = 1.0
 
 
-def _survey(
-    maker: Maker, paths: Sequence[Path], wanted: str | None
+def survey(
+    maker: Maker, paths: Sequence[Path], wanted: str | None, blocks: Iterable[Datagrams], skipped: Counter[str]
 ) -> tuple[list[int], tuple[NDArray[np.uint32], FloatArray, list[PositionPacket]]]:
     """The sensors' senders; of that with most packets the stamps and the recorder's times of the first data packets.
 
     Position packets are those up to a lock.
+
+    Args:
+        paths: for errors.
+        wanted: address of the sensor; None for any.
+        blocks: the datagrams, of which as many are taken as it needs.
+        skipped: gets the frames that are none of the sensor's, by kind.
+
+    Raises:
+        InputError: if there are no packets of the maker, or none of the sensor wanted.
     """
     stamps: list[NDArray[np.uint32]] = []
     senders: list[NDArray[np.uint64]] = []
     times: list[NDArray[np.float64]] = []
     positions: list[tuple[int, PositionPacket]] = []
     packets = 0
-    skipped: Counter[str] = Counter()
-    for datagrams in _blocks(paths, skipped):
+    for datagrams in blocks:
         product, position = _kinds_of(maker, datagrams)
         data = product >= 0
         if packets < _SURVEY_PACKETS and data.any():

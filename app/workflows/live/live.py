@@ -1,0 +1,261 @@
+"""Watch a session while it is recorded: the loop from packets to the page and the outlets."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event
+from typing import Any, Final
+
+from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pipeline.live import LiveScan, LiveSession
+from furrowmap.core.readers.pcap import Datagrams
+from furrowmap.core.runtime.errors import FurrowmapError, UsageError
+from furrowmap.core.session.opened import OpenSession, open_session
+from furrowmap.core.work.saved import load_implement
+from furrowmap.core.work.worked_cells import MISSED, OVERLAP, WORKED, Tile
+from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed
+from furrowmap.workflows.live.nmea import sentences
+from furrowmap.workflows.live.server import Hub, Pictures, event, serve_lines, serve_page
+
+LATE_S: Final = 0.3
+"""A scan that came longer ago is not looked at while newer ones wait."""
+POSE_EVERY_S: Final = 0.2
+CELLS_EVERY_S: Final = 0.5
+FIGURES_EVERY_S: Final = 1.0
+RATE_OVER_S: Final = 120.0
+OPEN_EVERY_S: Final = 1.0
+
+
+@dataclass
+class LiveSummary:
+    """What a live session saw.
+
+    Attributes:
+        scans: looked at.
+        posed: of these with a pose.
+        dropped: not looked at, because newer ones were waiting.
+        lost_packets: of the scanner.
+        worked_m2, overlap_m2, missed_m2: in the map's plane.
+        delays_s: from the last packet of a scan to its pose: median, 99.9 %, the longest.
+    """
+
+    scans: int = 0
+    posed: int = 0
+    dropped: int = 0
+    lost_packets: int = 0
+    worked_m2: float = 0.0
+    overlap_m2: float = 0.0
+    missed_m2: float = 0.0
+    delays_s: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+
+
+@dataclass
+class _Delays:
+    """Delays counted in milliseconds, so that memory does not grow."""
+
+    counts: list[int] = field(default_factory=lambda: [0] * 10_001)
+
+    def add(self, delay_s: float) -> None:
+        self.counts[min(max(0, round(1e3 * delay_s)), len(self.counts) - 1)] += 1
+
+    def quantile_s(self, share: float) -> float:
+        wanted, total = share * sum(self.counts), 0
+        for milliseconds, count in enumerate(self.counts):
+            total += count
+            if count and total >= wanted:
+                return 1e-3 * milliseconds
+        return math.nan
+
+
+def live(
+    recording: str | Path,
+    *,
+    play: bool = False,
+    speed: float = 1.0,
+    host: str = "0.0.0.0",  # noqa: S104 (tablets on the local network look at it)
+    port: int | None = 8080,
+    nmea_port: int | None = 10110,
+    language: str = "",
+    on_scan: Callable[[dict[str, Any]], None] | None = None,
+    stop: Event | None = None,
+) -> LiveSummary:
+    """Watch a session while it is recorded, until the recorder ends or `stop` is set.
+
+    Args:
+        recording: the folder that `furrowmap record` writes; with `play` the session file of an earlier recording.
+        play: play the recording as it came in.
+        speed: of playing: so many times as fast; infinite for as fast as it can be looked at.
+        host: address of this computer at which page and outlet are served.
+        port: of the page; None for no page, 0 for any that is free.
+        nmea_port: of the outlet of NMEA sentences over TCP; None for none.
+        language: "en" or "ja", in which the page begins; empty for that of its reader.
+        on_scan: gets what is known with each scan, as values of JSON.
+
+    Raises:
+        FurrowmapError: if the session cannot be used, or a port is taken.
+    """
+    stop = stop or Event()
+    file = Path(recording) / "session.toml" if not play else Path(recording)
+    if not play and not Path(recording).is_dir():
+        raise UsageError("usage.live-folder", recording=recording)
+    pictures = Pictures()
+    page, lines = Hub(pictures.whole), Hub()
+    with ExitStack() as closing:
+        try:
+            if port is not None:
+                closing.callback(serve_page(host, port, page, language).shutdown)
+            if nmea_port is not None:
+                closing.callback(serve_lines(host, nmea_port, lines).shutdown)
+        except OSError as error:
+            raise UsageError("usage.live-port", port=port, nmea_port=nmea_port, error=error.strerror) from None
+        opened = open_session(file) if play else _opened(file, page, stop)
+        if opened is None:
+            return LiveSummary()
+        tools = opened.inputs.tools
+        learned = load_implement(tools[0].learned) if tools and tools[0].learned is not None else None
+        session = LiveSession(opened.session, opened.frame, learned)
+        closing.callback(session.close)
+        session.warm_up()
+        feed = PlayedFeed(opened, speed, stop) if play else FolderFeed(Path(recording), stop)
+        watch = _Watch(session, opened.frame, page, lines, pictures, on_scan)
+        for piece in feed.pieces():
+            if isinstance(piece.data, bytes):
+                session.add_gnss(piece.data)
+                continue
+            if isinstance(feed, PlayedFeed):
+                feed.utc_minus_recorder_s = session.utc_minus_recorder_s
+            watch.take(piece.data, piece.due_s, feed.status)
+        return watch.summary()
+
+
+def _opened(file: Path, page: Hub, stop: Event) -> OpenSession | None:
+    """The session, as soon as the recorder has written it and knows where it is; None if stopped before."""
+    while not stop.is_set():
+        try:
+            return open_session(file)
+        except FurrowmapError as error:
+            waits = error.what
+        page.publish(lambda waits=waits: event("waiting", waits))  # type: ignore[misc]
+        stop.wait(OPEN_EVERY_S)
+    return None
+
+
+class _Watch:
+    """Takes datagrams to scans, looks at those that are new, and tells the readers."""
+
+    def __init__(
+        self,
+        session: LiveSession,
+        frame: MapFrame,
+        page: Hub,
+        lines: Hub,
+        pictures: Pictures,
+        on_scan: Callable[[dict[str, Any]], None] | None,
+    ) -> None:
+        self._session, self._frame, self._page, self._lines = session, frame, page, lines
+        self._pictures, self._on_scan = pictures, on_scan
+        self._said, self._delays = LiveSummary(), _Delays()
+        self._changed: set[Tile] = set()
+        self._told_s = {"pose": -math.inf, "cells": -math.inf, "figures": -math.inf}
+        self._areas: deque[tuple[float, float]] = deque()
+        self._origin: tuple[float, float] | None = None
+
+    def take(self, datagrams: Datagrams, due_s: float, status: Callable[[], dict[str, Any]]) -> None:
+        """Look at the scans that some datagrams complete, unless newer ones wait."""
+        scans = self._session.scans(datagrams)
+        for number, scan in enumerate(scans):
+            if number < len(scans) - 1 or time.time() - due_s > LATE_S:
+                self._said.dropped += 1
+                continue
+            seen = self._session.add_scan(scan)
+            if seen is not None:
+                self._tell(seen, due_s, status)
+
+    def summary(self) -> LiveSummary:
+        """What was seen so far."""
+        cells, said = self._session.cells, self._said
+        if cells is not None:
+            areas = [cells.area_m2(state) for state in (WORKED, OVERLAP, MISSED)]
+            said.worked_m2, said.overlap_m2, said.missed_m2 = areas
+        said.lost_packets = self._session.lost_packets
+        said.delays_s = self._delays.quantile_s(0.5), self._delays.quantile_s(0.999), self._delays.quantile_s(1.0)
+        return said
+
+    def _tell(self, seen: LiveScan, due_s: float, status: Callable[[], dict[str, Any]]) -> None:
+        pose, now_s = seen.pose, time.time()
+        self._said.scans += 1
+        self._changed |= seen.changed
+        delay_s = now_s - due_s
+        self._delays.add(delay_s)
+        if pose is not None:
+            self._said.posed += 1
+            if self._origin is None:
+                self._origin = round(pose.xyz_m[0]), round(pose.xyz_m[1])
+                self._pictures.about = {"origin_m": self._origin}
+                self._page.publish(self._pictures.whole)
+            self._lines.publish(lambda: sentences(pose, self._frame))
+        if self._on_scan is not None:
+            self._on_scan(as_json(seen) | {"delay_s": round(delay_s, 3), "dropped": self._said.dropped})
+        if self._is_due("pose", POSE_EVERY_S, now_s):
+            self._page.publish(lambda: event("pose", as_json(seen) | {"delay_s": round(delay_s, 3)}))
+        cells = self._session.cells
+        if cells is not None and self._changed and self._is_due("cells", CELLS_EVERY_S, now_s):
+            changed, self._changed = self._changed, set()
+            self._page.publish(lambda: self._pictures.changes(cells, changed))
+        if self._is_due("figures", FIGURES_EVERY_S, now_s):
+            figures = self._figures(seen, status())
+            self._page.publish(lambda: event("figures", figures))
+
+    def _is_due(self, what: str, every_s: float, now_s: float) -> bool:
+        due = now_s - self._told_s[what] >= every_s - 0.02
+        if due:
+            self._told_s[what] = now_s
+        return due
+
+    def _figures(self, seen: LiveScan, status: dict[str, Any]) -> dict[str, Any]:
+        """Areas, the rate of the last minutes, and what recorder and live session lack."""
+        said = self.summary()
+        self._areas.append((seen.t_s, said.worked_m2))
+        while self._areas[0][0] < seen.t_s - RATE_OVER_S:
+            self._areas.popleft()
+        first_s, first_m2 = self._areas[0]
+        over_s = seen.t_s - first_s
+        return {
+            "worked_m2": round(said.worked_m2, 1),
+            "overlap_m2": round(said.overlap_m2, 1),
+            "missed_m2": round(said.missed_m2, 1),
+            "rate_m2ps": round((said.worked_m2 - first_m2) / over_s, 3) if over_s > 5.0 else None,
+            "dropped": said.dropped,
+            "lost_packets": said.lost_packets,
+            "warnings": [str(warning.get("text", "")) for warning in status.get("warnings", ())][:5],
+        }
+
+
+def as_json(seen: LiveScan) -> dict[str, Any]:
+    """What is known with a scan, as values of JSON: null for what is not known."""
+    out: dict[str, Any] = {"t_s": round(seen.t_s, 3), "tool": seen.tool.label, "missing": list(seen.missing)}
+    out["tool_height_m"] = round(seen.tool_height_m, 3) if math.isfinite(seen.tool_height_m) else None
+    pose = seen.pose
+    if pose is None:
+        return out
+    roll, pitch, heading = pose.attitude_deg
+    return out | {
+        "e_m": round(pose.xyz_m[0], 3),
+        "n_m": round(pose.xyz_m[1], 3),
+        "h_m": round(pose.xyz_m[2], 3),
+        "roll_deg": round(roll, 2),
+        "pitch_deg": round(pitch, 2),
+        "heading_deg": round(heading, 2),
+        "turn_degps": round(-math.degrees(pose.turn_radps), 2),
+        "speed_mps": round(pose.speed_mps, 3),
+        "sigma_m": round(math.hypot(*pose.sigma[:2]), 3),
+        "sigma_heading_deg": round(pose.sigma[5], 2),
+        "fix": pose.fix.label,
+        "position_age_s": round(pose.position_age_s, 2),
+    }

@@ -1,0 +1,218 @@
+"""The page of a live session and its stream, for readers on the local network that only look."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from collections.abc import Callable
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from queue import Empty, Full, Queue
+from socketserver import BaseRequestHandler, ThreadingTCPServer
+from threading import Lock, Thread
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from furrowmap.core.work.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, WorkedCells
+from furrowmap.exporters.reports.pages import render
+
+QUEUED: Final = 64
+"""Messages that wait for a reader; one that falls further behind begins anew with a whole picture."""
+MAX_READERS: Final = 50
+KEEP_ALIVE_S: Final = 5.0
+
+
+class Hub:
+    """Hands each message to all readers, each of which has its own bounded queue.
+
+    Args:
+        first: what a reader gets first; None for nothing.
+    """
+
+    def __init__(self, first: Callable[[], bytes] | None = None) -> None:
+        self._first, self._lock = first, Lock()
+        self._readers: dict[int, Queue[bytes]] = {}
+        self._count = 0
+
+    def join(self) -> tuple[int, Queue[bytes]] | None:
+        """The number and queue of a new reader; None if there are too many."""
+        with self._lock:
+            if len(self._readers) >= MAX_READERS:
+                return None
+            queue: Queue[bytes] = Queue(QUEUED)
+            if self._first is not None:
+                queue.put_nowait(self._first())
+            self._count += 1
+            self._readers[self._count] = queue
+            return self._count, queue
+
+    def leave(self, number: int) -> None:
+        """A reader is gone."""
+        with self._lock:
+            self._readers.pop(number, None)
+
+    def publish(self, make: Callable[[], bytes]) -> None:
+        """Hand on a message, made while no reader joins, so that none misses it or gets it twice."""
+        with self._lock:
+            message = make()
+            for queue in self._readers.values():
+                try:
+                    queue.put_nowait(message)
+                except Full:
+                    while not queue.empty():
+                        queue.get_nowait()
+                    if self._first is not None:
+                        queue.put_nowait(self._first())
+
+
+class Pictures:
+    """The cells of the ground worked as messages: all of them, or what changed since the last message."""
+
+    def __init__(self) -> None:
+        self._sent: dict[Tile, NDArray[np.uint8]] = {}
+        self._whole: bytes | None = None
+        self.about: dict[str, Any] = {}
+
+    def whole(self) -> bytes:
+        """What was sent so far, as one message."""
+        if self._whole is None:
+            tiles = list(self._sent)
+            cells = b"".join(self._sent[tile].tobytes() for tile in tiles)
+            picture = self.about | {
+                "cell_m": CELL_SIDE_M,
+                "tile": TILE_CELLS,
+                "tiles": tiles,
+                "cells": base64.b64encode(zlib.compress(cells, 1)).decode("ascii"),
+            }
+            self._whole = event("picture", picture)
+        return self._whole
+
+    def changes(self, cells: WorkedCells, tiles: set[Tile]) -> bytes:
+        """Runs of cells [first, count, state] that changed, by tile."""
+        out = []
+        for tile in tiles:
+            now, before = cells.tiles()[tile], self._sent.get(tile)
+            changed = (now != (before if before is not None else 0)).ravel()
+            at = np.flatnonzero(changed)
+            if not len(at):
+                continue
+            state = now.ravel()[at]
+            begins = np.flatnonzero((np.diff(at, prepend=-2) != 1) | (np.diff(state.astype(int), prepend=-1) != 0))
+            counts = np.diff(np.append(begins, len(at)))
+            out.append([*tile, np.column_stack([at[begins], counts, state[begins]]).ravel().tolist()])
+            self._sent[tile] = now.copy()
+        self._whole = None if out else self._whole
+        return event("cells", out)
+
+
+def event(name: str, content: Any) -> bytes:
+    """A message of a stream of server-sent events (HTML standard, section 9.2)."""
+    return f"event: {name}\ndata: {json.dumps(content, separators=(',', ':'), allow_nan=False)}\n\n".encode("ascii")
+
+
+def serve_page(host: str, port: int, hub: Hub, language: str) -> ThreadingHTTPServer:
+    """Serve the page and its stream in threads; nothing that a reader sends changes anything.
+
+    Raises:
+        OSError: if the port cannot be used.
+    """
+    page = render("live.html", "script-src 'self'", "connect-src 'self'", language=language).encode()
+    script = files("furrowmap.exporters.share").joinpath("live.js").read_bytes()
+    served = {"/": ("text/html; charset=utf-8", page), "/live.js": ("text/javascript; charset=utf-8", script)}
+
+    class LivePage(BaseHTTPRequestHandler):
+        """GET of the page, its script and its stream."""
+
+        protocol_version = "HTTP/1.1"
+        timeout = 30.0
+
+        def do_GET(self) -> None:
+            """One of the three."""
+            path = self.path.partition("?")[0]
+            if path == "/events":
+                self._stream()
+            elif path in served:
+                kind, content = served[path]
+                self._head(HTTPStatus.OK, kind, len(content))
+                self.wfile.write(content)
+            else:
+                self._head(HTTPStatus.NOT_FOUND, "text/plain", 0)
+
+        def _head(self, status: HTTPStatus, kind: str, length: int | None) -> None:
+            self.send_response(status)
+            self.send_header("Content-Type", kind)
+            self.send_header("Cache-Control", "no-store")
+            self.send_header("X-Content-Type-Options", "nosniff")
+            if length is None:
+                self.send_header("Connection", "close")
+                self.close_connection = True
+            else:
+                self.send_header("Content-Length", str(length))
+            self.end_headers()
+
+        def _stream(self) -> None:
+            joined = hub.join()
+            if joined is None:
+                self._head(HTTPStatus.SERVICE_UNAVAILABLE, "text/plain", 0)
+                return
+            number, queue = joined
+            try:
+                self._head(HTTPStatus.OK, "text/event-stream", None)
+                self.wfile.write(b"retry: 1000\n\n")
+                while True:
+                    try:
+                        self.wfile.write(queue.get(timeout=KEEP_ALIVE_S))
+                    except Empty:
+                        self.wfile.write(b": nothing new\n\n")
+            except OSError:  # the reader is gone
+                pass
+            finally:
+                hub.leave(number)
+
+        def log_message(self, *_: object) -> None:
+            """Requests are not logged."""
+
+    server = ThreadingHTTPServer((host, port), LivePage)
+    server.daemon_threads = True
+    Thread(target=server.serve_forever, daemon=True).start()
+    return server
+
+
+def serve_lines(host: str, port: int, hub: Hub) -> ThreadingTCPServer:
+    """Send a hub's messages to whoever connects, as receivers do with NMEA.
+
+    Raises:
+        OSError: if the port cannot be used.
+    """
+
+    class LineOutlet(BaseRequestHandler):
+        """A connection."""
+
+        def handle(self) -> None:
+            """Send until the reader is gone."""
+            joined = hub.join()
+            if joined is None:
+                return
+            number, queue = joined
+            self.request.settimeout(30.0)
+            try:
+                while True:
+                    self.request.sendall(queue.get())
+            except OSError:
+                pass
+            finally:
+                hub.leave(number)
+
+    class OutletServer(ThreadingTCPServer):
+        """Threads that end with the process."""
+
+        allow_reuse_address = True
+        daemon_threads = True
+
+    server = OutletServer((host, port), LineOutlet)
+    Thread(target=server.serve_forever, daemon=True).start()
+    return server

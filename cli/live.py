@@ -1,0 +1,68 @@
+"""`furrowmap live`: watch a session while it is recorded."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from socket import gethostname
+from typing import Any
+
+import click
+
+import furrowmap
+from furrowmap.cli.console import Console
+from furrowmap.cli.options import FILE, command, flag, option
+from furrowmap.cli.tables import figures, table
+from furrowmap.core.runtime.errors import UsageError
+
+
+@command(
+    "Watch a session while it is recorded.",
+    "furrowmap live field-recording",
+    "furrowmap live --from session.toml --speed 4",
+)
+@click.argument("folder", type=FILE, required=False)
+@option("--from", "SESSION", "Play the recording of SESSION as it came in, instead of following a folder.", "played")
+@option("--speed", "N", "Play N times as fast as it was recorded [default: 1; 0: as fast as possible].")
+@option("--port", "N", "Port of the page in the local network [default: 8080; 0: no page].")
+@option("--nmea-port", "N", "TCP port at which GGA, VTG and HDT are sent [default: 10110; 0: none].")
+@flag("--local", "Serve on this computer only, not in the local network.")
+def live(
+    console: Console,
+    folder: Path | None,
+    played: Path | None,
+    speed: int | None,
+    port: int | None,
+    nmea_port: int | None,
+    *,
+    local: bool,
+) -> None:
+    """Show on a page where the vehicle is, what the tool does and which ground is worked, while FOLDER is recorded.
+
+    FOLDER is what furrowmap record writes; nothing in it is changed. With --json each scan is a line of JSON.
+    """
+    if folder is not None and played is not None:
+        raise UsageError("usage.live-source")
+    recording = played or folder
+    if recording is None:
+        raise UsageError("usage.live-source.neither")
+    port = 8080 if port is None else port
+    if port:
+        console.say(f"http://{'localhost' if local else gethostname()}:{port}/")
+    summary = furrowmap.live(
+        recording,
+        play=played is not None,
+        speed=math.inf if speed == 0 else float(speed or 1),
+        host="127.0.0.1" if local else "0.0.0.0",  # noqa: S104 (tablets on the local network look at it)
+        port=port or None,
+        nmea_port=10110 if nmea_port is None else nmea_port or None,
+        on_scan=_put_line if console.as_json else None,
+    )
+    console.answer(asdict(summary), table(figures(asdict(summary))))
+
+
+def _put_line(scan: dict[str, Any]) -> None:
+    """Write what is known with a scan as a line of JSON."""
+    click.echo(json.dumps(scan, separators=(",", ":")))
