@@ -179,7 +179,7 @@ function draw() {
 }
 function bar(width, height, scale) {
   const length = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000].find((m) => m * scale > 60) || 1000;
-  const y = 76, right = width - 12;
+  const y = height - 64, right = width - 12;
   pen.strokeStyle = pen.fillStyle = colour.ink; pen.lineWidth = 3;
   pen.beginPath(); pen.moveTo(right - length * scale, y); pen.lineTo(right, y); pen.stroke();
   pen.font = "600 15px system-ui, sans-serif"; pen.textAlign = "right"; pen.fillText(length + " m", right, y + 18);

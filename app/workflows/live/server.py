@@ -38,6 +38,11 @@ class Hub:
         self._readers: dict[int, Queue[bytes]] = {}
         self._count = 0
 
+    @property
+    def readers(self) -> int:
+        """How many there are."""
+        return len(self._readers)
+
     def join(self) -> tuple[int, Queue[bytes]] | None:
         """The number and queue of a new reader; None if there are too many."""
         with self._lock:

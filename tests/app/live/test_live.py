@@ -1,0 +1,161 @@
+"""The page and the outlets of a live session, as readers in the network see them."""
+
+from __future__ import annotations
+
+import base64
+import json
+import socket
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.client import HTTPConnection, HTTPResponse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pynmeagps
+import pytest
+
+import furrowmap
+from furrowmap.cli.main import command_line
+from furrowmap.core.geodesy.projection import map_frame
+from furrowmap.core.pipeline.live_poses import LivePose
+from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.session import Crs
+from furrowmap.core.work.worked_cells import TILE_CELLS, WORKED, WorkedCells
+from furrowmap.workflows.live.nmea import sentences
+from furrowmap.workflows.live.server import QUEUED, Hub, Pictures, event, serve_lines, serve_page
+
+
+def events(answer: HTTPResponse) -> Iterator[tuple[str, Any]]:
+    """The events of a stream, by name."""
+    name = ""
+    for line in answer:
+        field, _, value = line.decode().strip().partition(": ")
+        if field == "event":
+            name = value
+        elif field == "data":
+            yield name, json.loads(value)
+
+
+@contextmanager
+def page(hub: Hub) -> Iterator[HTTPConnection]:
+    server = serve_page("127.0.0.1", 0, hub, "")
+    reader = HTTPConnection("127.0.0.1", server.server_address[1], timeout=20)
+    yield reader
+    reader.close()
+    server.shutdown()
+    server.server_close()
+
+
+def ten_hectares() -> WorkedCells:
+    """Passes of 6 m, turned against the cells, over 10 ha."""
+    cells, ahead = WorkedCells(6.0), np.array([np.cos(0.3), np.sin(0.3)])
+    left = np.array([-ahead[1], ahead[0]])
+    for number in range(50):
+        lines = [a * ahead + (6.0 * number + side) * left for a in (0.0, 333.0) for side in (-3.0, 3.0)]
+        cells.add_line(np.array(lines[:2]), np.array(lines[2:]), 400.0 * number)
+    return cells
+
+
+def test_stream__begins_with_a_small_whole_picture_and_goes_on_with_what_changes() -> None:
+    cells, pictures = ten_hectares(), Pictures()
+    hub = Hub(pictures.whole)
+    hub.publish(lambda: pictures.changes(cells, set(cells.tiles())))
+    assert cells.area_m2(WORKED) == pytest.approx(99_900.0, rel=0.001)
+    assert len(pictures.whole()) < 200_000
+    with page(hub) as reader:
+        reader.request("GET", "/events")
+        stream = events(reader.getresponse())
+        name, picture = next(stream)
+        drawn = np.frombuffer(zlib.decompress(base64.b64decode(picture["cells"])), np.uint8)
+        assert name == "picture"
+        assert drawn.reshape(-1, TILE_CELLS, TILE_CELLS).shape[0] == len(picture["tiles"])
+        assert np.bincount(drawn, minlength=4)[1:].tolist() == cells.count[1:].tolist()
+        # Half a second of work at 2 m/s: the runs make the reader's cells the same as ours.
+        changed = cells.add_line(np.array([[900.0, 1.0], [900.0, 7.0]]), np.array([[901.0, 1.5], [901.0, 7.5]]), 1e6)
+        message = pictures.changes(cells, changed)
+        assert len(message) < 2_500
+        hub.publish(lambda: message)
+        name, tiles = next(stream)
+        assert name == "cells"
+        for column, row, runs in tiles:
+            state = np.zeros(TILE_CELLS**2, np.uint8)
+            for first, count, value in np.reshape(runs, (-1, 3)):
+                state[first : first + count] = value
+            assert np.array_equal(state.reshape(TILE_CELLS, -1), cells.tiles()[column, row])
+
+
+def test_stream__of_a_reader_that_hangs_begins_anew_and_holds_up_nobody() -> None:
+    hub = Hub(lambda: event("picture", "whole"))
+    joined = hub.join()
+    assert joined is not None
+    for number in range(QUEUED + 5):
+        hub.publish(lambda number=number: event("pose", number))  # type: ignore[misc]
+    queue = joined[1]
+    waiting = [queue.get_nowait() for _ in range(queue.qsize())]
+    assert waiting[0] == event("picture", "whole")
+    assert waiting[-1] == event("pose", QUEUED + 4)
+    assert len(waiting) < QUEUED
+
+
+def test_page__is_whole_without_other_hosts_and_takes_no_commands() -> None:
+    with page(Hub()) as reader:
+        reader.request("GET", "/")
+        html = reader.getresponse().read().decode()
+        reader.request("GET", "/live.js")
+        script = reader.getresponse().read().decode()
+        assert "default-src 'none'" in html
+        assert "//" not in html.replace("<!DOCTYPE html>", "")
+        assert "http" not in script.replace("https and localhost", "")
+        english, japanese = (script.partition(f"  {name}: {{")[2].partition("  },")[0] for name in ("en", "ja"))
+        names = [{word.split(":")[0].strip() for word in block.split('",')} for block in (english, japanese)]
+        assert names[0] == names[1]
+        for method in ("POST", "PUT", "DELETE"):
+            reader.request(method, "/events", b"{}")
+            answer = reader.getresponse()
+            answer.read()
+            assert answer.status == 501
+        reader.request("GET", "/../session.toml")
+        assert reader.getresponse().status == 404
+
+
+def test_outlet__sends_sentences_that_another_reader_understands() -> None:
+    frame = map_frame(Crs(map="EPSG:6677"))
+    e, n = frame.project(np.array([140.02]), np.array([36.87]))
+    yaw = np.radians(90.0 - 81.0)
+    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0.0], [np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+    sigma = (0.01, 0.01, 0.02, 0.2, 0.2, 0.3)
+    pose = LivePose(
+        1_781_141_020.25, (float(e[0]), float(n[0]), 271.4), turn, sigma, -1.0, 0.0, 0.1, Fix.FIXED, leans=True
+    )
+    hub = Hub()
+    server = serve_lines("127.0.0.1", 0, hub)
+    with socket.create_connection(server.server_address[:2], timeout=20) as reader:
+        while not hub.readers:
+            pass
+        hub.publish(lambda: sentences(pose, frame))
+        received = b""
+        while received.count(b"\r\n") < 3:
+            received += reader.recv(4096)
+    server.shutdown()
+    server.server_close()
+    gga, vtg, hdt = (pynmeagps.NMEAReader.parse(line + b"\r\n") for line in received.split(b"\r\n")[:3])
+    true_deg = 81.0 + float(frame.convergence_deg(np.array([140.02]), np.array([36.87]))[0])
+    assert (gga.lat, gga.lon) == (pytest.approx(36.87, abs=1e-8), pytest.approx(140.02, abs=1e-8))
+    assert (gga.quality, gga.alt) == (4, 271.4)
+    assert hdt.heading == pytest.approx(true_deg, abs=0.01)
+    assert vtg.cogt == pytest.approx((true_deg + 180.0) % 360.0, abs=0.01)
+    assert vtg.sogk == pytest.approx(3.6, abs=0.01)
+
+
+def test_sources__that_cannot_be_used_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(furrowmap.UsageError, match="no folder"):
+        furrowmap.live(tmp_path / "session.toml", port=None, nmea_port=None)
+    assert command_line(["live"]) == 2
+    assert "Neither FOLDER nor --from" in capsys.readouterr().err
+    assert command_line(["live", str(tmp_path), "--from", "session.toml"]) == 2
+    assert "both given" in capsys.readouterr().err
+    taken = socket.create_server(("127.0.0.1", 0))
+    with taken, pytest.raises(furrowmap.UsageError, match="cannot be used"):
+        furrowmap.live(tmp_path, host="127.0.0.1", port=taken.getsockname()[1], nmea_port=None)
