@@ -23,6 +23,7 @@ NOT_IN_QGIS = {
     "qgis install": "it installs the plugin that would run it",
     "qgis zip": "it writes the plugin that would run it",
     "record": "it works in the cab, on a machine without a screen",
+    "live": "its page is for the phone or tablet in the cab",
     "notebooks": "QGIS opens none",
     "warm-up": "the plugin starts it when it has made its environment",
     "worker": "the plugin starts it and speaks its protocol",

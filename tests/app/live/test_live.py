@@ -144,7 +144,7 @@ def test_outlet__sends_sentences_that_another_reader_understands() -> None:
     true_deg = 81.0 + float(frame.convergence_deg(np.array([140.02]), np.array([36.87]))[0])
     assert (gga.lat, gga.lon) == (pytest.approx(36.87, abs=1e-8), pytest.approx(140.02, abs=1e-8))
     assert (gga.quality, gga.alt) == (4, 271.4)
-    assert hdt.heading == pytest.approx(true_deg, abs=0.01)
+    assert hdt.headingT == pytest.approx(true_deg, abs=0.01)
     assert vtg.cogt == pytest.approx((true_deg + 180.0) % 360.0, abs=0.01)
     assert vtg.sogk == pytest.approx(3.6, abs=0.01)
 
