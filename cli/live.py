@@ -47,7 +47,7 @@ def live(
         raise UsageError("usage.live-source")
     recording = played or folder
     if recording is None:
-        raise UsageError("usage.live-source.neither")
+        raise UsageError("usage.live-neither")
     port = 8080 if port is None else port
     if port:
         console.say(f"http://{'localhost' if local else gethostname()}:{port}/")

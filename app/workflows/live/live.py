@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import Any, Final
@@ -141,7 +142,7 @@ def _opened(file: Path, page: Hub, stop: Event) -> OpenSession | None:
             return open_session(file)
         except FurrowmapError as error:
             waits = error.what
-        page.publish(lambda waits=waits: event("waiting", waits))  # type: ignore[misc]
+        page.publish(partial(event, "waiting", waits))
         stop.wait(OPEN_EVERY_S)
     return None
 

@@ -8,6 +8,7 @@ import socket
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
 from typing import Any
@@ -91,7 +92,7 @@ def test_stream__of_a_reader_that_hangs_begins_anew_and_holds_up_nobody() -> Non
     joined = hub.join()
     assert joined is not None
     for number in range(QUEUED + 5):
-        hub.publish(lambda number=number: event("pose", number))  # type: ignore[misc]
+        hub.publish(partial(event, "pose", number))
     queue = joined[1]
     waiting = [queue.get_nowait() for _ in range(queue.qsize())]
     assert waiting[0] == event("picture", "whole")
