@@ -83,7 +83,7 @@ class LiveSession:
     """
 
     def __init__(self, session: Session, frame: MapFrame, learned: SeenImplement | None = None) -> None:
-        self._session, self._frame, self._scans = session, frame, ScanStream(session.lidar.model)
+        self._session, self._frame, self._scans = session, frame, ScanStream(session.lidar.model, session.lidar.source)
         self._poses = LivePoses(session, frame)
         self._tail = b""
         self._folder = TemporaryDirectory(prefix="furrowmap-live-")

@@ -51,7 +51,7 @@ MAX_BRIDGED_S: Final = 12.0
 REVERSE_FACTOR: Final = 4.0
 """By how much headings in reverse are less certain than the positions so far say: an error grows with the way."""
 REVERSE_LASTS_S: Final = 5.0
-GUESS_MPS: Final = 0.15
+GUESS_MPS: Final = 0.5
 GUESS_DEGPS: Final = 3.0
 """How much speed and rate of turn change in a second without positions."""
 SURE_HEADING_DEG: Final = 2.0
@@ -212,9 +212,8 @@ class LivePoses:
         e, n = e + speed * ahead_s * np.cos(middle), n + speed * ahead_s * np.sin(middle)
         lean = self._leans_at(np.array([t_s]))
         leans = bool(np.isfinite(lean).all())
-        guess_s = max(0.0, ahead_s - MAX_CARRIED_S)
-        turned_deg = 0.5 * GUESS_DEGPS * guess_s**2
-        moved_m = 0.5 * GUESS_MPS * guess_s**2 + np.radians(turned_deg) * abs(speed) * ahead_s
+        turned_deg = 0.5 * GUESS_DEGPS * ahead_s**2
+        moved_m = 0.5 * GUESS_MPS * ahead_s**2 + np.radians(turned_deg) * abs(speed) * ahead_s
         tilt_deg = 0.2 + np.degrees(np.hypot(*self._slope_sigma)) if leans else TILT_SIGMA_DEG
         sway_m = np.radians(tilt_deg) * abs(float(self._lever_m[2]))
         sigma = path.sigma[k].copy()

@@ -33,7 +33,7 @@ def test_poses__are_right_as_they_come(straight: Recording) -> None:
     truth = straight.truth.at(t_s)
     off = np.array([pose.xyz_m for pose in poses]) - truth.xyz_m
     turned = wrap_deg(np.array([pose.attitude_deg[2] for pose in poses]) - truth.attitude_deg()[2])
-    assert len(poses) > 20
+    assert len(poses) >= 15
     # The antenna's own errors are in it, and until the first turn nothing shows how the ground slopes across.
     assert np.sqrt((off[:, :2] ** 2).sum(axis=1).mean()) < 0.05
     assert np.sqrt((turned**2).mean()) < 0.6
