@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from copy import copy
 from dataclasses import dataclass
 from typing import Final
 
@@ -54,6 +55,12 @@ class NormalEquations:
             self.squares += float(right @ right)
             self.redundancy += len(right)
             self.log_sigmas += float(np.log(sigma[part]).sum())
+
+    def copied(self) -> NormalEquations:
+        """The same equations, to which others can be added."""
+        out = copy(self)
+        out.band, out.right = arrays.copied(self.band), self.right.copy()
+        return out
 
     def dense(self) -> FloatArray:
         """(n, n) the whole of N."""
@@ -146,14 +153,18 @@ def _back(factor: FloatArray, right: FloatArray) -> FloatArray:
 
 @numba.njit("void(float64[:, ::1], float64[::1], int64[::1], float64[:, ::1], float64[::1])", cache=True, nogil=True)
 def _add(columns, right, first, scaled, residual):  # type: ignore[no-untyped-def]
+    touched = np.empty(scaled.shape[1], np.int64)
     for k in range(len(first)):
-        begin = first[k]
+        begin, count = first[k], 0
         for j in range(scaled.shape[1]):
-            if scaled[k, j] == 0.0:
-                continue
+            if scaled[k, j] != 0.0:
+                touched[count] = j
+                count += 1
+        for a in range(count):
+            j = touched[a]
             right[begin + j] += scaled[k, j] * residual[k]
-            for i in range(j, scaled.shape[1]):
-                columns[begin + j, i - j] += scaled[k, i] * scaled[k, j]
+            for b in range(a, count):
+                columns[begin + j, touched[b] - j] += scaled[k, touched[b]] * scaled[k, j]
 
 
 @numba.njit("float64[:, ::1](float64[:, ::1])", cache=True, nogil=True)
@@ -180,20 +191,26 @@ def _inverse_diagonal(factor, out):  # type: ignore[no-untyped-def]
     """Set ``out`` to the diagonal of ``(L Lᵀ)⁻¹`` where ``factor[j, i − j] = L[i, j]``.
 
     Only the entries of the inverse inside the band are computed, from the last column to the first (Takahashi, Fagan
-    and Chin 1973; equations 4 and 5 of Erisman and Tinney 1975, Comm. ACM 18). Of these columns only the last `width`
-    are kept, each in two places, so that they follow one another whichever is the newest.
+    and Chin 1973; equations 4 and 5 of Erisman and Tinney 1975, Comm. ACM 18). Of these the last `width` rows and
+    columns are kept, row i in place i % width, so that the inner loop is over consecutive numbers.
     """
     n, width = factor.shape
-    inverse = np.zeros((2 * width, width))
+    inverse = np.zeros((width, width))
+    total = np.empty(width)
     for j in range(n - 1, -1, -1):
         reach, at = min(width - 1, n - 1 - j), j % width
-        for i in range(reach, -1, -1):
-            total = 1.0 / factor[j, 0] if i == 0 else 0.0
-            for k in range(1, reach + 1):
-                low, high = min(i, k), max(i, k)
-                total -= factor[j, k] * inverse[at + low, high - low]
-            inverse[at, i] = inverse[at + width, i] = total / factor[j, 0]
-        out[j] = inverse[at, 0]
+        total[:] = 0.0
+        for k in range(1, reach + 1):
+            row = inverse[(j + k) % width]
+            for place in range(width):
+                total[place] -= factor[j, k] * row[place]
+        own = 1.0 / factor[j, 0]
+        for i in range(reach, 0, -1):
+            place = (j + i) % width
+            inverse[at, place] = inverse[place, at] = total[place] / factor[j, 0]
+        for k in range(1, reach + 1):
+            own -= factor[j, k] * inverse[at, (j + k) % width]
+        inverse[at, at] = out[j] = own / factor[j, 0]
 
 
 def huber_weight(normalised: FloatArray, limit: float = HUBER_SIGMAS) -> FloatArray:

@@ -27,7 +27,7 @@ from furrowmap.core.estimation.knots import (
 from furrowmap.core.estimation.positions import AntennaHeadings, AntennaPositions, GnssDrift
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.values.gnss import Positions
+from furrowmap.core.values.gnss import CREEP_M_RTS, Positions
 from furrowmap.core.values.inertial import InertialTrack
 
 ACCELERATION: Final = 0.5
@@ -47,12 +47,14 @@ straight drive."""
 STAND_WINDOW_S: Final = 1.0
 """In which scatter is looked at."""
 QUIET_SHARES: Final = (0.8, 0.25)
-"""Scatter of angular rate and of specific force in a window, as shares of the usual ones of the recording: what drives
-is shaken by its wheels."""
+"""Scatter of angular rate and of specific force in a window, as shares of those while positions move, or else of
+the whole recording: what drives is shaken by its wheels."""
+MOVING_SIGMAS: Final = 5.0
+"""How far positions move in three windows of a drive, in standard deviations of their noise."""
 MIN_STAND_WINDOWS: Final = 3
 """A stand is at least so many windows."""
 STILL_SIGMAS: Final = 3.0
-"""How near to their mean positions of a stand are, in standard deviations of their noise."""
+"""How near to their mean positions of a stand are, in standard deviations of their noise, beside CREEP_M_RTS."""
 STAND_SIGMA_MPS: Final = 0.02
 STAND_CORRELATION_S: Final = 0.5
 """Zero velocity is a new observation after this time."""
@@ -154,6 +156,16 @@ class AxleSteps:
         return cls(np.einsum("ij,ij->i", step, forward), np.einsum("ij,ij->i", step, left), sigma, design)
 
 
+def _moving(t_s: FloatArray, positions: Positions) -> NDArray[np.bool_]:
+    """(n,) whether positions move, by more than they err, in the windows that begin at times (n,)."""
+    ends = (t_s - STAND_WINDOW_S, t_s + 2.0 * STAND_WINDOW_S)
+    way_m = np.hypot(
+        *(np.subtract(*(np.interp(end, positions.t_s, axis) for end in ends)) for axis in positions.xyz_m[:, :2].T)
+    )
+    noise_m = np.hypot(np.sqrt(2.0) * np.median(positions.white_m[:, 0]), CREEP_M_RTS * np.sqrt(3.0 * STAND_WINDOW_S))
+    return np.asarray(way_m > MOVING_SIGMAS * noise_m)
+
+
 @dataclass(frozen=True)
 class Standing(Observation):
     """Zero velocity at the knots of stands."""
@@ -166,13 +178,14 @@ class Standing(Observation):
         """Where the IMU is quiet, compared with the rest of the recording, and the positions do not move."""
         cell = ((track.t_s - track.t_s[0]) / STAND_WINDOW_S).astype(np.int64)
         number, first, count = np.unique(cell, return_index=True, return_counts=True)
-        scatter = []
-        for values in (track.rate_radps, track.force_mps2):
+        moving = _moving(track.t_s[first], positions)
+        usual = moving if moving.sum() >= MIN_STAND_WINDOWS else np.ones(len(first), np.bool_)
+        quiet = count > 3
+        for values, share in zip((track.rate_radps, track.force_mps2), QUIET_SHARES, strict=True):
             mean = np.add.reduceat(values, first) / count[:, None]
             square = np.add.reduceat(values**2, first) / count[:, None]
-            scatter.append(np.sqrt(np.maximum((square - mean**2).sum(axis=1), 0.0)))
-        quiet = np.all([one < share * np.median(one) for one, share in zip(scatter, QUIET_SHARES, strict=True)], axis=0)
-        quiet &= count > 3
+            scatter = np.sqrt(np.maximum((square - mean**2).sum(axis=1), 0.0))
+            quiet &= scatter < share * np.median(scatter[usual])
         starts, ends = [], []
         k = 0
         while k < len(number):
@@ -184,11 +197,19 @@ class Standing(Observation):
                 end_s = begin_s + STAND_WINDOW_S * (stop - k)
                 here = (positions.t_s >= begin_s) & (positions.t_s < end_s)
                 off = positions.xyz_m[here, :2] - positions.xyz_m[here, :2].mean(axis=0) if here.any() else None
-                if off is not None and (np.abs(off) < STILL_SIGMAS * positions.white_m[here, :2]).all():
+                still_m = np.hypot(STILL_SIGMAS * positions.white_m[here, :2], CREEP_M_RTS * np.sqrt(end_s - begin_s))
+                if off is not None and (np.abs(off) < still_m).all():
                     starts.append(begin_s)
                     ends.append(end_s)
             k = max(stop, k + 1)
         return cls(np.array(starts), np.array(ends))
+
+    def rate_bias_radps(self, track: InertialTrack) -> FloatArray:
+        """(3,) mean angular rate of an IMU in all stands; zero without any."""
+        stand = np.searchsorted(self.begin_s, track.t_s, side="right") - 1
+        inside = (stand >= 0) & (track.t_s < np.append(self.end_s, -np.inf)[stand])
+        out: FloatArray = track.rate_radps[inside].mean(axis=0) if inside.any() else np.zeros(3)
+        return out
 
     def add(self, equations: NormalEquations, knots: Knots, state: State) -> None:
         """Three equations for each knot of a stand."""

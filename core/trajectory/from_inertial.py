@@ -37,7 +37,7 @@ from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import CONTRADICTION, InputError, Notice
 from furrowmap.core.trajectory.from_gnss import GnssTrajectory
-from furrowmap.core.trajectory.imu_clock import search_imu_clock
+from furrowmap.core.trajectory.imu_clock import MIN_OFFSET_S, search_imu_clock
 from furrowmap.core.trajectory.inertial_adjustment import (
     InertialAdjustment,
     adjust,
@@ -46,7 +46,7 @@ from furrowmap.core.trajectory.inertial_adjustment import (
     with_travel,
 )
 from furrowmap.core.trajectory.inertial_checks import Whiteness, check_mounting, with_shown_noise
-from furrowmap.core.trajectory.inertial_doubts import Explained, agrees, explained, with_noisier_imu
+from furrowmap.core.trajectory.inertial_doubts import Explained, agrees, explained
 from furrowmap.core.trajectory.inertial_start import (
     MAX_IMU_PAUSE_S,
     NO_HINTS,
@@ -61,7 +61,6 @@ from furrowmap.core.trajectory.inertial_start import (
 )
 from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.pose_errors import PoseErrors
-from furrowmap.core.trajectory.position_drift import with_shown_drift
 from furrowmap.core.trajectory.positions import climb_notices, positions_without_steps, quality_words, usable
 from furrowmap.core.values.clock_readings import named_offset
 from furrowmap.core.values.gnss import Fix, GnssTrack
@@ -151,6 +150,8 @@ class InertialTrajectory(GnssTrajectory):
         nodes = np.unique(np.concatenate([regular, wanted, ends])).astype(np.int64)
         equations = normal_equations((a.observed, *beside_positions(a.problem)), knots, a.state)
         covariance = marginal_covariance(equations, a.state.layout.size, nodes, POSE)
+        by_clock = a.clock_sigma_s * a.by_clock[nodes, :POSE].ravel()
+        covariance += np.outer(by_clock, by_clock)
         return PoseErrors(knots.t_s[nodes], np.zeros((len(nodes), POSE)), covariance)
 
 
@@ -187,8 +188,9 @@ def trajectory_from_inertial(
     adjusted, clock_s = with_clock(with_travel(adjust(problem, start)), searched_s)
     if np.degrees(np.median(adjusted.sigma[:, ROTATION + 2])) > UNKNOWN_HEADING_DEG:
         raise heading_unknown(problem)
-    clocked = imu.earlier_by(clock_s)
+    clocked, clock_sigma_s = imu.earlier_by(clock_s), adjusted.constants.clock_sigma_s
     if clock_s:
+        clock_sigma_s = clock_sigma_s if np.isfinite(clock_sigma_s) else MIN_OFFSET_S
         notices.append(
             Notice(
                 "imu-clock-off",
@@ -197,19 +199,16 @@ def trajectory_from_inertial(
                 is_off_s=clock_s > 0,
                 cause=named_offset(clock_s) or None,
                 minus_gnss_s=clocked.minus_gnss_s,
-                margin=margin(adjusted.constants.clock_sigma_s, " s"),
+                margin=margin(clock_sigma_s, " s"),
             )
         )
-    if not by_noise_alone and not agrees(adjusted) and (mistake := likely_mistake(problem)) is not None:
+    in_air = not (by_noise_alone or hints.on_wheels)
+    if in_air and not agrees(adjusted) and (mistake := likely_mistake(problem)) is not None:
         misfit = float(np.sqrt(adjusted.variance_factor))
         source = imu.track.source or "The IMU"
         raise InputError("imu-contradicts", source=source, misfit=misfit, better_other=mistake)
-    found = with_noisier_imu(adjusted) if by_noise_alone else explained(adjusted)
-    if not by_noise_alone and found.cause in ("", "positions"):
-        slow, times = with_shown_drift(adjusted)
-        if times > 1.0 and slow.deviance < found.adjusted.deviance:
-            found = Explained("positions", slow, times)
-    adjusted = found.adjusted.with_clock_sigma() if clock_s else found.adjusted
+    found = explained(adjusted, by_noise_alone=by_noise_alone)
+    adjusted = found.adjusted.with_clock_sigma(clock_sigma_s) if clock_s else found.adjusted
     trajectory = _trajectory(adjusted)
     turned = check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)
     contradiction = found.notice(imu.track)

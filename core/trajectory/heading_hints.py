@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.estimation.inertial import Increments
 from furrowmap.core.estimation.knots import KNOT_STEP_S
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
+from furrowmap.core.values.gnss import CREEP_M_RTS, DRIFT_CORRELATION_S
 
 LENGTHS_S: Final = (2.0, 3.0, 5.0, 8.0, 12.0, 20.0)
 """Times over which a course is taken; the shortest over which the way exceeds the noise of positions."""
@@ -112,7 +112,7 @@ class Course(HeadingHint):
         for length_s in LENGTHS_S:
             knots = round(length_s / KNOT_STEP_S)
             drifted = 2.0 * (1.0 - np.exp(-length_s / DRIFT_CORRELATION_S))
-            sigma = float(np.sqrt(2.0 * white_m**2 + drifted * drift_m**2))
+            sigma = float(np.sqrt(2.0 * white_m**2 + max(drifted * drift_m**2, CREEP_M_RTS**2 * length_s)))
             way = np.full_like(antenna_m, np.nan)
             way[:-knots] = antenna_m[knots:] - antenna_m[:-knots]
             size = np.hypot(way[:, 0], way[:, 1])

@@ -46,7 +46,7 @@ APART: Final = 1.5
 """Offsets closer than this share of the time of second differences, and than APART_S, are not told apart."""
 APART_S: Final = 2.0
 MIN_OFFSET_S: Final = 0.3
-"""Smaller ones are left to the adjustment."""
+"""Smaller ones are left to the adjustment; the standard deviation of those that it does not show."""
 CLEAR_SHARE: Final = 0.6
 """The best offset must leave less unexplained than this share of what none leaves, and of what any other leaves."""
 
@@ -70,8 +70,9 @@ def search_imu_clock(imu: InertialTrack, positions: Positions, arm_m: FloatArray
     for turned in (_turned(rate - _rate_bias(_turned(rate), force)), _turned(rate)):
         for of_nose in (False, True) if on_wheels else (False,):
             motion = _Motion(imu, t_s, turned, force, of_nose)
-            if found_s := _clearly_best(*_unexplained(motion, positions, half), half):
-                return -found_s  # a motion of later is that of the positions at the IMU's true time
+            found_s = _clearly_best(*_unexplained(motion, positions, half), half)
+            if found_s is not None:  # a motion of later is that of the positions at the IMU's true time
+                return -found_s if abs(found_s) > MIN_OFFSET_S else 0.0
     return 0.0
 
 
@@ -216,8 +217,8 @@ def _motion(positions: Positions, half: int, *, of_nose: bool) -> tuple[ComplexA
     return out, float(t_s[0])
 
 
-def _clearly_best(left: FloatArray, whole: FloatArray, offset_s: FloatArray, half: int) -> float:
-    """The offset that leaves clearly least, by the parabola through three; 0 where it is near none."""
+def _clearly_best(left: FloatArray, whole: FloatArray, offset_s: FloatArray, half: int) -> float | None:
+    """The offset that leaves clearly least, by the parabola through three; None where none does."""
     # Where enough windows are known at all offsets, the others would only make these differ.
     always = np.isfinite(left).all(axis=1)
     if always.sum() >= MIN_COMMON_WINDOWS:
@@ -228,12 +229,14 @@ def _clearly_best(left: FloatArray, whole: FloatArray, offset_s: FloatArray, hal
     enough &= total > max(LEAST_COMPARED * total.max(), 1e-9)
     share[enough] = np.nansum(left, axis=0)[enough] / total[enough]
     if not enough.any():
-        return 0.0
+        return None
     best = int(np.argmin(share))
     apart = np.abs(offset_s - offset_s[best]) > max(APART_S, APART * half * STEP_S)
-    others = min(float(share[np.argmin(np.abs(offset_s))]), float(share[apart].min(initial=np.inf)))
-    if abs(offset_s[best]) < MIN_OFFSET_S or share[best] > CLEAR_SHARE * others:
-        return 0.0
+    others = float(share[apart].min(initial=np.inf))
+    if abs(offset_s[best]) >= MIN_OFFSET_S:
+        others = min(others, float(share[np.argmin(np.abs(offset_s))]))
+    if share[best] > CLEAR_SHARE * others:
+        return None
     around = share[max(0, best - 1) : best + 2]
     if len(around) < 3 or not np.isfinite(around).all():
         return float(offset_s[best])

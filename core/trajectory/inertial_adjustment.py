@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.estimation.banded import HUBER_SIGMAS
+from furrowmap.core.estimation.banded import HUBER_SIGMAS, Solution
 from furrowmap.core.estimation.imu_constants import CERTAIN_SIGMAS, ImuConstants, imu_constants
 from furrowmap.core.estimation.knots import POSE, ROTATION, Observation, State, normal_equations
 from furrowmap.core.estimation.positions import AntennaPositions, GnssDrift
@@ -26,35 +26,60 @@ SETTLED_CLOCK: Final = 0.2
 
 
 @dataclass(frozen=True)
-class InertialAdjustment:
-    """Result of the adjustment.
+class Fitted:
+    """States that fit the observations, and how well.
 
     Attributes:
-        sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
         variance_factor: squared residuals over their expected ones; 1 where standard deviations are right.
         deviance: −2 log of the restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545-554), but for a
             constant: which of several standard deviations or parameters explains the observations best.
-        constants: what the residuals show of clock and lever arm.
-        by_clock: (n, size) by how much the states move if the IMU's clock is ahead by a second.
     """
 
     problem: InertialProblem
     state: State
-    sigma: FloatArray
     observed: AntennaPositions
     rounds: int
     variance_factor: float
     deviance: float
+
+
+@dataclass(frozen=True)
+class InertialAdjustment(Fitted):
+    """Result of the adjustment.
+
+    Attributes:
+        sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
+        constants: what the residuals show of clock and lever arm.
+        by_clock: (n, size) by how much the states move if the IMU's clock is ahead by a second.
+        clock_sigma_s: standard deviation of an offset of the IMU's clock that is in use; 0 without one.
+    """
+
+    sigma: FloatArray
     constants: ImuConstants
     by_clock: FloatArray
+    clock_sigma_s: float = 0.0
 
-    def with_clock_sigma(self) -> InertialAdjustment:
+    def with_clock_sigma(self, clock_sigma_s: float) -> InertialAdjustment:
         """With the uncertainty of the clock in the standard deviations."""
-        return replace(self, sigma=np.hypot(self.sigma, self.constants.clock_sigma_s * self.by_clock))
+        sigma = np.hypot(self.sigma, clock_sigma_s * self.by_clock)
+        return replace(self, sigma=sigma, clock_sigma_s=clock_sigma_s)
 
 
 def adjust(problem: InertialProblem, state: State, rounds: int = MAX_ROUNDS) -> InertialAdjustment:
     """Gauss-Newton rounds until no pose moves, or so many."""
+    fit, solution = _fit(problem, state, rounds)
+    knots = problem.knots
+    constants, by_clock = imu_constants(fit.observed, knots, fit.state, solution, fit.variance_factor)
+    sigma = solution.sigma().reshape(len(knots), -1)
+    return InertialAdjustment(**vars(fit), sigma=sigma, constants=constants, by_clock=by_clock)
+
+
+def fitted(problem: InertialProblem, state: State, rounds: int) -> Fitted:
+    """As :func:`adjust`, without standard deviations, which take as long as two rounds."""
+    return _fit(problem, state, rounds)[0]
+
+
+def _fit(problem: InertialProblem, state: State, rounds: int) -> tuple[Fitted, Solution]:
     knots = problem.knots
     antenna = AntennaPositions.unweighted(problem.positions, problem.origin_m, problem.lever_m)
     coarser = max(1.0, float(np.median(problem.positions.white_m[:, :2])) / SETTLED_NOISE_M)
@@ -71,16 +96,12 @@ def adjust(problem: InertialProblem, state: State, rounds: int = MAX_ROUNDS) -> 
             break
     # An outlier counts as a position at the limit of what is trusted, not by its distance.
     normalised = antenna.normalised(knots, state)
-    beyond = normalised[normalised > HUBER_SIGMAS]
-    factor = (equations.squares - HUBER_SIGMAS * float((beyond - HUBER_SIGMAS).sum())) / max(equations.redundancy, 1)
+    lost = HUBER_SIGMAS * float(np.maximum(np.nan_to_num(normalised) - HUBER_SIGMAS, 0.0).sum())
+    factor = (equations.squares - lost) / max(equations.redundancy, 1)
     # Robust weights are no standard deviations: with those of the positions as stated, an outlier has Huber's loss.
-    inside = np.isfinite(normalised)
-    logs = equations.log_sigmas + 1.5 * float(np.log(before[inside]).sum())
-    squares = equations.squares + HUBER_SIGMAS * float((beyond - HUBER_SIGMAS).sum())
-    deviance = squares + 2.0 * logs + solution.log_determinant
-    sigma = solution.sigma().reshape(len(knots), -1)
-    constants, by_clock = imu_constants(antenna, knots, state, solution, factor)
-    return InertialAdjustment(problem, state, sigma, antenna, number, factor, deviance, constants, by_clock)
+    logs = equations.log_sigmas + 1.5 * float(np.log(before[np.isfinite(normalised)]).sum())
+    deviance = equations.squares + lost + 2.0 * logs + solution.log_determinant
+    return Fitted(problem, state, antenna, number, factor, deviance), solution
 
 
 def with_travel(adjusted: InertialAdjustment) -> InertialAdjustment:

@@ -16,8 +16,9 @@ import numpy as np
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.trajectory.inertial_adjustment import InertialAdjustment, adjust
+from furrowmap.core.trajectory.inertial_adjustment import Fitted, InertialAdjustment, adjust, fitted
 from furrowmap.core.trajectory.inertial_checks import densities
+from furrowmap.core.trajectory.position_drift import with_shown_drift
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.margins import margin
 
@@ -27,8 +28,10 @@ MIN_DOUBTED_S: Final = 1.0
 MAX_DOUBTED_SHARE: Final = 0.02
 """Outliers come one by one. Positions that lie outside of their noise for longer, in sum for so much of the time, have
 errors that their standard deviations do not hold: the trajectory bends from one to the other side of a step."""
-NOISE_ROUNDS: Final = 6
-NOISE_STEPS: Final = 3
+TRIAL_ROUNDS: Final = 3
+"""Of the adjustment under a hypothesis."""
+NOISE_ROUNDS: Final = 10
+NOISE_STEPS: Final = 1
 """Rounds of the adjustment between two changes of a noise."""
 LEVER_ROUNDS: Final = 6
 SETTLED_SIGMAS: Final = 0.3
@@ -85,23 +88,41 @@ def _doubted(adjusted: InertialAdjustment) -> list[tuple[int, int]]:
     return [(first, end - 1) for first, end in edges.tolist() if t_s[end - 1] - t_s[first] > MIN_DOUBTED_S]
 
 
-def explained(adjusted: InertialAdjustment) -> Explained:
-    """An adjustment under the hypothesis that explains its residuals best; itself where it agrees."""
-    tried = [with_other_lever(adjusted)] if adjusted.constants.lever_off else []
-    if not agrees(tried[0].adjusted if tried else adjusted):
-        for hypothesis in (with_jumps, with_erring_positions, with_noisier_imu):
-            with suppress(np.linalg.LinAlgError):
-                tried.append(hypothesis(adjusted))
-    return min((one for one in tried if one.cause), key=_deviance, default=Explained("", adjusted))
+def explained(adjusted: InertialAdjustment, *, by_noise_alone: bool) -> Explained:
+    """An adjustment under the hypothesis that explains its residuals best; itself where it agrees.
+
+    On wheels another lever arm and steps are not looked for: a wheel that slips looks alike.
+    """
+    tried: list[tuple[str, Fitted, float]] = []
+    in_air = not (by_noise_alone or adjusted.problem.hints.on_wheels)
+    if in_air and adjusted.constants.lever_off:
+        moved = with_other_lever(adjusted)
+        if agrees(moved):
+            return _of_lever(adjusted, moved)
+        tried = [("lever-arm", moved, 0.0)]
+    contradicts = not agrees(adjusted)
+    for cause, hypothesis, possible in (
+        ("positions", with_slower_errors, not by_noise_alone),
+        ("positions", with_jumps, in_air and contradicts),
+        ("noise", with_noisier_imu, contradicts),
+    ):
+        with suppress(np.linalg.LinAlgError):
+            tried += [(cause, fit, times) for fit, times in hypothesis(adjusted)] if possible else []
+    if not tried:
+        return Explained("", adjusted)
+    cause, best, times = min(tried, key=lambda one: one[1].deviance)
+    if isinstance(best, InertialAdjustment):
+        return _of_lever(adjusted, best)
+    return Explained(cause, adjust(best.problem, best.state), times)
 
 
-def _deviance(one: Explained) -> float:
-    return one.adjusted.deviance
+def _of_lever(stated: InertialAdjustment, moved: InertialAdjustment) -> Explained:
+    return Explained("lever-arm", moved, lever_off_m=moved.problem.lever_m - stated.problem.lever_m)
 
 
-def with_other_lever(adjusted: InertialAdjustment) -> Explained:
+def with_other_lever(adjusted: InertialAdjustment) -> InertialAdjustment:
     """The antenna where positions and IMU show it."""
-    stated_m, now = adjusted.problem.lever_m, adjusted
+    now = adjusted
     for _ in range(LEVER_ROUNDS):
         step_m = np.array(now.constants.lever_m)
         if (np.abs(step_m) < SETTLED_SIGMAS * np.array(now.constants.lever_sigma_m)).all():
@@ -110,14 +131,14 @@ def with_other_lever(adjusted: InertialAdjustment) -> Explained:
         if moved.deviance > now.deviance:
             break
         now = moved
-    return Explained("lever-arm", now, lever_off_m=now.problem.lever_m - stated_m)
+    return now
 
 
-def with_jumps(adjusted: InertialAdjustment) -> Explained:
+def with_jumps(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
     """Steps between positions where the trajectory bends from one side to the other; each side may be off."""
     positions, doubted = adjusted.problem.positions, _doubted(adjusted)
     if not doubted:
-        return Explained("", adjusted)
+        return []
     residual_m = np.nan_to_num(np.abs(adjusted.observed.residuals_m(adjusted.problem.knots, adjusted.state)))
     begins = np.zeros(len(positions.t_s), np.bool_)
     step_m = np.zeros(3)
@@ -134,31 +155,24 @@ def with_jumps(adjusted: InertialAdjustment) -> Explained:
     drift[starts] = np.hypot(drift[starts], step_m)
     with_steps = replace(positions, run=run, drift_m=drift)
     times = float(np.linalg.norm(step_m) / np.median(np.linalg.norm(positions.drift_m, axis=1)))
-    return Explained("positions", adjust(replace(adjusted.problem, positions=with_steps), adjusted.state), times)
+    return [(fitted(replace(adjusted.problem, positions=with_steps), adjusted.state, TRIAL_ROUNDS), times)]
 
 
-def with_erring_positions(adjusted: InertialAdjustment) -> Explained:
-    """Slow errors of the positions as large as the residuals ask for."""
-    stated, times = adjusted.problem.positions, 1.0
-    for _ in range(NOISE_ROUNDS):
-        times *= float(np.sqrt(max(adjusted.variance_factor, MAX_VARIANCE_FACTOR)))
-        positions = replace(stated, drift_m=stated.drift_m * times)
-        adjusted = adjust(replace(adjusted.problem, positions=positions), adjusted.state, NOISE_STEPS)
-        if agrees(adjusted):
-            break
-    return Explained("positions", adjust(adjusted.problem, adjusted.state), times)
+def with_slower_errors(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
+    """Slow errors of the positions as large as they are likeliest."""
+    problem, times = with_shown_drift(adjusted)
+    return [(fitted(problem, adjusted.state, TRIAL_ROUNDS), times)] if times > 1.0 else []
 
 
-def with_noisier_imu(adjusted: InertialAdjustment) -> Explained:
+def with_noisier_imu(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
     """A noise of the specific force at which IMU and positions agree as their standard deviations say."""
-    if adjusted.variance_factor <= MAX_VARIANCE_FACTOR:
-        return Explained("", adjusted)
+    now: Fitted = adjusted
     stated = adjusted.problem.links.noise.force
     for _ in range(NOISE_ROUNDS):
-        links = adjusted.problem.links
-        noise = replace(links.noise, force=links.noise.force * float(np.sqrt(adjusted.variance_factor)))
-        adjusted = adjust(replace(adjusted.problem, links=replace(links, noise=noise)), adjusted.state, NOISE_STEPS)
-        if adjusted.variance_factor < MAX_VARIANCE_FACTOR:
+        if now.variance_factor <= MAX_VARIANCE_FACTOR:
             break
-    adjusted = adjust(adjusted.problem, adjusted.state)
-    return Explained("noise", adjusted, adjusted.problem.links.noise.force / stated)
+        links = now.problem.links
+        noise = replace(links.noise, force=links.noise.force * float(np.sqrt(now.variance_factor)))
+        now = fitted(replace(now.problem, links=replace(links, noise=noise)), now.state, NOISE_STEPS)
+    times = now.problem.links.noise.force / stated
+    return [(now, times)] if times > 1.0 else []

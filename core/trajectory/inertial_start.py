@@ -276,7 +276,9 @@ def likely_mistake(problem: InertialProblem, misfit: float | None = None) -> str
     part = replace(chain, count=min(chain.count, KNOTS_TRIED))
     if misfit is None:
         stated = _guess_states(problem, part, track)
-        misfit = stated.misfit if stated is not None else np.inf
+        if stated is None:  # it shows nothing to compare with
+            return None
+        misfit = stated.misfit
     better = []
     for words, rate, force in _ALTERNATIVES:
         tried = replace(track, rate_radps=track.rate_radps * rate, force_mps2=track.force_mps2 * force)
@@ -322,12 +324,13 @@ def _guess_states(problem: InertialProblem, chain: Chain, track: InertialTrack) 
             return None
         return replace(found, bias=found.bias + np.concatenate([rate_bias, np.zeros(3)]))
 
+    at_rest = Standing.find(track, p).rate_bias_radps(track) if problem.hints.on_wheels else np.zeros(3)
     for half in HALVES:
-        found = aligned(half, np.zeros(3))
+        found = aligned(half, at_rest)
         if found is None:
             continue
         rate_bias = found.bias[:, :3].mean(axis=0)
-        if np.linalg.norm(rate_bias) * min(chain.count, CHUNK_KNOTS) * KNOT_STEP_S > LINEAR_RAD:
+        if np.linalg.norm(rate_bias - at_rest) * min(chain.count, CHUNK_KNOTS) * KNOT_STEP_S > LINEAR_RAD:
             found = aligned(half, rate_bias) or found
         break
     else:

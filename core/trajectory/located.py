@@ -206,8 +206,7 @@ def _with_imu(
         return _aided(track, imu, transformed, frame, lever_m, fixes, imu_warnings, hints)
     hints = replace(hints, on_wheels=hints.on_wheels or on_ground)
     try:
-        # That a vehicle on wheels does not slip is not certain enough to judge positions by.
-        found = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints, by_noise_alone=hints.on_wheels)
+        found = trajectory_from_inertial(track, imu, frame, lever_m, fixes, hints)
     except RefusedError:
         if not on_ground:
             raise

@@ -14,7 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.trajectory.inertial_adjustment import InertialAdjustment, adjust
+from furrowmap.core.estimation.knots import normal_equations
+from furrowmap.core.estimation.positions import GnssDrift
+from furrowmap.core.trajectory.inertial_adjustment import Fitted, beside_positions, fitted
 from furrowmap.core.trajectory.inertial_start import InertialProblem
 
 UNKNOWN_CORRELATION_S: Final = 135.0
@@ -22,36 +24,69 @@ UNKNOWN_CORRELATION_S: Final = 135.0
 MIN_GAIN: Final = 50.0
 """By how much −2 log likelihood falls with a larger error that is shown. With errors as stated it falls by up to 3,
 where the motion is not quite that of the model by 30."""
+MIN_GAIN_TOO: Final = 5.0
+"""The same of heights where the map's axes are shown to err: they have the same satellites."""
+UNTRUSTED: Final = 1e-9
+"""Weight of positions that take no part."""
 MAX_DOUBLINGS: Final = 7
-TRIAL_ROUNDS: Final = 2
+TRIAL_ROUNDS: Final = 3
+SEARCHES: Final = 3
+SETTLED_TIMES: Final = 0.1
+"""Relative change of a standard deviation that is none."""
 
 
-def with_shown_drift(adjusted: InertialAdjustment) -> tuple[InertialAdjustment, float]:
-    """The adjustment with slow errors of the positions as large as shown, of the map's axes and of heights.
+def with_shown_drift(adjusted: Fitted) -> tuple[InertialProblem, float]:
+    """The problem with slow errors of the positions as large as shown, of the map's axes and of heights.
+
+    Positions that lost weight take part in a second search where slow errors explain them.
 
     Returns:
-        the adjustment, and its largest standard deviation of these errors over the stated one; 1 where it is as stated.
+        the problem, and its largest standard deviation of these errors over the stated one; 1 where it is as stated.
     """
-    problem = adjusted.problem
+    stated, times, fit = adjusted.problem, (1.0, 1.0), adjusted
+    for _ in range(SEARCHES):
+        before, times = times, _likeliest_times(stated, fit)
+        if np.allclose(times, before, rtol=SETTLED_TIMES):
+            break
+        fit = fitted(_with_times(stated, times), fit.state, TRIAL_ROUNDS)
+    if times == (1.0, 1.0):
+        return stated, 1.0
+    longer = float(np.sqrt(UNKNOWN_CORRELATION_S / stated.drift_s))
+    slow = _with_times(stated, (longer * times[0], longer * times[1]))
+    return replace(slow, drift_s=UNKNOWN_CORRELATION_S), longer * max(times)
 
-    def with_times(horizontal: float, vertical: float) -> InertialProblem:
-        drift_m = problem.positions.drift_m * (horizontal, horizontal, vertical)
-        return replace(problem, positions=replace(problem.positions, drift_m=drift_m))
+
+def _with_times(stated: InertialProblem, times: tuple[float, float]) -> InertialProblem:
+    """The problem with slow errors so many times the stated ones, of the map's axes and of heights."""
+    positions = stated.positions
+    return replace(stated, positions=replace(positions, drift_m=positions.drift_m * (times[0], times[0], times[1])))
+
+
+def _likeliest_times(stated: InertialProblem, fit: Fitted) -> tuple[float, float]:
+    """Times the stated errors, of the map's axes and of heights, linearised at a fit.
+
+    What lost weight there takes no part: a few outliers of metres would outweigh all else.
+    """
+    knots, state = stated.knots, fit.state
+    trusted = replace(fit.observed, weight=np.where(fit.observed.weight < 1.0, UNTRUSTED, 1.0))
+    _, *rest = beside_positions(stated)  # the slow errors come first
+    same = normal_equations((trusted, *rest), knots, state)
 
     @cache
     def deviance(horizontal: float, vertical: float) -> float:
-        return adjust(with_times(horizontal, vertical), adjusted.state, TRIAL_ROUNDS).deviance
+        equations = same.copied()
+        drift = GnssDrift(_with_times(stated, (horizontal, vertical)).positions, stated.drift_s)
+        drift.add(equations, knots, state)
+        solution = equations.solve()
+        squares = equations.squares - float(equations.right @ solution.values)
+        return squares + 2.0 * equations.log_sigmas + solution.log_determinant
 
-    horizontal = _likeliest(lambda times: deviance(times, 1.0))
-    vertical = _likeliest(lambda times: deviance(horizontal, times))
-    if horizontal == vertical == 1.0:
-        return adjusted, 1.0
-    longer = float(np.sqrt(UNKNOWN_CORRELATION_S / problem.drift_s))
-    slow = replace(with_times(longer * horizontal, longer * vertical), drift_s=UNKNOWN_CORRELATION_S)
-    return adjust(slow, adjusted.state), longer * max(horizontal, vertical)
+    horizontal = _likeliest(lambda times: deviance(times, 1.0), MIN_GAIN)
+    least = MIN_GAIN if horizontal == 1.0 else MIN_GAIN_TOO
+    return horizontal, _likeliest(lambda times: deviance(horizontal, times), least)
 
 
-def _likeliest(deviance: Callable[[float], float]) -> float:
+def _likeliest(deviance: Callable[[float], float], min_gain: float) -> float:
     """Times the stated error at which −2 log likelihood is least; 1 where it is hardly larger there."""
     tried = [deviance(1.0)]
     while len(tried) <= MAX_DOUBLINGS:
@@ -59,7 +94,7 @@ def _likeliest(deviance: Callable[[float], float]) -> float:
         if tried[-1] > tried[-2]:
             break
     best = int(np.argmin(tried))
-    if tried[0] - tried[best] < MIN_GAIN:
+    if tried[0] - tried[best] < min_gain:
         return 1.0
     vertex = 0.0
     if best + 1 < len(tried):

@@ -15,6 +15,9 @@ from furrowmap.core.values.checks import check_columns
 DRIFT_CORRELATION_S: Final = 60.0
 """Time over which the slowly varying error of GNSS changes (one to two minutes for PPP-RTK and RTK)."""
 
+CREEP_M_RTS: Final = 0.05
+"""Way of positions whose antenna stands, per square root of a second, whatever is stated: errors of 0.5 m for 150 s."""
+
 
 class Fix(IntEnum):
     """Quality of a position in all formats; codes up to 8 are those of NMEA 0183's GGA.

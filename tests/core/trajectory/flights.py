@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pyproj import Transformer
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.geodesy.projection import MapFrame, map_frame
@@ -68,6 +70,7 @@ class Flight:
         axes = level * true
         return place + axes.apply(arm_m), axes
 
+    @cache  # noqa: B019 -- the same few flights in all tests
     def imu(self, rate_hz: float = 200.0) -> InertialTrack:
         """Exact measurements in the axes of the IMU."""
         t = np.arange(0.0, self.length_s, 1.0 / rate_hz)
@@ -103,6 +106,7 @@ class Flight:
         fixed = np.full(len(t), Fix.FIXED)
         return GnssTrack.build(BEGIN_S + t, lon_deg=lon, lat_deg=lat, height_m=h, fix=fixed, **columns)
 
+    @cache  # noqa: B019 -- the same few flights in all tests
     def noisy_track(self, white_m: float = 0.008, drift_m: float = 0.005) -> GnssTrack:
         """Positions with white noise and a slowly varying error, heights half as much again; sigmas are stated."""
         exact, random = self.track(), np.random.default_rng([self.seed, 99])
@@ -124,6 +128,7 @@ class Flight:
             sigma_h_m=1.5 * sigma,
         )
 
+    @cache  # noqa: B019 -- the same few flights in all tests
     def noisy_imu(self, noise: InertialNoise = INDUSTRIAL, rate_hz: float = 200.0) -> InertialTrack:
         """Measurements with white noise and biases that wander."""
         exact, random = self.imu(rate_hz), np.random.default_rng([self.seed, 98])
@@ -135,6 +140,20 @@ class Flight:
             bias = random.normal(0, spread, 3) + np.cumsum(random.normal(0, walk / np.sqrt(rate_hz), (n, 3)), axis=0)
             parts.append(bias + random.normal(0, density * np.sqrt(rate_hz), (n, 3)))
         return InertialTrack(exact.t_s, exact.rate_radps + parts[0], exact.force_mps2 + parts[1], "flight")
+
+
+class Forward(Flight):
+    """A flight, or a drive, along its nose."""
+
+    @cached_property
+    def _way(self) -> CubicSpline:
+        dense = np.arange(-1.0, self.length_s + 1.0, 0.01)
+        heading = np.radians(self.attitude_deg(dense)[2])
+        steps = 0.01 * self.speed_mps * np.column_stack([np.sin(heading), np.cos(heading)])
+        return CubicSpline(dense, np.column_stack([np.cumsum(steps, axis=0), 0.5 * np.sin(0.5 * dense)]))
+
+    def xyz_m(self, t_s: FloatArray) -> FloatArray:
+        return np.asarray(np.asarray(SITE) + self._way(t_s))
 
 
 def frame() -> MapFrame:

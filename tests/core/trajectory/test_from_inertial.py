@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack, inertial_noise
 from furrowmap.core.values.rotation import attitude_to_quaternion, wrap_deg
 from furrowmap.core.values.trajectory import Trajectory
-from tests.core.trajectory.flights import BEGIN_S, LEVER_M, MOUNTING, Flight, frame
+from tests.core.trajectory.flights import BEGIN_S, LEVER_M, MOUNTING, Flight, Forward, frame
 
 FloatArray = NDArray[np.float64]
 
@@ -33,6 +34,13 @@ INDUSTRIAL = inertial_noise("industrial")
 
 def found(track: GnssTrack, imu: InertialTrack, hints: Hints = NO_HINTS) -> InertialTrajectory:
     return trajectory_from_inertial(track, MountedImu(imu, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None, hints)
+
+
+@cache
+def usual(seed: int) -> InertialTrajectory:
+    """Of a flight of 40 s with noise as stated, which several tests look at."""
+    flight = Flight(40.0, seed)
+    return found(flight.noisy_track(), flight.noisy_imu())
 
 
 def errors(trajectory: Trajectory, flight: Flight) -> FloatArray:
@@ -60,9 +68,8 @@ def test_fast_and_far__earth_rate_curvature_and_scale_are_in() -> None:
 def test_sigmas__hold_over_ten_flights() -> None:
     ratio = []
     for seed in range(10):
-        flight = Flight(40.0, seed)
-        trajectory = found(flight.noisy_track(), flight.noisy_imu()).trajectory
-        ratio.append((errors(trajectory, flight) / trajectory.sigma)[::40])
+        trajectory = usual(seed).trajectory
+        ratio.append((errors(trajectory, Flight(40.0, seed)) / trajectory.sigma)[::40])
     rms = np.sqrt((np.concatenate(ratio) ** 2).mean(axis=0))
     assert 0.7 < np.sqrt((rms[:3] ** 2).mean()) < 1.5
     assert 0.7 < np.sqrt((rms[3:] ** 2).mean()) < 1.5
@@ -119,6 +126,20 @@ def test_positions_that_err_slowly_or_jump__are_named(jump: bool) -> None:
     assert jump or np.sqrt(np.mean((errors(by_imu.trajectory, flight) / by_imu.trajectory.sigma) ** 2)) < 2.0
 
 
+@pytest.mark.parametrize("slow_m", [0.0, 0.2])
+def test_drive_on_wheels__has_the_slow_error_that_its_imu_shows(slow_m: float) -> None:
+    drive, noise = Forward(60.0, 4, speed_mps=6.0), inertial_noise("consumer")
+    track, kept = drive.noisy_track(), np.exp(-0.1 / 150.0)
+    white = np.random.default_rng(5).normal(scale=np.sqrt(1.0 - kept**2), size=(len(track), 2))
+    east_m, north_m = slow_m * lfilter([1.0], [1.0, -kept], white, axis=0).T
+    track = replace(track, lat_deg=track.lat_deg + north_m / 111_000.0, lon_deg=track.lon_deg + east_m / 63_000.0)
+    imu = MountedImu(drive.noisy_imu(noise, 100.0), MOUNTING, noise)
+    by_imu = trajectory_from_inertial(track, imu, frame(), LEVER_M, None, Hints(on_wheels=True))
+    assert [notice.key for notice in by_imu.notices] == ["contradiction.positions"] * (slow_m > 0.0)
+    ratio = errors(by_imu.trajectory, drive) / by_imu.trajectory.sigma
+    assert np.sqrt((ratio**2).mean()) < 2.0
+
+
 def test_slow_error__has_the_density_that_was_drawn_on_the_axis_that_has_it() -> None:
     flight, sigma_m, lasting_s = Flight(60.0, seed=3), 0.1, 150.0
     track = flight.noisy_track()
@@ -142,7 +163,7 @@ def test_rates_in_another_unit__are_refused_by_name() -> None:
 def test_flight_worked_on_in_parts__is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     flight = Flight(40.0, seed=6)
     track, imu = flight.noisy_track(), flight.noisy_imu()
-    whole = found(track, imu).trajectory
+    whole = usual(6).trajectory
     monkeypatch.setattr(arrays, "ROWS_AT_ONCE", 210)
     monkeypatch.setattr(arrays, "LARGE", 1)
     parts = found(track, imu).trajectory
@@ -193,14 +214,13 @@ def test_force_noisier_than_stated__is_told_and_sigmas_follow(filtered: int, cod
     """White noise shows itself in the measurements, filtered noise by the positions alone."""
     real, squares = replace(INDUSTRIAL, force=12.0 * INDUSTRIAL.force), []
     for seed in (7, 8):
-        flight = Flight(40.0, seed)
+        flight = Flight(30.0, seed)
         result = found(flight.noisy_track(), below(filtered, flight.noisy_imu(real), flight.imu()))
         assert code in {notice.code for notice in result.notices}
         squares.append((errors(result.trajectory, flight) / result.trajectory.sigma) ** 2)
     assert np.sqrt(np.concatenate(squares).mean()) < 2.0
-    usual = found(flight.noisy_track(), flight.noisy_imu())
-    assert not {"imu-noisier", "imu-shaken", "contradiction"} & {notice.code for notice in usual.notices}
-    assert "GNSS residuals are white" in usual.figures.residuals
+    assert not {"imu-noisier", "imu-shaken", "contradiction"} & {notice.code for notice in usual(8).notices}
+    assert "GNSS residuals are white" in usual(8).figures.residuals
 
 
 def test_biases__are_found_in_the_axes_of_the_imu() -> None:
@@ -392,8 +412,7 @@ def test_pose_errors__have_the_sigmas_of_the_poses_and_nodes_at_the_ends_of_chai
 
 
 def test_pose_errors__have_nodes_at_the_times_that_are_wanted() -> None:
-    flight = Flight(40.0, seed=6)
-    result = found(flight.noisy_track(), flight.noisy_imu())
+    result = usual(6)
     wanted_s = BEGIN_S + np.array([10.33, 11.33, 12.9])
     nodes_s = result.pose_errors(wanted_s).t_s
     assert np.abs(nodes_s - wanted_s[:, None]).min(axis=1).max() <= 0.5 * KNOT_STEP_S + 1e-6

@@ -117,11 +117,11 @@ def circle(radius_m: float, speed_mps: float = 1.0) -> Drive:
 def test_course__is_taken_over_the_shortest_time_whose_way_is_five_times_its_sigma(
     way_m: float, length_s: float
 ) -> None:
-    """At 1 m/s; the sigma is that of the difference between two positions."""
+    """At 1 m/s; the sigma is that of the difference between two positions, which creep by 5 cm in a second."""
     white_m = way_m / 5.0 / np.sqrt(2.0)
     course = Course.from_antenna(circle(1e9).antenna_m, white_m, 0.0, np.zeros(3))
     assert course.knots * KNOT_STEP_S == pytest.approx(length_s)
-    assert course.sigma_m == pytest.approx(way_m / 5.0)
+    assert course.sigma_m == pytest.approx(np.hypot(way_m / 5.0, 0.05 * np.sqrt(length_s)))
 
 
 @pytest.mark.parametrize("radius_m", [1e9, 20.0, 6.0])
@@ -131,7 +131,7 @@ def test_course__is_certain_but_for_noise_slip_and_turns(radius_m: float) -> Non
     chord_m = 2.0 * radius_m * np.sin(0.5 * turn)
     course = Course.from_antenna(circle(radius_m).antenna_m, 0.01, 0.0, np.zeros(3))
     rows = course.rows(np.eye(3), np.zeros(6), circle(radius_m))
-    variance = 2.0 * 0.01**2 + (0.05**2 + (0.3 * turn) ** 2) * chord_m**2
+    variance = 2.0 * 0.01**2 + 2.0 * 0.05**2 + (0.05**2 + (0.3 * turn) ** 2) * chord_m**2
     assert rows.weight == pytest.approx(np.full(len(rows.weight), 1.0 / variance), rel=1e-4)
 
 

@@ -20,9 +20,9 @@ from furrowmap.core.trajectory.from_inertial import trajectory_from_inertial
 from furrowmap.core.trajectory.inertial_checks import check_mounting
 from furrowmap.core.trajectory.inertial_start import MountedImu
 from furrowmap.core.values.inertial import InertialTrack
-from furrowmap.core.values.rotation import Mounting, attitude_to_quaternion
+from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.trajectory import Trajectory, trajectory_from_attitude
-from tests.core.trajectory.flights import INDUSTRIAL, LEVER_M, MOUNTING, Flight, frame
+from tests.core.trajectory.flights import INDUSTRIAL, LEVER_M, MOUNTING, Flight, Forward, frame
 
 FLIGHT = Flight(60.0, 4)
 SOUND = FLIGHT.noisy_imu(rate_hz=100.0)
@@ -113,31 +113,13 @@ def turned_by(*rpy_deg: float) -> Mounting:
     return Mounting.from_rotation(MOUNTING.xyz_m, turn @ MOUNTING.rotation)
 
 
+FORWARD = Forward(40.0, 4)
+
+
 def run(mounting: Mounting) -> Any:
-    forward = replace_course(FLIGHT)
-    track, imu = forward.track(), forward.imu(100.0)
-    return trajectory_from_inertial(track, MountedImu(imu, mounting, INDUSTRIAL), frame(), LEVER_M, None)
-
-
-class _Forward(Flight):
-    """A flight along its nose."""
-
-    def xyz_m(self, t_s: Any) -> Any:
-        dense = np.arange(-1.0, self.length_s + 1.0, 0.01)
-        heading = np.radians(self.attitude_deg(dense)[2])
-        way = (
-            np.cumsum(np.column_stack([np.sin(heading), np.cos(heading), 0 * heading]), axis=0) * 0.01 * self.speed_mps
-        )
-        wave = 0.5 * np.sin(0.5 * dense)
-        from scipy.interpolate import CubicSpline
-
-        from tests.core.trajectory.flights import SITE
-
-        return np.asarray(SITE) + CubicSpline(dense, way + np.column_stack([0 * wave, 0 * wave, wave]))(t_s)
-
-
-def replace_course(flight: Flight) -> Flight:
-    return _Forward(flight.length_s, flight.seed, flight.speed_mps)
+    """A run over exact measurements, which others use too."""
+    imu = MountedImu(FORWARD.imu(100.0), mounting, INDUSTRIAL)
+    return trajectory_from_inertial(FORWARD.track(), imu, frame(), LEVER_M, None)
 
 
 def test_right_mounting__is_not_doubted() -> None:
@@ -154,21 +136,9 @@ def test_yaw_off_by_quarters__is_named_with_the_right_one(yaw_deg: float) -> Non
     assert right_words() in texts["imu-turned"]
 
 
-def straight(off_deg: float) -> Trajectory:
-    """Half a minute to the north-east with the nose at an angle to the course."""
-    t_s = np.arange(0.0, 30.0, 0.1)
-    xyz = np.column_stack([3.0 * t_s, 3.0 * t_s, 0.0 * t_s])
-    attitude = attitude_to_quaternion(0.0 * t_s, 0.0 * t_s, 45.0 + off_deg + 0.0 * t_s)
-    found = run(MOUNTING).trajectory
-    columns = {name: getattr(found, name)[: len(t_s)] for name in (
-        "speed_mps", "motion", "fix", "sigma", "heading_from", "position_from", "height_from", "level_from"
-    )}  # fmt: skip
-    return replace(found, t_s=t_s, xyz_m=xyz, quaternion=attitude, **columns)
-
-
 @pytest.mark.parametrize(("off_deg", "on_wheels", "told"), [(90, False, False), (90, True, True), (0, True, False)])
 def test_drone_that_flies_sideways__is_not_taken_for_turned(off_deg: float, on_wheels: bool, told: bool) -> None:
-    notices = check_mounting(straight(off_deg), MOUNTING, "imu.csv", on_wheels=on_wheels)
+    notices = check_mounting(driven(off_deg, lasts_s=30.0), MOUNTING, "imu.csv", on_wheels=on_wheels)
     assert ([notice.code for notice in notices] == ["imu-turned"]) == told
 
 
@@ -247,10 +217,10 @@ def test_overturned__is_an_error_with_the_right_one(rpy_deg: tuple[float, float,
 
 
 def test_left_handed_axes__are_named_by_the_positions() -> None:
-    imu = FLIGHT.imu(100.0)
+    imu = FORWARD.imu(100.0)
     wrong = replace(imu, rate_radps=-imu.rate_radps, force_mps2=-imu.force_mps2)
     with pytest.raises(InputError, match="left-handed") as caught:
-        trajectory_from_inertial(FLIGHT.track(), MountedImu(wrong, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None)
+        trajectory_from_inertial(FORWARD.track(), MountedImu(wrong, MOUNTING, INDUSTRIAL), frame(), LEVER_M, None)
     assert caught.value.code == "imu-contradicts"
 
 

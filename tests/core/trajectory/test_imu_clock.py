@@ -51,3 +51,24 @@ def test_antenna_ahead__is_no_offset_of_clocks() -> None:
     imu, positions, arm_m = drive(0.0, 0.003, np.array([0.4, 0.0, 0.0]), 0.02)
     assert search_imu_clock(imu, positions, AT_THE_IMU, on_wheels=False) == pytest.approx(0.8, abs=0.2)
     assert search_imu_clock(imu, positions, arm_m, on_wheels=False) == 0.0
+
+
+def test_accelerations_that_agree__are_believed_before_the_nose() -> None:
+    """A machine whose nose lies where it travels 15 s later, at 5 m/s."""
+    random, speed_mps = np.random.default_rng(3), 5.0
+    t_s = np.arange(0.0, 200.0, 0.02)
+
+    def course(at_s: np.ndarray) -> np.ndarray:
+        return 1.2 * np.sin(0.3 * at_s) + 0.9 * np.sin(0.171 * at_s + 1.0)
+
+    nose, zero = course(t_s + 15.0), np.zeros_like(t_s)
+    pushed = speed_mps * np.gradient(course(t_s), t_s)
+    across = course(t_s) + 0.5 * np.pi - nose
+    rate = np.column_stack([zero, zero, np.gradient(nose, t_s)])
+    force = np.column_stack([pushed * np.cos(across), pushed * np.sin(across), zero + 9.81])
+    way = np.cumsum(speed_mps * np.column_stack([np.cos(course(t_s)), np.sin(course(t_s)), zero]), axis=0) * 0.02
+    seen = way[::10] + random.normal(0.0, 0.01, (len(t_s[::10]), 3))
+    n = len(seen)
+    sigma, none = np.full((n, 3), 0.01), np.full(n, np.nan)
+    positions = Positions(t_s[::10], seen, sigma, sigma, np.zeros(n, np.intp), np.full(n, 4, np.int8), none)
+    assert search_imu_clock(InertialTrack(t_s, rate, force), positions, AT_THE_IMU, on_wheels=True) == 0.0
