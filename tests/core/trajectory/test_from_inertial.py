@@ -214,7 +214,7 @@ def test_force_noisier_than_stated__is_told_and_sigmas_follow(filtered: int, cod
     """White noise shows itself in the measurements, filtered noise by the positions alone."""
     real, squares = replace(INDUSTRIAL, force=12.0 * INDUSTRIAL.force), []
     for seed in (7, 8):
-        flight = Flight(30.0, seed)
+        flight = Flight(40.0, seed)
         result = found(flight.noisy_track(), below(filtered, flight.noisy_imu(real), flight.imu()))
         assert code in {notice.code for notice in result.notices}
         squares.append((errors(result.trajectory, flight) / result.trajectory.sigma) ** 2)
