@@ -23,6 +23,10 @@ EVERY_ONE: Final = {
     "core/values/plot_grid.py PlotGrid.first": 1,  # plots are counted from 1
     "core/values/plot_grid.py PlotGrid.block_size": 1,
     "core/readers/source.py Source.read(size)": -1,  # all, as of any stream
+    "app/workflows/live/feeds.py Growing.read(size)": -1,
+    "app/workflows/live/live.py live(speed)": 1.0,  # as it was recorded
+    "app/workflows/live/live.py live(port)": 8080,
+    "app/workflows/live/live.py live(nmea_port)": 10110,  # registered for NMEA 0183
     "core/readers/messages.py find_frames(last)": True,
     "core/readers/nmea/sentences.py scan_bytes(last)": True,
     "core/readers/vectornav/log.py BinaryMessages.scan(last)": True,

@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from threading import Event
@@ -33,7 +33,7 @@ RATE_OVER_S: Final = 120.0
 OPEN_EVERY_S: Final = 1.0
 
 
-@dataclass
+@dataclass(frozen=True)
 class LiveSummary:
     """What a live session saw.
 
@@ -56,11 +56,11 @@ class LiveSummary:
     delays_s: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
 
-@dataclass
 class _Delays:
     """Delays counted in milliseconds, so that memory does not grow."""
 
-    counts: list[int] = field(default_factory=lambda: [0] * 10_001)
+    def __init__(self) -> None:
+        self.counts = [0] * 10_001
 
     def add(self, delay_s: float) -> None:
         self.counts[min(max(0, round(1e3 * delay_s)), len(self.counts) - 1)] += 1
@@ -161,7 +161,8 @@ class _Watch:
     ) -> None:
         self._session, self._frame, self._page, self._lines = session, frame, page, lines
         self._pictures, self._on_scan = pictures, on_scan
-        self._said, self._delays = LiveSummary(), _Delays()
+        self._scans = self._posed = self._dropped = 0
+        self._delays = _Delays()
         self._changed: set[Tile] = set()
         self._told_s = {"pose": -math.inf, "cells": -math.inf, "figures": -math.inf}
         self._areas: deque[tuple[float, float]] = deque()
@@ -172,7 +173,7 @@ class _Watch:
         scans = self._session.scans(datagrams)
         for number, scan in enumerate(scans):
             if number < len(scans) - 1 or time.time() - due_s > LATE_S:
-                self._said.dropped += 1
+                self._dropped += 1
                 continue
             seen = self._session.add_scan(scan)
             if seen is not None:
@@ -180,29 +181,26 @@ class _Watch:
 
     def summary(self) -> LiveSummary:
         """What was seen so far."""
-        cells, said = self._session.cells, self._said
-        if cells is not None:
-            areas = [cells.area_m2(state) for state in (WORKED, OVERLAP, MISSED)]
-            said.worked_m2, said.overlap_m2, said.missed_m2 = areas
-        said.lost_packets = self._session.lost_packets
-        said.delays_s = self._delays.quantile_s(0.5), self._delays.quantile_s(0.999), self._delays.quantile_s(1.0)
-        return said
+        cells, delays = self._session.cells, self._delays
+        areas = [cells.area_m2(state) if cells is not None else 0.0 for state in (WORKED, OVERLAP, MISSED)]
+        quantiles = delays.quantile_s(0.5), delays.quantile_s(0.999), delays.quantile_s(1.0)
+        return LiveSummary(self._scans, self._posed, self._dropped, self._session.lost_packets, *areas, quantiles)
 
     def _tell(self, seen: LiveScan, due_s: float, status: Callable[[], dict[str, Any]]) -> None:
         pose, now_s = seen.pose, time.time()
-        self._said.scans += 1
+        self._scans += 1
         self._changed |= seen.changed
         delay_s = now_s - due_s
         self._delays.add(delay_s)
         if pose is not None:
-            self._said.posed += 1
+            self._posed += 1
             if self._origin is None:
                 self._origin = round(pose.xyz_m[0]), round(pose.xyz_m[1])
                 self._pictures.about = {"origin_m": self._origin}
                 self._page.publish(self._pictures.whole)
             self._lines.publish(lambda: sentences(pose, self._frame))
         if self._on_scan is not None:
-            self._on_scan(as_json(seen) | {"delay_s": round(delay_s, 3), "dropped": self._said.dropped})
+            self._on_scan(as_json(seen) | {"delay_s": round(delay_s, 3), "dropped": self._dropped})
         if self._is_due("pose", POSE_EVERY_S, now_s):
             self._page.publish(lambda: event("pose", as_json(seen) | {"delay_s": round(delay_s, 3)}))
         cells = self._session.cells

@@ -27,7 +27,7 @@ def poses_of(recording: Recording, outage_s: tuple[float, float] = (np.inf, np.i
 
 def test_poses__are_right_as_they_come(straight: Recording) -> None:
     poses = [pose for pose in poses_of(straight) if pose.speed_mps > 0.3]
-    poses = poses[len(poses) // 2 :]  # the first metres show the heading badly, as their standard deviations say
+    poses = poses[len(poses) // 2 :]  # the first metres show the heading badly
     t_s = np.array([pose.t_s for pose in poses])
     truth = straight.truth.at(t_s)
     off = np.array([pose.xyz_m for pose in poses]) - truth.xyz_m
