@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import Any, Final
 
 import numba
 from numba.core import event
+from numba.core.errors import NumbaError
 
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.progress import Progress, silent
@@ -110,7 +111,8 @@ def _compile_module(work: tuple[str, Sequence[tuple[str, str]]]) -> tuple[int, i
     with _watching(watch):
         module = import_module(f"furrowmap.{name}")
         for kernel, signature in kernels:
-            getattr(module, kernel).compile(types_of(signature, module))
+            with suppress(NumbaError, TypeError):  # of other types meanwhile: compiled when it is first called
+                getattr(module, kernel).compile(types_of(signature, module))
     return len(kernels), watch.count
 
 
