@@ -77,7 +77,7 @@ class Console:
         from furrowmap.warm_up import reporting_compilation  # it imports numba
 
         context = click.get_current_context(silent=True)
-        return reporting_compilation(self.say, context and context.find_root().invoked_subcommand)
+        return reporting_compilation(self.say, context.find_root().invoked_subcommand if context else None)
 
     @contextmanager
     def work(self, *, passing: bool = False) -> Iterator[Progress]:

@@ -14,14 +14,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from numba.core import types
-from numba.core.dispatcher import Dispatcher
+from numba.core import dispatcher
+from numba.core import types as numba_types
 
 from furrowmap.warm_up import LIST
 from tests.codes_met import FOLDER, is_whole
 
 MET: set[str] = set()
 """Lines of the list."""
+types: Any = numba_types
+Dispatcher: Any = dispatcher.Dispatcher
 compile_for_args = Dispatcher._compile_for_args
 
 
