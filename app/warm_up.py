@@ -83,7 +83,7 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
             )  # fmt: skip
 
     try:
-        with _watching(_Watch(begun, lasted)):
+        with _watching(_Compilations(begun, lasted)):
             yield
     finally:
         if helper is not None:
@@ -107,7 +107,7 @@ def _listed(commands: Collection[str]) -> dict[str, list[tuple[str, str]]]:
 def _compile_module(work: tuple[str, Sequence[tuple[str, str]]]) -> tuple[int, int]:
     """Compile kernels of a module where they are not in the cache; their number, and that of compilations."""
     name, kernels = work
-    watch = _Watch()
+    watch = _Compilations()
     with _watching(watch):
         module = import_module(f"furrowmap.{name}")
         for kernel, signature in kernels:
@@ -122,7 +122,7 @@ def types_of(signature: str, module: ModuleType) -> tuple[Any, ...]:
     return types
 
 
-class _Watch(event.Listener):  # type: ignore[misc]  # numba has no types
+class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
     """Counts compilations and their time; numba compiles in one thread at a time."""
 
     def __init__(self, begun: Callable[[], None] = lambda: None, lasted: Callable[[float], None] = lambda _: None):
@@ -148,7 +148,7 @@ class _Watch(event.Listener):  # type: ignore[misc]  # numba has no types
 
 
 @contextmanager
-def _watching(watch: _Watch) -> Iterator[None]:
+def _watching(watch: _Compilations) -> Iterator[None]:
     event.register("numba:compile", watch)
     try:
         yield
