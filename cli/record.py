@@ -6,7 +6,7 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -17,7 +17,9 @@ from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import UsageError, printable
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
-from furrowmap.workflows.record.record import Told
+
+if TYPE_CHECKING:
+    from furrowmap.workflows.record.record import Told
 
 STATUS_SHOWN_S: Final = 60.0
 """Between two lines of the status where standard error is no terminal."""

@@ -15,12 +15,13 @@ from scipy.sparse.csgraph import connected_components
 
 from furrowmap.core.crops.soil import SoilCells, least_squares, plane_design
 from furrowmap.core.dates.pair_tie import LEVEL_TERMS, MOVE_NAMES, PairTie
-from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.runtime.arrays import FloatArray
 
 MOVE_SIZE: Final = len(MOVE_NAMES)
 MAX_PLACES: Final = 300
 """Cells that the error of a mean change is interpolated at."""
+TENSION_LIMIT: Final = 3.0
+"""Ties that depart from the moves by more of their standard deviations lose weight (Huber)."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ def adjust_network(ties: Mapping[tuple[int, int], PairTie], prior: FloatArray) -
             off = tie.move - (moves[other] - moves[one])
             freedom = max(int(np.linalg.matrix_rank(tie.information, hermitian=True)), 1)
             tension[one, other] = math.sqrt(max(float(off @ tie.information @ off), 0.0) / freedom)
-        weights = {pair: float(huber_weight(np.array([value]))[0]) for pair, value in tension.items()}
+        weights = {pair: TENSION_LIMIT / max(value, TENSION_LIMIT) for pair, value in tension.items()}
     first, second = (np.array([pair[k] for pair in ties], np.intp) for k in (0, 1))
     _, group = connected_components(coo_matrix((np.ones(len(ties)), (first, second)), (n, n)), directed=False)
     return Network(moves, covariance, np.asarray(group, np.intp), tension)

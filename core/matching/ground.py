@@ -258,7 +258,7 @@ def _register(  # type: ignore[no-untyped-def]
         c = slots[layer[i], py - patch_south, px - patch_west]
         if c < 0:
             store = open_patch(store, patches, px, py, np.int64(layer[i]), first_coarse + interval)
-            c = slots[layer[i], py - patch_south, px - patch_west] = patches
+            c = slots[layer[i], py - patch_south, px - patch_west] = int(patches)
             patches += 1
         lx, ly, lz = xyz_m[i, 0] - (px + 0.5) * patch_m, xyz_m[i, 1] - (py + 0.5) * patch_m, xyz_m[i, 2]
         plane_row(row6, -slope_x, -slope_y, 1.0, lx, ly, lz)

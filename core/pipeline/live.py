@@ -38,7 +38,7 @@ STATES_TURNS: Final = 300
 """Revolutions whose tool heights are looked at together; the working position changes with the soil."""
 SETTLED_S: Final = 0.35
 """Poses and states of this long ago hardly change any more: ground is worked by these."""
-STEP_S: Final = 0.2
+LINE_STEP_S: Final = 0.2
 """Longest time between two places of the tool's line."""
 LEARN_EVERY_S: Final = 30.0
 STRAIGHT_DEG: Final = 20.0
@@ -122,7 +122,7 @@ class LiveSession:
         ray = np.column_stack([np.cos(column), np.sin(column), np.zeros(len(column))])
         ground = (5.0 * ray - mounting.xyz_m) @ mounting.rotation
         for number in range(LEARN_SCANS + 2):
-            t_s, lasers = 0.1 * number + 5e-5 * column, np.zeros(len(column), np.uint8)
+            t_s, lasers = (0.1 * number + 5e-5 * column).astype(np.float64), np.zeros(len(column), np.uint8)
             ones = np.ones(len(column), np.uint8)
             other.add_scan(
                 Scan(number, t_s, ground.astype(np.float32), ones, lasers, column.astype(np.uint16), ones, ones)
@@ -253,7 +253,7 @@ class LiveSession:
         elif self._line is not None:
             begin_s = self._line[0]
         borders = states.begin_s[(states.begin_s > begin_s) & (states.begin_s < to_s)]
-        for t_s in np.unique([*borders, *np.arange(begin_s, to_s, STEP_S), to_s]).tolist():
+        for t_s in np.unique([*borders, *np.arange(begin_s, to_s, LINE_STEP_S), to_s]).tolist():
             pose = self._poses.at(t_s)
             if pose is None or pose.position_age_s > MAX_CARRIED_S:
                 continue

@@ -64,7 +64,7 @@ PLANE_RANGE_M: Final = (SELF_RANGE_M[0], 9.0)
 PLANE_ROUNDS: Final = 3
 PLANE_NOISE_M: Final = 0.03
 """Returns this far from the plane lose weight; four times as far ones are not of it."""
-MIN_PLANE_RETURNS: Final = 300
+MIN_LEAN_RETURNS: Final = 300
 RESIDUAL_SWAY_RAD: Final = np.radians(0.12)
 """What the plane does not show of the sway."""
 
@@ -254,7 +254,7 @@ class LivePoses:
         for number in range(PLANE_ROUNDS):
             gate_m = 4.0 * PLANE_NOISE_M if number else GROUND_GATE_M
             normal, right, used = _plane_sums(xyz_m, self._rotation, self._sensor_m, plane, gate_m)
-            if used < MIN_PLANE_RETURNS or np.linalg.cond(normal) > 1e6:
+            if used < MIN_LEAN_RETURNS or np.linalg.cond(normal) > 1e6:
                 return
             plane = np.linalg.solve(normal, right)
         self._plane = np.array([self._ground_m, 0.5 * plane[1], 0.5 * plane[2]])

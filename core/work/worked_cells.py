@@ -16,7 +16,7 @@ CELL_SIDE_M: Final = 0.1
 TILE_CELLS: Final = 64
 NOT_WORKED, WORKED, OVERLAP, MISSED = range(4)
 """States of a cell."""
-AGAIN_M: Final = 1.5
+REWORKED_M: Final = 1.5
 """A cell that the tool passes after so long a way was worked twice; less is jitter of the line."""
 
 Tile = tuple[int, int]
@@ -138,7 +138,7 @@ def _sweep(state, way, corners, now_m, count):  # type: ignore[no-untyped-def]
             if left and right:
                 continue
             old = state[r, c]
-            if old == WORKED and now_m - way[r, c] > AGAIN_M:
+            if old == WORKED and now_m - way[r, c] > REWORKED_M:
                 new = OVERLAP
             elif old in (OVERLAP, WORKED):
                 new = int(old)

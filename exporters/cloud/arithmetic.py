@@ -191,7 +191,7 @@ CORRECTORS: Final = np.cumsum(
 
 def integers_size(bits: np.int64, contexts: np.int64) -> np.int64:
     """Numbers that a coding of integers of `bits` bits takes in its table."""
-    return contexts * model_size(bits + 1) + CORRECTORS[bits + 1]
+    return np.int64(contexts * model_size(bits + 1) + CORRECTORS[bits + 1])
 
 
 @inlined()

@@ -22,16 +22,16 @@ from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, unroll
 
 POLL_S: Final = 0.01
-BATCH_S: Final = 0.01
+FEED_STEP_S: Final = 0.01
 """A recording is played in pieces of so long."""
 GNSS_DELAY_S: Final = 0.05
 """A receiver sends an epoch so long after it."""
-QUEUED: Final = 256
+QUEUED_INPUTS: Final = 256
 _GGA: Final = re.compile(rb"\$[A-Z]{2}GGA,(\d\d)(\d\d)(\d\d(?:\.\d+)?),")
 
 
 @dataclass(frozen=True)
-class Piece:
+class Input:
     """Some of the input.
 
     Attributes:
@@ -54,7 +54,7 @@ class Growing(Source):
         """Up to `size` bytes, at least one unless the file has ended."""
         while True:
             ended = self._ended()
-            data = self._raw.read(size)
+            data = self._raw.read(-1 if size is None else size)
             if data or ended:
                 return bytes(data)
             time.sleep(POLL_S)
@@ -70,7 +70,7 @@ class FolderFeed:
 
     def __init__(self, folder: Path, stop: Event) -> None:
         self._folder, self._stop = folder, stop
-        self._queue: Queue[Piece] = Queue(QUEUED)
+        self._queue: Queue[Input] = Queue(QUEUED_INPUTS)
 
     def status(self) -> dict[str, Any]:
         """What the recorder says of itself; empty where it says nothing."""
@@ -80,7 +80,7 @@ class FolderFeed:
             return {}
         return status
 
-    def pieces(self) -> Iterator[Piece]:
+    def pieces(self) -> Iterator[Input]:
         """What comes in from now on, until the recorder has ended or the feed is stopped."""
         threads = [
             Thread(target=self._follow, args=(pattern,), daemon=True) for pattern in ("lidar-*.pcap", "gnss-*.log")
@@ -109,7 +109,7 @@ class FolderFeed:
                     due_s = time.time() if isinstance(data, bytes) else float(data.time_s[-1])
                     # What was recorded before is not shown as now; the last seconds show what the clocks count from.
                     if not first or isinstance(data, bytes) or time.time() - due_s < 5.0:
-                        self._queue.put(Piece(data, due_s))
+                        self._queue.put(Input(data, due_s))
 
     def _is_followed(self, pattern: str, done: set[Path]) -> bool:
         return any(path not in done for path in self._folder.glob(pattern))
@@ -158,7 +158,7 @@ class PlayedFeed:
         """Nothing: no recorder is at work."""
         return {}
 
-    def pieces(self) -> Iterator[Piece]:
+    def pieces(self) -> Iterator[Input]:
         """Datagrams by the time of their capture, and the receiver's bytes by the times of its positions."""
         sent, begin_s, first_s = 0, time.time(), math.nan
         for datagrams in self._batches():
@@ -172,15 +172,15 @@ class PlayedFeed:
             come = int(np.searchsorted(self._epoch_s, utc_s - GNSS_DELAY_S)) if math.isfinite(utc_s) else 0
             upto = int(self._ends[come - 1]) if come else 0
             if upto > sent:
-                yield Piece(self._log[sent:upto], due_s)
+                yield Input(self._log[sent:upto], due_s)
                 sent = upto
-            yield Piece(datagrams, due_s)
+            yield Input(datagrams, due_s)
 
     def _batches(self) -> Iterator[Datagrams]:
         for path in self._opened.inputs.lidar:
             with Source(path) as source:
                 for block in Capture(source):
-                    cuts = np.flatnonzero(np.diff(np.floor(block.time_s / BATCH_S)) != 0) + 1
+                    cuts = np.flatnonzero(np.diff(np.floor(block.time_s / FEED_STEP_S)) != 0) + 1
                     for part in np.split(np.arange(len(block)), cuts):
                         some = slice(int(part[0]), int(part[-1]) + 1)
                         yield replace(

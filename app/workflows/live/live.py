@@ -24,7 +24,7 @@ from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed
 from furrowmap.workflows.live.nmea import sentences
 from furrowmap.workflows.live.server import Hub, Pictures, event, serve_lines, serve_page
 
-LATE_S: Final = 0.3
+BACKLOG_S: Final = 0.3
 """A scan that came longer ago is not looked at while newer ones wait."""
 POSE_EVERY_S: Final = 0.2
 CELLS_EVERY_S: Final = 0.5
@@ -172,7 +172,7 @@ class _Watch:
         """Look at the scans that some datagrams complete, unless newer ones wait."""
         scans = self._session.scans(datagrams)
         for number, scan in enumerate(scans):
-            if number < len(scans) - 1 or time.time() - due_s > LATE_S:
+            if number < len(scans) - 1 or time.time() - due_s > BACKLOG_S:
                 self._dropped += 1
                 continue
             seen = self._session.add_scan(scan)
@@ -182,9 +182,12 @@ class _Watch:
     def summary(self) -> LiveSummary:
         """What was seen so far."""
         cells, delays = self._session.cells, self._delays
-        areas = [cells.area_m2(state) if cells is not None else 0.0 for state in (WORKED, OVERLAP, MISSED)]
-        quantiles = delays.quantile_s(0.5), delays.quantile_s(0.999), delays.quantile_s(1.0)
-        return LiveSummary(self._scans, self._posed, self._dropped, self._session.lost_packets, *areas, quantiles)
+        worked, overlap, missed = (cells.area_m2(s) if cells is not None else 0.0 for s in (WORKED, OVERLAP, MISSED))
+        lost, quantiles = (
+            self._session.lost_packets,
+            (delays.quantile_s(0.5), delays.quantile_s(0.999), delays.quantile_s(1.0)),
+        )
+        return LiveSummary(self._scans, self._posed, self._dropped, lost, worked, overlap, missed, quantiles)
 
     def _tell(self, seen: LiveScan, due_s: float, status: Callable[[], dict[str, Any]]) -> None:
         pose, now_s = seen.pose, time.time()

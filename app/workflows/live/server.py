@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from furrowmap.core.work.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, WorkedCells
 from furrowmap.exporters.reports.pages import render
 
-QUEUED: Final = 64
+QUEUED_MESSAGES: Final = 64
 """Messages that wait for a reader; one that falls further behind begins anew with a whole picture."""
 MAX_READERS: Final = 50
 KEEP_ALIVE_S: Final = 5.0
@@ -48,7 +48,7 @@ class Hub:
         with self._lock:
             if len(self._readers) >= MAX_READERS:
                 return None
-            queue: Queue[bytes] = Queue(QUEUED)
+            queue: Queue[bytes] = Queue(QUEUED_MESSAGES)
             if self._first is not None:
                 queue.put_nowait(self._first())
             self._count += 1

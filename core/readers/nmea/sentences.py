@@ -175,13 +175,13 @@ _SMALL_A, _SMALL_F = np.int64(ord("a")), np.int64(ord("f"))
 @njit(cache=True, nogil=True)
 def _scan(
     data: Any, last: Any, kind: Any, talker: Any, at: Any, values: Any, address: Any, counts: Any
-) -> tuple[int, int, int]:
+) -> tuple[np.int64, int, int | np.int64]:
     """Fill the arrays; number of rows of known kinds, of intact sentences, and of bytes done with."""
     size = len(data)
     begin = np.empty(_MOST_FIELDS + 1, np.int64)
     rows = i = np.int64(0)  # of one type from the start: _take would be compiled for a literal 0 as well
     sentences = 0
-    broken_off = -1
+    broken_off = np.int64(-1)
     while i < size:
         if data[i] != _DOLLAR:
             i += 1
@@ -429,7 +429,7 @@ def _state_quality(data: Any, begin: int, end: int) -> Any:
 
 
 @njit(cache=True, nogil=True)
-def _hex(c: int) -> int:
+def _hex(c: int) -> int | np.int64:
     """Value of a hexadecimal digit; −1 if it is not one."""
     if _0 <= c <= _9:
         return c - _0

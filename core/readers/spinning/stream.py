@@ -15,8 +15,8 @@ from furrowmap.core.readers.spinning.decoder import PacketDecoder
 from furrowmap.core.readers.velodyne.models import VELODYNE
 from furrowmap.core.values.scan import Scan
 
-_MAKERS: Final = (VELODYNE, HESAI)
-_HELD_S: Final = 1.2
+STREAMED_MAKERS: Final = (VELODYNE, HESAI)
+MAKER_SHOWN_S: Final = 1.2
 """Packets of so long show what the sensor's clock counts from: position packets come once or twice a second."""
 
 
@@ -51,7 +51,7 @@ class ScanStream:
         """
         if self._traffic is None:
             self._held.append(datagrams)
-            if self._held[-1].time_s[-1] - self._held[0].time_s[0] < _HELD_S or not self._start():
+            if self._held[-1].time_s[-1] - self._held[0].time_s[0] < MAKER_SHOWN_S or not self._start():
                 return []
             held, self._held = self._held, []
             return [scan for part in held for scan in self.push(part)]
@@ -64,7 +64,7 @@ class ScanStream:
 
     def _start(self) -> bool:
         """Find out the maker and what its stamps count from; False if there are no packets of a known maker."""
-        for maker in _MAKERS:
+        for maker in STREAMED_MAKERS:
             products = [maker.products(d.data, d.offset, d.length) for d in self._held]
             if any((product >= 0).any() for product in products):
                 senders, packets = survey(maker, [Path("live")], self._source, self._held, Counter())

@@ -25,7 +25,7 @@ from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.session import Crs
 from furrowmap.core.work.worked_cells import TILE_CELLS, WORKED, WorkedCells
 from furrowmap.workflows.live.nmea import sentences
-from furrowmap.workflows.live.server import QUEUED, Hub, Pictures, event, serve_lines, serve_page
+from furrowmap.workflows.live.server import QUEUED_MESSAGES, Hub, Pictures, event, serve_lines, serve_page
 
 
 def events(answer: HTTPResponse) -> Iterator[tuple[str, Any]]:
@@ -91,13 +91,13 @@ def test_stream__of_a_reader_that_hangs_begins_anew_and_holds_up_nobody() -> Non
     hub = Hub(lambda: event("picture", "whole"))
     joined = hub.join()
     assert joined is not None
-    for number in range(QUEUED + 5):
+    for number in range(QUEUED_MESSAGES + 5):
         hub.publish(partial(event, "pose", number))
     queue = joined[1]
     waiting = [queue.get_nowait() for _ in range(queue.qsize())]
     assert waiting[0] == event("picture", "whole")
-    assert waiting[-1] == event("pose", QUEUED + 4)
-    assert len(waiting) < QUEUED
+    assert waiting[-1] == event("pose", QUEUED_MESSAGES + 4)
+    assert len(waiting) < QUEUED_MESSAGES
 
 
 def test_page__is_whole_without_other_hosts_and_takes_no_commands() -> None:
