@@ -35,6 +35,7 @@ FLAGS = {
 """What a function does only if asked to."""
 TEXTS = {
     "product": "dsm",
+    "host": "0.0.0.0",  # the page is for tablets in the local network
     "schema": "furrowmap",
     "layers": (),
     "board_on": "body",

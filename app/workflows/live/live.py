@@ -82,7 +82,7 @@ def live(
     host: str = "0.0.0.0",  # noqa: S104 (tablets on the local network look at it)
     port: int | None = 8080,
     nmea_port: int | None = 10110,
-    language: str = "",
+    language: str | None = None,
     on_scan: Callable[[dict[str, Any]], None] | None = None,
     stop: Event | None = None,
 ) -> LiveSummary:
@@ -95,7 +95,7 @@ def live(
         host: address of this computer at which page and outlet are served.
         port: of the page; None for no page, 0 for any that is free.
         nmea_port: of the outlet of NMEA sentences over TCP; None for none.
-        language: "en" or "ja", in which the page begins; empty for that of its reader.
+        language: "en" or "ja", in which the page begins; by default that of its reader.
         on_scan: gets what is known with each scan, as values of JSON.
 
     Raises:
@@ -110,7 +110,7 @@ def live(
     with ExitStack() as closing:
         try:
             if port is not None:
-                closing.callback(serve_page(host, port, page, language).shutdown)
+                closing.callback(serve_page(host, port, page, language or "").shutdown)
             if nmea_port is not None:
                 closing.callback(serve_lines(host, nmea_port, lines).shutdown)
         except OSError as error:
