@@ -2,7 +2,7 @@
 // The page of `furrowmap live`: draws what the stream of events says, and sends nothing.
 const WORDS = {
   en: {
-    worked: "worked", rate: "rate", speed: "speed", fix: "GNSS", overlap: "overlap", missed: "missed", sigma: "accuracy", age: "age",
+    worked: "worked", rate: "rate", speed: "speed", fix: "GNSS", overlap: "overlap", missed: "missed", sigma: "± 95 %", age: "age",
     down: "TOOL DOWN", up: "TOOL UP", unknown: "TOOL ?", north: "N", day: "Day", night: "Night",
     fixed: "fixed", float: "float", single: "single", dgps: "DGPS", none: "none", ppp: "PPP", pps: "PPS", estimated: "estim.", manual: "manual", simulated: "simul.",
     starting: "Connecting …", cut: "No connection. What is shown is {age} s old.", stale: "What is shown is {age} s old.", waiting: "Waiting: {what}",
@@ -12,7 +12,7 @@ const WORDS = {
     "missing-tool": "state of the tool not seen",
   },
   ja: {
-    worked: "作業済み", rate: "能率", speed: "速度", fix: "GNSS", overlap: "重複", missed: "作業残し", sigma: "精度", age: "表示の遅れ",
+    worked: "作業済み", rate: "能率", speed: "速度", fix: "GNSS", overlap: "重複", missed: "作業残し", sigma: "± 95 %", age: "表示の遅れ",
     down: "作業機 下", up: "作業機 上", unknown: "作業機 ?", north: "北", day: "昼", night: "夜",
     fixed: "Fix", float: "Float", single: "単独", dgps: "DGPS", none: "なし", ppp: "PPP", pps: "PPS", estimated: "推定", manual: "手動", simulated: "模擬",
     starting: "接続中 …", cut: "接続が切れました。表示は {age} 秒前のものです。", stale: "表示は {age} 秒前のものです。", waiting: "待機中: {what}",
@@ -124,7 +124,8 @@ function connect() {
     if (p.e_m === undefined) return;
     $("speed").innerHTML = number(3.6 * p.speed_mps, 1) + " <small>km/h</small>";
     $("fix").textContent = p.position_age_s > 1 ? number(p.position_age_s, 0) + " s" : words[p.fix] || p.fix;
-    $("sigma").innerHTML = (p.sigma_m < 1 ? number(100 * p.sigma_m, 0) + " <small>cm</small>" : number(p.sigma_m, 1) + " <small>m</small>");
+    const off_m = 1.73 * p.sigma_m;  // 95 % of the positions lie this near, with errors alike in both directions
+    $("sigma").innerHTML = (off_m < 1 ? number(100 * off_m, 0) + " <small>cm</small>" : number(off_m, 1) + " <small>m</small>");
   });
   on("figures", (f) => {
     $("worked").innerHTML = hectares(f.worked_m2);
