@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import mmap
 import os
+import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -101,8 +102,9 @@ def concatenated(pieces: Sequence[NDArray[Any]]) -> NDArray[Any]:
 
 def release_files() -> None:
     """Let the system take back the pages of arrays in files, which count as memory of the process; none is lost."""
-    for mapped in list(_mapped) if hasattr(mmap, "MADV_DONTNEED") else ():
-        mapped.madvise(mmap.MADV_DONTNEED)
+    if sys.platform != "win32":
+        for mapped in list(_mapped):
+            mapped.madvise(mmap.MADV_DONTNEED)
 
 
 def release() -> None:

@@ -98,31 +98,32 @@ def _serial(device: str, baud: int) -> Iterator[Read]:
     """A serial device: eight bits, no parity, as bytes. Raises OSError."""
     if sys.platform == "win32":
         raise OSError(None, "serial devices need Linux or macOS")
-    import termios
-    import tty
+    else:
+        import termios
+        import tty
 
-    descriptor = os.open(device, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
-    try:
+        descriptor = os.open(device, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
         try:
-            tty.setraw(descriptor)
-            attributes = termios.tcgetattr(descriptor)
-            attributes[2] |= termios.CLOCAL | termios.CREAD
-            attributes[4] = attributes[5] = getattr(termios, f"B{baud}")
-            termios.tcsetattr(descriptor, termios.TCSANOW, attributes)
-        except termios.error as error:
-            raise OSError(*error.args) from None
+            try:
+                tty.setraw(descriptor)
+                attributes = termios.tcgetattr(descriptor)
+                attributes[2] |= termios.CLOCAL | termios.CREAD
+                attributes[4] = attributes[5] = getattr(termios, f"B{baud}")
+                termios.tcsetattr(descriptor, termios.TCSANOW, attributes)
+            except termios.error as error:
+                raise OSError(*error.args) from None
 
-        def read() -> bytes:
-            if not select.select([descriptor], [], [], WAIT_S)[0]:
-                return b""
-            data = os.read(descriptor, _PIECE)
-            if not data:
-                raise ConnectionResetError(None, "the device was removed")
-            return data
+            def read() -> bytes:
+                if not select.select([descriptor], [], [], WAIT_S)[0]:
+                    return b""
+                data = os.read(descriptor, _PIECE)
+                if not data:
+                    raise ConnectionResetError(None, "the device was removed")
+                return data
 
-        yield read
-    finally:
-        os.close(descriptor)
+            yield read
+        finally:
+            os.close(descriptor)
 
 
 class GnssReceiver:
