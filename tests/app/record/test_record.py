@@ -142,7 +142,8 @@ def power_cut(folder: Path, ports: tuple[int, int, int], after_s: float) -> tupl
     """Kill a recording of numbered packets; the time of the kill, and the numbers in its captures."""
     program = "import sys, furrowmap; furrowmap.record(sys.argv[1], ports=[[int(sys.argv[2])]], roll_s=0.7)"
     with subprocess.Popen([sys.executable, "-c", program, folder, str(ports[0])]) as process:
-        while not (folder / "status.json").exists():
+        status = folder / "status.json"  # that of an earlier recording may lie there
+        while not (status.exists() and json.loads(status.read_text(encoding="utf-8"))["pid"] == process.pid):
             assert process.poll() is None
             time.sleep(0.05)
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
