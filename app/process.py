@@ -10,11 +10,12 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
 CACHE_VARIABLE: Final = "NUMBA_CACHE_DIR"
+_LOCATORS_VARIABLE: Final = "NUMBA_CACHE_LOCATOR_CLASSES"
+_LOCATORS: Final = "furrowmap.kernel_cache.KernelCacheLocator,UserProvidedCacheLocator,IPythonCacheLocator"
 _M_TRIM_THRESHOLD: Final = -1
 _M_MMAP_THRESHOLD: Final = -3
 _M_ARENA_MAX: Final = -8
@@ -30,14 +31,15 @@ def prepare_process() -> None:
 
 
 def keep_kernels() -> None:
-    """Set numba's cache of compiled kernels to a folder of this user and version; call it before numba is imported.
+    """Set numba's cache of compiled kernels to a folder of this user; call it before numba is imported.
 
     A folder already set is respected. Where the user may write nowhere, a temporary folder serves this process, because
     numba does not load kernels that it cannot cache.
     """
+    os.environ.setdefault(_LOCATORS_VARIABLE, _LOCATORS)
     if CACHE_VARIABLE in os.environ:
         return
-    folder = _caches() / "furrowmap" / f"kernels-{version('furrowmap')}"
+    folder = _caches() / "furrowmap" / "kernels"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

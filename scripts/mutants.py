@@ -380,7 +380,7 @@ class Copy:
                 shutil.copy2(CHECKOUT / name, target)
         subprocess.run(["make", "--silent", "layout"], cwd=self.checkout, check=True)
         (self.folder / "shared").symlink_to(CHECKOUT.parent / "shared")
-        asked = "import os, furrowmap.process as p; p.keep_kernels(); print(os.environ[p.VARIABLE])"
+        asked = "import os, furrowmap.process as p; p.keep_kernels(); print(os.environ[p.CACHE_VARIABLE])"
         compiled = subprocess.check_output([sys.executable, "-c", asked], cwd=CHECKOUT, text=True).strip()
         place = caching.UserWideCacheLocator.get_suitable_cache_subpath
         layout = self.checkout / "build" / "typing" / "furrowmap"

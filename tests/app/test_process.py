@@ -1,4 +1,4 @@
-"""Compiled kernels are kept per user and version, and the user hears when they are made."""
+"""Compiled kernels are kept per user and by their sources, and the user hears when they are made."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ import platform
 import re
 import subprocess
 import sys
-from importlib.metadata import version
+import types
 from pathlib import Path
 
 import pytest
 
+from furrowmap.kernel_cache import source_text, sources_digest
 from furrowmap.process import CACHE_VARIABLE, importing, keep_blas_single, keep_kernels
 
 CODE = """
@@ -29,18 +30,45 @@ with reporting_compilation(print, None):
 KERNEL = "from numba import njit\n@njit(cache=True)\ndef double(x):\n    return 2 * x\n"
 
 
-def test_folder__is_the_users_and_the_versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder__is_the_users(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(CACHE_VARIABLE, "")
     monkeypatch.delenv(CACHE_VARIABLE)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     keep_kernels()
-    assert os.environ[CACHE_VARIABLE] == str(tmp_path / "furrowmap" / f"kernels-{version('furrowmap')}")
+    assert os.environ[CACHE_VARIABLE] == str(tmp_path / "furrowmap" / "kernels")
 
 
 def test_folder_already_set__is_respected(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(CACHE_VARIABLE, "mine")
     keep_kernels()
     assert os.environ[CACHE_VARIABLE] == "mine"
+
+
+def test_sources__of_a_kernel_are_its_module_and_all_that_it_imports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    texts = {
+        "furrowmap.a_kernel": "from furrowmap.a_helper import (\n    helper,\n)\n",
+        "furrowmap.a_helper": "from furrowmap import a_constant\n",
+        "furrowmap.a_constant": "K = 1\n",
+        "furrowmap.another": "",
+    }
+
+    def digest(folder: str, **changed: str) -> str:
+        for name, text in texts.items():
+            module = types.ModuleType(name)
+            file = tmp_path / folder / f"{name}.py"
+            file.parent.mkdir(exist_ok=True)
+            file.write_text(changed.get(name.partition(".")[2], text))
+            module.__file__ = str(file)
+            monkeypatch.setitem(sys.modules, name, module)
+        sources_digest.cache_clear()
+        source_text.cache_clear()
+        return sources_digest("furrowmap.a_kernel")
+
+    first = digest("here")
+    assert digest("elsewhere") == digest("here", another="x = 2\n") == first
+    assert digest("here", a_constant="K = 2\n") != first
 
 
 def test_no_place_to_write__serves_this_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,80 @@
+"""Where numba keeps furrowmap's compiled kernels: in folders named by the content of their sources.
+
+numba's own rule is the path of a kernel's file, and it looks at the content of that file alone. A kernel also contains
+what it calls and the constants it uses from other modules, and copies of the same sources can share kernels: those of
+another checkout, of an installation, of the last version.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import sys
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+from furrowmap.process import CACHE_VARIABLE
+
+_PACKAGE: Final = __name__.partition(".")[0] + "."
+_IMPORT: Final = re.compile(r"^from (furrowmap[\w.]*) import (\([^)]*\)|.*)$", re.MULTILINE)
+
+
+class KernelCacheLocator:
+    """The folder of a kernel, for numba (``NUMBA_CACHE_LOCATOR_CLASSES``)."""
+
+    def __init__(self, function: Any, folder: Path) -> None:
+        self._line, self._folder = function.__code__.co_firstlineno, folder
+
+    @classmethod
+    def from_function(cls, function: Any, file: str) -> KernelCacheLocator | None:
+        """The locator of a kernel in a file; None if it is not of furrowmap, or where nothing can be written."""
+        if not function.__module__.startswith(_PACKAGE):
+            return None
+        folder = Path(os.environ[CACHE_VARIABLE], f"{Path(file).stem}-{sources_digest(function.__module__)[:16]}")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+        except OSError:
+            return None
+        return cls(function, folder)
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder if it has been removed."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+
+    def get_cache_path(self) -> str:
+        """The folder."""
+        return str(self._folder)
+
+    def get_source_stamp(self) -> str:
+        """What tells versions of the sources apart within the folder: nothing has to."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """What tells kernels of one name apart."""
+        return str(self._line)
+
+
+@cache
+def sources_digest(module: str) -> str:
+    """SHA-1 of the sources of an imported module and of all modules of furrowmap that it imports."""
+    found = {module: source_text(module)}
+    waiting = [module]
+    while waiting:
+        for package, names in _IMPORT.findall(found[waiting.pop()]):
+            for name in (package, *(f"{package}.{name}" for name in re.findall(r"\w+", names))):
+                if name not in found and getattr(sys.modules.get(name), "__file__", None):
+                    found[name] = source_text(name)
+                    waiting.append(name)
+    return hashlib.sha1("\0".join(found[name] for name in sorted(found)).encode(), usedforsecurity=False).hexdigest()
+
+
+@cache
+def source_text(module: str) -> str:
+    """The source of an imported module."""
+    file = sys.modules[module].__file__
+    assert file is not None
+    return Path(file).read_text(encoding="utf-8")
