@@ -13,8 +13,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 from xml.sax.saxutils import escape
 
-from furrowmap.plugin.processing.algorithms import ALGORITHMS
-from furrowmap.plugin.processing.description import TOOLBOX_GROUPS
+from furrowmap.plugin.processing.description import ALGORITHMS, TOOLBOX_GROUPS
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugin"
 UNFINISHED = '<translation type="unfinished"/>'

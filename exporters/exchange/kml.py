@@ -22,8 +22,7 @@ from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import TRAJECTORY, packaged_style, packaged_styles
 from furrowmap.exporters.reports.drawings import pass_colour
-from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
-from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES, VALUES
+from furrowmap.exporters.vectors.labels import COLUMN_LABELS, LAYER_NAMES, VALUES
 
 _NAMESPACE: Final = "http://www.opengis.net/kml/2.2"
 _TITLES: Final = ("pass", "kind", "zone", "implement", "scan")

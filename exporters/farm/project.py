@@ -28,7 +28,7 @@ from furrowmap.exporters.files.qgis_project import (
     put_view,
 )
 from furrowmap.exporters.share.points import CLASS_COLOURS
-from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES
+from furrowmap.exporters.vectors.labels import FARM_LAYER_NAMES
 
 PROJECT: Final = "furrowmap"
 """Its name in the farm map."""
@@ -48,17 +48,6 @@ _GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
     "Ground": ("clouds", "surface"),
     "Background": ("background map",),
 }
-_FARM_LAYER_NAMES: Final[Mapping[str, str]] = {
-    **LAYER_NAMES,
-    FIELDS_LAYER: "fields",
-    VISITS: "work of each session",
-    SEASONS: "work of each season",
-    MACHINES: "machines",
-    SESSIONS: "sessions",
-    TRACKS: "paths of the vehicle",
-    PROVENANCE: "reports and settings of the sessions",
-}
-"""Names of layers for people."""
 SURFACE: Final = "surface"
 CLOUDS: Final = "clouds"
 BACKGROUND: Final = "background map"
@@ -128,8 +117,10 @@ def project_archive(
 
 def layer_title(name: str) -> str:
     """The name of a layer for people, in the user's language; a layer of others keeps its own."""
-    words = translated(_FARM_LAYER_NAMES[name], language_of_user()) if name in _FARM_LAYER_NAMES else name
-    return words[:1].upper() + words[1:] if name in _FARM_LAYER_NAMES else name
+    if name not in FARM_LAYER_NAMES:
+        return name
+    words = translated(FARM_LAYER_NAMES[name], language_of_user())
+    return words[:1].upper() + words[1:]
 
 
 def background_layer(crs: CRS, bounds: tuple[float, float, float, float]) -> ProjectLayer:

@@ -17,53 +17,9 @@ from furrowmap.exporters.farm.edit import KnownSession
 from furrowmap.exporters.farm.memory import MACHINES, VISITS
 from furrowmap.exporters.farm.results import SESSIONS
 from furrowmap.exporters.files.qgis_project import DOCTYPE
-from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
-from furrowmap.exporters.vectors.qgis_styles import VALUES, StyleClock, in_language, in_local_times, with_words
+from furrowmap.exporters.vectors.labels import COLUMN_LABELS, FARM_LABELS, VALUES
+from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_language, in_local_times, with_words
 
-FARM_LABELS: Final = {
-    "session": "key of the session",
-    "name": "name",
-    "date": "day of the work",
-    "first_date": "first day",
-    "last_date": "last day",
-    "season": "season",
-    "time_zone": "time zone",
-    "field": "key of the field",
-    "field_name": "name of the field",
-    "machine": "machine",
-    "sessions": "number of sessions",
-    "passes": "number of passes",
-    "warnings": "number of warnings",
-    "times_worked": "times worked",
-    "surveyed": "boundary surveyed",
-    "ground_m2": "ground worked at least once (m²)",
-    "worked_area_m2": "area worked, on the map (m²)",
-    "worked_area_ellipsoid_m2": "area worked, on the ellipsoid (m²)",
-    "worked_area_sigma_m2": "standard deviation of the area worked (m²)",
-    "overlap_area_m2": "area worked twice (m²)",
-    "missed_area_m2": "area missed (m²)",
-    "swept_area_m2": "area swept by the tool (m²)",
-    "worked_length_m": "length worked (m)",
-    "working_speed_mps": "speed at work (m/s)",
-    "work_rate_ha_h": "work rate (ha/h)",
-    "distance_m": "distance driven (m)",
-    "duration_s": "duration (s)",
-    "hours": "time in the field (h)",
-    "soil_moved_m3": "soil moved (m³)",
-    "working_depth_m": "working depth as stated (m)",
-    "crs": "coordinate reference system",
-    "heights": "height system",
-    "coordinates": "coordinates of the recording",
-    "folder": "folder",
-    "recordings": "key of the recordings",
-    "digest": "hash of the result",
-    "furrowmap": "version that processed",
-    "base_by": "version that added",
-    "added": "added (UTC)",
-    "report": "report (JSON)",
-    "session_toml": "session file",
-}
-"""Labels of the columns that only a farm map has."""
 _BY_DATE: Final = "coverage"
 _BARE: Final = DOCTYPE + '<qgis version="3.34.0" styleCategories="Rendering"></qgis>\n'
 _OF_SESSIONS: Final = frozenset({SESSIONS, VISITS, MACHINES})
@@ -84,7 +40,7 @@ def styles(layers: Mapping[str, Collection[str]], sessions: Sequence[KnownSessio
     clocks = _clocks(sessions)
     if clocks:
         found = {name: in_local_times(text, clocks) for name, text in found.items()}
-    language, aliases = language_of_user(), COLUMN_LABELS | FARM_LABELS
+    language, aliases = language_of_user(), {**COLUMN_LABELS, **FARM_LABELS}
     plain = {name: labels for name, labels in VALUES.items() if name != "implement"}
     return {
         name: with_words(found.get(name, _BARE), sorted(fields), language, report=False, aliases=aliases, values=values)

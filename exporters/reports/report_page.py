@@ -30,17 +30,10 @@ from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.reports.parcel_section import parcel_sections
 from furrowmap.exporters.reports.range_images import range_images
 from furrowmap.exporters.reports.run_report import points_by_class, scanners, verdict
+from furrowmap.exporters.vectors.labels import VALUES
 
 MAX_ROWS: Final = 60
 """Maximum length of the tables of passes and strips."""
-_FIX_WORDS: Final = {
-    Fix.FIXED: "RTK fixed",
-    Fix.FLOAT: "RTK float",
-    Fix.PPP: "PPP",
-    Fix.DGPS: "differential",
-    Fix.SINGLE: "single",
-    Fix.NONE: "no position",
-}
 
 
 def write_page(
@@ -130,7 +123,7 @@ def _strip_graphs(found: RunResult) -> Iterator[tuple[Markup, str]]:
 
 
 def _fix_name(fix: int) -> str:
-    return _FIX_WORDS.get(Fix(fix), "other") if fix in list(Fix) else "from a file"
+    return VALUES["fix"].get(Fix(fix).label, "other") if fix in list(Fix) else "from a file"
 
 
 def _median(values: NDArray[np.float64]) -> float:

@@ -17,9 +17,9 @@ from furrowmap.core.geodesy.local_time import clock_words, local_time
 from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.errors import printable
 from furrowmap.core.values.margins import with_margin
-from furrowmap.exporters.share.shown_layers import LAYER_TITLES
 from furrowmap.exporters.share.symbols import LayerStyle, Symbol, layer_style
 from furrowmap.exporters.vectors.crop_layers import PARCELS_LAYER
+from furrowmap.exporters.vectors.labels import SHARED_LAYERS
 
 MAX_SHOWN_FEATURES: Final = 5000
 """Of a layer; of more, every second, third… is shown."""
@@ -61,7 +61,7 @@ def shared_layer(name: str, layer: VectorLayer, zone: ZoneInfo, *, alone: bool) 
         features.append(feature)
     return {
         "name": name,
-        "title": LAYER_TITLES.get(name, name.replace("_", " ")),
+        "title": SHARED_LAYERS.get(name, name.replace("_", " ")),
         "shown": alone or name not in HIDDEN_AT_FIRST,
         "every": every,
         "names_overflow": name != PARCELS_LAYER,

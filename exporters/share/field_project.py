@@ -38,13 +38,13 @@ from furrowmap.exporters.rasters.windows import window, windows
 from furrowmap.exporters.share.features import HIDDEN_AT_FIRST, moment_s
 from furrowmap.exporters.share.shown_layers import (
     JAPANESE,
-    LAYER_TITLES,
     RELIEFS,
     SHOWN_AT_FIRST,
     raster_style,
     rasters_of,
     title_of,
 )
+from furrowmap.exporters.vectors.labels import SHARED_LAYERS
 from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_language, in_local_times, naming_tools, with_words
 
 PROJECT_FILE: Final = "field.qgs"
@@ -84,7 +84,7 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
         about = pyogrio.read_info(result.folder / FIELD, layer=name)
         kind = str(about["geometry_type"])
         source = f"./{FIELD}|layername={name}"
-        title = _in(language, LAYER_TITLES.get(name, name.replace("_", " ")))
+        title = _in(language, SHARED_LAYERS.get(name, name.replace("_", " ")))
         style = _style(f"{name}.qml", language)
         if style is not None:
             fields = about["fields"].tolist()

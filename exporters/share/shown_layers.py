@@ -20,33 +20,7 @@ from furrowmap.exporters.files.result_folder import (
     style_of,
 )
 from furrowmap.exporters.rasters.field_rasters import STYLES
-
-LAYER_TITLES: Final = {
-    "events": "Events",
-    "trajectory": "Positions of the vehicle",
-    "tool_path": "Path of the tool",
-    "misses": "Missed ground",
-    "unworked": "Ground not worked yet",
-    "boundary": "Field boundary",
-    "overlaps": "Ground worked twice",
-    "coverage": "Worked ground",
-    "passes": "Passes",
-    "zones": "Headland and body of the field",
-    "strips": "Strips of the flight",
-    "strip_differences": "Height differences of strips",
-    "parcels": "Parcels",
-    "change": "Height change (m)",
-    "swaths": "Height difference of swaths (mm)",
-    "dsm": "Relief after the work",
-    "dsm_before": "Relief before the work",
-    "dtm": "Relief of the ground",
-    "height_above_ground": "Height above ground (m)",
-    "density": "Points a square metre",
-    "strip_overlap": "Number of strips",
-    "crop_height": "Height of the crop (m)",
-    "orthophoto": "Orthophoto",
-}
-"""Names of layers for people; rasters as in the legends of the QGIS plugin."""
+from furrowmap.exporters.vectors.labels import SHARED_LAYERS
 
 JAPANESE: Final[Mapping[str, str]] = tomllib.loads(
     files("furrowmap.exporters.share").joinpath("japanese.toml").read_text("utf-8")
@@ -74,4 +48,4 @@ def raster_style(name: str) -> str:
 def title_of(name: str, result: ResultFolder) -> str:
     """A raster's name for people, in English."""
     worked = result.report["figures"].get("worked_area_m2") is not None
-    return "Relief" if name == DSM and not worked else LAYER_TITLES[Path(name).stem]
+    return "Relief" if name == DSM and not worked else SHARED_LAYERS[Path(name).stem]

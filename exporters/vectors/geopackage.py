@@ -25,14 +25,8 @@ from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import FIELD, packaged_style, packaged_styles
 from furrowmap.exporters.files.vector_layers import UTC_OFFSET
 from furrowmap.exporters.vectors.field_layers import Layer, field_layers, geometry_array
-from furrowmap.exporters.vectors.qgis_styles import (
-    LAYER_NAMES,
-    StyleClock,
-    in_language,
-    in_local_times,
-    naming_tools,
-    with_words,
-)
+from furrowmap.exporters.vectors.labels import LAYER_NAMES
+from furrowmap.exporters.vectors.qgis_styles import StyleClock, in_language, in_local_times, naming_tools, with_words
 
 PAGE_BYTES: Final = 1024
 """Page size of the file: a few rows of `trajectory`."""

@@ -21,96 +21,14 @@ from furrowmap.core.runtime.languages.catalogue import ENGLISH, catalogue, trans
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.qgis_project import DOCTYPE
 from furrowmap.exporters.files.result_folder import packaged_style, style_of
-from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
+from furrowmap.exporters.vectors.labels import COLUMN_LABELS, VALUES
 
 _CATEGORIES: Final = "Fields|Forms|Actions"
 """Of QGIS's style categories: those that are added to a style."""
 _DECIMALS: Final = {
-    "m": 2,
-    "m2": 1,
-    "mps": 2,
-    "deg": 2,
-    "s": 3,
-    "share": 3,
-    "confidence": 2,
-    "m3": 1,
-    "h": 2,
-    "hours": 2,
-}
+    "m": 2, "m2": 1, "m3": 1, "mps": 2, "deg": 2, "s": 3, "h": 2, "hours": 2, "share": 3, "confidence": 2,
+}  # fmt: skip
 """Decimals of a field by its unit, the end of its name."""
-_STATES: Final = {"down": "tool down", "up": "tool up", "unknown": "unknown"}
-_SOURCES: Final = {
-    "relief": "ground, by scan matching",
-    "walls": "walls, by scan matching",
-    "ground": "the ground",
-    "gnss": "GNSS receiver",
-    "antennas": "two antennas",
-    "course": "course over ground",
-    "standing": "constant at a standstill",
-    "imu": "inertial sensor (IMU)",
-    "attitude": "attitude log",
-    "carried": "neighbouring scans",
-    "assumed": "assumed",
-    "file": "from a file",
-}
-VALUES: Final[Mapping[str, Mapping[str, str]]] = {
-    "implement": _STATES,
-    "implement_2": _STATES,
-    "implement_3": _STATES,
-    "heading_from": _SOURCES,
-    "position_from": _SOURCES,
-    "height_from": _SOURCES,
-    "level_from": _SOURCES,
-    "motion": {"forward": "drives forward", "reverse": "drives backwards", "standing": "stop"},
-    "zone": {"headland": "headland", "body": "body of the field"},
-    "kind": {
-        "down": "tool lowered",
-        "up": "tool lifted",
-        "stop": "stop",
-        "start": "drives forward",
-        "reverse": "drives backwards",
-        "gap": "positions end",
-        "between passes": "missed between passes",
-        "boundary": "missed along the boundary",
-        "horizontal": "horizontal plane",
-        "vertical": "vertical plane",
-        "pole": "pole, post or trunk",
-        "wire": "wire or rail",
-        "fence": "fence",
-        "wall": "wall",
-        "ditch": "ditch",
-        "ridge": "ridge",
-        "edge": "edge of a bank",
-    },
-    "fix": {
-        "fixed": "RTK fixed",
-        "float": "RTK float",
-        "ppp": "PPP",
-        "dgps": "differential",
-        "single": "single",
-        "none": "no position",
-    },
-}
-"""Words for the values of a field, by its name."""
-LAYER_NAMES: Final = {
-    "trajectory": "positions of the vehicle",
-    "events": "events of the drive",
-    "tool_path": "cultivated path",
-    "coverage": "worked ground",
-    "passes": "passes",
-    "overlaps": "ground worked twice",
-    "misses": "missed ground",
-    "unworked": "ground not worked",
-    "boundary": "boundary of the field",
-    "zones": "headland and body",
-    "parcels": "parcels",
-    "strips": "strips of the flight",
-    "strip_differences": "differences of strips",
-    "planes": "planes",
-    "lines": "lines",
-    "plants": "plants",
-}
-"""Names of layers for people."""
 _OPEN_URL: Final = 5
 _FOLDER: Final = r"regexp_replace(layer_property(@layer, 'path'), '[^/\\\\]+$', '')"
 _LABELLED_TAGS: Final = ("category", "item", "range", "rule")

@@ -47,11 +47,7 @@ ERROR_SETTING = "furrowmapErrorSetting"
 
 
 class CommandAlgorithm(QgsProcessingAlgorithm):
-    """Runs a command of `furrowmap`.
-
-    Args:
-        description: what :data:`.algorithms.ALGORITHMS` has on it.
-    """
+    """Runs a command of `furrowmap`."""
 
     def __init__(self, description: Algorithm) -> None:
         super().__init__()
@@ -254,8 +250,8 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
             feedback.setProperty(ERROR_SETTING, json.dumps(error.setting))
             raise QgsProcessingException("\n".join(error.lines)) from None
         feedback.setProgress(100)
-        if self.description.layers is not None and self.parameterAsBool(parameters, OPEN, context):
-            for path in self.description.layers(answer):
+        if self.description.layers and self.parameterAsBool(parameters, OPEN, context):
+            for path in self.description.opened(answer):
                 load_when_done(context, path, translated(self.description.layer_group) or Path(path).parent.name)
         for name, parameter in self.by_name.items():
             if parameter.kind == "new raster":

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""An algorithm as data: the options of its command from `commands.json`, and what only QGIS has to know of them.
+"""An algorithm as data: the options of its command from `commands.json`, the rest from `algorithms.json`.
 
-Imports nothing of QGIS, so that scripts and tests can read the algorithms as well.
+Types, choices, defaults, limits, labels and the help of options come from the command line. `algorithms.json` has the
+texts of algorithms and of arguments, ids that are not made of the option's name, which layer may stand for a file, and
+what becomes of the command's JSON answer. Strings are translated where they are shown. Imports nothing of QGIS, so that
+scripts and tests can read the algorithms as well.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,17 +19,11 @@ COMMAND_OPTIONS: dict[str, dict[str, dict[str, Any]]] = json.loads(
     Path(__file__).with_name("commands.json").read_text(encoding="utf-8")
 )
 """Command → argument's name or option → its facts. Written by `scripts/plugin_commands.py`."""
-TOOLBOX_GROUPS = {
-    "session": ("Sessions", "init inspect run calibrate machine simulate frames"),
-    "surfaces": ("Surfaces and point clouds", "surface cloud colour features"),
-    "crops": ("Crops and trials", "parcels growth canopy plots response"),
-    "farm": ("Farm map", "farm tie season"),
-    "exchange": ("Data exchange", "fields export share"),
-    "accuracy": ("Accuracy", "crs gnss check"),
-}
+_TEXTS: dict[str, Any] = json.loads(Path(__file__).with_name("algorithms.json").read_text(encoding="utf-8"))
+TOOLBOX_GROUPS: dict[str, tuple[str, str]] = _TEXTS["groups"]
 """Id of a group in the toolbox → its title, and the first words of its commands."""
-Facts = tuple[dict[str, Any], ...]
-"""Of :func:`parameter`; one each of the parameters that give the same argument."""
+Facts = dict[str, Any]
+"""Attributes of a :class:`Parameter` that differ from those of the command's argument or option."""
 
 
 @dataclass(frozen=True)
@@ -86,13 +83,18 @@ class Output:
         name: the id.
         kind: "boolean", "file", "folder", "layers", "number", "raster" or "text".
         label: as QGIS shows it.
-        value: takes the command's JSON answer.
+        source: a name in :data:`_VALUES`, and what it takes from the command's JSON answer.
     """
 
     name: str
     kind: str
     label: str
-    value: Callable[[Any], Any]
+    source: str
+
+    def value(self, answer: Any) -> Any:
+        """The value in an answer; None where there is none."""
+        how, _, name = self.source.partition(" ")
+        return _VALUES[how](answer, name)
 
 
 @dataclass(frozen=True)
@@ -104,20 +106,20 @@ class Algorithm:
         title: in the toolbox.
         summary: what it does, in a paragraph.
         basic: names of arguments and options in the order of the dialog; all others are advanced parameters.
-        facts: name → :func:`parameter`, where `commands.json` and :data:`SHARED_FACTS` do not say it all; the sum of
-            two where either gives the argument.
+        facts: of arguments and options, where neither `commands.json` nor the facts shared by all commands say it all;
+            several where any of several parameters gives the argument.
         outputs: beside the files and folders that parameters name.
-        layers: takes the answer, gives the files that the user may have opened as layers.
+        layers: names of products that the user may have opened as layers, or one of :data:`_LAYERS`.
         layer_group: for these in the layer tree; by default the name of their folder.
     """
 
     command: str
     title: str
     summary: str
-    basic: tuple[str, ...]
-    facts: dict[str, Facts] = field(default_factory=dict)
-    outputs: tuple[Output, ...] = ()
-    layers: Callable[[Any], list[str]] | None = None
+    basic: Sequence[str]
+    facts: dict[str, Facts | list[Facts]] = field(default_factory=dict)
+    outputs: Sequence[Output] = ()
+    layers: str | Sequence[str] = ()
     layer_group: str = ""
 
     @property
@@ -133,76 +135,67 @@ class Algorithm:
     @property
     def opens(self) -> bool:
         """Whether the user may have the products opened; `run` opens them as a group of its own."""
-        return self.layers is not None or self.command == "run"
+        return bool(self.layers) or self.command == "run"
 
     @property
     def parameters(self) -> list[Parameter]:
         """Every :class:`Parameter`, the basic ones first."""
-        options = COMMAND_OPTIONS[self.command]
-        facts, no_facts = {**SHARED_FACTS, **self.facts}, parameter()
-        return [
-            Parameter(**{**_derived(option), "advanced": option not in self.basic, **options[option], **either, **way})
-            for option in (*self.basic, *(option for option in options if option not in self.basic))
-            for ways in [facts.get(option, no_facts)]
-            for either in [{"required": False} if len(ways) > 1 else {}]
-            for way in ways
-        ]
+        options, facts = COMMAND_OPTIONS[self.command], {**_TEXTS["shared_facts"], **self.facts}
+        found = []
+        for option in (*self.basic, *(option for option in options if option not in self.basic)):
+            words = option.lstrip("-").replace("-", " ").replace("_", " ")
+            derived = {"option": option, "name": words.upper().replace(" ", "_"), "label": words.capitalize()}
+            known = {**derived, "advanced": option not in self.basic, **options[option]}
+            ways = facts.get(option, {})
+            if isinstance(ways, list):
+                found += [Parameter(**{**known, "required": False, **way}) for way in ways]
+            else:
+                found.append(Parameter(**{**known, **ways}))
+        return found
+
+    def opened(self, answer: Any) -> list[str]:
+        """The files in the command's answer that the user may have opened as layers."""
+        if isinstance(self.layers, str):
+            return _LAYERS[self.layers](answer)
+        return [path for path in (_product(answer, name) for name in self.layers) if path]
 
 
-def parameter(label: str = "", help_text: str = "", **facts: Any) -> Facts:
-    """What only QGIS has to know of an argument or option: label, help and other facts that differ."""
-    return ({**({"label": label} if label else {}), **({"help": help_text} if help_text else {}), **facts},)
+def _value(answer: Any, name: str) -> Any:
+    for key in name.split("."):
+        answer = (answer or {}).get(key)
+    return answer
 
 
-def _derived(option: str) -> dict[str, str]:
-    words = option.lstrip("-").replace("-", " ").replace("_", " ")
-    return {"option": option, "name": words.upper().replace(" ", "_"), "label": words.capitalize()}
+def _product(answer: Any, name: str) -> str | None:
+    """The path of a file in the answer's folder; None where it was not written."""
+    return str(Path(answer["folder"]) / name) if name in answer["products"] else None
 
 
-_FARM_MAP = parameter(
-    "Farm map (GeoPackage)", "The farm's GeoPackage.", name="FARM_MAP", kind="file", filter="GeoPackage (*.gpkg)"
-)
-DATABASE = parameter(
-    "Farm map (PostGIS)",
-    "A connection URI such as postgresql://me@server/farm, instead of a GeoPackage. Keep passwords in PostgreSQL's "
-    "password file.",
-    name="DATABASE",
-    kind="text",
-    advanced=True,
-)
-_RESULTS = parameter(
-    "Results of runs",
-    "The report.json of each run; it stands for the folder of the run.",
-    name="RESULTS",
-    folder_of="*",
-)
-SHARED_FACTS = {
-    "clouds": parameter("Point clouds", "LAS, LAZ or COPC files; they are used together.", layers="cloud"),
-    "folders": _RESULTS,
-    "parcels_file": parameter(
-        "Parcels",
-        "Gross parcels: GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners.",
-        name="PARCELS",
-        layers="polygons",
-    ),
-    "results": _RESULTS,
-    "session": parameter(
-        "Session file",
-        "The session.toml beside the recording; 'Create a session file' writes one.",
-        filter="TOML (*.toml)",
-    ),
-    "sources": _FARM_MAP + DATABASE,
-    "target": _FARM_MAP + DATABASE,
-    "--bbox": parameter(name="EXTENT"),
-    "--class": parameter(name="CLASSES"),
-    "--ground-method": parameter(name="GROUND"),
-    "--net": parameter(layers="polygons"),
-    "--net-inset": parameter(count=2),
-    "--overwrite": parameter("Overwrite existing files", "Otherwise the algorithm stops if the output exists."),
-    "--polygons": parameter(layers="polygons"),
-    "--treatments": parameter(layers="table"),
-    "--within": parameter(
-        help_text="GeoPackage, Shapefile, GeoJSON, FlatGeobuf, KML, or a CSV of corners, in any CRS.", layers="polygons"
-    ),
+def _evaluated(answer: Any, name: str) -> list[str]:
+    return [str(Path(answer["output"]) / name)] if answer["output"] else []
+
+
+_VALUES: dict[str, Callable[[Any, str], Any]] = {
+    "value": _value,
+    "file": _product,
+    "count": lambda answer, name: len(answer[name]),
+    "texts": lambda answer, name: "\n".join(notice["text"] for notice in answer[name]),
+    "json": lambda answer, name: json.dumps(answer[name] if name else answer, ensure_ascii=False, indent=1),
+    "met": lambda answer, _: all(verdict["met"] for verdict in answer["verdicts"].values()),
+    "page": lambda answer, _: next(iter(_evaluated(answer, "evaluation.html")), None),
+    "worked": lambda answer, _: sum(each["worked_area_m2"] or 0.0 for each in answer["fields"]),
 }
-"""What holds for an argument or option of any command."""
+"""What an output takes from a command's answer."""
+_LAYERS: dict[str, Callable[[Any], list[str]]] = {
+    "output": lambda answer: [answer["output"]],
+    "farm map": lambda answer: [answer["farm_map"]] if Path(answer["farm_map"]).is_file() else [],
+    "changes": lambda answer: [str(Path(answer["folder"], row["raster"])) for row in answer["changes"]],
+    "mosaics": lambda answer: [str(path) for path in sorted(Path(answer["folder"]).glob("mosaics/*/*.vrt"))],
+    "evaluation": lambda answer: _evaluated(answer, "evaluation.gpkg"),
+}
+"""Layers that are not products of fixed names."""
+
+ALGORITHMS = tuple(
+    Algorithm(**{**known, "outputs": [Output(*row) for row in known.get("outputs", ())]})
+    for known in _TEXTS["algorithms"]
+)

@@ -7,7 +7,7 @@ from qgis.core import QgsProcessingProvider
 from qgis.PyQt.QtGui import QIcon
 
 from .algorithm import CommandAlgorithm, RunAlgorithm
-from .algorithms import ALGORITHMS
+from .description import ALGORITHMS
 
 
 class FurrowmapProvider(QgsProcessingProvider):

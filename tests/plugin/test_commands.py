@@ -14,8 +14,7 @@ from plugin_commands import FILE, NOT_IN_QGIS, content  # noqa: E402
 
 from furrowmap.cli.calibrate import WithMount, mount  # noqa: E402
 from furrowmap.cli.main import COMMANDS, furrowmap  # noqa: E402
-from furrowmap.plugin.processing.algorithms import ALGORITHMS  # noqa: E402
-from furrowmap.plugin.processing.description import COMMAND_OPTIONS  # noqa: E402
+from furrowmap.plugin.processing.description import ALGORITHMS, COMMAND_OPTIONS, Output  # noqa: E402
 
 
 def test_commands__are_those_of_the_command_line() -> None:
@@ -46,3 +45,22 @@ def test_option__that_no_algorithm_names_becomes_an_advanced_parameter(monkeypat
     (crs,) = [algorithm for algorithm in ALGORITHMS if algorithm.command == "crs"]
     added = crs.parameters[-1]
     assert (added.name, added.label, added.advanced, added.optional) == ("MAX_GAP", "Max gap", True, True)
+
+
+@pytest.mark.parametrize(
+    ("source", "value"),
+    [
+        ("value figures.points", 7),
+        ("value figures.none", None),
+        ("value none.points", None),
+        ("file parcels.csv", str(Path("folder", "parcels.csv"))),
+        ("file other.csv", None),
+        ("count found", 2),
+        ("texts found", "one\ntwo"),
+        ("json figures", '{\n "points": 7\n}'),
+    ],
+)
+def test_output__takes_its_value_from_the_answer(source: str, value: object) -> None:
+    answer = {"folder": "folder", "products": ["parcels.csv"], "figures": {"points": 7}}
+    answer |= {"found": [{"text": "one"}, {"text": "two"}]}
+    assert Output("X", "text", "x", source).value(answer) == value

@@ -22,8 +22,9 @@ from furrowmap.exporters.rasters.images import encode_image
 from furrowmap.exporters.share.features import SHOWN_FIELDS
 from furrowmap.exporters.share.pictures import WEBP_QUALITY, draw_raster
 from furrowmap.exporters.share.points import CLASS_COLOURS
-from furrowmap.exporters.share.shown_layers import JAPANESE, LAYER_TITLES
+from furrowmap.exporters.share.shown_layers import JAPANESE
 from furrowmap.exporters.share.symbols import layer_style
+from furrowmap.exporters.vectors.labels import SHARED_LAYERS
 from tests.exporters.rasters.written_cogs import write_cog
 
 CHECKOUT = Path(__file__).resolve().parents[3]
@@ -40,7 +41,7 @@ NUMBER = re.compile(r"-?[\d.]+( m| mm)?")
 def texts() -> set[str]:
     """Every text of a page that is not the user's own."""
     found = {
-        *LAYER_TITLES.values(),
+        *SHARED_LAYERS.values(),
         *(label for label, _ in SHOWN_FIELDS.values()),
         *(label for _, _, label in CLASS_COLOURS),
     }
@@ -93,7 +94,7 @@ def test_classes__have_the_colours_of_the_plugin() -> None:
     assert theirs == list(CLASS_COLOURS)
 
 
-@pytest.mark.parametrize("name", sorted(packaged_styles() & {f"{name}.qml" for name in LAYER_TITLES}))
+@pytest.mark.parametrize("name", sorted(packaged_styles() & {f"{name}.qml" for name in SHARED_LAYERS}))
 def test_symbols__every_style_is_understood(name: str) -> None:
     if "rasterrenderer" in packaged_style(name):
         return

@@ -8,10 +8,9 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from furrowmap.core.runtime.languages.catalogue import translated
-from furrowmap.exporters.farm.styling import FARM_LABELS
 from furrowmap.exporters.files.result_folder import packaged_style
-from furrowmap.exporters.vectors.field_layers import COLUMN_LABELS
-from furrowmap.exporters.vectors.qgis_styles import LAYER_NAMES, VALUES, in_language, naming_tools, with_words
+from furrowmap.exporters.vectors.labels import COLUMN_LABELS, FARM_LABELS, LAYER_NAMES, VALUES
+from furrowmap.exporters.vectors.qgis_styles import in_language, naming_tools, with_words
 
 FIELDS = ("pass", "start", "end", "area_m2", "speed_mps", "zone", "kind", "of_another_program")
 
