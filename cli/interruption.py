@@ -39,11 +39,7 @@ class Interruption:
         self._put_off = 0
 
     def __call__(self, number: int = signal.SIGINT, frame: FrameType | None = None) -> None:
-        """Handle the signal.
-
-        Raises:
-            KeyboardInterrupt: at once, or in the next call.
-        """
+        """Handle the signal."""
         self.asked = True
         again = self._put_off > 0
         self._put_off -= again
@@ -57,11 +53,7 @@ class Interruption:
         raise KeyboardInterrupt
 
     def check(self) -> None:
-        """Raise the exception again if it was lost.
-
-        Raises:
-            KeyboardInterrupt: if a signal came.
-        """
+        """Raise the exception again if it was lost."""
         if self.asked:
             self._raised = True
             raise KeyboardInterrupt

@@ -177,8 +177,6 @@ def attempt(
     """Run the command line.
 
     Args:
-        arguments: without the program's name.
-        interruption: the installed signal handler, if any.
         console: replaces the console that the arguments describe.
 
     Returns:

@@ -60,11 +60,7 @@ class CommandGroup(click.Group):
     """A command group whose error for an unknown command suggests the nearest one."""
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of that name; None for an unknown one during shell completion.
-
-        Raises:
-            UsageError: if there is no such command.
-        """
+        """The command of that name; None for an unknown one during shell completion."""
         found = self.commands.get(cmd_name)
         if found is not None or ctx.resilient_parsing:
             return found
@@ -82,8 +78,6 @@ def command(summary: str, *examples: str, group: Any = click, **facts: Any) -> C
     Args:
         summary: in the list of commands.
         examples: at the end of the help.
-        group: the group that it belongs to.
-        facts: passed to click.
     """
 
     def decorate(function: Command) -> click.Command:
@@ -149,9 +143,7 @@ def option(name: str, metavar: str, text: str, parameter: str = "", **facts: Any
     """An option of a command.
 
     Args:
-        name: on the command line.
         metavar: implies the type of the value; "" for flags and choices.
-        text: the help.
         parameter: of the command; "" for the words of the name.
         facts: other attributes of :class:`Option`.
     """

@@ -57,8 +57,6 @@ def parcel_table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str], whol
     """Some columns of a table of parcels, right-aligned under their names.
 
     Args:
-        rows: a row for each parcel, with `id`.
-        columns: names of the numbers to show.
         whole: the file with all rows and columns, named where rows are left out.
     """
     lines = [["id", *columns], *([printable(str(row["id"])), *(_short(row[name]) for name in columns)] for row in rows)]

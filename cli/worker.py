@@ -79,7 +79,6 @@ def work(orders: BinaryIO, answers: BinaryIO) -> int:
 
     Args:
         orders: lines of JSON; its end cancels the command, and the process ends within :data:`ABANDONED_S` of it.
-        answers: receives lines of JSON.
 
     Returns:
         The exit status of the command.
@@ -109,11 +108,7 @@ def _discard(kind: str, **_: object) -> None:
 
 @dataclass(frozen=True)
 class WorkerConsole(Console):
-    """A console that sends messages to a program.
-
-    Attributes:
-        send: sends a message of a type.
-    """
+    """A console that sends messages to a program."""
 
     send: Send = _discard
 

@@ -37,8 +37,6 @@ class BaseMap:
 
     Attributes:
         key: in the settings and in projects.
-        name: of the layer.
-        url: of a tile.
         zmax: the finest level there is.
     """
 
@@ -67,7 +65,6 @@ def show_base_map(layer: QgsMapLayer | None, key: str, project: QgsProject | Non
     Args:
         layer: of :func:`known_layer`, :func:`own_layer` or :func:`service_layer`; None for no base map.
         key: of :func:`base_maps`, :data:`OWN_BASE_MAP` or :data:`NO_BASE_MAP`.
-        project: the current one by default.
     """
     project = QgsProject.instance() if project is None else project
     for old in base_map_layers(project):

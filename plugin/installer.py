@@ -56,8 +56,6 @@ def create_environment(source: str, on_line: OnLine, is_cancelled: IsCancelled) 
     Args:
         source: a wheel of furrowmap or a source checkout, for which dependencies come from the package index; or a
             folder with the wheels of furrowmap and of all dependencies, for which the network is not used.
-        on_line: is called with each line of the log.
-        is_cancelled: is asked ten times a second.
 
     Returns:
         The versions in it, as `furrowmap --version --json` has them.
@@ -94,11 +92,7 @@ def create_environment(source: str, on_line: OnLine, is_cancelled: IsCancelled) 
 
 
 def package_in(source: Path) -> tuple[Path, Path | None]:
-    """What to install furrowmap from, and the folder of wheels if that has the dependencies as well.
-
-    Raises:
-        InstallError: if there is no furrowmap in it.
-    """
+    """What to install furrowmap from, and the folder of wheels if that has the dependencies as well."""
     if source.suffix == ".whl" and source.name.startswith("furrowmap-") and source.is_file():
         return source, None
     checkout = source.parent if source.name == "pyproject.toml" else source

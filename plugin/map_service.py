@@ -23,7 +23,6 @@ class ServiceLayer:
 
     Attributes:
         name: by which requests name it.
-        title: to show.
         attribution: that the service asks for; "" if it names none.
         source: for QGIS's provider "wms".
     """
@@ -50,7 +49,6 @@ def service_layers(text: str, url: str, wanted_crs: str = "") -> list[ServiceLay
     """The layers of a service, in its order.
 
     Args:
-        text: of its capabilities.
         url: that the user gave; its LAYERS, if any, choose.
         wanted_crs: in which maps are asked for if the service has it, else Web Mercator, else the service's first.
 

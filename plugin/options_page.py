@@ -57,7 +57,6 @@ class BackgroundTask(QgsTask):
     """A test, a creation or a deletion of an environment.
 
     Signals:
-        line: of the log.
         done: whether it succeeded, and the last line.
     """
 

@@ -35,11 +35,8 @@ def worker_environment(
     """The variables for the worker: the user's, without what QGIS has set for itself.
 
     Args:
-        variables: those of QGIS's process.
         prefix: folder in which QGIS is installed; its folders are removed from the search paths. None for a QGIS of the
             system, which shares its folders.
-        platform: of `variables`.
-        resolved: the absolute path of a folder.
     """
     separator = ";" if platform == "win32" else ":"
     kept = {name: value for name, value in variables.items() if name.upper() not in REMOVED_VARIABLES}
@@ -61,7 +58,6 @@ def own_prefix(application: PurePath, platform: str = sys.platform) -> PurePath 
 
     Args:
         application: `QgsApplication.prefixPath()`.
-        platform: of it.
     """
     if platform == "win32":  # C:/Program Files/QGIS 3.40/apps/qgis: the libraries are in the folder above
         return application.parents[1] if application.parent.name.lower() == "apps" else application
@@ -88,10 +84,8 @@ def python_candidates(platform: str, executable: PurePath, prefix: Path, root: P
     """Interpreters that may be able to create environments.
 
     Args:
-        platform: of the paths.
         executable: of this process: QGIS itself in the desktop on Windows and macOS.
         prefix: where the Python of this process is installed.
-        root: of the file system.
     """
     stem = executable.stem if platform == "win32" else executable.name
     found: list[PurePath] = [executable] if re.fullmatch(r"python[\d.]*", stem.lower()) else []

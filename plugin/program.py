@@ -41,7 +41,6 @@ def run_program(words: Sequence[str], on_line: Callable[[str], None], is_cancell
 
     Args:
         words: program and arguments, which need no quoting.
-        on_line: is called with each line of its standard error and output.
         is_cancelled: is asked ten times a second.
 
     Returns:

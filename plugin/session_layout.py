@@ -60,13 +60,7 @@ ATLAS_MARGIN = 0.15
 
 
 def session_layout(project: QgsProject, group: QgsLayerTreeGroup, report: dict[str, Any]) -> QgsPrintLayout:
-    """Create the layout of an open session in the project, in place of the one before; with an atlas of its passes.
-
-    Args:
-        project: holds the layers.
-        group: the session's group in the layer tree.
-        report: the content of its `report.json`; may be empty.
-    """
+    """Create the layout of an open session in the project, in place of the one before; with an atlas of its passes."""
     manager = project.layoutManager()
     name = f"furrowmap {group.name()}"
     old = manager.layoutByName(name)

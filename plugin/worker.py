@@ -98,8 +98,6 @@ def run_command(
     """Run one command in a worker.
 
     Args:
-        program: program and arguments that start `furrowmap`.
-        arguments: of the command line, the command's name first.
         on_message: is called with each message except hello, result, error and done.
         is_cancelled: is asked twenty times a second.
 

@@ -149,11 +149,7 @@ class CopcFile:
         self._stream.close()
 
     def put(self, key: Key, parts: Sequence[Chosen]) -> Future[Chunk]:
-        """Add a node; a thread reads and compresses its records until the returned future is done.
-
-        Raises:
-            OSError: if an earlier node cannot be written.
-        """
+        """Add a node; a thread reads and compresses its records until the returned future is done."""
         self._keys.append(key)
         chunk = self._threads.submit(_compress_node, parts, self._complete)
         self._coming.append(chunk)

@@ -105,10 +105,6 @@ def pack(batch: PointBatch, into: Records, scale_m: float, *, week_time: bool = 
     Args:
         into: (n,) the records, in the layout of :func:`~furrowmap.exporters.cloud.records.held_layout`.
         week_time: times are seconds of a GPS week, and are not converted.
-
-    Raises:
-        FurrowmapError: if a coordinate or time is not finite, or a coordinate is out of range.
-        ValueError: if arrays have different lengths, a value does not fit its field, or dimensions are missing.
     """
     n = len(batch)
     if batch.xyz_m.shape != (n, 3):

@@ -34,7 +34,6 @@ class CopcSummary:
 
     Attributes:
         low_m: least easting, northing and height; the origin for no points.
-        high_m: greatest easting, northing and height.
         points_by_level: number of points of each level, the root first.
         points_by_class: number of points of each class that occurs.
     """
@@ -54,7 +53,6 @@ class CopcWriter:
     each of `memory_points`, regardless of the total.
 
     Args:
-        kind: CRS, coordinates and dimensions.
         node_points: points of an octree node that has children.
         seed: of the random levels; the same batches and seed give the same nodes.
     """
@@ -105,12 +103,7 @@ class CopcWriter:
         """Sort, compress and write the points, and rename the file; a second call returns the same summary.
 
         Args:
-            progress: receives the stage "writing cloud".
             complete: completes the points of a node in place; called in any order, from several threads at once.
-            description: of the cloud, in a record of its own.
-
-        Raises:
-            OSError: if the file cannot be written, or differs when read back.
         """
         if self._summary is None:
             if description:

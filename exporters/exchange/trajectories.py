@@ -31,7 +31,6 @@ def write_trajectory(target: Path, to: str, result: ResultFolder) -> None:
     to the map's. `poses`: the columns that `[trajectory]` of a session reads.
 
     Raises:
-        InputError: if the result has no trajectory.
         RefusedError: if the format needs ellipsoidal heights and the result has others.
     """
     heights = str(result.report["session"]["crs"]["heights"])

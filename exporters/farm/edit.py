@@ -30,8 +30,6 @@ class KnownSession:
         date: the day at the place where it began.
         time_zone: of the times that people read.
         worked_area_m2: None where unknown.
-        crs: of the session itself.
-        folder: of its products when it was added.
         recordings: a hash of the content of its recordings.
         digest: of the products it was read from.
     """

@@ -78,10 +78,8 @@ def write_mosaic(
         crs: of the cells; None for that of the surfaces.
         cell_m: length of a cell's sides; None for the latest surface's.
         mean: write the mean height of all sessions and their number instead of the latest session's cells.
-        progress: receives the stage "writing the mosaic".
 
     Raises:
-        InputError: if a surface cannot be read.
         RefusedError: if the surfaces cannot be merged in this way.
     """
     surfaces = [surface_file(path) for path in paths]

@@ -64,7 +64,6 @@ class SessionResult:
     Attributes:
         session: its identity, 16 hexadecimal digits of a hash of its name and the content of its recordings: the
             session that `furrowmap run` would replace.
-        recordings: the same of the recordings alone.
         digest: of the products that were read, to detect an unchanged result.
         date: the day at the place where it began.
         folder: of the products, absolute.

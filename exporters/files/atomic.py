@@ -43,7 +43,6 @@ def atomic_output(path: Path) -> Iterator[Path]:
         library creates under a name that begins the same are removed at the end.
 
     Raises:
-        OSError: if the file cannot be written.
         RefusedError: if another program has `path` open, on Windows.
     """
     remove_abandoned(path.parent)
@@ -69,12 +68,7 @@ def atomic_output(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def name_failed_file(path: Path) -> Iterator[None]:
-    """Let the errors of a full disk name the file or folder that is being written; few libraries do.
-
-    Raises:
-        FurrowmapError: for errors of SQLite, GDAL and their wrappers.
-        OSError: with the name.
-    """
+    """Let the errors of a full disk name the file or folder that is being written; few libraries do."""
     try:
         yield
     except OSError as error:
@@ -88,11 +82,7 @@ def name_failed_file(path: Path) -> Iterator[None]:
 
 
 def refuse_existing(path: Path, *, overwrite: bool) -> None:
-    """Check, before the work, that the output does not exist or may be replaced.
-
-    Raises:
-        RefusedError: if it exists and `overwrite` is not given.
-    """
+    """Check, before the work, that the output does not exist or may be replaced."""
     if path.exists() and not overwrite:
         raise RefusedError("output-exists.refuse-existing", path=path)
 
@@ -107,11 +97,7 @@ def move(source: Path, target: Path) -> None:
 
 
 def refuse_open(files: Iterable[Path]) -> None:
-    """Check that no other program keeps files from being replaced, as Windows does with open ones.
-
-    Raises:
-        RefusedError: if one is open.
-    """
+    """Check that no other program keeps files from being replaced, as Windows does with open ones."""
     for path in files:
         if path.is_file():
             try:

@@ -27,7 +27,6 @@ class Stamp:
     """A file as it was when it was read.
 
     Attributes:
-        bytes: its size.
         mark: what changes with its content: time of the last change in nanoseconds, or the ETag of an object store.
         sha256: of its content; empty where it was not read.
     """
@@ -49,8 +48,6 @@ class Failure:
     """The error that ended a session.
 
     Attributes:
-        code: of the error.
-        lines: its three parts.
         exit_status: what `furrowmap run` would have ended with.
     """
 
@@ -70,10 +67,7 @@ class SessionOutcome:
 
     Attributes:
         key: of settings and version with which it ran.
-        inputs: the files that it read.
         failure: the error that ended it; None for a session with a result.
-        seconds: wall time of the run.
-        processor_s: processor time of the run.
         peak_mb: peak memory of the process that ran it, up to the end of the run.
         repeated: whether the result was there already and only looked at.
         figures: of the report, texts and numbers.

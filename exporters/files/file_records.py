@@ -19,8 +19,6 @@ class FileRecord:
 
     Attributes:
         name: as the session has it.
-        bytes: size on the disk.
-        sha256: of these bytes, in hexadecimal.
     """
 
     name: str
@@ -34,20 +32,12 @@ def file_records(paths: Sequence[Path], root: Path, progress: Progress = silent)
     Args:
         paths: of the files; a folder (of a ROS 2 bag) stands for the files in it.
         root: to which their names are relative.
-        progress: receives the stage "hashing inputs".
-
-    Raises:
-        OSError: if a file cannot be read.
     """
     return rooted_records([(path, root) for path in paths], progress)
 
 
 def rooted_records(rooted: Sequence[tuple[Path, Path]], progress: Progress = silent) -> list[FileRecord]:
-    """Hash files of which each has its own root; otherwise as :func:`file_records`.
-
-    Raises:
-        OSError: if a file cannot be read.
-    """
+    """Hash files of which each has its own root; otherwise as :func:`file_records`."""
     records = []
     files = [(file, root) for path, root in rooted for file in (files_in(path) if path.is_dir() else [path])]
     total, done = sum(file.stat().st_size for file, _ in files), 0

@@ -52,7 +52,6 @@ def hold_lease(folder: Path) -> Iterator[Path]:
 
     Raises:
         RefusedError: if another run is writing there.
-        OSError: if the folder cannot be written to.
     """
     own = folder / f"{PREFIX}{Owner.here().words()}-{secrets.token_hex(4)}"
     own.mkdir()

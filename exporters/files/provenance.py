@@ -20,11 +20,8 @@ class Origin:
     """Provenance of a product.
 
     Attributes:
-        title: of the product.
-        session: name of the session; empty for none.
         inputs: name and SHA-256 of each input file.
         span_s: UTC of the first and the last measurement; None where unknown.
-        parameters: of the processing, such as the statistic.
     """
 
     title: str

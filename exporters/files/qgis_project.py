@@ -28,7 +28,6 @@ class ProjectLayer:
         provider: QGIS's name of it.
         style: QML; None for QGIS's default.
         title: for people; empty for the name.
-        read_only: whether the features may not be edited.
         properties: custom properties, which plugins read.
         attribution: that a map has to show.
     """

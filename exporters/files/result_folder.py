@@ -181,7 +181,6 @@ def refuse_occupied(folder: Path, products: Iterable[str], shared: str, *, overw
     """Finish what an earlier process left in a folder, and check that products may go there, before the work.
 
     Args:
-        folder: that need not exist.
         shared: the product that a run has under the same name.
         overwrite: whether products of these names may be replaced; those of a run may not.
 
@@ -201,8 +200,6 @@ class ResultFolder:
     """The result of a run.
 
     Attributes:
-        folder: of the products.
-        report: content of `report.json`.
         layer_names: of `field.gpkg`, the topmost layer of a map first.
     """
 
@@ -231,11 +228,7 @@ class ResultFolder:
             return ZoneInfo("UTC")
 
     def layer(self, name: str) -> VectorLayer:
-        """The features of a layer in the session's CRS.
-
-        Raises:
-            InputError: if `field.gpkg` has no such layer, or is damaged.
-        """
+        """The features of a layer in the session's CRS."""
         if name not in self.layer_names:
             raise InputError(
                 "no-such-layer", folder=self.folder / FIELD, name=name, layer_names=", ".join(self.layer_names)
@@ -251,7 +244,6 @@ def result_origin(report: dict[str, Any], name: str = "") -> Origin:
     """Provenance of files made from the result of a run.
 
     Args:
-        report: content of its `report.json`.
         name: of the session, if another one than in the report.
     """
     name = name or str(report["session"]["name"])

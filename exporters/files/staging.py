@@ -94,7 +94,6 @@ def recover(folder: Path) -> None:
 
     Raises:
         RefusedError: if a run is writing to the folder, or another program has earlier products open, on Windows.
-        OSError: if finished products cannot be moved.
     """
     if folder.is_dir():
         _finish_ended(folder)

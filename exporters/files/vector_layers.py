@@ -37,8 +37,6 @@ def write_vector_layer(
 
     Args:
         driver: GDAL's name of the format.
-        metadata: of the file.
-        options: of GDAL's driver.
     """
     times = [column for column, values in layer.columns.items() if values.dtype == "datetime64[ms]"]
     pyogrio.raw.write(
@@ -74,11 +72,7 @@ def _crs_text(crs: CRS) -> str:
 
 
 def geodataframe(layer: VectorLayer) -> geopandas.GeoDataFrame:
-    """The layer as a table of geopandas, times in UTC.
-
-    Raises:
-        InputError: if geopandas is not installed.
-    """
+    """The layer as a table of geopandas, times in UTC."""
     try:
         import geopandas
     except ImportError:

@@ -27,10 +27,6 @@ def write_workbook(path: Path, sheets: Mapping[str, Rows]) -> None:
 
     Args:
         sheets: rows by name of the sheet; the columns are those of any row, in their order.
-
-    Raises:
-        InputError: if openpyxl is not installed.
-        OSError: if the file cannot be written.
     """
     require_workbook()
     from openpyxl import Workbook

@@ -53,7 +53,6 @@ class Band:
     """A band of a raster.
 
     Attributes:
-        description: shown by a GIS.
         unit: such as "m"; "1" for numbers and shades, as GDAL takes an empty one for that of the heights.
         steps_per_unit: values are rounded to multiples of 1 / steps_per_unit; 0 for no rounding.
     """
@@ -89,15 +88,11 @@ def cog_output(
     overviews; memory is a hundred megabytes, regardless of the raster's size.
 
     Args:
-        path: of the file; an older one is replaced.
         crs: of the map, with or without heights; GDAL reports :func:`reported_crs` of it.
         counts: whether the values are whole numbers from 0 to 65,535, written as such; none of them means unknown.
 
     Yields:
         A function that takes the bands of a tile with the same cells; parts outside the raster are ignored.
-
-    Raises:
-        OSError: if the file cannot be written.
     """
     profile = (
         _SCRATCH_PROFILE

@@ -47,11 +47,7 @@ class CropHeights:
         self._spool.add(pixels, square_keys(east // _SIDE, south // _SIDE))
 
     def write(self, path: Path, crs: CRS, origin: Origin) -> bool:
-        """Write the raster; False, and no file, without a pixel.
-
-        Raises:
-            OSError: if it cannot be written.
-        """
+        """Write the raster; False, and no file, without a pixel."""
         tiles = [(key, *square_of(key)) for key in self._spool.counts]
         if not tiles:
             return False

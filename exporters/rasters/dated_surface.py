@@ -51,10 +51,7 @@ class DatedSurface:
     """The surfaces of a session.
 
     Attributes:
-        name: of the session.
-        start: its first measurement.
         zone: time zone of the field; UTC for a result that states none.
-        folder: of the result.
         after: `dsm.tif`.
         before: `dsm_before.tif`, or `after` where no work is known.
         worked: ground that the tool worked; empty for none.
@@ -117,11 +114,7 @@ class OpenSurface:
     grid: Grid
 
     def read(self, part: Grid, band: int = HEIGHT_INDEX) -> Float32Array:
-        """A band on the cells of `part`: nan beside the raster, and everywhere where the file has no such band.
-
-        Raises:
-            InputError: if the file is damaged there.
-        """
+        """A band on the cells of `part`: nan beside the raster, and everywhere where the file has no such band."""
         out = np.full(part.shape, np.nan, np.float32)
         shared = shared_cells(part, self.grid)
         if shared is not None and band <= self.raster.count:
@@ -135,11 +128,7 @@ class OpenSurface:
 
 @contextmanager
 def open_surface(file: SurfaceFile) -> Iterator[OpenSurface]:
-    """Open a surface whose cells are anchored.
-
-    Raises:
-        InputError: if it is damaged.
-    """
+    """Open a surface whose cells are anchored."""
     assert file.grid is not None
     with open_geotiff(file.path, unusable) as raster:
         yield OpenSurface(file.path, raster, file.grid)
@@ -147,11 +136,7 @@ def open_surface(file: SurfaceFile) -> Iterator[OpenSurface]:
 
 @contextmanager
 def resample_surface(file: SurfaceFile, grid: Grid) -> Iterator[OpenSurface]:
-    """Open a surface on other cells of its CRS, bilinear.
-
-    Raises:
-        InputError: if it is damaged.
-    """
+    """Open a surface on other cells of its CRS, bilinear."""
     crs = horizontal(file.crs).to_wkt()
     options = {
         "src_crs": crs,

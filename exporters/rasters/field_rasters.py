@@ -72,7 +72,6 @@ class RasterFigures:
     """Figures of the surfaces for the report.
 
     Attributes:
-        cell_m: length of a cell's sides.
         seen_m2: area with a height in `dsm.tif`.
         moved: soil moved; None where work is unknown.
         swaths: differences between swaths; None where no ground was seen twice.
@@ -99,11 +98,7 @@ class RasterFigures:
 def write_rasters(
     folder: Path, land: FieldPoints, found: RunResult, origin: Origin, progress: Progress
 ) -> RasterFigures | None:
-    """Write the rasters of a run; None, and no file, where there are no points on the ground.
-
-    Raises:
-        OSError: if they cannot be written.
-    """
+    """Write the rasters of a run; None, and no file, where there are no points on the ground."""
     grid = land.grid
     if grid is None:
         return None

@@ -57,7 +57,6 @@ def write_orthophoto(
     Memory is some hundred megabytes, regardless of the size.
 
     Args:
-        path: of the file; an older one is replaced.
         surface: GeoTIFF with heights in its first band, of this program.
         origin_m: local origin of the colours' coordinates.
 
@@ -66,7 +65,6 @@ def write_orthophoto(
 
     Raises:
         InputError: if the surface cannot be read.
-        OSError: if the file cannot be written.
     """
     covered = 0
     with (

@@ -32,7 +32,6 @@ class ShadedRelief:
 
     Attributes:
         pixels: (rows, columns, 2) uint8 grey and alpha, north on top.
-        box_m: its bounds.
     """
 
     pixels: NDArray[np.uint8]

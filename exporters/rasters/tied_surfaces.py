@@ -58,7 +58,6 @@ class Mover:
     """A surface with its move.
 
     Attributes:
-        surface: as measured.
         move: (6,).
         middle_m: (2,) that it is about.
     """
@@ -77,11 +76,7 @@ class Mover:
 
 
 def write_moved(path: Path, mover: Mover, grid: Grid, crs: CRS, origin: Origin) -> None:
-    """Write a surface as its tie moves it: height and standard error.
-
-    Raises:
-        OSError: if the file cannot be written.
-    """
+    """Write a surface as its tie moves it: height and standard error."""
     with cog_output(path, grid, crs, (HEIGHT_BAND, STANDARD_ERROR_BAND), origin) as put:
         for part, _ in windows(grid, 0):
             put(part, (mover.heights(part), mover.surface.read(part, ERROR_INDEX)))
@@ -134,9 +129,6 @@ def write_change(
 
     Ground worked for the first time rises by centimetres, ground worked again hardly, and is better seen, as it lies
     where the earlier drive was. So the mean is that of each kind, weighted by its area (post-stratification).
-
-    Raises:
-        OSError: if the file cannot be written.
     """
     one, other = pair
     grid = shared_cells(one.surface.grid, other.surface.grid)
@@ -171,7 +163,6 @@ def _weight_by_kind(sums: FloatArray, area_m2: float) -> tuple[float, float, flo
     Args:
         sums: (kinds, 6) of the cells of each kind: worked, compared, change, its square, squares of its standard error
             and of the spread of returns within cells.
-        area_m2: of a cell.
     """
     worked, compared = sums[:, 0].sum() * area_m2, sums[:, 1].sum() * area_m2
     if (sums[:, 1] == 0).any():  # a kind that is not there, or not seen

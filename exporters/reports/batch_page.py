@@ -21,11 +21,7 @@ MAX_SESSIONS: Final = 2000
 
 
 def write_batch_page(folder: Path, rows: Sequence[Row]) -> None:
-    """Write :data:`BATCH_PAGE` in the user's language.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
+    """Write :data:`BATCH_PAGE` in the user's language."""
     text = in_language(in_area_unit(page(rows), HECTARE), language_of_user())
     with atomic_output(folder / BATCH_PAGE) as unfinished:
         unfinished.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")

@@ -12,11 +12,7 @@ from furrowmap.exporters.files.csv_cells import cell
 
 
 def write_check_table(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write the rows of a check's points as a CSV, in place of an older file.
-
-    Raises:
-        OSError: if it cannot be written.
-    """
+    """Write the rows of a check's points as a CSV, in place of an older file."""
     with atomic_output(path) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, columns)
         writer.writeheader()

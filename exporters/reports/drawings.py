@@ -202,7 +202,6 @@ def swath_histogram(swaths: SwathDifferences, reach_m: float | None = None) -> M
     """Share of the ground by height difference; the outermost bars include all larger differences.
 
     Args:
-        swaths: the differences.
         reach_m: half width; None for that of :func:`half_width_m`.
     """
     top, bottom, left = 18.0, 150.0, 74.0

@@ -55,11 +55,7 @@ def table_rows(evaluations: Mapping[str, Evaluation]) -> Iterator[dict[str, Any]
 
 
 def write_table(path: Path, evaluations: Mapping[str, Evaluation]) -> None:
-    """Write the rows of :func:`table_rows` as CSV; unknown values are empty.
-
-    Raises:
-        OSError: if the file cannot be written.
-    """
+    """Write the rows of :func:`table_rows` as CSV; unknown values are empty."""
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         for number, row in enumerate(table_rows(evaluations)):
@@ -119,11 +115,7 @@ def _figures(found: Evaluation) -> dict[str, Any]:
 
 
 def write_epochs(path: Path, evaluations: Mapping[str, Evaluation]) -> None:
-    """Write a row for each compared epoch of each service; unknown values are empty.
-
-    Raises:
-        OSError: if the file cannot be written.
-    """
+    """Write a row for each compared epoch of each service; unknown values are empty."""
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(EPOCH_COLUMNS)

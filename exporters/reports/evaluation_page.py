@@ -31,12 +31,7 @@ SERVICE_COLOURS: Final = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9",
 
 
 def write_evaluation(folder: Path, evaluations: Mapping[str, Evaluation], *, overwrite: bool) -> None:
-    """Write :data:`EVALUATION_PRODUCTS`, all of them or none.
-
-    Raises:
-        RefusedError: if they exist and may not be replaced.
-        InputError: if the folder cannot be written to.
-    """
+    """Write :data:`EVALUATION_PRODUCTS`, all of them or none."""
     refuse_products(folder, EVALUATION_PRODUCTS, overwrite=overwrite)
     with staged_folder(folder) as staging:
         (staging / "evaluation.json").write_text(json_text(evaluation_figures(evaluations)), encoding="utf-8")

@@ -27,9 +27,7 @@ def render(template: str, *sources: str, **values: object) -> str:
     """A page, or a part of one, as HTML; texts among the values are escaped.
 
     Args:
-        template: name of its file.
         sources: parts of the Content-Security-Policy, besides those of :func:`_policy`.
-        values: by their names in the template.
     """
     page = _environment().get_template(template).render(values)
     return page.replace(_POLICY, f'content="{_policy(page, sources)}"', 1)

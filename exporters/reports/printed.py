@@ -45,7 +45,6 @@ def write_pdf(path: Path, page: str) -> None:
 
     Raises:
         RefusedError: if no browser is installed, or it does not print.
-        OSError: if the file cannot be written.
     """
     program = browser()
     if program is None:

@@ -42,7 +42,6 @@ def range_image(
         range_m: (lasers, n) the lowest laser first; nan where nothing is seen.
         azimuth_deg: (n,) of the columns, increasing; may go on beyond 360.
         shown: (lasers, n) what is not pale; None for all.
-        title: for screen readers.
     """
     lasers, columns = range_m.shape
     parts = [image(LEFT, TOP, WIDTH, BOTTOM, range_picture(range_m, shown), class_="depth")]

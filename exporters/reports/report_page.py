@@ -52,12 +52,8 @@ def write_page(
         cloud: its COPC file, for the relief of the map.
         summary: of the cloud; None for no cloud.
         rasters: figures of the surfaces; None for no surfaces.
-        parcels: with their crops.
         response: of their heights to a dose; None where they have none.
         features: numbers of planes, lines and plants; None where they were not looked for.
-
-    Raises:
-        OSError: if a file cannot be read or written.
     """
     poses, work = found.placement.poses, found.work
     box_m = drawings.map_box(poses, work)

@@ -183,11 +183,7 @@ def in_all_languages(notice: Notice, zone: ZoneInfo) -> dict[str, str]:
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> dict[str, Any]:
-    """Write a report with the versions of program and schema; returns the content of the file.
-
-    Raises:
-        OSError: if the file cannot be written.
-    """
+    """Write a report with the versions of program and schema; returns the content of the file."""
     content = {"furrowmap": version("furrowmap"), "schema": REPORT_SCHEMA, **plain(report)}
     with atomic_output(path) as unfinished:
         unfinished.write_text(json_text(content), encoding="utf-8")

@@ -36,7 +36,6 @@ class ParcelValues:
     Attributes:
         value: (n,) nan where unknown.
         group: (n,) by which they are coloured, such as their block.
-        name: of the quantity, with its unit.
         group_name: such as "block".
     """
 
@@ -99,7 +98,6 @@ def category_chart(
 
     Args:
         category: (n,) of each parcel.
-        points: the quantity.
         means: name, mean, lower and upper end for each category, in the order of the axis.
     """
     names = [name for name, *_ in means]

@@ -61,13 +61,6 @@ def write_field_project(staging: Path, result: ResultFolder, language: str, prog
 
     Args:
         language: of the names of layers and classes: "en" or "ja".
-
-    Returns:
-        The names of the files.
-
-    Raises:
-        InputError: if a file of the result is damaged.
-        OSError: if a file cannot be written.
     """
     crs, bounds = _place(result)
     root = project_root(printable(result.name), crs)

@@ -48,13 +48,8 @@ def write_page(staging: Path, result: ResultFolder, language: str, progress: Pro
     Args:
         language: in which it begins: "en", "ja" or empty for that of the reader's browser; each page has both.
 
-    Returns:
-        The names of the files.
-
     Raises:
-        InputError: if a file of the result is damaged.
         RefusedError: if this installation lacks the page's scripts.
-        OSError: if a file cannot be written.
     """
     bundle = files("furrowmap.exporters.share").joinpath("bundle")
     if not all(bundle.joinpath(name).is_file() for name in SCRIPTS):

@@ -37,11 +37,7 @@ class StyledPicture:
 
 
 def draw_raster(path: Path, style: str) -> StyledPicture:
-    """The raster in a file, at most :data:`MAX_PICTURE_SIDE` pixels long, as its QGIS style draws it.
-
-    Raises:
-        InputError: if the file is damaged.
-    """
+    """The raster in a file, at most :data:`MAX_PICTURE_SIDE` pixels long, as its QGIS style draws it."""
     root = ET.fromstring(packaged_style(style))  # noqa: S314 - a file of this package
     renderer = next(root.iter("rasterrenderer"))
     with open_geotiff(path, lambda file, fault: unreadable(file, ValueError(fault)), with_heights=False) as raster:

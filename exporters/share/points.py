@@ -79,11 +79,7 @@ class SharedPoints:
 
 
 def shared_points(path: Path, most: int) -> SharedPoints | None:
-    """Points of a cloud, evenly over it: of a COPC file from its coarse levels; without noise. None for no points.
-
-    Raises:
-        InputError: if the file is damaged.
-    """
+    """Points of a cloud, evenly over it: of a COPC file from its coarse levels; without noise. None for no points."""
     cloud = open_cloud(path)
     resolution, expected = _resolution(cloud, most)
     random = np.random.default_rng(0)  # the same cloud gives the same points

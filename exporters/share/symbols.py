@@ -25,9 +25,7 @@ class Symbol:
     Attributes:
         stroke: CSS colour of the line or the outline; None for none.
         fill: CSS colour of the area or the marker; None for none.
-        width_mm: of the line or the outline.
         size_mm: diameter of a marker.
-        dashed: whether the line is.
     """
 
     stroke: str | None = None
@@ -45,7 +43,6 @@ class Ramp:
     """Fill colours by a number.
 
     Attributes:
-        attribute: the field with the number.
         stops: (n, 4) position from 0 to 1, red, green, blue.
         low: value of the first colour.
         high: value of the last.

@@ -152,8 +152,6 @@ def write_styles(
     """Store the packaged style of each layer for QGIS: the default one in the language of the user, and the others.
 
     Args:
-        path: the GeoPackage.
-        layers: their names.
         clock: of the times in map tips; None for UTC.
         fields: of each layer of a run, for the words and actions of its table; None for neither.
         several_tools: layers whose features are of one of several tools, which their field `tool` names.

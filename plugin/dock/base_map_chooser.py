@@ -45,11 +45,7 @@ HTTP_REFUSALS = (401, 403)
 
 
 class BaseMapChooser(QWidget):
-    """A list of base maps; nothing is downloaded until one is chosen.
-
-    Args:
-        report: is called with an error message.
-    """
+    """A list of base maps; nothing is downloaded until one is chosen."""
 
     def __init__(self, report: Callable[[str], None]) -> None:
         super().__init__()

@@ -188,12 +188,7 @@ class FurrowmapDock(QgsDockWidget):
     # sessions
 
     def begin_session(self, recordings: Sequence[Path], machine: Path | None = None) -> None:
-        """Have the worker create a session file from recordings.
-
-        Args:
-            recordings: files and folders.
-            machine: profile that was dropped with them.
-        """
+        """Have the worker create a session file from recordings."""
         if self._program() is None:
             return
         known = self.session.recordings_beside(recordings) if self._in_form() else None
@@ -264,12 +259,7 @@ class FurrowmapDock(QgsDockWidget):
     # many drives
 
     def begin_batch(self, paths: Sequence[Path], machine: Path | None = None) -> None:
-        """Run sessions and folders of recordings one after another.
-
-        Args:
-            paths: of session files and folders.
-            machine: profile that was dropped with them, for new sessions.
-        """
+        """Run sessions and folders of recordings one after another."""
         program = self._program()
         if program is None:
             return
@@ -402,7 +392,6 @@ class FurrowmapDock(QgsDockWidget):
 
         Args:
             folder: for the products; by default that of the command line.
-            overwrite: replace the products of another recording in it.
         """
         if self._task is not None:
             self.report(self.tr("The previous task is being cancelled; try again in a moment."), Qgis.MessageLevel.Info)
@@ -648,7 +637,6 @@ class FurrowmapDock(QgsDockWidget):
 
         Args:
             name: of the format, as `furrowmap export --to` has it.
-            target: file or folder; one that exists is replaced.
         """
         show = partial(self.pages.setCurrentWidget, self.result)
 
@@ -668,11 +656,7 @@ class FurrowmapDock(QgsDockWidget):
             self.share(target, qfield=qfield)
 
     def share(self, target: str, *, qfield: bool) -> None:
-        """Have the worker write the result that is shown as a page, and open it, or as a project for QField.
-
-        Args:
-            target: folder; one that exists is replaced.
-        """
+        """Have the worker write the result that is shown as a page, and open it, or as a project for QField."""
         show = partial(self.pages.setCurrentWidget, self.result)
 
         def written(answer: dict[str, Any]) -> None:

@@ -99,11 +99,7 @@ def local_paths(mime: QMimeData) -> list[Path]:
 
 
 class ResultsDropHandler(QgsCustomDropHandler):
-    """Opens folders that a run wrote; QGIS handles everything else.
-
-    Args:
-        open_folder: is called with the folder.
-    """
+    """Opens folders that a run wrote; QGIS handles everything else."""
 
     def __init__(self, open_folder: Callable[[Path], None]) -> None:
         super().__init__()

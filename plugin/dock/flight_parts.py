@@ -46,11 +46,7 @@ def is_flight(lines: SessionLines) -> bool:
 
 
 class FlightParts(QWidget):
-    """Groups for IMU, camera and parcels.
-
-    Args:
-        on_change: is called after each change of a place.
-    """
+    """Groups for IMU, camera and parcels."""
 
     def __init__(self, on_change: Callable[..., None]) -> None:
         super().__init__()

@@ -173,8 +173,6 @@ def findings_html(findings: dict[str, Any] | None, missing: Sequence[str] = (), 
 
     Args:
         findings: with `found` and `missing`, notices each; None for a session that was opened again.
-        missing: codes of :data:`FORM_CODES`.
-        flight: whether the session is one of an aircraft.
     """
     kind = tr("a flight") if flight else tr("a drive")
     for code, alone in (("no-lidar", tr("positions alone")), ("no-positions", tr("scans alone"))):

@@ -55,8 +55,6 @@ class StartPage(QWidget):
 
     Signals:
         chosen: with a list of paths.
-        setup_wanted: the user pressed *Set up*.
-        drives_wanted: back to the last list of drives.
     """
 
     chosen = pyqtSignal(object)
@@ -150,11 +148,7 @@ def recent_sessions() -> list[str]:
 
 
 class RunPage(QWidget):
-    """The stages and the progress of a running task.
-
-    Signals:
-        cancelled: the user pressed *Cancel*.
-    """
+    """The stages and the progress of a running task."""
 
     cancelled = pyqtSignal()
 
@@ -218,8 +212,6 @@ class ResultPage(QWidget):
     Signals:
         wanted: with the name of the action: "map", "3d", "replay", "report", "folder", "farm", "print", "edit" or
             "back".
-        export_wanted: with the name of a format.
-        theme_wanted: with the name of a theme of the map.
         share_wanted: as a page for people without a GIS; True: as a project for QField.
     """
 
@@ -321,10 +313,8 @@ class BatchPage(QWidget):
     """The state of each drive of a batch, and what can be done with those that have ended.
 
     Signals:
-        cancelled: the user pressed *Cancel*.
         opened: with a drive that has ended, to open its result, or its session in the form.
         farm_wanted: with the folders of the results that are to be added to the farm map.
-        left: back to the start page.
     """
 
     cancelled = pyqtSignal()

@@ -54,11 +54,6 @@ class Replay(QObject):
 
     While it lasts, ground worked and the change of the surface are shown as far as the tool had come, the points of a
     visible cloud as they were scanned, and the local time stands on the map.
-
-    Args:
-        report: of the run.
-        group: its layers.
-        controller: of the canvas; it is started.
     """
 
     def __init__(

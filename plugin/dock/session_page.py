@@ -56,7 +56,6 @@ class SessionPage(QWidget):
 
     Signals:
         run_wanted, preview_wanted, saved: with the saved session file.
-        left: back, without saving.
         replace_wanted: with the session file, to run it in place of the products of another recording.
         keep_wanted: with the session file, to run it into a folder of its own.
         machine_wanted: with the saved session file and a name, to save its machine.
@@ -328,7 +327,6 @@ class SessionPage(QWidget):
         """Show why a run failed, in full, above the form.
 
         Args:
-            text: lines of the error.
             may_replace: offer to replace the products in its folder, or to keep both, instead of the last line, which
                 names options of the command line.
         """
@@ -376,11 +374,7 @@ class SessionPage(QWidget):
         return fault
 
     def save(self) -> None:
-        """Write the form into the session file; other lines of the file are kept.
-
-        Raises:
-            OSError: if the file cannot be written.
-        """
+        """Write the form into the session file; other lines of the file are kept."""
         lines = self._lines
         lines.set("", "name", self.name.text())
         if self.crs.crs().isValid():

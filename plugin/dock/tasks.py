@@ -47,11 +47,7 @@ DRIVES_KEY = "furrowmap/drives"
 
 
 class StageFeedback(QgsProcessingFeedback):
-    """Feedback of an algorithm that runs in another thread.
-
-    Signals:
-        stage_changed: name of the new stage.
-    """
+    """Feedback of an algorithm that runs in another thread."""
 
     stage_changed = pyqtSignal(str)
     error = ""
@@ -69,7 +65,6 @@ class RunTask(QgsProcessingAlgRunnerTask):
     """Runs the algorithm `furrowmap:run`.
 
     Args:
-        parameters: of the algorithm.
         on_stage: is called with the name of each stage.
     """
 
@@ -95,7 +90,6 @@ class CommandTask(QgsTask):
     """Runs one command without its algorithm.
 
     Signals:
-        answered: with the command's answer.
         failed: with the three lines of the error, as one text, and its code.
     """
 
@@ -134,7 +128,6 @@ class Previewer(QObject):
     Signals:
         status_changed: a line on the progress.
         remedy_found: with the setting that remedies the failure of the preview.
-        opened: with the layers, when they are in the project.
     """
 
     status_changed = pyqtSignal(str)
@@ -208,8 +201,6 @@ class Drive:
     Attributes:
         session: its file, which the batch writes where there is none yet.
         recordings: folder for a new session; None for a session that exists.
-        folder: of its products.
-        state: one of the words above.
         text: the stage, or why it failed.
     """
 

@@ -33,11 +33,8 @@ class VehiclePlaces:
 
     Attributes:
         lidar_xyz_m, antenna_xyz_m: of scanner and antenna.
-        lidar_rpy_deg: orientation of the scanner.
         implement_xy_m, implement_width_m: middle and length of the working line.
-        implement_depth_m: working depth.
         imu_xyz_m, camera_xyz_m: of IMU and camera.
-        flies: draw a drone instead of a tractor.
     """
 
     lidar_xyz_m: Sequence[float] = (0.0, 0.0, 0.0)

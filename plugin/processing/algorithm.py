@@ -226,11 +226,7 @@ class CommandAlgorithm(QgsProcessingAlgorithm):
     def processAlgorithm(  # noqa: N802
         self, parameters: dict[str, Any], context: QgsProcessingContext, feedback: QgsProcessingFeedback
     ) -> dict[str, Any]:
-        """Have the worker run the command, report its progress, return the outputs.
-
-        Raises:
-            QgsProcessingException: with the three lines of the error.
-        """
+        """Have the worker run the command, report its progress, return the outputs."""
         interpreter = find_interpreter()
         if interpreter is None or not is_usable(interpreter):
             raise QgsProcessingException(self.canExecute()[1])

@@ -36,13 +36,9 @@ class Parameter:
         kind: "file", "files", "new file", "new folder", "new raster", "flag", "choice", "choices", "integer", "number",
             "numbers" (separated by commas), "text", "texts" (one per line), "crs", "extent" or "point".
         label: in the dialog, without the unit.
-        help: in the help panel.
-        advanced: whether the dialog shows it among the advanced parameters.
         required: whether it has to be given where it has no default.
-        default, choices, minimum, maximum, unit: of the value.
         count: how many numbers.
         crs: of an extent or a point: the option that takes its CRS.
-        filter: of the file dialog.
         adds: whether a file that exists is added to instead of replaced.
         layers: which layer may stand for the file: "cloud", "raster or cloud", "polygons", "points", "table" or "".
         folder_of: pattern of files that stand for their folder, since a dialog that lists files offers no folders.
@@ -80,9 +76,7 @@ class Output:
     """A value that an algorithm gives beside the files it writes.
 
     Attributes:
-        name: the id.
         kind: "boolean", "file", "folder", "layers", "number", "raster" or "text".
-        label: as QGIS shows it.
         source: a name in :data:`_VALUES`, and what it takes from the command's JSON answer.
     """
 
@@ -103,8 +97,6 @@ class Algorithm:
 
     Attributes:
         command: its words, such as "farm add"; the algorithm's id is made of them.
-        title: in the toolbox.
-        summary: what it does, in a paragraph.
         basic: names of arguments and options in the order of the dialog; all others are advanced parameters.
         facts: of arguments and options, where neither `commands.json` nor the facts shared by all commands say it all;
             several where any of several parameters gives the argument.

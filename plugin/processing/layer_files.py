@@ -70,12 +70,7 @@ class VectorOrFile(_TakesPaths, QgsProcessingParameterVectorLayer):
 
 
 def layer_parameter(parameter: Parameter, given: dict[str, Any]) -> QgsProcessingParameterDefinition:
-    """The definition of a :class:`.description.Parameter` with `layers`.
-
-    Args:
-        parameter: its kind is "file" or "files".
-        given: name, description and whether it is optional.
-    """
+    """The definition of a :class:`.description.Parameter` with `layers`."""
     if parameter.kind == "files":
         return LayersOrFiles(**given, layerType=LAYER_GEOMETRIES.get(parameter.layers, SOURCE_TYPES.TypePointCloud))
     if parameter.layers == "cloud":

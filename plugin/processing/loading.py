@@ -35,13 +35,7 @@ FARM_LAYERS = ("fields", "sessions", "boundary", "coverage", "plants", "lines", 
 
 
 def load_when_done(context: QgsProcessingContext, path: str | Path, group: str) -> None:
-    """Have QGIS open a file's layers when the algorithm has finished, if there is a project.
-
-    Args:
-        context: the algorithm's.
-        path: of a raster, a cloud, or of vector layers.
-        group: in the layer tree.
-    """
+    """Have QGIS open a file's layers when the algorithm has finished, if there is a project."""
     if context.project() is None:
         return
     hints = QgsProcessingUtils.LayerHint

@@ -64,7 +64,6 @@ class Batch:
         unchanged: names of those that were done before.
         failed: names of those without a result.
         estimate_s: expected wall time of the runs, with `dry_run`.
-        notices: what a user should know.
     """
 
     results: str
@@ -106,11 +105,8 @@ def batch(
         folders: folders with session files, or recordings; or session files.
         results: folder of the results, one folder a session; created if it does not exist. Both may be URLs that fsspec
             opens, such as `s3://…`.
-        settings: how it is done.
         dry_run: look at the sessions, run and write nothing.
-        overwrite: replace products of other recordings in result folders.
         say: is called with what a user may want to know meanwhile, such as the address of the dashboard.
-        progress: is called with each stage and its share.
 
     Raises:
         InputError: if a folder does not exist, or holds no session.

@@ -79,7 +79,6 @@ def calibrate(
         write: write what differs from the session into the file, with the day of the recording and standard deviations
             as a comment; its other lines and comments stay.
         machine: name or file of a machine's profile, into which the mounting is written with them.
-        progress: is called with each stage and its share.
 
     Raises:
         RefusedError: if the scans do not show enough of the ground, or the file's tables are written in a way that

@@ -55,7 +55,6 @@ class MountCalibration:
         rms_px: (n,) root mean square of the corners' distances.
         frames: number of frames looked at.
         camera: whose intrinsics were used.
-        notices: what to know.
     """
 
     path: Path
@@ -110,8 +109,6 @@ def calibrate_mount(
         begin: of a video, the time of its first frame in ISO 8601 (UTC, or with a zone); the others follow by the
             times in the video.
         every: use every n-th frame.
-        overwrite: replace an existing file.
-        progress: receives the stage "looking for the board".
 
     Raises:
         InputError: if frames, table or camera cannot be read, or a video comes without its time.

@@ -38,11 +38,8 @@ def check(
 
     Args:
         points: CSV or GeoPackage of surveyed points, in the product's height system.
-        settings: targets and accuracy classes.
         crs: CRS of the points, and of a cloud, where their files state none; the product's by default.
         table: CSV to write, one point a row.
-        overwrite: replace the CSV.
-        progress: is called with the share of the cloud read.
 
     Raises:
         InputError: if a file cannot be read, or no point lies in the product.
@@ -79,11 +76,8 @@ def check_pairs(
     Args:
         measured: CSV or GeoPackage of points measured in a product, or a cloud or surface to measure them in.
         surveyed: CSV or GeoPackage of the survey.
-        settings: targets, for a cloud.
         crs: of the plane for points in degrees; for a product as in :func:`check`.
         table: CSV to write, one point a row.
-        overwrite: replace the CSV.
-        progress: is called with the share of a cloud read.
 
     Raises:
         InputError: if a file cannot be read, or no points belong together.

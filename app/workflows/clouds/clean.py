@@ -53,9 +53,6 @@ def clean(
     Args:
         clouds: LAS, LAZ or COPC files.
         out: the file to write, whole or not at all.
-        settings: box, outlier and ground filters, thinning, CRS.
-        overwrite: replace the file.
-        progress: is called with each stage and its share, 0 to 1.
 
     Returns:
         Inputs, CRS, parameters, figures and warnings: the answer of `furrowmap cloud --json`.
@@ -64,7 +61,6 @@ def clean(
         UsageError: if `out` does not end in .laz.
         InputError: if a cloud cannot be read, the CRS do not fit together, or no point is left.
         RefusedError: if the file exists, or is one of the clouds.
-        OSError: if the file cannot be written.
     """
     paths, target = [Path(path) for path in clouds], Path(out)
     refuse_target(target, paths, overwrite=overwrite)

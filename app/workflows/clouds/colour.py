@@ -51,8 +51,6 @@ def colour(
         cloud: LAS, LAZ or COPC file; it is taken to the session's CRS, its heights are taken as they are.
         session: session file with `[camera]`.
         out: the file to write, whole or not at all.
-        overwrite: replace it if it exists.
-        progress: is called with each stage and its share, 0 to 1.
 
     Returns:
         Counts of the points and images, and warnings.
@@ -60,7 +58,6 @@ def colour(
     Raises:
         InputError: if the session has no camera, no image has a pose, or a file cannot be read.
         RefusedError: if the file exists, or is the cloud, or the images contradict GNSS and IMU.
-        OSError: if the file cannot be written.
     """
     source, target, notices = Path(cloud), Path(out), list[Notice]()
     refuse_target(target, [source], overwrite=overwrite)

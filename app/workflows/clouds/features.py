@@ -41,9 +41,6 @@ def features(
     Args:
         clouds: LAS, LAZ or COPC files, which are used together.
         out: folder for the products, made if it does not exist; all of them are written or none.
-        settings: ground filter, voxels, box, CRS.
-        overwrite: replace earlier products in the folder.
-        progress: is called with each stage and its share, 0 to 1.
 
     Returns:
         The content of `features.json`: inputs, CRS, parameters, figures, warnings, names of the products.
@@ -51,7 +48,6 @@ def features(
     Raises:
         InputError: if a cloud cannot be read, the CRS do not fit together, or no point is left.
         RefusedError: if the folder holds features, or the result of a run.
-        OSError: if the folder cannot be written to.
     """
     folder = Path(out)
     refuse_occupied(folder, FEATURE_PRODUCTS, CLOUD, overwrite=overwrite)

@@ -47,9 +47,6 @@ def surface(
     Args:
         clouds: LAS, LAZ or COPC files, which are gridded together.
         out: folder for the surfaces, made if it does not exist; all of them are written or none.
-        settings: cell size, statistic, ground filter, box, CRS and more.
-        overwrite: replace earlier surfaces in the folder.
-        progress: is called with each stage and its share, 0 to 1.
         warn: is called once with each warning, as early as it is known.
 
     Returns:
@@ -58,7 +55,6 @@ def surface(
     Raises:
         InputError: if a cloud cannot be read, the CRS do not fit together, or no point is left.
         RefusedError: if the folder holds surfaces, or the result of a run.
-        OSError: if the folder cannot be written to.
     """
     folder = Path(out)
     refuse_occupied(folder, SURFACE_PRODUCTS, DSM, overwrite=overwrite)

@@ -66,9 +66,6 @@ def canopy(
     Args:
         clouds: LAS, LAZ or COPC files, which are used together.
         out: folder for the products, made if it does not exist; all of them are written or none.
-        settings: cells or polygons, and more.
-        overwrite: replace earlier products in the folder.
-        progress: is called with each stage and its share, 0 to 1.
         warn: is called once with each warning, as early as it is known.
 
     Returns:
@@ -77,7 +74,6 @@ def canopy(
     Raises:
         InputError: if a file cannot be read, or no point is left.
         RefusedError: if the folder holds such products.
-        OSError: if the folder cannot be written to.
     """
     folder = Path(out)
     recover(folder)

@@ -58,9 +58,6 @@ def growth(
         clouds: LAS, LAZ or COPC files of two days or more.
         parcels: vector file, or CSV of corners, with the gross parcels.
         out: folder for the products, made if it does not exist; all of them are written or none.
-        settings: days, net parcels, CRS and more.
-        overwrite: replace earlier products in the folder.
-        progress: is called with each stage and its share, 0 to 1.
         warn: is called once with each warning, as early as it is known.
 
     Returns:
@@ -71,7 +68,6 @@ def growth(
             too little bare soil in common.
         UsageError: if there are fewer than two days, or not one for each cloud.
         RefusedError: if the folder holds such products.
-        OSError: if the folder cannot be written to.
     """
     folder, file = Path(out), Path(parcels)
     recover(folder)

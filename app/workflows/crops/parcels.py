@@ -81,9 +81,6 @@ def parcels(
         clouds: LAS, LAZ or COPC files, which are used together.
         parcels: vector file, or CSV of corners, with the gross parcels.
         out: folder for the products, made if it does not exist; all of them are written or none.
-        settings: net parcels, method, soil, CRS and more.
-        overwrite: replace earlier products in the folder.
-        progress: is called with each stage and its share, 0 to 1.
         warn: is called once with each warning, as early as it is known.
 
     Returns:
@@ -92,7 +89,6 @@ def parcels(
     Raises:
         InputError: if a file cannot be read, the parcels are elsewhere, or no point lies in one.
         RefusedError: if the folder holds such products.
-        OSError: if the folder cannot be written to.
     """
     folder, file = Path(out), Path(parcels)
     recover(folder)

@@ -68,7 +68,6 @@ def plots(
         corner: outer corner of the first plot, where the base line begins.
         end: other end of the base line.
         azimuth_deg: instead: direction of the base line, clockwise from grid north.
-        overwrite: replace an existing file.
 
     Raises:
         InputError: if a CRS is unknown or not projected in metres, or corners and sizes make no grid.

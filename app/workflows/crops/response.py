@@ -74,8 +74,6 @@ def response(
         tables: CSV or spreadsheet with the figures of parcels, such as parcels.csv: one for each flight.
         treatments: table with what each parcel was given; None if the tables hold it.
         out: folder for response.json, charts (SVG) and the table of parcels (CSV; a spreadsheet with openpyxl).
-        settings: columns and days.
-        overwrite: replace an earlier result in the folder.
 
     Returns:
         The content of `response.json`.

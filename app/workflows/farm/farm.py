@@ -64,7 +64,6 @@ class FarmMapChange:
         unchanged: of the sessions whose result was there already.
         removed: of the sessions taken out.
         sessions: number of sessions after the change.
-        notices: what a user should know.
     """
 
     farm_map: str
@@ -115,14 +114,12 @@ def add_to_farm_map(
         season_start: month and day on which a season begins, such as "04-01"; kept in the farm map; None for what it
             has, which is "01-01" at first.
         schema: of the tables in a database.
-        progress: receives the stages.
 
     Raises:
         UsageError: if `season_start` is not a day of the year.
         InputError: if a folder holds no result, or `farm_map` is not a farm map.
         RefusedError: if PROJ has no reliable transformation of a session, the farm map has another CRS than `crs`, or
             another process is writing to it or to a folder.
-        OSError: if the farm map cannot be written.
     """
     wanted = optional_crs(crs)
     _month_day(season_start or FIRST_DAY)
@@ -161,7 +158,6 @@ def remove_from_farm_map(
         farm_map: path of a GeoPackage, or a PostgreSQL connection string.
         wanted: an identity or its beginning, or a name that only one session has, each.
         schema: of the tables in a database.
-        progress: receives the stage of waiting for other processes.
 
     Raises:
         InputError: if the farm map has no such session, or several.

@@ -46,8 +46,6 @@ def fields(
         crs: of the map, such as "EPSG:6677"; one that fits the place by default.
         width_m: working width; the widest that the logs show by default.
         task: id or name of the only task wanted.
-        overwrite: replace the GeoPackage.
-        progress: is called with the share of tasks done.
 
     Raises:
         InputError: if the task data cannot be read, have no positions, or do not state a width.

@@ -133,14 +133,11 @@ def field_history(
         out: `.html` for a page with a map, `.csv` for a table of the sessions; nothing is written without it.
         language: of the page, "en" or "ja"; None for the user's.
         schema: of the tables in a database.
-        overwrite: replace an existing file.
-        progress: receives the stage of waiting for other processes.
 
     Raises:
         UsageError: if `out` has another suffix.
         InputError: if the farm map has no such field, or several.
         RefusedError: if the file exists.
-        OSError: if it cannot be written.
     """
     target = Path(out) if out is not None else None
     if target is not None:
@@ -182,15 +179,11 @@ def farm_traffic(
     Args:
         farm_map: path of a GeoPackage, or a PostgreSQL connection string.
         out: a cloud-optimised GeoTIFF of 16-bit numbers: times worked, last day worked, passages of wheels.
-        settings: what counts, and the cells.
         schema: of the tables in a database.
-        overwrite: replace an existing file.
-        progress: receives the stages.
 
     Raises:
         InputError: if the farm map has no such sessions, or cannot be read.
         RefusedError: if the file exists.
-        OSError: if the raster cannot be written.
     """
     target = Path(out)
     refuse_existing(target, overwrite=overwrite)

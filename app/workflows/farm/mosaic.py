@@ -35,17 +35,13 @@ def mosaic(
     Args:
         sources: farm maps, and folders of results.
         out: `.vrt` for a virtual raster, `.tif` for a cloud-optimised GeoTIFF.
-        settings: CRS, cells and the value of overlapping cells.
         product: file name of the surfaces without its suffix.
         schema: of the tables in databases.
-        overwrite: replace an existing file.
-        progress: receives the stages.
 
     Raises:
         UsageError: if `product` is not a file name, or `out` has another suffix.
         InputError: if a farm map or folder cannot be read, or none has the product.
         RefusedError: if the file exists, or the surfaces cannot be merged.
-        OSError: if the raster cannot be written.
     """
     output = Path(out)
     if output.suffix not in SUFFIXES:

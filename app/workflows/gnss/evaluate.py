@@ -36,9 +36,6 @@ def evaluate_gnss(
         reference: another log of the same drive, a trajectory, or "LAT,LON,HEIGHT" of an antenna at rest.
         out: folder for evaluation.json, evaluation.html, evaluation.gpkg, services.csv and epochs.csv; nothing is
             written without it.
-        settings: antenna offset, reference quality, interpolation, date: for all logs, or for each by its name.
-        overwrite: replace an earlier evaluation in the folder.
-        progress: is called with each stage.
 
     Returns:
         The evaluation of each log, by its name.

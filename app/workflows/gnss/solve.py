@@ -37,7 +37,6 @@ class SolvedPositions:
         path: the `.pos` file.
         by_fix: number of them by kind of fix.
         first, last: UTC of the first and last one.
-        notices: what is uncertain.
     """
 
     path: Path
@@ -67,9 +66,6 @@ def solve_gnss(
         base: observations of the base.
         navigation: broadcast ephemerides.
         out: the `.pos` file; None for the name of the rover's file with that suffix.
-        settings: position of the base, mode, elevation mask.
-        overwrite: replace an earlier solution.
-        progress: is called with each stage.
 
     Raises:
         InputError: if a file is not RINEX of its kind, or nothing can be solved.

@@ -48,7 +48,6 @@ def preview(session: str | Path, out: str | Path | None = None, *, progress: Pro
 
     Args:
         out: the folder, made if it does not exist; by default SESSION_preview beside the session file.
-        progress: is called with each stage and its share, 0 to 1.
 
     Returns:
         The content of `preview.json`.

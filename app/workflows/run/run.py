@@ -63,12 +63,10 @@ def run(
 
     Args:
         out: the folder, made if it does not exist; by default SESSION_result beside the session file.
-        overwrite: replace the products of other recordings, too.
         resume: use what a killed run into the same folder found by scan matching, if session and recordings are the
             same.
         within: a file with polygons, or task data: cloud, surfaces and parcels hold what lies in them alone; instead of
             `[field] within`.
-        progress: is called with each stage and its share, 0 to 1.
 
     Raises:
         FurrowmapError: if the session does not make a cloud, or the folder cannot be written to.

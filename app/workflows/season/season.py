@@ -71,7 +71,6 @@ class Season:
         poses: number of rows.
         written: number of parts that were made.
         unchanged: number of parts that were there.
-        notices: what a user should know.
     """
 
     folder: Path
@@ -104,10 +103,7 @@ def season(
         results: folders with results of runs in them, as `furrowmap batch` writes them, or results; surfaces that a
             `furrowmap tie` among them has moved replace those of their results.
         out: folder of the season.
-        settings: what is written, and how.
-        overwrite: replace a catalogue of something else in the folder.
         say: is called with what a user may want to know meanwhile, such as the address of the dashboard.
-        progress: receives the stage "writing the season".
 
     Raises:
         UsageError: if a content is unknown.
@@ -115,7 +111,6 @@ def season(
         RefusedError: if the sessions have several CRSs or height systems, the folder is occupied, or a package is
             missing.
         FurrowmapError: if a worker is lost several times, or the scheduler cannot be reached.
-        OSError: if the folder cannot be written to.
     """
     folder, content = Path(out), _content(settings)
     recover(folder)

@@ -57,8 +57,6 @@ def propose_session(
             images, parcels of a trial and their treatments may be among them, and are found beside them.
         session_file: the file to write; `session.toml` in their common folder by default.
         machine: name or file of the profile of the machine that made the recordings; its places are copied.
-        overwrite: replace the file.
-        progress: is called with each stage.
 
     Raises:
         InputError: if a recording cannot be read, a folder has none, or no folder holds them all.

@@ -69,7 +69,6 @@ def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = 
 
     Args:
         machine: a name, or a file that ends with .toml.
-        overwrite: replace a profile.
 
     Raises:
         InputError: if the session cannot be read, or states nothing of the machine.

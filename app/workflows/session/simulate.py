@@ -23,8 +23,6 @@ def simulate(
     Args:
         scenario: a TOML file, or "demo" (a tractor in a field), "road" or "flight".
         out: folder for the recording, GNSS log, IMU log, session file, boundary and truth.
-        overwrite: replace files in the folder.
-        progress: is called with each stage.
 
     Raises:
         InputError: if the scenario cannot be read, has a value out of its range, or the folder cannot be written to.

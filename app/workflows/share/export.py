@@ -33,7 +33,6 @@ class Exported:
     Attributes:
         target: the file, or the folder of several.
         files: that were written, each once.
-        notices: what the format could not keep, and on the change of CRS.
     """
 
     target: Path
@@ -60,8 +59,6 @@ def export(
         out: the file or folder to write; by default beside the first folder, named after it.
         layers: of the vectors; all if none is named.
         crs: of the vectors; None for the session's. Formats with a CRS of their own (WGS 84) always have that.
-        overwrite: replace an existing target.
-        progress: receives the stage.
 
     Raises:
         UsageError: if the arguments cannot be combined.

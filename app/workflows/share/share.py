@@ -50,14 +50,11 @@ def share(
         qfield: write a QGIS project with its layers for QField instead of a page.
         language: "en" or "ja": of a project (by default the user's), or in which a page begins (by default that of its
             reader's browser; each page has both).
-        overwrite: replace an earlier page or project in the folder.
-        progress: is called with each stage and its share, 0 to 1.
 
     Raises:
         InputError: if the folder contains no result, or a file of it is damaged.
         RefusedError: if the folder holds another page or project or the result of a run, or this installation lacks the
             page's scripts.
-        OSError: if the folder cannot be written to.
     """
     opened = open_result(Path(result))
     here = opened.folder.resolve()

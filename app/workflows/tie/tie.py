@@ -110,9 +110,6 @@ def tie(
     Args:
         results: folders of `furrowmap run`, of one field, in any order.
         out: folder for the products, made if it does not exist; all of them are written or none.
-        settings: a reference.
-        overwrite: replace earlier products in the folder.
-        progress: is called with each stage and its share, 0 to 1.
         warn: is called once with each warning, as early as it is known.
 
     Returns:
@@ -123,7 +120,6 @@ def tie(
         UsageError: if there are fewer than two results, or one without a reference.
         RefusedError: if the surfaces have several CRSs, cell sizes or height systems, or the folder holds such
             products.
-        OSError: if the folder cannot be written to.
     """
     folder = Path(out)
     if len(results) < (2 if settings.reference is None else 1):
