@@ -48,7 +48,7 @@ def test_modules_of_furrowmap__that_ask_for_the_platform_are_among_them(script: 
         "furrowmap.core.runtime.memory",
         "furrowmap.core.readers.las.decoder",
         "furrowmap.exporters.files.owner",
-        "furrowmap.exporters.farm.database",
+        "furrowmap.exporters.farm.geopackage",
         "furrowmap.cli.main",
         "furrowmap.plugin.program",
     } <= set(modules())

@@ -1,11 +1,15 @@
-"""Texts in the cells of CSV files."""
+"""Cells and tables of CSV files, whose texts no program takes for a formula."""
 
 from __future__ import annotations
 
+import csv
 import re
-from typing import Final
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
 
 from furrowmap.core.runtime.errors import printable
+from furrowmap.exporters.files.atomic import atomic_output
 
 _FORMULA: Final = frozenset("=+-@＝＋－＠")
 """Spreadsheets evaluate a cell that begins with one of these (OWASP: CSV injection); the wide ones in East Asia."""
@@ -22,3 +26,11 @@ def cell(value: object) -> object:
         return value
     text = printable(value)
     return f"'{text}" if text[:1] in _FORMULA and not _PLAIN_NUMBER.fullmatch(text) else text
+
+
+def write_csv_table(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as a CSV, in place of an older file."""
+    with atomic_output(path) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows({name: cell(value) for name, value in row.items()} for row in rows)

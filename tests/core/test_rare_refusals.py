@@ -41,7 +41,7 @@ from furrowmap.core.work.external_states import external_states
 from furrowmap.core.work.saved import load_implement
 from furrowmap.core.work.task_work import task_works
 from furrowmap.exporters.exchange.vectors import FORMATS, write_vectors
-from furrowmap.exporters.farm import database
+from furrowmap.exporters.farm import geopackage
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.workbook import require_workbook
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
@@ -224,13 +224,13 @@ def test_packages__that_are_not_installed_are_named(
 
 
 def test_a_farm_map__that_another_program_has_locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(database, "BUSY_S", 0.01)
+    monkeypatch.setattr(geopackage, "BUSY_S", 0.01)
     path = tmp_path / "farm.gpkg"
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("CREATE TABLE a (b)")
         other.execute("BEGIN EXCLUSIVE")
         with pytest.raises(RefusedError, match="locked") as refused:
-            database.check_farm_map(path)
+            geopackage.check_farm_map(path)
     assert str(path) in refused.value.what
 
 

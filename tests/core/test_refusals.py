@@ -30,7 +30,7 @@ from furrowmap.core.readers.states_csv import StatesCsv
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.errors import FurrowmapError, Notice
 from furrowmap.core.session.opened import open_session
-from furrowmap.exporters.farm.connection import public_name
+from furrowmap.exporters.farm.postgis import public_name
 from tests.core.readers.isoxml.time_logs import Record, header, task_data
 
 

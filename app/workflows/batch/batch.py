@@ -28,7 +28,7 @@ from furrowmap.exporters.files.batch_state import (
 )
 from furrowmap.exporters.files.lease import hold_lease, refuse_leased
 from furrowmap.exporters.files.result_folder import REPORT
-from furrowmap.exporters.reports.batch_page import BATCH_PAGE, write_batch_page
+from furrowmap.exporters.reports.season_pages import BATCH_PAGE, write_batch_page
 from furrowmap.exporters.vectors.batch_table import BATCH_LAYERS, BATCH_TABLE, Row, write_layers, write_table
 from furrowmap.settings import BatchSettings
 from furrowmap.workflows.batch.engine import ATTEMPTS

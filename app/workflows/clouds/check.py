@@ -12,7 +12,7 @@ from furrowmap.core.geodesy.crs_change import optional_crs
 from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.exporters.files.atomic import refuse_existing
-from furrowmap.exporters.reports.check_table import write_check_table
+from furrowmap.exporters.files.csv_cells import write_csv_table
 from furrowmap.settings import CheckSettings
 
 TABLES: Final = frozenset({".csv", ".txt", ".tsv", ".gpkg"})
@@ -57,7 +57,7 @@ def check(
         progress=progress,
     )
     if table is not None:
-        write_check_table(Path(table), CHECK_COLUMNS, [point.row() for point in found.points])
+        write_csv_table(Path(table), CHECK_COLUMNS, [point.row() for point in found.points])
     return found
 
 
@@ -91,5 +91,5 @@ def check_pairs(
         found = check(measured, surveyed, settings, crs=crs, progress=progress)
         pairs = pairs_of_product(found.points, found.notices)
     if table is not None:
-        write_check_table(Path(table), PAIR_COLUMNS, pairs.rows())
+        write_csv_table(Path(table), PAIR_COLUMNS, pairs.rows())
     return pairs

@@ -23,8 +23,8 @@ from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
 from furrowmap.exporters.files.csv_cells import cell
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
-from furrowmap.exporters.reports.history_page import history_page
 from furrowmap.exporters.reports.page_language import in_language
+from furrowmap.exporters.reports.season_pages import history_page
 from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.settings import TrafficSettings
 from furrowmap.workflows.farm.farm import DB_SCHEMA, FarmEdit, open_edit

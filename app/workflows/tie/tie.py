@@ -47,7 +47,7 @@ from furrowmap.exporters.rasters.tied_surfaces import (
 )
 from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
 from furrowmap.exporters.reports.page_language import in_language
-from furrowmap.exporters.reports.tie_page import tie_page
+from furrowmap.exporters.reports.season_pages import tie_page
 from furrowmap.exporters.vectors.geopackage import write_layer
 from furrowmap.exporters.vectors.tie_layers import tie_layers
 from furrowmap.settings import TieSettings

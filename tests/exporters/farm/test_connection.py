@@ -7,7 +7,7 @@ from psycopg import errors
 from psycopg.conninfo import conninfo_to_dict
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError, UsageError
-from furrowmap.exporters.farm.connection import (
+from furrowmap.exporters.farm.postgis import (
     _database_error,
     _unreachable,
     connected,

@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 from pyproj import CRS
 
 from furrowmap.core.runtime.errors import FurrowmapError, InputError, RefusedError
-from furrowmap.exporters.farm import database
+from furrowmap.exporters.farm import geopackage
 from furrowmap.workflows.farm.farm import add_to_farm_map, farm_map_sessions, remove_from_farm_map
 from tests.exporters.farm.processes import adders, ask, ended
 from tests.exporters.farm.result_folders import coverage, write_result
@@ -355,14 +355,14 @@ def test_other_process__is_waited_for_and_refused_in_the_end(base: Path, two: Pa
     shutil.copyfile(two, base)
     waits = []
     with (
-        database.exclusive(base, lambda *_: None),
+        geopackage.exclusive(base, lambda *_: None),
         pytest.raises(RefusedError) as refused,
-        database.exclusive(base, lambda *told: waits.append(told), 0.2),
+        geopackage.exclusive(base, lambda *told: waits.append(told), 0.2),
     ):
         pytest.fail("two have the base at once")
     assert refused.value.code == "base-busy"
     assert waits
-    with database.exclusive(base, lambda *_: None):
+    with geopackage.exclusive(base, lambda *_: None):
         pass
     assert [path.name for path in base.parent.iterdir()] == ["farm.gpkg"]
 
@@ -497,7 +497,7 @@ def test_farm_map_in_a_database__without_psycopg_names_the_extra(
 ) -> None:
     for name in [name for name in sys.modules if name.startswith(("furrowmap.exporters.farm.postgis", "psycopg"))]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(sys.modules, "furrowmap.exporters.farm.connection", raising=False)
+    monkeypatch.delitem(sys.modules, "furrowmap.exporters.farm.postgis", raising=False)
     monkeypatch.setitem(sys.modules, "psycopg", None)  # as Python does where a package is not installed
     with pytest.raises(RefusedError, match="psycopg") as caught:
         add_to_farm_map("postgresql://farmer@127.0.0.1/farm", [results["a"]])

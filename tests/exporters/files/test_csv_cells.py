@@ -17,8 +17,7 @@ from pyproj import CRS
 from furrowmap.core.checking.point_check import CHECK_COLUMNS, PointCheck
 from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.exporters.exchange.vectors import FORMATS
-from furrowmap.exporters.files.csv_cells import cell
-from furrowmap.exporters.reports.check_table import write_check_table
+from furrowmap.exporters.files.csv_cells import cell, write_csv_table
 
 DANGEROUS = "=+-@\t\r＝＋－＠"
 texts = st.text() | st.builds(str.__add__, st.sampled_from(DANGEROUS), st.text())
@@ -83,7 +82,7 @@ def test_promise_25__exported_table_is_harmless_in_cells_and_header(
 
 def test_promise_25__table_of_surveyed_points_shows_hostile_names_as_text(tmp_path: Path) -> None:
     point = PointCheck("=HYPERLINK(1)\x1b[2J", (-1.5, 2.0, 3.0), (-1.25, 2.0, 2.5))
-    write_check_table(tmp_path / "a.csv", CHECK_COLUMNS, [point.row()])
+    write_csv_table(tmp_path / "a.csv", CHECK_COLUMNS, [point.row()])
     with (tmp_path / "a.csv").open(encoding="utf-8", newline="") as file:
         (row,) = csv.DictReader(file)
     assert row["name"] == "'=HYPERLINK(1)\\x1b[2J"

@@ -10,7 +10,7 @@ import shapely
 
 from furrowmap.core.crops.measure import MeasuredParcel, ParcelFigures
 from furrowmap.core.values.parcel import Parcel
-from furrowmap.exporters.reports.parcel_section import (
+from furrowmap.exporters.reports.report_page import (
     MAX_NAMED_PARCELS,
     MAX_TABLE_PARCELS,
     UNKNOWN_COLOUR,

@@ -10,10 +10,9 @@ import numpy as np
 import shapely
 
 from furrowmap.exporters.files.batch_state import Failure, SessionOutcome
-from furrowmap.exporters.reports import batch_page, tie_page
 from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
-from furrowmap.exporters.reports.history_page import history_page
 from furrowmap.exporters.reports.page_language import in_language
+from furrowmap.exporters.reports.season_pages import batch_page, history_page, tie_page
 from furrowmap.exporters.vectors.batch_table import Row
 from tests.exporters.reports.page_texts import texts
 
@@ -46,7 +45,7 @@ def batch() -> str:
         "", figures={**JUNE, "session": "北の畑", "duration_s": 59.8, "worked_area_m2": 42.5, "passes": 3}
     )
     failed = SessionOutcome("", failure=Failure("session-file-missing", LINES, 2))
-    return batch_page.page([Row("june", "", "東", done), Row("south", "", "", failed)])
+    return batch_page([Row("june", "", "東", done), Row("south", "", "", failed)])
 
 
 def ties() -> str:
@@ -56,7 +55,7 @@ def ties() -> str:
     ]
     tie = {"patches": 470, "upright": 12, "departures_m": 0.0024, "range_m": 8.0, "tension": 0.0, **MOVE}
     pairs = [{"date_a": 0, "date_b": 1, **tie}, {"date_a": 1, "date_b": 2, **tie}]
-    return tie_page.tie_page({"dates": dates, "ties": pairs, "changes": [CHANGE], "warnings": []})
+    return tie_page({"dates": dates, "ties": pairs, "changes": [CHANGE], "warnings": []})
 
 
 def history() -> str:
@@ -81,7 +80,7 @@ def test_pages__show_local_times_with_their_zone() -> None:
         assert "2026-06-12 01:23 (Asia/Tokyo)" in page
         assert "2026-06-11" not in page
     old = Row("old", "", "", SessionOutcome("", figures={"start": JUNE["start"]}))
-    assert "2026-06-11 16:23 (UTC)" in batch_page.page([old])
+    assert "2026-06-11 16:23 (UTC)" in batch_page([old])
 
 
 def test_figures__are_as_large_as_their_units() -> None:

@@ -1,0 +1,133 @@
+"""HTML pages of many sessions: a batch, the history of a field, the ties of its dates."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from furrowmap.core.runtime.settings import language_of_user
+from furrowmap.exporters.files.atomic import atomic_output
+from furrowmap.exporters.files.result_folder import REPORT_PAGE
+from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
+from furrowmap.exporters.reports.drawings import MAP_MARGIN_M, padded_bounds
+from furrowmap.exporters.reports.page_language import in_language
+from furrowmap.exporters.reports.pages import days_words, render
+from furrowmap.exporters.reports.svg import Sheet
+from furrowmap.exporters.vectors.batch_table import BATCH_LAYERS, BATCH_TABLE, Row
+
+SHADES: Final = ("#f7fcb9", "#addd8e", "#41ab5d", "#006837", "#00331b")
+"""Ground worked by one, two, three, four, and five or more sessions."""
+MAX_VISITS: Final = 500
+"""Sessions that the page lists; the table has all."""
+
+
+def history_page(
+    field: Mapping[str, Any],
+    outline: BaseGeometry,
+    seasons: Sequence[Mapping[str, Any]],
+    visits: Sequence[Mapping[str, Any]],
+    grounds: NDArray[np.object_],
+) -> str:
+    """The page, in English; its areas have no unit yet.
+
+    Args:
+        seasons: rows of `seasons`, the last one first.
+        visits: rows of `visits`, the last one first.
+        grounds: (n,) the ground that each of them worked.
+    """
+    sheet = Sheet(padded_bounds([outline, *grounds], MAP_MARGIN_M))
+    parts = [
+        sheet.area(ground, "pass", fill=SHADES[level], stroke="none")
+        for level, ground in enumerate(_layers(grounds))
+        if not ground.is_empty
+    ]
+    parts.append(sheet.area(outline, "boundary"))
+    return render(
+        "history.html",
+        title=str(field["name"]),
+        when=days_words(field["first_date"], field["last_date"]) if field["first_date"] else "not worked yet",
+        field=field,
+        seasons=seasons,
+        visits=visits,
+        shades=SHADES,
+        map=sheet.svg(parts, "Map of the field by number of sessions"),
+        max_rows=MAX_VISITS,
+    )
+
+
+def _layers(grounds: NDArray[np.object_]) -> list[BaseGeometry]:
+    """Ground that at least one, two, … sessions worked."""
+    levels: list[BaseGeometry] = [shapely.Polygon()] * len(SHADES)
+    for ground in grounds:
+        rest = shapely.make_valid(ground)
+        for k, level in enumerate(levels):
+            again = shapely.intersection(level, rest)
+            levels[k] = shapely.union(level, rest)
+            rest = again
+            if rest.is_empty:
+                break
+    return levels
+
+
+def tie_page(account: Mapping[str, Any]) -> str:
+    """The page of `tie.json` in English: dates and their moves, ties, soil moved; its areas have no unit yet."""
+    medians = [change["untouched_median_m"] for change in account["changes"]]
+    return render(
+        "tie.html",
+        **account,
+        title="Dates of one field",
+        when=days_words(*(account["dates"][k]["start_local"][:10] for k in (0, -1))),
+        medians=[abs(median) for median in medians if median is not None],
+    )
+
+
+BATCH_PAGE: Final = "batch.html"
+MAX_SESSIONS: Final = 2000
+"""Sessions that the page lists; the table has all."""
+
+
+def write_batch_page(folder: Path, rows: Sequence[Row]) -> None:
+    """Write :data:`BATCH_PAGE` in the user's language."""
+    text = in_language(in_area_unit(batch_page(rows), HECTARE), language_of_user())
+    with atomic_output(folder / BATCH_PAGE) as unfinished:
+        unfinished.write_text(text, encoding="utf-8", errors="xmlcharrefreplace")
+
+
+def batch_page(rows: Sequence[Row]) -> str:
+    """The page of a batch in English: what was done, what failed and why, a link to the report of each session.
+
+    Its areas have no unit yet.
+    """
+    done = [row for row in rows if row.outcome.failure is None]
+    days = sorted(_start(row)[:10] for row in done if "start" in row.outcome.figures)
+    return render(
+        "batch.html",
+        title="Batch of sessions",
+        when=days_words(days[0], days[-1]) if days else "",
+        done=done,
+        failed=[row for row in rows if row.outcome.failure is not None],
+        sums={
+            name: sum(float(row.outcome.figures.get(name) or 0.0) for row in done)
+            for name in ("worked_area_m2", "duration_s", "points")
+        },
+        start=_start,
+        page=REPORT_PAGE,
+        table=BATCH_TABLE,
+        layers=BATCH_LAYERS,
+        max_rows=MAX_SESSIONS,
+    )
+
+
+def _start(row: Row) -> str:
+    """Local time at the field with its zone; UTC for a result that states no zone."""
+    figures = row.outcome.figures
+    zone = figures.get("time_zone")
+    text = str(figures.get("start_local" if zone else "start", ""))
+    return f"{dt.datetime.fromisoformat(text):%Y-%m-%d %H:%M} ({zone or 'UTC'})" if text else ""
