@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -20,8 +19,8 @@ from furrowmap.core.runtime.errors import Notice, printable
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.exporters.files.provenance import Origin
-from furrowmap.exporters.files.result_folder import TRAJECTORY, packaged_style, packaged_styles
-from furrowmap.exporters.reports.drawings import pass_colour
+from furrowmap.exporters.files.result_folder import TRAJECTORY
+from furrowmap.exporters.share.symbols import PLAIN_SYMBOL, Symbol, layer_style
 from furrowmap.exporters.vectors.labels import COLUMN_LABELS, LAYER_NAMES, VALUES
 
 _NAMESPACE: Final = "http://www.opengis.net/kml/2.2"
@@ -29,21 +28,8 @@ _TITLES: Final = ("pass", "kind", "zone", "implement", "scan")
 """The first of these fields that a feature has is its name."""
 _PASSES: Final = "passes"
 """The layer whose colours follow the number of the pass."""
-_DEFAULT_COLOURS: Final = ("ff404040", "40ffffff")
-"""Colours of points, lines and outlines, and of areas: alpha, blue, green and red in hexadecimal."""
-
-
-@dataclass(frozen=True)
-class _KmlStyles:
-    """The field that decides on the style (None: all look alike), and colours by its text; "" for all other values."""
-
-    attribute: str | None
-    by_value: Mapping[str, tuple[str, str]]
-
-    def name_for(self, layer: str, fields: Mapping[str, str]) -> str:
-        """Name of the style of a feature with these fields."""
-        value = fields.get(self.attribute, "") if self.attribute is not None else ""
-        return _style_name(layer, value if value in self.by_value else "")
+_NO_COLOUR: Final = "rgba(255,255,255,0)"
+_Styles = tuple[str, Mapping[str, tuple[str, str]]]
 
 
 def write_kml(path: Path, layers: Mapping[str, VectorLayer], origin: Origin, zone: ZoneInfo) -> list[Notice]:
@@ -55,9 +41,9 @@ def write_kml(path: Path, layers: Mapping[str, VectorLayer], origin: Origin, zon
     document = ET.SubElement(root, "Document")
     _text(document, "name", origin.title)
     _text(document, "description", "; ".join(f"{name} {text}" for name, text in origin.metadata.items()))
-    styles = {name: _read_styles(name, layer) for name, layer in layers.items()}
-    for name, own in styles.items():
-        for value, (mark, fill) in own.by_value.items():
+    styles = {name: _colours_by_value(name, layer) for name, layer in layers.items()}
+    for name, (_, colours) in styles.items():
+        for value, (mark, fill) in colours.items():
             style = ET.SubElement(document, "Style", id=_style_name(name, value))
             _text(ET.SubElement(style, "IconStyle"), "color", mark)
             stroke = ET.SubElement(style, "LineStyle")
@@ -80,39 +66,36 @@ def write_kml(path: Path, layers: Mapping[str, VectorLayer], origin: Origin, zon
     return notices
 
 
-def _read_styles(name: str, layer: VectorLayer) -> _KmlStyles:
-    """Styles of a layer, from its packaged QGIS style."""
-    if f"{name}.qml" not in packaged_styles():
-        return _KmlStyles(None, {"": _DEFAULT_COLOURS})
-    root = ET.fromstring(packaged_style(f"{name}.qml"))  # noqa: S314 - a file of this package
-    opacity = float(root.findtext("layerOpacity") or 1.0)
-    symbols = {str(symbol.get("name")): _symbol_colours(symbol, opacity) for symbol in root.iter("symbol")}
-    mark, fill = symbols["0"]
-    if name == _PASSES:
-        # A damaged layer may have something else in place of numbers.
-        passes = [row.get("pass") for row in layer.rows()]
-        numbers = [int(value) for value in passes if isinstance(value, int | float) and np.isfinite(value)]
-        colours = {n: pass_colour(n, max(numbers)) for n in numbers}
-        abgr = {str(n): (mark, f"{fill[:2]}{c[5:7]}{c[3:5]}{c[1:3]}") for n, c in colours.items()}
-        return _KmlStyles("pass", {"": symbols["0"]} | abgr)
-    renderer = next(root.iter("renderer-v2"))
-    values = {str(each.get("value")): symbols[str(each.get("symbol"))] for each in renderer.iter("category")}
-    return _KmlStyles(renderer.get("attr") if values else None, {"": symbols["0"]} | values)
+def _colours_by_value(name: str, layer: VectorLayer) -> tuple[str, dict[str, tuple[str, str]]]:
+    """The field that decides on the style of a layer ("" for none), and colours by its text; "" for other values."""
+    style = layer_style(name, layer.columns)
+    found = {"": _colours(style.default)} | {value: _colours(symbol) for value, symbol in style.by_value.items()}
+    if name != _PASSES or style.ramp is None:
+        return style.attribute, found
+    # A damaged layer may have something else in place of numbers.
+    passes = [row.get("pass") for row in layer.rows()]
+    numbers = [value for value in passes if isinstance(value, int | float) and np.isfinite(value)]
+    ramp = {str(int(n)): (found[""][0], _abgr(style.ramp.colour(n, style.opacity))) for n in numbers}
+    return style.ramp.attribute, {"": found[""]} | ramp
 
 
-def _symbol_colours(symbol: ET.Element, opacity: float) -> tuple[str, str]:
-    """Colours of a symbol's lowest layer."""
-    found: Any = next(symbol.iter("layer"))
-    options = {option.get("name"): str(option.get("value")) for option in found.iter("Option")}
-    fill = _abgr(options["color"], opacity) if "color" in options and options.get("style") != "no" else "00ffffff"
-    line = options.get("line_color") or (options["color"] if symbol.get("type") == "marker" else None)
-    return _abgr(line or options["outline_color"], opacity), fill
+def _colours(symbol: Symbol) -> tuple[str, str]:
+    """Colours of points, lines and outlines, and of areas: alpha, blue, green and red in hexadecimal."""
+    mark = symbol.fill if symbol.size_mm and symbol is not PLAIN_SYMBOL else symbol.stroke
+    return _abgr(mark or symbol.fill or _NO_COLOUR), _abgr(symbol.fill or _NO_COLOUR)
 
 
-def _abgr(colour: str, opacity: float) -> str:
-    """Of "red,green,blue,alpha"."""
-    red, green, blue, alpha = (int(part) for part in colour.split(",")[:4])
-    return f"{round(alpha * opacity):02x}{blue:02x}{green:02x}{red:02x}"
+def _abgr(css: str) -> str:
+    """A colour as CSS has it: "rgba(red,green,blue,opacity)"."""
+    red, green, blue, opacity = css.removeprefix("rgba(").removesuffix(")").split(",")
+    return f"{round(255 * float(opacity)):02x}{int(blue):02x}{int(green):02x}{int(red):02x}"
+
+
+def _style_of(layer: str, fields: Mapping[str, str], styles: _Styles) -> str:
+    """Name of the style of a feature with these fields."""
+    attribute, colours = styles
+    value = fields.get(attribute, "")
+    return _style_name(layer, value if value in colours else "")
 
 
 def _style_name(layer: str, value: str) -> str:
@@ -120,7 +103,7 @@ def _style_name(layer: str, value: str) -> str:
     return "-".join([layer, *value.split()])
 
 
-def _add_lines(folder: ET.Element, trajectory: VectorLayer, styles: _KmlStyles) -> None:
+def _add_lines(folder: ET.Element, trajectory: VectorLayer, styles: _Styles) -> None:
     """The trajectory in parts of one quality of the positions; each begins where the one before ends."""
     if len(trajectory) < 2:
         return
@@ -133,12 +116,12 @@ def _add_lines(folder: ET.Element, trajectory: VectorLayer, styles: _KmlStyles) 
             mark = ET.SubElement(folder, "Placemark")
             value = str(fix[begin])
             _text(mark, "name", translated(VALUES["fix"].get(value, "trajectory"), language_of_user()))
-            _text(mark, "styleUrl", f"#{styles.name_for(TRAJECTORY, {'fix': value})}")
+            _text(mark, "styleUrl", f"#{_style_of(TRAJECTORY, {'fix': value}, styles)}")
             _text(ET.SubElement(mark, "LineString"), "coordinates", _coordinates(part))
 
 
 def _add_placemark(
-    folder: ET.Element, layer: str, shape: BaseGeometry, row: dict[str, Any], styles: _KmlStyles, zone: ZoneInfo
+    folder: ET.Element, layer: str, shape: BaseGeometry, row: dict[str, Any], styles: _Styles, zone: ZoneInfo
 ) -> None:
     """A feature with its fields; times are in a zone."""
     for name, value in row.items():
@@ -156,7 +139,7 @@ def _add_placemark(
             _text(span, "end", fields["end"])
     elif "time" in fields:
         _text(ET.SubElement(mark, "TimeStamp"), "when", fields["time"])
-    _text(mark, "styleUrl", f"#{styles.name_for(layer, fields)}")
+    _text(mark, "styleUrl", f"#{_style_of(layer, fields, styles)}")
     data = ET.SubElement(mark, "ExtendedData")
     for name, text in fields.items():
         field = ET.SubElement(data, "Data", name=name)

@@ -25,7 +25,15 @@ from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.values.crs import name_of
-from furrowmap.exporters.farm.surface_file import SurfaceFile, heights_of, horizontal, same_map, surface_file, unusable
+from furrowmap.exporters.farm.surface_file import (
+    SurfaceFile,
+    heights_of,
+    horizontal,
+    same_map,
+    surface_file,
+    unusable,
+    warp_options,
+)
 from furrowmap.exporters.farm.virtual_raster import virtual_raster
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.file_records import rooted_records
@@ -221,17 +229,7 @@ def _opened(surface: SurfaceFile, crs: CRS, cell_m: float, indexes: Sequence[int
             yield _Source(raster, None, grid, indexes, surface.path)
             return
         coarser = cell_m > MIN_MEAN_RATIO * surface.cell_m
-        options = {
-            "src_crs": horizontal(surface.crs).to_wkt(),
-            "crs": horizontal(crs).to_wkt(),
-            "transform": rasterio.Affine(*grid.transform),
-            "width": grid.columns,
-            "height": grid.rows,
-            "src_nodata": np.nan if surface.nodata is None else surface.nodata,
-            "nodata": np.nan,
-            "dtype": "float32",
-            "UNIFIED_SRC_NODATA": "NO",  # else a cell next to nodata in any band would become nodata
-        }
+        options = warp_options(surface, crs, grid)
         with (
             WarpedVRT(raster, resampling=Resampling.average if coarser else Resampling.bilinear, **options) as warped,
             WarpedVRT(raster, resampling=Resampling.nearest, **options) as nearest,

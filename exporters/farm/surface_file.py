@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from pyproj import CRS
+from rasterio.transform import Affine
 
 from furrowmap.core.readers.geotiff import open_geotiff
 from furrowmap.core.runtime.errors import InputError
@@ -63,6 +65,21 @@ def surface_file(path: Path) -> SurfaceFile:
             first, last = (dt.datetime.fromisoformat(raster.tags()[name]) for name in ("TIME_START", "TIME_END"))
             span_s = first.timestamp(), last.timestamp()
         return SurfaceFile(path.resolve(), crs, width, tuple(raster.bounds), grid, bands, raster.nodata, span_s)
+
+
+def warp_options(file: SurfaceFile, crs: CRS, grid: Grid) -> dict[str, Any]:
+    """Options of rasterio's WarpedVRT that give a surface the cells of a grid in a CRS, with nan for no value."""
+    return {
+        "src_crs": horizontal(file.crs).to_wkt(),
+        "crs": horizontal(crs).to_wkt(),
+        "transform": Affine(*grid.transform),
+        "width": grid.columns,
+        "height": grid.rows,
+        "src_nodata": math.nan if file.nodata is None else file.nodata,
+        "nodata": math.nan,
+        "dtype": "float32",
+        "UNIFIED_SRC_NODATA": "NO",  # else a cell next to nodata in any band would become nodata
+    }
 
 
 def unusable(path: Path, why: str) -> InputError:

@@ -25,7 +25,7 @@ from furrowmap.core.runtime.arrays import Float32Array, FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.work.field_surfaces import BESIDE_M
-from furrowmap.exporters.farm.surface_file import SurfaceFile, horizontal, surface_file, unusable
+from furrowmap.exporters.farm.surface_file import SurfaceFile, surface_file, unusable, warp_options
 from furrowmap.exporters.files.result_folder import DSM, DSM_BEFORE, ResultFolder
 from furrowmap.exporters.rasters.windows import shared_cells, window
 
@@ -137,21 +137,9 @@ def open_surface(file: SurfaceFile) -> Iterator[OpenSurface]:
 @contextmanager
 def resample_surface(file: SurfaceFile, grid: Grid) -> Iterator[OpenSurface]:
     """Open a surface on other cells of its CRS, bilinear."""
-    crs = horizontal(file.crs).to_wkt()
-    options = {
-        "src_crs": crs,
-        "crs": crs,
-        "transform": Affine(*grid.transform),
-        "width": grid.columns,
-        "height": grid.rows,
-        "src_nodata": np.nan if file.nodata is None else file.nodata,
-        "nodata": np.nan,
-        "dtype": "float32",
-        "UNIFIED_SRC_NODATA": "NO",
-    }
     with (
         open_geotiff(file.path, unusable) as raster,
-        WarpedVRT(raster, resampling=Resampling.bilinear, **options) as warped,
+        WarpedVRT(raster, resampling=Resampling.bilinear, **warp_options(file, file.crs, grid)) as warped,
     ):
         yield OpenSurface(file.path, warped, grid)
 

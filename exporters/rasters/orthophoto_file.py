@@ -24,6 +24,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import COG_BLOCK, tags_of
+from furrowmap.exporters.rasters.windows import windows
 
 PART_CELLS: Final = 200
 """Cells of the surface across a part that is coloured at once."""
@@ -104,7 +105,7 @@ def _pictures(
     """The parts of the orthophoto, several of them made at once."""
     with ThreadPoolExecutor(threads()) as pool:
         waiting = []
-        for part, wide in _parts(grid):
+        for part, wide in windows(grid, 1, PART_CELLS):
             row, column = wide.window_in(grid)
             height_m = heights.read(1, window=Window.from_slices(row, column), masked=False).astype(np.float32)
             if not np.isfinite(height_m).any():
@@ -114,18 +115,6 @@ def _pictures(
                 yield waiting.pop(0).result()
         for one in waiting:
             yield one.result()
-
-
-def _parts(grid: Grid) -> Iterator[tuple[Grid, Grid]]:
-    """Parts of a grid, each without and with a margin of a cell."""
-    for top in range(0, grid.rows, PART_CELLS):
-        for left in range(0, grid.columns, PART_CELLS):
-            bottom, right = min(top + PART_CELLS, grid.rows), min(left + PART_CELLS, grid.columns)
-            first_row, first_column = max(top - 1, 0), max(left - 1, 0)
-            last_row, last_column = min(bottom + 1, grid.rows), min(right + 1, grid.columns)
-            part = Grid(grid.cell_m, grid.west + left, grid.north - top, (bottom - top, right - left))
-            shape = (last_row - first_row, last_column - first_column)
-            yield part, Grid(grid.cell_m, grid.west + first_column, grid.north - first_row, shape)
 
 
 def _unusable(path: Path, fault: str) -> InputError:

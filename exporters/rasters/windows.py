@@ -14,11 +14,11 @@ WINDOW_CELLS: Final = 1024
 """Side length of the windows in cells."""
 
 
-def windows(grid: Grid, margin: int) -> Iterator[tuple[Grid, Grid]]:
+def windows(grid: Grid, margin: int, side: int = WINDOW_CELLS) -> Iterator[tuple[Grid, Grid]]:
     """Windows of a grid, each without and with a margin (clipped to the grid); from north to south, west to east."""
-    for row in range(0, grid.rows, WINDOW_CELLS):
-        for column in range(0, grid.columns, WINDOW_CELLS):
-            rows, columns = min(WINDOW_CELLS, grid.rows - row), min(WINDOW_CELLS, grid.columns - column)
+    for row in range(0, grid.rows, side):
+        for column in range(0, grid.columns, side):
+            rows, columns = min(side, grid.rows - row), min(side, grid.columns - column)
             top, left = max(0, row - margin), max(0, column - margin)
             bottom, right = min(grid.rows, row + rows + margin), min(grid.columns, column + columns + margin)
             inner = Grid(grid.cell_m, grid.west + column, grid.north - row, (rows, columns))

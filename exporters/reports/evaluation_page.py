@@ -27,7 +27,7 @@ from furrowmap.exporters.reports.evaluation_figures import evaluation_figures, w
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.pages import render
 from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, texts, times
-from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
+from furrowmap.exporters.vectors.geopackage import write_styled_layers
 from furrowmap.exporters.vectors.qgis_styles import StyleClock
 
 EVALUATION_PRODUCTS: Final = ("evaluation.json", "evaluation.html", "evaluation.gpkg", "services.csv", "epochs.csv")
@@ -44,11 +44,8 @@ def write_evaluation(folder: Path, evaluations: Mapping[str, Evaluation], *, ove
         (staging / "evaluation.json").write_text(json_text(evaluation_figures(evaluations)), encoding="utf-8")
         write_table(staging / "services.csv", evaluations)
         write_epochs(staging / "epochs.csv", evaluations)
-        layers = gnss_layers(evaluations)
-        for layer in layers:
-            write_layer(staging / "evaluation.gpkg", layer, "EPSG:4326", indexed=True)
         clock = StyleClock(_zone(evaluations), *_span_s(evaluations))
-        write_styles(staging / "evaluation.gpkg", [layer.name for layer in layers], clock)
+        write_styled_layers(staging / "evaluation.gpkg", gnss_layers(evaluations), "EPSG:4326", clock=clock)
         shown = in_language(page(evaluations), language_of_user())
         (staging / "evaluation.html").write_text(shown, encoding="utf-8", errors="xmlcharrefreplace")
 

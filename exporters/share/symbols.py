@@ -123,7 +123,8 @@ def _ramp(renderer: ET.Element, values: Mapping[str, Iterable[Any]]) -> Ramp | N
             return Ramp(around[1], stops, -half, half)
         ranked = _RANKED.search(text)
         assert ranked is not None, text
-        numbers = [float(value) for value in values.get(ranked[1], ()) if value is not None and math.isfinite(value)]
+        known = [value for value in values.get(ranked[1], ()) if isinstance(value, int | float | np.number)]
+        numbers = [float(value) for value in known if math.isfinite(value)]
         if not numbers:
             return None
         return Ramp(ranked[1], stops, 1.0 if ranked[2] == "1" else min(numbers), max(numbers))

@@ -16,7 +16,7 @@ from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.ogr import unflushed
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.vectors.field_layers import Layer, geometry_array, numbers, texts
-from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
+from furrowmap.exporters.vectors.geopackage import write_styled_layers
 
 
 def feature_layers(planes: Sequence[PlanePiece], lines: Sequence[LineObject], plants: Plants) -> list[Layer]:
@@ -71,7 +71,4 @@ def feature_layers(planes: Sequence[PlanePiece], lines: Sequence[LineObject], pl
 def write_features(path: Path, layers: Sequence[Layer], crs: CRS | str, origin: Origin) -> None:
     """Write `features.gpkg` with its layers and their styles."""
     with atomic_output(path) as unfinished, unflushed():
-        for layer in layers:
-            first = None if unfinished.exists() else origin
-            write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
-        write_styles(unfinished, [layer.name for layer in layers])
+        write_styled_layers(unfinished, layers, crs, origin)

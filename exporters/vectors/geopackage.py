@@ -65,13 +65,10 @@ def write_field(
         for layer in (*field_layers(poses, work), *more)
     ]
     with atomic_output(path) as unfinished, unflushed():
-        for layer in layers:
-            first = None if unfinished.exists() else origin
-            write_layer(unfinished, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
         clock = StyleClock(zone, float(poses.t_s[0]), float(poses.t_s[-1])) if zone is not None else None
         fields = {layer.name: tuple(layer.columns) for layer in layers} if path.name == FIELD else None
         tools = [layer.name for layer in layers if "tool" in layer.columns]
-        write_styles(unfinished, [layer.name for layer in layers], clock, fields=fields, several_tools=tools)
+        write_styled_layers(unfinished, layers, crs, origin, clock, fields=fields, several_tools=tools)
         with closing(sqlite3.connect(unfinished)) as database:
             database.execute("PRAGMA synchronous=OFF")
             database.execute(f"PRAGMA page_size={PAGE_BYTES}")  # outlines and empty tables leave less of it unused
@@ -83,6 +80,23 @@ def _named(layer: Layer, language: str) -> str:
     """The description of a layer, beginning with its name for people, by which QGIS's browser finds it."""
     name = LAYER_NAMES.get(layer.name)
     return f"{translated(name, language)}: {layer.description}" if name else layer.description
+
+
+def write_styled_layers(
+    path: Path,
+    layers: Sequence[Layer],
+    crs: CRS | str,
+    origin: Origin | None = None,
+    clock: StyleClock | None = None,
+    *,
+    fields: Mapping[str, Sequence[str]] | None = None,
+    several_tools: Collection[str] = (),
+) -> None:
+    """Write layers into a new GeoPackage, the topmost of a map first, and their styles as :func:`write_styles` does."""
+    for layer in layers:
+        first = None if path.exists() else origin
+        write_layer(path, layer, crs, indexed=len(layer.shapes) > INDEXED_FROM, origin=first)
+    write_styles(path, [layer.name for layer in layers], clock, fields=fields, several_tools=several_tools)
 
 
 def write_layer(

@@ -24,7 +24,7 @@ from furrowmap.exporters.vectors.field_layers import (
     numbers,
     texts,
 )
-from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
+from furrowmap.exporters.vectors.geopackage import write_styled_layers
 
 FIELDS_LAYER: Final = "fields"
 TASK_FIGURES: Final = (
@@ -78,9 +78,7 @@ def write_fields(path: Path, works: TaskWorks) -> None:
     order = sorted(by_name, key=lambda name: name == "trajectory")  # which comes first where nothing was worked
     layers = [*(concatenate_layers(by_name[name]) for name in order), _fields(works.works)]
     with atomic_output(path) as unfinished:
-        for layer in layers:
-            write_layer(unfinished, layer, works.frame.crs, indexed=len(layer.shapes) > INDEXED_FROM)
-        write_styles(unfinished, [layer.name for layer in layers])
+        write_styled_layers(unfinished, layers, works.frame.crs)
 
 
 def _fields(works: Sequence[TaskWork]) -> Layer:

@@ -38,8 +38,8 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.rasters.cog import Band, cog_output
-from furrowmap.exporters.vectors.crop_layers import CANOPY_LAYER, canopy_layer, write_parcel_table, write_profiles
-from furrowmap.exporters.vectors.geopackage import INDEXED_FROM, write_layer, write_styles
+from furrowmap.exporters.vectors.crop_layers import canopy_layer, write_parcel_table, write_profiles
+from furrowmap.exporters.vectors.geopackage import write_styled_layers
 from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 from furrowmap.settings import CanopySettings
 from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
@@ -141,8 +141,7 @@ def _write_products(
         stands, shapes = _stands(heights, clouds, areas, settings, grid.cell_m)
     write_raster_style(folder / CANOPY_HEIGHT, "height_above_ground.qml")
     layer = canopy_layer(stands, shapes, areas)
-    write_layer(folder / CANOPY, layer, clouds.crs, indexed=len(stands) > INDEXED_FROM, origin=origin)
-    write_styles(folder / CANOPY, [CANOPY_LAYER])
+    write_styled_layers(folder / CANOPY, [layer], clouds.crs, origin)
     write_parcel_table(folder / CANOPY_TABLE, layer)
     write_profiles(folder / CANOPY_PROFILES, stands, settings.layer_m)
     return stands

@@ -33,9 +33,9 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.files.workbook import write_workbook
-from furrowmap.exporters.vectors.crop_layers import GROWTH_LAYER, growth_layer, write_parcel_table
+from furrowmap.exporters.vectors.crop_layers import growth_layer, write_parcel_table
 from furrowmap.exporters.vectors.field_layers import Layer
-from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
+from furrowmap.exporters.vectors.geopackage import write_styled_layers
 from furrowmap.settings import GrowthSettings
 from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
 from furrowmap.workflows.clouds.surface import no_warning
@@ -85,8 +85,7 @@ def growth(
         records = [*input_records(opened, progress), *file_records([file], file.parent)]
         origin = Origin("Crop growth", inputs=[(record.name, record.sha256) for record in records])
         layer = growth_layer(grown, days)
-        write_layer(staging / GROWTH, layer, opened.crs, indexed=False, origin=origin)
-        write_styles(staging / GROWTH, [GROWTH_LAYER])
+        write_styled_layers(staging / GROWTH, [layer], opened.crs, origin)
         write_parcel_table(staging / GROWTH_TABLE, layer)
         if find_spec("openpyxl") is not None:
             write_workbook(staging / GROWTH_WORKBOOK, {"growth": _rows(layer)})

@@ -52,8 +52,8 @@ from furrowmap.exporters.files.result_folder import (
 )
 from furrowmap.exporters.files.staging import recover, refuse_products, staged_folder
 from furrowmap.exporters.rasters.crop_height import CropHeights
-from furrowmap.exporters.vectors.crop_layers import PARCELS_LAYER, parcel_layer, write_parcel_sheet, write_parcel_table
-from furrowmap.exporters.vectors.geopackage import write_layer, write_styles
+from furrowmap.exporters.vectors.crop_layers import parcel_layer, write_parcel_sheet, write_parcel_table
+from furrowmap.exporters.vectors.geopackage import write_styled_layers
 from furrowmap.exporters.vectors.qgis_styles import write_raster_style
 from furrowmap.settings import ParcelSettings, SurfaceSettings, soil_file
 from furrowmap.workflows.clouds.inputs import input_records, open_inputs, write_account
@@ -105,8 +105,7 @@ def parcels(
         origin = Origin("Crop height", inputs=[(record.name, record.sha256) for record in records], span_s=span_s)
         written = write_parcels(staging, points, settings, opened.crs, origin, progress)
         layer = parcel_layer(written.found)
-        write_layer(staging / PARCELS, layer, opened.crs, indexed=False, origin=origin)
-        write_styles(staging / PARCELS, [PARCELS_LAYER])
+        write_styled_layers(staging / PARCELS, [layer], opened.crs, origin)
         for notice in (notices := [*opened.notices, *notices, *written.notices]):
             warn(notice)
         content = {"parcels_file": records[-1], "crs": name_of(opened.crs), **written.account}
