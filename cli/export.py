@@ -11,20 +11,9 @@ from furrowmap.cli.options import command, files, option, output, overwrite
 from furrowmap.core.runtime.errors import printable
 
 FORMAT_CHOICES = (
-    "gpkg",
-    "geoparquet",
-    "flatgeobuf",
-    "geojson",
-    "shapefile",
-    "kml",
-    "csv",
-    "sbet",
-    "tum",
-    "poses",
-    "glb",
-    "isoxml",
+    "gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "sbet", "tum", "poses", "glb", "isoxml",
     "stac",
-)
+)  # fmt: skip
 """As in `furrowmap.workflows.share.export`, which `--help` must not wait for."""
 
 

@@ -23,41 +23,10 @@ from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.settings import using
 
 COMMANDS: Final = (
-    "init",
-    "inspect",
-    "record",
-    "run",
-    "live",
-    "batch",
-    "season",
-    "surface",
-    "cloud",
-    "colour",
-    "features",
-    "parcels",
-    "growth",
-    "canopy",
-    "tie",
-    "fields",
-    "plots",
-    "response",
-    "export",
-    "report",
-    "share",
-    "farm",
-    "calibrate",
-    "machine",
-    "crs",
-    "frames",
-    "gnss",
-    "check",
-    "explain",
-    "simulate",
-    "warm-up",
-    "notebooks",
-    "qgis",
-    "worker",
-)
+    "init", "inspect", "record", "run", "live", "batch", "season", "surface", "cloud", "colour", "features", "parcels",
+    "growth", "canopy", "tie", "fields", "plots", "response", "export", "report", "share", "farm", "calibrate",
+    "machine", "crs", "frames", "gnss", "check", "explain", "simulate", "warm-up", "notebooks", "qgis", "worker",
+)  # fmt: skip
 """Each is the function of that name, with _ for -, in the module of that name in this package."""
 
 log = logging.getLogger("furrowmap.cli")

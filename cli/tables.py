@@ -11,17 +11,9 @@ from furrowmap.core.runtime.errors import printable
 MAX_PARCELS: Final = 60
 """Parcels that the terminal shows."""
 _UNIT_BY_SUFFIX: Final = {
-    "m2": "m²",
-    "m3": "m³",
-    "mps": "m/s",
-    "hz": "Hz",
-    "rpm": "rpm",
-    "deg": "°",
-    "mm": "mm",
-    "m": "m",
-    "s": "s",
+    "m2": "m²", "m3": "m³", "mps": "m/s", "hz": "Hz", "rpm": "rpm", "deg": "°", "mm": "mm", "m": "m", "s": "s",
     "percent": "%",
-}
+}  # fmt: skip
 
 
 def figures(values: Mapping[str, Any]) -> list[tuple[str, str]]:

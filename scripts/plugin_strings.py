@@ -7,6 +7,7 @@ is the one that its file's ``tr`` or its ``QT_TRANSLATE_NOOP`` names, else its c
 from __future__ import annotations
 
 import ast
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,7 +28,7 @@ def source_strings() -> list[tuple[str, str]]:
     Raises:
         ValueError: if the string is not a literal, or has no context.
     """
-    found = {("Algorithms", text) for text in description_strings()}
+    found = {("Algorithms", text) for text in description_strings()} | {("Legends", text) for text in legend_strings()}
     for path in sorted(PLUGIN.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         own = _own_context(tree)
@@ -52,6 +53,12 @@ def description_strings() -> set[str]:
         texts |= {text for parameter in algorithm.parameters for text in (parameter.label, parameter.help)}
         texts |= {output.label for output in algorithm.outputs if output.label.lower() != output.name.lower()}
     return texts - {""}
+
+
+def legend_strings() -> set[str]:
+    """The names of layers and labels of legends in `legends.json`."""
+    labels = json.loads((PLUGIN / "legends.json").read_text(encoding="utf-8"))
+    return {text for part in labels.values() for text in (part.values() if isinstance(part, dict) else part)}
 
 
 def _calls(node: ast.AST, class_name: str = "") -> Iterator[tuple[ast.Call, str]]:

@@ -14,8 +14,12 @@ WINDOW_CELLS: Final = 1024
 """Side length of the windows in cells."""
 
 
-def windows(grid: Grid, margin: int, side: int = WINDOW_CELLS) -> Iterator[tuple[Grid, Grid]]:
-    """Windows of a grid, each without and with a margin (clipped to the grid); from north to south, west to east."""
+def windows(grid: Grid, margin: int, side: int | None = None) -> Iterator[tuple[Grid, Grid]]:
+    """Windows of a grid, each without and with a margin (clipped to the grid); from north to south, west to east.
+
+    They have `side` cells a side, by default WINDOW_CELLS.
+    """
+    side = side or WINDOW_CELLS
     for row in range(0, grid.rows, side):
         for column in range(0, grid.columns, side):
             rows, columns = min(side, grid.rows - row), min(side, grid.columns - column)

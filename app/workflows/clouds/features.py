@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from furrowmap.core.features.classes import Feature
 from furrowmap.core.features.cloud_features import VOXEL_RANGE_M, FoundFeatures, classify_features, measure_density
@@ -24,8 +24,6 @@ from furrowmap.exporters.vectors.field_layers import Layer
 from furrowmap.settings import FeatureSettings
 from furrowmap.workflows.clouds.clean import write_records
 from furrowmap.workflows.clouds.inputs import box_to_use, input_records, open_inputs, write_account
-
-GroundChoice = Literal["auto", "class", "smrf", "csf"]
 
 
 def features(
