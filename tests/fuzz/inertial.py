@@ -16,7 +16,7 @@ from tests.core.readers.test_line_scanners import laser_scan
 from tests.core.readers.vectornav_logs import common, grouped, vnimu, vnins
 from tests.fuzz.mutations import Files
 from tests.fuzz.positions import nmea
-from tests.fuzz.reading import OPTIONS, read_recording
+from tests.fuzz.reading import EACH_WAY, OPTIONS
 from tests.fuzz.trials import Entry
 
 
@@ -90,7 +90,7 @@ def read_stated_columns(path: Path) -> None:
 INERTIAL = (
     Entry("rosbag-imu", bag_seeds, read_bag, trials=60),
     Entry("line-scanner", line_seeds, read_line, trials=60),
-    Entry("vectornav", vectornav_seeds, read_recording, trials=60),
+    Entry("vectornav", vectornav_seeds, EACH_WAY, trials=60),
     Entry("imu-csv-iso", lambda folder: [{"dji.csv": dji_log()}], read_stated_columns, trials=60),
-    Entry("attitude-csv", lambda folder: [{"ahrs.csv": ahrs()}], read_recording, trials=60),
+    Entry("attitude-csv", lambda folder: [{"ahrs.csv": ahrs()}], EACH_WAY, trials=60),
 )

@@ -16,14 +16,14 @@ from tests.core.readers.test_novatel import BINARY, TEXT, bestnav, bestpos, unic
 from tests.core.readers.test_sbet import records
 from tests.core.readers.test_sbf import pvt
 from tests.fuzz.mutations import Files
-from tests.fuzz.reading import read_recording
+from tests.fuzz.reading import EACH_WAY, OF_THE_FOLDER
 from tests.fuzz.trials import Entry
 
 _NOVATEL_TEXT = re.compile(rb"([#%])([^#*\r\n]*)\*[0-9A-Fa-f]{8}")
 _SENTENCE = re.compile(rb"\$([^*\r\n]*)\*[0-9A-Fa-f]{2}")
 
 
-def nmea(count: int = 12) -> bytes:
+def nmea(count: int = 6) -> bytes:
     """GGA, RMC, GST, HDT, PASHR and PUBX of a receiver."""
     lines = []
     for k in range(count):
@@ -158,15 +158,15 @@ def task_seeds(folder: Path) -> list[Files]:
 
 
 POSITIONS = (
-    Entry("nmea", lambda folder: [{"gnss.nmea": nmea()}], read_recording, mend_nmea),
-    Entry("ubx", lambda folder: [{"gnss.ubx": ubx()}], read_recording, mend_ubx),
-    Entry("sbf", lambda folder: [{"gnss.sbf": b"".join(pvt(1000 * k) for k in range(12))}], read_recording, mend_sbf),
-    Entry("gsof", lambda folder: [{"gnss.gsof": gsof()}], read_recording, mend_gsof),
-    Entry("novatel", novatel_seeds, read_recording, mend_novatel),
-    Entry("rtklib-pos", lambda folder: [{"solution.pos": pos()}], read_recording),
-    Entry("pose-csv", lambda folder: [{"trajectory.csv": poses()}], read_recording),
-    Entry("imu-csv", lambda folder: [{"imu.csv": imu()}], read_recording),
-    Entry("states-csv", lambda folder: [{"states.csv": STATES}], read_recording),
-    Entry("sbet", lambda folder: [{"mission.sbet": records(40).astype("<f8").tobytes()}], read_recording),
-    Entry("task-data", task_seeds, lambda path: read_recording(path.parent)),
+    Entry("nmea", lambda folder: [{"gnss.nmea": nmea()}], EACH_WAY, mend_nmea),
+    Entry("ubx", lambda folder: [{"gnss.ubx": ubx()}], EACH_WAY, mend_ubx),
+    Entry("sbf", lambda folder: [{"gnss.sbf": b"".join(pvt(1000 * k) for k in range(12))}], EACH_WAY, mend_sbf),
+    Entry("gsof", lambda folder: [{"gnss.gsof": gsof()}], EACH_WAY, mend_gsof),
+    Entry("novatel", novatel_seeds, EACH_WAY, mend_novatel),
+    Entry("rtklib-pos", lambda folder: [{"solution.pos": pos()}], EACH_WAY),
+    Entry("pose-csv", lambda folder: [{"trajectory.csv": poses()}], EACH_WAY),
+    Entry("imu-csv", lambda folder: [{"imu.csv": imu()}], EACH_WAY),
+    Entry("states-csv", lambda folder: [{"states.csv": STATES}], EACH_WAY),
+    Entry("sbet", lambda folder: [{"mission.sbet": records(40).astype("<f8").tobytes()}], EACH_WAY),
+    Entry("task-data", task_seeds, OF_THE_FOLDER),
 )

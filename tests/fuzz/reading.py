@@ -27,20 +27,21 @@ from furrowmap.core.runtime.json_text import plain
 OPTIONS = ReadOptions(date="2026-06-11", week=2422)
 
 
+def inspect_recording(path: Path) -> None:
+    """What `furrowmap inspect` reports of a file, as words and as JSON."""
+    inspection = Recognised.by_content(path).inspect(OPTIONS)
+    json.dumps(plain(_value(inspection)), allow_nan=False)
+    _words(inspection)
+
+
 def read_recording(path: Path) -> None:
-    """Inspect a file as `furrowmap inspect` does, and read what it gives."""
-    found = Recognised.by_content(path)
-    refused = None
-    try:
-        inspection = found.inspect(OPTIONS)
-    except InputError as error:
-        refused = error
-    else:
-        json.dumps(plain(_value(inspection)), allow_nan=False)
-        _words(inspection)
-    read_whole(found.open(OPTIONS))
-    if refused is not None:
-        raise refused
+    """All that a file gives."""
+    read_whole(Recognised.by_content(path).open(OPTIONS))
+
+
+EACH_WAY = (inspect_recording, read_recording)
+OF_THE_FOLDER = tuple(lambda path, way=way: way(path.parent) for way in EACH_WAY)
+"""Of recordings that are folders; the path is that of a file in them."""
 
 
 def read_whole(reader: Reader) -> None:
@@ -70,7 +71,6 @@ def read_whole(reader: Reader) -> None:
 
 def read_cloud(path: Path) -> None:
     """A cloud's points, all of them and those of a box."""
-    read_recording(path)
     cloud = open_cloud(path)
     for batch in cloud.batches((0.0, 0.0, 1e6, 1e7), 1.0):
         assert np.isfinite(batch.xyz_m).all()

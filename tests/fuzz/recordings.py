@@ -28,7 +28,7 @@ from tests.core.readers.test_ouster import in_fragments, recorded
 from tests.core.readers.test_pcap_framing import PcapNg
 from tests.core.readers.velodyne_packets import DUAL, HDL32E, frames, position_packet, rmc, turning, write_pcap
 from tests.fuzz.mutations import Files
-from tests.fuzz.reading import read_cloud, read_recording
+from tests.fuzz.reading import EACH_WAY, OF_THE_FOLDER, inspect_recording, read_cloud
 from tests.fuzz.trials import Entry
 
 if sys.version_info >= (3, 14):
@@ -161,11 +161,6 @@ def bag2_seeds(folder: Path) -> list[Files]:
     return seeds
 
 
-def read_bag2(path: Path) -> None:
-    """The file alone, and the folder."""
-    read_recording(path.parent)
-
-
 def raster_seeds(folder: Path) -> list[Files]:
     seeds = []
     tiled = {"compress": "deflate", "tiled": True, "blockxsize": 16, "blockysize": 16}
@@ -186,15 +181,19 @@ def read_surface(path: Path) -> None:
 
 RECORDINGS = (
     Entry("geotiff", raster_seeds, read_surface),
-    Entry("las", las_seeds, read_cloud, trials=200),
-    Entry("laz", laz_seeds, read_cloud, trials=200),
-    Entry("copc", copc_seeds, read_cloud),
-    Entry("pcd-ply", lambda _: [{"points": data} for data in (ply(ROWS), pcd(ROWS), COMPRESSED)], read_cloud),
-    Entry("e57", lambda _: [{"scan.e57": e57(some_rows(150), pose=POSE)}], read_cloud, mend_e57),
-    Entry("capture", capture_seeds, read_recording),
-    Entry("ouster", ouster_seeds, read_recording, trials=50),
-    Entry("ouster-osf", osf_seeds, read_recording, mend_osf, trials=50),
-    Entry("capture-packed", packed_seeds, read_recording),
-    Entry("rosbag1", bag1_seeds, read_recording),
-    Entry("rosbag2", bag2_seeds, read_bag2),
+    Entry("las", las_seeds, (inspect_recording, read_cloud), trials=200),
+    Entry("laz", laz_seeds, (inspect_recording, read_cloud), trials=200),
+    Entry("copc", copc_seeds, (inspect_recording, read_cloud)),
+    Entry(
+        "pcd-ply",
+        lambda _: [{"points": data} for data in (ply(ROWS), pcd(ROWS), COMPRESSED)],
+        (inspect_recording, read_cloud),
+    ),
+    Entry("e57", lambda _: [{"scan.e57": e57(some_rows(150), pose=POSE)}], (inspect_recording, read_cloud), mend_e57),
+    Entry("capture", capture_seeds, EACH_WAY),
+    Entry("ouster", ouster_seeds, EACH_WAY, trials=50),
+    Entry("ouster-osf", osf_seeds, EACH_WAY, mend_osf, trials=50),
+    Entry("capture-packed", packed_seeds, EACH_WAY),
+    Entry("rosbag1", bag1_seeds, EACH_WAY),
+    Entry("rosbag2", bag2_seeds, OF_THE_FOLDER),
 )

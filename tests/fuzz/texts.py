@@ -30,7 +30,7 @@ from tests.core.readers.isoxml.time_logs import Record, header, task_data
 from tests.core.readers.test_boundary import RING, agopengps_folder
 from tests.fuzz.mutations import Files
 from tests.fuzz.positions import STATES, mend_nmea, nmea
-from tests.fuzz.reading import read_recording
+from tests.fuzz.reading import EACH_WAY
 from tests.fuzz.trials import Entry
 
 FIELD = shapely.Polygon([(141.33, 43.05), (141.34, 43.05), (141.34, 43.06), (141.33, 43.06)])
@@ -198,7 +198,7 @@ TEXTS = (
     Entry("parameters", parameters, read_par),
     Entry("mount", mounts, lambda path: read_mount(path, 1.78e9, []), trials=60),
     Entry("session", sessions, read_session, trials=60),
-    Entry("task-data-zip", archives, read_recording),
+    Entry("task-data-zip", archives, EACH_WAY),
     Entry("fields", worked, lambda path: fields(path.parent), trials=50),
     Entry("drive", lambda folder: [{"gnss.nmea": nmea(40)}], drive, mend_nmea, trials=60),
 )

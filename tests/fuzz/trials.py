@@ -35,16 +35,21 @@ class Entry:
     Attributes:
         name: of the format.
         seeds: makes valid inputs, small ones, in an empty folder that it may use.
-        read: reads an input to its end, given the path of its first file.
+        ways: how an input is read, given the path of its first file; inputs go to each of them in turn.
         mend: makes the checksums of a damaged file right again.
         trials: number of inputs in `make test`.
     """
 
     name: str
     seeds: Callable[[Path], Sequence[Files]]
-    read: Callable[[Path], object]
+    ways: Callable[[Path], object] | Sequence[Callable[[Path], object]]
     mend: Callable[[bytes], bytes] | None = None
     trials: int = 100
+
+    def read(self, path: Path, number: int) -> None:
+        """Read the input of a number."""
+        ways = [self.ways] if callable(self.ways) else self.ways
+        ways[number % len(ways)](path)
 
 
 @dataclass(frozen=True)
@@ -148,7 +153,8 @@ def run(entry: Entry, seeds: Sequence[Files], first: int, count: int, folder: Pa
 def _child(entry: Entry, seeds: Sequence[Files], numbers: range, state: mmap.mmap, folder: Path) -> None:
     """Read inputs, one after the other; the process may die of any of them."""
     for number, seed in enumerate(seeds):  # kernels are loaded, and the seeds are seen to be sound
-        entry.read(lay(folder / f"sound{os.getpid()}-{number}", seed))
+        for way in (0, 1):
+            entry.read(lay(folder / f"sound{os.getpid()}-{number}-{way}", seed), way)
     null = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(null, stream)
@@ -181,7 +187,7 @@ def _child(entry: Entry, seeds: Sequence[Files], numbers: range, state: mmap.mma
 def _read(entry: Entry, path: Path, number: int) -> Finding | bool:
     """Whether an input was refused, with an error in three parts; what else it ended in."""
     try:
-        entry.read(path)
+        entry.read(path, number)
     except FurrowmapError as error:
         if all(error.lines) and error.code not in ("failed", "fault"):
             return True
