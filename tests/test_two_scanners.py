@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import laspy
 import numpy as np
 import pytest
@@ -103,3 +105,20 @@ def test_session_and_page_of_the_result__name_both(result: furrowmap.Result) -> 
     page = (result.path / "report.html").read_text("utf-8")
     assert "<h2>スキャナの一覧</h2>" in page
     assert ">基準<" in page
+    assert "作業機はrearのスキャンから追跡しています" in page
+
+
+def test_tool__is_followed_by_the_second_scanner_where_the_first_does_not_show_it(result: furrowmap.Result) -> None:
+    drive = result.path.parent / "drive"
+    head, rear, rest = (drive / "session.toml").read_text("utf-8").split("[[lidar]]")
+    front, implement = rest.split("[implement]")
+    stated = 'files = ["second.pcap"]\nminus_gnss_s = 0.0\n'
+    front = front.replace(stated, "").replace("[0.0, 35.0, 0.0]", "[0.7, 35.9, -0.8]")
+    rear = rear.replace('"rear"\n', '"rear"\n' + stated.replace("second", "recording"))
+    head = head.replace("recording.pcap", "second.pcap").replace("minus_gnss_s = 0.0", "minus_gnss_s = 0.012")
+    swapped = drive / "swapped.toml"
+    swapped.write_text(f"{head}[[lidar]]{front}[[lidar]]{rear}[implement]{implement}", "utf-8")
+    figures = furrowmap.run(swapped, result.path.parent / "swapped").report["figures"]
+    assert [(one["name"], one["shows_implement"]) for one in figures["scanners"]] == [("front", False), ("rear", True)]
+    truth = json.loads((drive / "truth" / "figures.json").read_text("utf-8"))
+    assert figures["worked_area_m2"] == pytest.approx(truth["worked_area_m2"], rel=0.01)

@@ -151,7 +151,7 @@ def run(
     scale = ground_scale(frame, located.trajectory) if matched is None else 1.0
     mounting = _mounting(session, matched, flown.boresight)
     placer = placer_of(located, mounting, carrier, scale)
-    further = further_recordings(opened, lidar, mounting, matched, located.trajectory, progress)
+    further = further_recordings(opened, lidar, mounting, matched, located.trajectory, implement, progress)
     if further:
         watch.lap("scanners")
     frames = None
@@ -168,7 +168,10 @@ def run(
         placement = _place(opened, scans, placers, add, classifiers(machine, further))
     watch.lap("placing")
     refuse_empty(placement, located.trajectory, session)
-    work = implement.work(located.trajectory, frame, boundary, states)
+    number, tracker = next(
+        ((k, one.implement) for k, one in enumerate(further, start=1) if one.implement is not None), (0, implement)
+    )
+    work = replace(tracker.work(located.trajectory, frame, boundary, states), scanner=number)
     watch.lap("work")
     notices = [*positions.notices, *located.notices, *lidar.notices, *mount_notices, *image_notices]
     notices += session_notices(session, located, matched=matched is not None) + position_notices(placement, located)

@@ -28,17 +28,24 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FurtherRecording:
-    """The recording of a further scanner with the clock that is used, and the machine as it sees it."""
+    """The recording of a further scanner with the clock that is used, and the machine as it sees it.
+
+    Attributes:
+        implement: follows the implement if no scanner before this one shows it; else None.
+    """
 
     lidar: LidarRecording
     found: RelativeMounting
     machine: MachineVoxels | None
+    implement: ImplementTracker | None
 
     def scans(self, number: int) -> Iterator[Scan]:
         """Its scans, as those of that number in the session, without the errors of its lasers."""
         scans = self.lidar.scans()
         if self.found.ranges is not None:
             scans = map(self.found.ranges.corrected, scans)
+        if self.implement is not None:
+            scans = self.implement.following(scans)
         return ahead((replace(scan, scanner=number) for scan in scans), SCANS_AHEAD)
 
 
@@ -48,6 +55,7 @@ def further_recordings(
     mounting: Mounting,
     matched: Matched | None,
     trajectory: Trajectory,
+    implement: ImplementTracker,
     progress: Progress,
 ) -> list[FurtherRecording]:
     """The further scanners, calibrated by the ground and the walls that the first one sees; none for a session of one.
@@ -57,8 +65,9 @@ def further_recordings(
         mounting: of the first scanner, which is used.
         matched: the result of scan matching; None without.
         trajectory: of the vehicle.
+        implement: has looked for it in the first scanner's scans.
     """
-    session = opened.session
+    session, shown = opened.session, implement.shown
     if not session.further_lidars:
         return []
     from furrowmap.core.adjustment.relative_mounting import FirstScanner, relative_mounting
@@ -71,14 +80,14 @@ def further_recordings(
         recording = opened.lidar(float(np.mean(trajectory.span_s)), number=number)
         if lidar.minus_gnss_s is None and matched is not None:
             recording = recording.ahead_by(matched.clock_used_s)
-        # Its own view shows the vehicle; the implement is the first scanner's to find.
-        alone = msgspec.structs.replace(session, lidar=lidar, implement=None, further_implements=())
-        tracker = ImplementTracker(alone)
+        tracker = ImplementTracker(msgspec.structs.replace(session, lidar=lidar), flying=implement.flying)
         scans = watched(ahead(recording.scans(), SCANS_AHEAD), recording, progress, "reading scans")
         found = relative_mounting(reference, scans, lidar.mounting, tracker.add_scan)
         machine = tracker.learn(trajectory)
         machine = replace(machine, mounting=found.mounting) if machine is not None else None
-        out.append(FurtherRecording(recording.ahead_by(found.clock_used_s), found, machine))
+        follows = tracker if tracker.shown and not shown else None
+        shown = shown or tracker.shown
+        out.append(FurtherRecording(recording.ahead_by(found.clock_used_s), found, machine, follows))
     return out
 
 

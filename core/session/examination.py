@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +19,7 @@ from furrowmap.core.readers.reader import (
     Reader,
     Recognised,
 )
+from furrowmap.core.runtime.errors import InputError, Notice
 from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc
 from furrowmap.core.values.clock_readings import ClockReading, likely_offset, overlap_s
 from furrowmap.core.values.scan import Clock
@@ -36,8 +38,28 @@ class Examined:
     @classmethod
     def read(cls, path: Path) -> Examined:
         """Read the file at `path` completely. Raises InputError if its format is unknown, or it cannot be read."""
-        reader = Recognised.by_content(path).open()
-        return cls(reader.inspect(), reader)
+        return next(cls._of_makers(path))
+
+    @classmethod
+    def each(cls, path: Path) -> list[Examined]:
+        """As :meth:`read`, once for each maker whose scanner is in a capture and can be read."""
+        makers, found = cls._of_makers(path), list[Examined]()
+        found.append(next(makers))
+        with suppress(InputError):
+            found += makers
+        return found
+
+    @classmethod
+    def _of_makers(cls, path: Path) -> Iterator[Examined]:
+        first, *others = Recognised.each_by_content(path)
+        known = [first, *(one for one in others if hasattr(first.reader, "scans") and hasattr(one.reader, "scans"))]
+        for one in known:
+            reader = one.open()
+            inspection = reader.inspect()
+            if len(known) > 1:
+                titles = ", ".join(other.reader.title for other in known if other is not one)
+                inspection = replace(inspection, notices=(*inspection.notices, Notice("several-makers", others=titles)))
+            yield cls(inspection, reader)
 
     @property
     def path(self) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -420,7 +421,16 @@ def _scanners(lidar: Sequence[Examined]) -> list[tuple[list[Examined], str | Non
         else:
             group.append(recording)
     facts = [(group, group[0].inspection.facts) for group in groups]
-    inside = [(group, known.get("sensors") or _of_bag(known).get("sensors") or [None]) for group, known in facts]
+    times = Counter(recording.path for recording in lidar)  # once for each maker
+    inside = [
+        (
+            group,
+            known.get("sensors")
+            or _of_bag(known).get("sensors")
+            or [known["sender"] if times[group[0].path] > 1 else None],
+        )
+        for group, known in facts
+    ]
     return [(group, source) for group, sources in inside for source in sources]
 
 
@@ -447,7 +457,8 @@ def _lidar(
                 "[[lidar]]",
                 f"name = {_quoted(own.name if own is not None and own.name else f'scanner {number + 1}')}",
             ]
-            lines += [f"files = {_names(recordings, folder)}"] if recordings is not scanners[0][0] else []
+            names = _names(recordings, folder)
+            lines += [f"files = {names}"] if names != _names(scanners[0][0], folder) else []
             lines += [f"source = {_quoted(source)}"] if source is not None else []
         lines += [f"model = {_quoted(model)}   # from the recording"] if model and source is None else []
         its = msgspec.structs.replace(machine, lidar=own, calibrated=None if number else machine.calibrated)

@@ -50,6 +50,7 @@ class FieldWork:
         external: states from another source that took the place of those seen; None where they did not.
         state_comparison: of external states with those seen; None where there are not both.
         tool: name of the implement; empty where there is one alone.
+        scanner: number in the session of the scanner whose scans show it.
         others: of the other implements of the machine; `notices` has theirs as well.
     """
 
@@ -64,6 +65,7 @@ class FieldWork:
     external: ToolStates | None = None
     state_comparison: StateComparison | None = None
     tool: str = ""
+    scanner: int = 0
     others: tuple[FieldWork, ...] = ()
 
     @property
@@ -130,7 +132,7 @@ class ImplementTracker:
     """
 
     def __init__(self, session: Session, earlier: Sequence[SeenImplement | None] = (), *, flying: bool = False) -> None:
-        self._flying = flying
+        self.flying = flying
         self._session = session
         stated: Sequence[Implement | None] = session.implements or (None,)
         self._tools = [_ImplementTracking(*pair) for pair in zip_longest(stated, earlier[: len(stated)])]
@@ -138,6 +140,11 @@ class ImplementTracker:
         self._near: NearScans | None = NearScans(session.lidar.mounting, max([FRONT_M, *reach_m]))
         self._notices: tuple[Notice, ...] = ()
         self._ringed: list[bool] = []
+
+    @property
+    def shown(self) -> bool:
+        """Whether an implement is known, once they were looked for."""
+        return any(tool.heights is not None for tool in self._tools)
 
     def add_scan(self, scan: Scan) -> None:
         """Add a scan of the first pass."""
@@ -160,7 +167,7 @@ class ImplementTracker:
             for tool in self._tools:
                 tool.learned = Learned(None, (Notice("implement-no-rings"),))
             return None
-        if self._flying:
+        if self.flying:
             return learn_machine(near, np.ones(len(near), np.bool_), mounting, (), AIRBORNE)
         for tool in self._tools:
             tool.learn(near, mounting)

@@ -38,8 +38,7 @@ class ToolHeights:
         contrast: (n,) log-likelihood of the best height over the best on the other side of the threshold.
         whole: (n,) bool, False for a revolution truncated by the start, the end or a pause.
         soil_m: (n,) height of the soil beside it above the ground plane; nan where not seen.
-        scan: (m,) int64 numbers of the scans with returns.
-        scan_begin_s: (m,) UTC of the first return of each.
+        scan_begin_s: (m,) UTC of the first return of each scan with returns.
         scan_end_s: (m,) of the last one.
     """
 
@@ -49,7 +48,6 @@ class ToolHeights:
     contrast: FloatArray
     whole: NDArray[np.bool_]
     soil_m: FloatArray
-    scan: NDArray[np.int64]
     scan_begin_s: FloatArray
     scan_end_s: FloatArray
 
@@ -86,7 +84,7 @@ class ToolHeightTracker:
         if not goes_on:
             self._end_turn(whole=False)
         self._last_s = end_s
-        self._scans.extend((scan.number, begin_s, end_s))
+        self._scans.extend((begin_s, end_s))
         region = self._implement.region
         _gather(
             np.ascontiguousarray(scan.xyz_m, np.float32),
@@ -115,13 +113,13 @@ class ToolHeightTracker:
 
     def latest(self, turns: int) -> ToolHeights:
         """Those of the last complete revolutions; earlier ones are forgotten."""
-        del self._turns[: -6 * turns], self._scans[: -3 * turns]
+        del self._turns[: -6 * turns], self._scans[: -2 * turns]
         return self._stored()
 
     def _stored(self) -> ToolHeights:
         t_s, height, seen, contrast, whole, soil = np.array(self._turns).reshape(-1, 6).T
-        number, begin_s, end_s = np.array(self._scans).reshape(-1, 3).T
-        return ToolHeights(t_s, height, seen, contrast, whole > 0, soil, number.astype(np.int64), begin_s, end_s)
+        begin_s, end_s = np.array(self._scans).reshape(-1, 2).T
+        return ToolHeights(t_s, height, seen, contrast, whole > 0, soil, begin_s, end_s)
 
     def _end_turn(self, *, whole: bool) -> None:
         """Finish the current revolution; points beyond the split belong to the next one."""

@@ -46,8 +46,7 @@ class ToolHistory:
     """The tool over a recording.
 
     Attributes:
-        scan: (n,) int64 number of each scan with returns.
-        t_s: (n,) UTC of the middle of each.
+        t_s: (n,) UTC of the middle of each scan with returns.
         tool_height_m: (n,) above the working position; nan where unknown.
         soil_height_m: (n,) of the soil beside the tool above the ground plane; nan where unknown.
         state: (n,) int8, values of :class:`ToolState`.
@@ -56,7 +55,6 @@ class ToolHistory:
         threshold_m: height above the working position below which the tool is down.
     """
 
-    scan: NDArray[np.int64]
     t_s: FloatArray
     tool_height_m: FloatArray
     soil_height_m: FloatArray
@@ -88,7 +86,6 @@ def tool_history(heights: ToolHeights, implement: SeenImplement, working_depth_m
     reach_s = 4.0 * implement.region.turn_s
     now = _interpolate(t, heights.t_s, np.where(confidence > 0.0, confidence, np.nan), reach_s)
     return ToolHistory(
-        scan=heights.scan,
         t_s=t,
         tool_height_m=_interpolate(t, heights.t_s, height, reach_s),
         soil_height_m=_interpolate(t, heights.t_s, heights.soil_m, reach_s),

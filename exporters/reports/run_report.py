@@ -260,12 +260,20 @@ def _figures(found: RunResult, cloud: CopcSummary | None) -> dict[str, Any]:
 
 
 def scanners(found: RunResult) -> list[dict[str, Any]]:
-    """Name, files, number of scans and of points in the cloud of each scanner."""
-    placement = found.placement
+    """Name, files, number of scans and of points in the cloud of each scanner; in whose scans the implement is seen."""
+    placement, seeing = found.placement, found.work.scanner if found.work.seen is not None else None
     lidars = found.session.lidars if placement.scans_of else ()  # positions alone have none
     return [
-        {"name": lidar.name, "files": list(lidar.files), "scans": scans, "points": points}
-        for lidar, scans, points in zip(lidars, placement.scans_of, placement.points_of, strict=True)
+        {
+            "name": lidar.name,
+            "files": list(lidar.files),
+            "scans": scans,
+            "points": points,
+            "shows_implement": number == seeing,
+        }
+        for number, (lidar, scans, points) in enumerate(
+            zip(lidars, placement.scans_of, placement.points_of, strict=True)
+        )
     ]
 
 

@@ -28,6 +28,8 @@ _TOOL_COLUMNS: Final = {
     "pass": "pass_{}",
 }
 """Names of the columns of a further tool in `trajectory`, by those of the first."""
+_SAME_SCAN_S: Final = 0.25
+"""Largest distance in time between a pose and the scan that shows the tool, which may be of another scanner."""
 _TOOL_EVENTS: Final = ("down", "up")
 """Events of the tool; the others are of the vehicle."""
 
@@ -152,8 +154,10 @@ def _tool_columns(poses: ScanPoses, work: FieldWork) -> Columns:
     state, confidence, height = np.full(n, ToolState.UNKNOWN, np.int8), np.zeros(n), np.full(n, np.nan)
     history = work.history
     if history is not None:
-        row = np.searchsorted(history.scan, poses.scan)
-        state, confidence, height = history.state[row], history.confidence[row], history.tool_height_m[row]
+        row = np.searchsorted(0.5 * (history.t_s[1:] + history.t_s[:-1]), poses.t_s)
+        at = np.abs(history.t_s[row] - poses.t_s) < _SAME_SCAN_S
+        for into, of in ((state, history.state), (confidence, history.confidence), (height, history.tool_height_m)):
+            into[at] = of[row[at]]
     if work.external is not None:
         state, confidence = work.external.at(poses.t_s)
     return {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -181,5 +182,11 @@ def calibrated_text(text: str, calibration: Calibration) -> str:
         xyz = ", ".join(f"{place:.3f}" for place in calibration.found.xyz_m)
         text = with_value(text, "lidar", "xyz_m", f"[{xyz}]")
     if calibration.clock_differs:
-        text = with_value(text, "recording", "lidar_minus_gnss_s", f"{calibration.offset_s[0]:.4f}")
+        said = tomllib.loads(text)
+        lidar, offset = said.get("lidar", {}), f"{calibration.offset_s[0]:.4f}"
+        its_own = "minus_gnss_s" in (lidar[0] if isinstance(lidar, list) else lidar)
+        if its_own:
+            text = with_value(text, "lidar", "minus_gnss_s", offset)
+        if not its_own or "lidar_minus_gnss_s" in said["recording"]:
+            text = with_value(text, "recording", "lidar_minus_gnss_s", offset)
     return text

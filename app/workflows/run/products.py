@@ -240,7 +240,7 @@ def write_products(
     for number, work in enumerate(found.work.each, start=1):
         if work.states is not None:
             write_states(staging / of_tool(STATES, number), work.states)
-        if work.seen is not None:
+        if work.seen is not None and found.work.scanner == 0:  # a later session looks for it in the first one's scans
             save_implement(staging / of_tool(LEARNED, number), work.seen)
     crops, response = (made.parcels.found, made.parcels.response) if made.parcels is not None else ((), None)
     features = made.features.account if made.features is not None else None

@@ -99,7 +99,7 @@ def proposed(
 def _examined(path: Path, others: Set[Path], skipped: list[Notice]) -> list[Examined]:
     """A recording, or those in a folder without `others`; what is not used there is added to `skipped`."""
     if not path.is_dir() or is_recording(path):
-        return [Examined.read(path)]
+        return Examined.each(path)
     found: list[Examined] = []
     names = []
     for file in sorted(path.iterdir()):
@@ -108,7 +108,7 @@ def _examined(path: Path, others: Set[Path], skipped: list[Notice]) -> list[Exam
         if file.is_dir() and not is_recording(file):
             continue
         try:
-            found.append(Examined.read(file))
+            found += Examined.each(file)
         except InputError as error:
             names.append(printable(file.name))
             skipped.append(Notice("recording-unused", file=printable(file.name), what=error.what))

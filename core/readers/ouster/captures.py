@@ -165,6 +165,7 @@ class OusterReader(FileReader, ABC):
             pass
         facts: dict[str, Any] = decoder.facts() | {
             "profile": self._sensors[0].metadata.profile,
+            "sender": self._sensors[0].name,
             "other_packets": dict(others.most_common()),
             "first": iso_utc(decoder.counts.first_s),
             "last": iso_utc(decoder.counts.last_s),

@@ -75,6 +75,16 @@ def test_a_key_that_is_not_there_is_added_to_its_table(without: str) -> None:
     assert session["implement"] == {"width_m": 2.0}
 
 
+def test_clock_of_the_first_scanner__is_written_where_the_session_states_it() -> None:
+    own = SESSION.replace("lidar_minus_gnss_s = 0.1  # by eye\n", "")
+    own = own.replace("[lidar]\n", '[[lidar]]\nname = "rear"\nminus_gnss_s = 0.1\n')
+    session = tomllib.loads(calibrated_text(own, found(turned=True, late=True)))
+    assert session["lidar"] == [
+        {"name": "rear", "minus_gnss_s": 0.25, "xyz_m": [-0.6, 0.0, 2.4], "rpy_deg": [0.5, 39.5, 180.25]}
+    ]
+    assert session["recording"] == {"lidar": ["a.pcap"]}
+
+
 def test_indented_tables_and_keys_are_found() -> None:
     indented = "".join(f"  {line}" if line.strip() else line for line in SESSION.splitlines(keepends=True))
     session = tomllib.loads(calibrated_text(indented, found(turned=True, late=True)))

@@ -13,6 +13,7 @@ from furrowmap.core.session.file import parse_session, together
 from furrowmap.core.session.machine import machine_of, machine_text, parse_machine
 from furrowmap.core.session.proposal import propose_session
 from furrowmap.core.session.toml_edit import with_value
+from tests.core.readers import hesai_packets
 from tests.core.readers.velodyne_packets import frame, frames, turning, write_pcap
 
 HEAD = 'furrowmap = 1\ncrs = { map = "EPSG:6677" }\n'
@@ -102,7 +103,7 @@ def test_proposed_session__has_a_table_for_each_scanner(tmp_path: Path) -> None:
     both = write_pcap(tmp_path / "both.pcap", [each for pair in zip(one, two, strict=True) for each in pair])
 
     def proposed(*paths: Path) -> list[tuple[tuple[str, ...], str | None]]:
-        text = propose_session([Examined.read(path) for path in paths], tmp_path).text
+        text = propose_session([one for path in paths for one in Examined.each(path)], tmp_path).text
         assert text.count("[[lidar]]") in (0, 2)
         text = text.replace('map = "FILL-IN"', 'map = "EPSG:6677"')
         return [(lidar.files, lidar.source) for lidar in parse_session(text).lidars]
@@ -111,3 +112,12 @@ def test_proposed_session__has_a_table_for_each_scanner(tmp_path: Path) -> None:
     assert proposed(a, c) == [(("a.pcap", "c.pcap"), None)]
     names = [f"192.168.1.{number} to port 2368" for number in (201, 202)]
     assert proposed(both) == [(("both.pcap",), name) for name in names]
+    packets = hesai_packets.turning("PandarXT-32", 60)
+    hesai = [(t_s, frame(packet, port=2369)) for (t_s, _), packet in zip(one, packets, strict=True)]
+    makers = write_pcap(tmp_path / "makers.pcap", [each for pair in zip(one, hesai, strict=True) for each in pair])
+    (first, of_first), (second, of_second) = proposed(makers)
+    assert first == second == ("makers.pcap",)
+    assert {of_first, of_second} == {f"192.168.1.201 to port {port}" for port in (2368, 2369)}
+    said = [notice.text for notice in Examined.read(makers).inspection.notices if notice.code == "several-makers"]
+    assert len(said) == 1
+    assert "packets in a PCAP capture" in said[0]

@@ -48,7 +48,7 @@ def test_samples__states_transitions_and_heights_are_true(shared_data: Path, nam
         watch.add(scan)
     history = tool_history(watch.heights(), learned.implement, depth_m)
 
-    assert history.scan.tolist() == [scan.number for scan in scans if len(scan)]
+    assert len(history.t_s) == sum(len(scan) > 0 for scan in scans)
     changes = np.flatnonzero(np.diff(truth["state"] == "down")) + 1
     states = history.states
     assert np.array_equal(states.begin_s[1:], states.end_s[:-1])

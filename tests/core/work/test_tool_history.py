@@ -50,7 +50,6 @@ def tool(height_m: Callable[[FloatArray], FloatArray], length_s: float = 60.0) -
         np.full(n, 1000.0),
         np.ones(n, bool),
         np.zeros(n),
-        np.arange(n, dtype=np.int64),
         begin_s,
         begin_s + TURN_S,
     )

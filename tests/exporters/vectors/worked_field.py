@@ -31,7 +31,6 @@ def worked_field() -> tuple[ScanPoses, FieldWork]:
     height[100:120] = np.nan
     number = np.arange(len(t_s))
     history = ToolHistory(
-        scan=number,
         t_s=t_s,
         tool_height_m=height,
         soil_height_m=np.zeros(len(t_s)),
