@@ -88,13 +88,7 @@ class ArrivedPackets:
             self._follow_turns(data, offset[turned], legacy=data_lengths()[int(length[turned][0])])
 
     def _follow_spinning(
-        self,
-        maker: Maker,
-        product: IntArray,
-        data: ByteArray,
-        offset: IntArray,
-        length: IntArray,
-        arrived_ns: IntArray,
+        self, maker: Maker, product: IntArray, data: ByteArray, offset: IntArray, length: IntArray, arrived_ns: IntArray
     ) -> None:
         model = next((model for model in maker.models if model.product == product.max()), None)
         if model is None:

@@ -17,11 +17,7 @@ from furrowmap.core.values.gnss import Fix
 
 Kind: TypeAlias = type[NmeaLog] | type[UbxLog] | type[SbfLog]
 
-_MARKS: Final[dict[Kind, bytes]] = {
-    NmeaLog: b"$",
-    UbxLog: UBX.sync,
-    SbfLog: SBF.sync,
-}
+_MARKS: Final[dict[Kind, bytes]] = {NmeaLog: b"$", UbxLog: UBX.sync, SbfLog: SBF.sync}
 """What a message of each format begins with."""
 _MIN_BYTES: Final = 256
 """From this on the format is looked for."""

@@ -68,10 +68,7 @@ def far_from_middle(xyz_m: FloatArray) -> NDArray[np.bool_]:
     last = np.append(first[1:], len(xyz_m)) - 1
     kept = ~np.logical_and.reduceat(far, first)
     if len(first) <= MAX_STRETCHES:
-        for stretches, near, other in (
-            (range(len(first)), first, last),
-            (range(len(first) - 1, -1, -1), last, first),
-        ):
+        for stretches, near, other in ((range(len(first)), first, last), (range(len(first) - 1, -1, -1), last, first)):
             at = None
             for k in stretches:
                 kept[k] |= at is not None and bool(np.linalg.norm(xyz_m[near[k]] - xyz_m[at]) <= MAX_STEP_M)
@@ -105,10 +102,7 @@ def strays(t_s: FloatArray, xyz_m: FloatArray, sigma_m: FloatArray) -> NDArray[n
     for anchor in np.argsort(-size, kind="stable")[:STRAY_ANCHORS].tolist():
         kept = np.zeros(len(first), bool)
         kept[anchor] = True
-        for way, near, far in (
-            (range(anchor + 1, len(first)), begin, end),
-            (range(anchor - 1, -1, -1), end, begin),
-        ):
+        for way, near, far in ((range(anchor + 1, len(first)), begin, end), (range(anchor - 1, -1, -1), end, begin)):
             at = far[anchor]
             for k in way:
                 if not _apart(at, near[k]):

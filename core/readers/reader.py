@@ -230,10 +230,11 @@ class GivesStates(Protocol):
 
 @dataclass(frozen=True)
 class Recognised:
-    """A file and the reader class with the highest certainty."""
+    """A file, a class of readers, and how certain it is that the file is of its format."""
 
     head: Head
     reader: type[Reader]
+    certainty: float
 
     def open(self, options: ReadOptions | None = None) -> Reader:
         """The reader, opened on this file alone."""
@@ -257,7 +258,7 @@ class Recognised:
         """All readers of a file, the most certain first; errors as :meth:`by_content`."""
         head = look(path)
         scores = sorted(((reader.recognise(head), reader.format, reader) for reader in readers()), key=lambda s: s[:2])
-        found = [cls(head, reader) for certainty, _, reader in reversed(scores) if certainty > 0]
+        found = [cls(head, reader, certainty) for certainty, _, reader in reversed(scores) if certainty > 0]
         if not found:
             raise _unknown(head)
         return found

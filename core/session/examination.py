@@ -24,6 +24,8 @@ from furrowmap.core.values.clock import DAY_S, HOUR_S, iso_utc
 from furrowmap.core.values.clock_readings import ClockReading, likely_offset, overlap_s
 from furrowmap.core.values.scan import Clock
 
+_POSSIBLE: Final = 0.5
+"""Certainty of a reader that takes any capture, to say what is in it."""
 _LONGEST_S: Final = 1e10
 """Centuries: a clock that is off by more shows no time at all."""
 
@@ -52,7 +54,9 @@ class Examined:
     @classmethod
     def _of_makers(cls, path: Path) -> Iterator[Examined]:
         first, *others = Recognised.each_by_content(path)
-        known = [first, *(one for one in others if hasattr(first.reader, "scans") and hasattr(one.reader, "scans"))]
+        known = [first]
+        if hasattr(first.reader, "scans"):
+            known += [one for one in others if hasattr(one.reader, "scans") and one.certainty > _POSSIBLE]
         for one in known:
             reader = one.open()
             inspection = reader.inspect()

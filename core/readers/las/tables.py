@@ -37,9 +37,7 @@ _PLY_TYPES: Final = {
     "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
     "float32": "f4", "float64": "f8",
 }  # fmt: skip
-_PCD_TYPES: Final = {
-    *("F4", "F8", "I1", "I2", "I4", "I8", "U1", "U2", "U4", "U8"),
-}
+_PCD_TYPES: Final = {*("F4", "F8", "I1", "I2", "I4", "I8", "U1", "U2", "U4", "U8")}
 _CLASSES: Final = ("classification", "class", "label")
 
 

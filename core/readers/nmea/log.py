@@ -157,12 +157,7 @@ def _by(counts: SentenceCounts, part: Callable[[str], str]) -> dict[str, int]:
 
 
 def assemble(
-    sentences: Sentences,
-    name: str,
-    *,
-    date: str | None,
-    near_s: float | None,
-    place: Callable[[int], str],
+    sentences: Sentences, name: str, *, date: str | None, near_s: float | None, place: Callable[[int], str]
 ) -> LoggedPositions:
     """The positions of the receiver with the best and most of them; undated times count from their first midnight.
 
@@ -262,12 +257,7 @@ def _belongs(sentences: Sentences, mine: NDArray[np.bytes_], positioned: list[by
 
 
 def _times(
-    positions: Sentences,
-    log: Sentences,
-    notices: list[Notice],
-    name: str,
-    stated_s: float | None,
-    near_s: float | None,
+    positions: Sentences, log: Sentences, notices: list[Notice], name: str, stated_s: float | None, near_s: float | None
 ) -> tuple[FloatArray, bool]:
     """Times (n,) of the positions, and whether they are UTC; else they count from the midnight before the first."""
     tod = positions.column(Kind.GGA, "tod_s")

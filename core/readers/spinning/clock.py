@@ -182,10 +182,7 @@ class SensorClock:
 
 
 def settle(
-    device_us: NDArray[np.uint32],
-    host_s: FloatArray,
-    positions: list[PositionPacket],
-    near_s: float | None = None,
+    device_us: NDArray[np.uint32], host_s: FloatArray, positions: list[PositionPacket], near_s: float | None = None
 ) -> tuple[SensorClock, list[Notice]]:
     """Determine the origin of the sensor's stamps, and what is unusual about it.
 

@@ -257,10 +257,7 @@ class Maker:
         if found is None:
             near = difflib.get_close_matches(self._plain(name), by_name, 1)
             raise InputError(
-                "unknown-model",
-                name=name,
-                models=self.model_names,
-                by_name=by_name[near[0]].name if near else None,
+                "unknown-model", name=name, models=self.model_names, by_name=by_name[near[0]].name if near else None
             )
         return found
 

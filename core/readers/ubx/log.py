@@ -151,12 +151,7 @@ class UbxLog(ReceiverLog):
         return replace(positions, facts=facts)
 
     def _times(
-        self,
-        utc_s: FloatArray,
-        tow_s: FloatArray,
-        at: NDArray[np.int64],
-        messages: Mapping[int, Messages],
-        name: str,
+        self, utc_s: FloatArray, tow_s: FloatArray, at: NDArray[np.int64], messages: Mapping[int, Messages], name: str
     ) -> FloatArray | None:
         """UTC (n,) from the calendar where the receiver knows it, else from the time of week; None without a week."""
         dated_s, dated_at = _find_dates(messages)
@@ -180,13 +175,7 @@ def _read_pvt(pvt: Messages) -> dict[str, NDArray[Any]]:
     within, differential, carrier = (flags & 1) > 0, (flags & 2) > 0, flags >> 6
     positioned = np.isin(kind, (_2D, _3D, _COMBINED)) & within & ((flags3 & 1) == 0)
     fix = np.select(
-        [
-            (kind == _DEAD_RECKONING) & ((flags3 & 1) == 0),
-            ~positioned,
-            carrier == 2,
-            carrier == 1,
-            differential,
-        ],
+        [(kind == _DEAD_RECKONING) & ((flags3 & 1) == 0), ~positioned, carrier == 2, carrier == 1, differential],
         [Fix.ESTIMATED, Fix.NONE, Fix.FIXED, Fix.FLOAT, Fix.DGPS],
         Fix.SINGLE,
     )

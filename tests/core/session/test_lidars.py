@@ -118,6 +118,8 @@ def test_proposed_session__has_a_table_for_each_scanner(tmp_path: Path) -> None:
     (first, of_first), (second, of_second) = proposed(makers)
     assert first == second == ("makers.pcap",)
     assert {of_first, of_second} == {f"192.168.1.201 to port {port}" for port in (2368, 2369)}
-    said = [notice.text for notice in Examined.read(makers).inspection.notices if notice.code == "several-makers"]
-    assert len(said) == 1
-    assert "packets in a PCAP capture" in said[0]
+    alone = write_pcap(tmp_path / "alone.pcap", hesai)
+    said = [
+        [n.code for n in Examined.read(path).inspection.notices].count("several-makers") for path in (makers, alone)
+    ]
+    assert said == [1, 0]
