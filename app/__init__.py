@@ -12,7 +12,9 @@ Examples:
 
 from __future__ import annotations
 
+import re
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -128,68 +130,10 @@ if TYPE_CHECKING:
 
     __version__ = version("furrowmap")
 
-_PUBLIC_NAMES = {
-    "core.checking.check": "Check",
-    "core.checking.evaluation": "Evaluation",
-    "core.checking.paired_points": "PairedPoints",
-    "core.images.board": "Board",
-    "core.pointclouds.cleaning_steps": "Cleaning",
-    "core.readers.reader": "Inspection",
-    "core.runtime.errors": "FurrowmapError InputError Notice RefusedError UsageError",
-    "core.runtime.settings": "allowing using_threads",
-    "core.session.examination": "Examined time_matches",
-    "core.session.frames": "Frame FrameTree",
-    "core.session.site_coordinates": "SiteCoordinates site_coordinates",
-    "core.simulator.simulate": "Simulated",
-    "core.values.plot_grid": "PlotGrid",
-    "core.values.scan": "Scan",
-    "exporters.farm.edit": "KnownSession",
-    "exporters.farm.mosaic": "Mosaic",
-    "exporters.farm.traffic": "Wheels",
-    "exporters.reports.evaluation_figures": "evaluation_figures",
-    "points": "POINT Points open_points",
-    "recordings": "open_recording range_image",
-    "results": "Raster Result open_result",
-    "settings": "BatchSettings CanopySettings CheckSettings CleanSettings EvaluationSettings FeatureSettings"
-    " GrowthSettings MosaicSettings ParcelSettings ResponseSettings SeasonSettings SolveSettings"
-    " SurfaceSettings TieSettings TrafficSettings",
-    "workflows.batch.batch": "Batch batch",
-    "workflows.calibrate.calibrate": "Calibration calibrate",
-    "workflows.calibrate.mount": "MountCalibration calibrate_mount",
-    "workflows.clouds.check": "check check_pairs",
-    "workflows.clouds.clean": "clean",
-    "workflows.clouds.colour": "colour",
-    "workflows.clouds.features": "features",
-    "workflows.clouds.surface": "surface",
-    "workflows.crops.canopy": "canopy",
-    "workflows.crops.growth": "growth",
-    "workflows.crops.parcels": "parcels",
-    "workflows.crops.plots": "Place Plots plots",
-    "workflows.crops.response": "response",
-    "workflows.farm.farm": "FarmMapChange add_to_farm_map farm_map_sessions remove_from_farm_map",
-    "workflows.farm.fields": "Fields fields",
-    "workflows.farm.memory": "FarmMemory FieldHistory TrafficRaster farm_memory farm_traffic field_history",
-    "workflows.farm.mosaic": "mosaic",
-    "workflows.gnss.evaluate": "evaluate_gnss evaluation_table",
-    "workflows.gnss.solve": "SolvedPositions solve_gnss",
-    "workflows.live.live": "LiveSummary live",
-    "workflows.record.record": "Recorded record",
-    "workflows.run.preview": "preview",
-    "workflows.run.run": "run",
-    "workflows.season.season": "Season season",
-    "workflows.session.frames": "frames",
-    "workflows.session.init": "ProposedSession propose_session",
-    "workflows.session.inspect": "inspect",
-    "workflows.session.machines": "KnownMachine known_machines save_machine",
-    "workflows.session.simulate": "simulate",
-    "workflows.share.export": "Exported export",
-    "workflows.share.report": "write_report_page",
-    "workflows.share.share": "Shared share",
-    "workflows.tie.tie": "tie",
-}
-"""The public names of each module; they are imported on first use, so that `import furrowmap` takes no time."""
-
-_MODULES = {name: module for module, names in _PUBLIC_NAMES.items() for name in names.split()}
+# The imports above, which type checkers read, are the only list of the public names. Each is imported on its first use:
+# `import furrowmap` takes no time.
+_IMPORT = re.compile(r"^    from (furrowmap\.\S+) import \w+ as (\w+)$", re.MULTILINE)
+_MODULES = {name: module for module, name in _IMPORT.findall(Path(__file__).read_text(encoding="utf-8"))}
 
 __all__ = ["__version__", *_MODULES]
 
@@ -205,7 +149,7 @@ def __getattr__(name: str) -> Any:
 
         prepare_process()
         with importing():
-            value = getattr(import_module(f"furrowmap.{_MODULES[name]}"), name)
+            value = getattr(import_module(_MODULES[name]), name)
     else:
         raise AttributeError(f"module 'furrowmap' has no attribute {name!r}")
     globals()[name] = value
