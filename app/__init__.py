@@ -132,8 +132,9 @@ if TYPE_CHECKING:
 
 # The imports above, which type checkers read, are the only list of the public names. Each is imported on its first use:
 # `import furrowmap` takes no time.
-_IMPORT = re.compile(r"^    from (furrowmap\.\S+) import \w+ as (\w+)$", re.MULTILINE)
-_MODULES = {name: module for module, name in _IMPORT.findall(Path(__file__).read_text(encoding="utf-8"))}
+_SOURCE = Path(__file__).read_text(encoding="utf-8")
+_NAMED = re.findall(r"^    from (furrowmap\.\S+) import \w+ as (\w+)$", _SOURCE, re.MULTILINE)
+_MODULES = {name: module for module, name in _NAMED}
 
 __all__ = ["__version__", *_MODULES]
 

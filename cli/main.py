@@ -22,12 +22,16 @@ from furrowmap.core.runtime.errors import Cancelled, FurrowmapError, UsageError,
 from furrowmap.core.runtime.languages.catalogue import LANGUAGES
 from furrowmap.core.runtime.settings import using
 
-COMMANDS: Final = (
-    "init", "inspect", "record", "run", "live", "batch", "season", "surface", "cloud", "colour", "features", "parcels",
-    "growth", "canopy", "tie", "fields", "plots", "response", "export", "report", "share", "farm", "calibrate",
-    "machine", "crs", "frames", "gnss", "check", "explain", "simulate", "warm-up", "notebooks", "qgis", "worker",
-)  # fmt: skip
-"""Each is the function of that name, with _ for -, in the module of that name in this package."""
+COMMANDS: Final = {
+    "init": "session", "inspect": "session", "record": "record", "run": "run", "live": "live", "batch": "batch",
+    "season": "batch", "surface": "clouds", "cloud": "clouds", "colour": "clouds", "features": "clouds",
+    "parcels": "crops", "growth": "crops", "canopy": "crops", "tie": "tie", "fields": "fields", "plots": "crops",
+    "response": "crops", "export": "share", "report": "share", "share": "share", "farm": "farm",
+    "calibrate": "calibrate", "machine": "session", "crs": "session", "frames": "session", "gnss": "gnss",
+    "check": "clouds", "explain": "explain", "simulate": "session", "warm-up": "warm_up", "notebooks": "share",
+    "qgis": "share", "worker": "worker",
+}  # fmt: skip
+"""The module of this package that has each command, as the function of that name, with _ for -."""
 
 log = logging.getLogger("furrowmap.cli")
 
@@ -43,8 +47,8 @@ class Commands(CommandGroup):
         """The command of that name."""
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
-        name = cmd_name.replace("-", "_")
-        command: click.Command = getattr(import_module(f"furrowmap.cli.{name}"), name)
+        module = import_module(f"furrowmap.cli.{COMMANDS[cmd_name]}")
+        command: click.Command = getattr(module, cmd_name.replace("-", "_"))
         return command
 
     def invoke(self, ctx: click.Context) -> Any:

@@ -1,15 +1,18 @@
-"""`furrowmap share`: a result for people without a GIS."""
+"""The commands that pass things on: `share`, `export`, `report`, `notebooks` and `qgis`."""
 
 from __future__ import annotations
 
+import sys
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import click
 
 import furrowmap
 from furrowmap.cli.console import Console
-from furrowmap.cli.options import FILE, command, flag, output, overwrite
-from furrowmap.core.runtime.errors import printable
+from furrowmap.cli.options import FILE, command, files, flag, group, option, output, overwrite
+from furrowmap.core.runtime.errors import UsageError, printable
 
 
 @command(
@@ -35,3 +38,122 @@ def share(console: Console, result: Path, output: Path | None, *, qfield: bool, 
     with console.work() as progress:
         done = furrowmap.share(result, output, qfield=qfield, overwrite=overwrite, progress=progress)
     console.answer(done, f"{printable(str(done.start))}  {done.size_bytes / 1e6:.1f} MB")
+
+
+FORMAT_CHOICES = (
+    "gpkg", "geoparquet", "flatgeobuf", "geojson", "shapefile", "kml", "csv", "sbet", "tum", "poses", "glb", "isoxml",
+    "stac",
+)  # fmt: skip
+"""As in `furrowmap.workflows.share.export`, which `--help` must not wait for."""
+
+
+@command(
+    "Export results: GeoParquet, GeoJSON, KML, ISO 11783, STAC…",
+    "furrowmap export result --to geoparquet",
+    "furrowmap export result --to geojson --layer passes --layer misses -o for_the_web",
+)
+@files("results", "DIR...")
+@option("--to", "", "Output format.", default="gpkg", choices=FORMAT_CHOICES, label="Format")
+@output("TARGET", "Output file or folder [default: DIR_FORMAT beside DIR].", "Output file or folder")
+@option("--layer", "NAME", "Only this layer of field.gpkg. Repeatable.", "layers", multiple=True, label="Layers")
+@option(
+    "--dst-crs",
+    "CRS",
+    "CRS of the vector layers, such as EPSG:4326 [default: the session's].",
+    "crs",
+    label="CRS of the vectors",
+)
+@overwrite("Replace an existing TARGET.")
+def export(console: Console, results: tuple[Path, ...], to: str, output: Path | None, **options: Any) -> None:
+    """Convert the results of `furrowmap run` in DIR to another format.
+
+    Formats with one layer per file write a folder. isoxml writes ISO 11783-10 task data for farm software and
+    terminals, as a folder or, if TARGET ends in .zip, a ZIP archive. stac takes several DIRs and writes a catalogue of
+    them. GeoJSON and KML are always in WGS 84. sbet, tum and poses (CSV) are the trajectory alone, for other software.
+    glb is the surface with its orthophoto as a textured mesh, for 3D viewers.
+    """
+    with console.work() as progress:
+        done = furrowmap.export(results, to, output, **options, progress=progress)
+    console.warn_all(done.notices)
+    console.answer(
+        {"target": done.target, "files": done.files, "warnings": done.notices},
+        "\n".join(printable(str(path)) for path in done.files),
+    )
+
+
+@command(
+    "Show the report of a result in another language or unit, or as PDF.",
+    "furrowmap report result --lang ja --units 10a --pdf",
+)
+@click.argument("result", metavar="DIR", type=FILE)
+@output("FILE", "Page or PDF to write [default: report.html or report.pdf in DIR].")
+@option(
+    "--units",
+    "",
+    "Unit of areas; 10a: areas in ares, work rates per 10 a [default: as the report has it].",
+    choices=("ha", "10a", "acre"),
+)
+@flag("--pdf", "Write a PDF for printing, by an installed Chromium, Chrome or Edge.")
+def report(console: Console, result: Path, output: Path | None, units: str | None, *, pdf: bool) -> None:
+    """Write the report page of the result in DIR again, with --lang in another language, or print it to a PDF.
+
+    Without -o, the page replaces report.html. No figures are computed again.
+    """
+    written = furrowmap.write_report_page(result, output, area_unit=units, pdf=pdf)
+    console.answer({"output": written}, printable(str(written)))
+
+
+@command("Write the example notebooks.", "furrowmap notebooks examples")
+@click.argument("folder", metavar="DIR", type=click.Path(file_okay=False, path_type=Path))
+def notebooks(console: Console, folder: Path) -> None:
+    """Write the example notebooks to DIR. They run on simulated recordings and need the extra "notebooks"."""
+    from furrowmap.workflows.share.notebooks import write_notebooks
+
+    written = write_notebooks(folder)
+    console.answer({"notebooks": written}, "\n".join(f"Wrote {printable(str(path))}" for path in written))
+
+
+@group("Install the QGIS plugin.", "furrowmap qgis install", "furrowmap qgis zip")
+def qgis() -> None:
+    """The QGIS plugin that is bundled with furrowmap."""
+
+
+@command(
+    "Install the plugin into a QGIS profile.",
+    "furrowmap qgis install",
+    "furrowmap qgis install --profile fieldwork",
+    group=qgis,
+)
+@option("--profile", "NAME", "QGIS user profile [default: the one QGIS starts with].")
+@option("--plugins-folder", "DIR", "Plugins folder to use instead of a profile, such as one in QGIS_PLUGINPATH.")
+def install(console: Console, profile: str | None, plugins_folder: Path | None) -> None:
+    """Install and enable the bundled plugin in a QGIS user profile. The plugin will use this installation of furrowmap.
+
+    An earlier version of the plugin is replaced. Restart QGIS to load it.
+    """
+    from furrowmap.workflows.share.qgis_plugin import enable_plugin, find_profiles, install_plugin
+
+    if profile is not None and plugins_folder is not None:
+        raise UsageError("usage.install")
+    if plugins_folder is not None:
+        installed = [install_plugin(plugins_folder)]
+    else:
+        installed = []
+        for found in find_profiles(profile):
+            installed.append(install_plugin(found.plugins))
+            enable_plugin(found.settings)
+    enabled = plugins_folder is None
+    words = [f"Installed: {printable(str(folder))}" for folder in installed]
+    words.append("Restart QGIS to load it." if enabled else "Enable it in QGIS: Plugins > Manage and Install Plugins.")
+    console.answer({"installed": installed, "enabled": enabled, "python": sys.executable}, "\n".join(words))
+
+
+@command("Write the plugin as a zip.", "furrowmap qgis zip", "furrowmap qgis zip -o plugin.zip", name="zip", group=qgis)
+@output("FILE", "Output file [default: furrowmap-VERSION.zip].", "Output file")
+def write_zip(console: Console, output: Path | None) -> None:
+    """Write the bundled plugin as a zip, for 'Install from ZIP' in QGIS on any computer."""
+    from furrowmap.workflows.share.qgis_plugin import write_plugin_zip
+
+    written = output or Path(f"furrowmap-{version('furrowmap')}.zip")
+    write_plugin_zip(written)
+    console.answer({"zip": written}, f"Wrote {printable(str(written))}")

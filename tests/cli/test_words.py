@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from furrowmap.cli import batch, calibrate, check, farm, fields, gnss, growth, machine, response, tie
+from furrowmap.cli import batch, calibrate, clouds, crops, farm, fields, gnss, session, tie
 from furrowmap.cli.tables import MAX_PARCELS, file_size, parcel_table
 from furrowmap.core.checking.check import Accuracy, Check, Component
 from furrowmap.core.checking.evaluation import Age, Continuity
@@ -106,7 +106,7 @@ def test_check__tells_each_figure_under_its_name_and_the_five_largest_errors() -
     errors_m = [0.01, -0.06, None, 0.05, -0.02, 0.03, 0.04]
     rows = [{"name": f"P{k}", "error_h_m": error_m} for k, error_m in enumerate(errors_m)]
     found = Check("cloud", CRS.from_epsg(6677), (), accuracy, ())
-    told = rows_of(check._words(found, rows, accuracy.precision.verdicts(0.055)))
+    told = rows_of(clouds._check_words(found, rows, accuracy.precision.verdicts(0.055)))
     assert told == {
         "product": f"cloud, {CRS.from_epsg(6677).name}",
         "height": "7 points: mean -0.0110 m, standard deviation 0.0120 m, RMSE 0.0150 m, 95 % within 0.0170 m, "
@@ -130,7 +130,7 @@ def test_check__leaves_out_what_is_not_known() -> None:
     unknown = InternalPrecision(math.nan, math.nan, math.nan, math.nan, 0, "nothing")
     vertical = Component(1, 0.01, math.nan, 0.01, math.nan, 0.01, 0.01, 0.01, 0.01)
     found = Check("surface", CRS.from_epsg(6677), (), Accuracy(vertical, None, None, unknown), ())
-    told = rows_of(check._words(found, [{"name": "A", "error_h_m": 0.01}], {}))
+    told = rows_of(clouds._check_words(found, [{"name": "A", "error_h_m": 0.01}], {}))
     assert list(told) == ["product", "height", "RMSE vertical", "largest errors"]
 
 
@@ -147,7 +147,7 @@ def test_check__leaves_out_what_is_not_known() -> None:
 def test_verdicts__are_those_of_the_accuracies_asked_for(
     vertical_m: float, horizontal_m: float | None, required: tuple[float | None, float | None], met: dict[str, bool]
 ) -> None:
-    verdicts = check._verdicts(vertical_m, horizontal_m, required)
+    verdicts = clouds._verdicts(vertical_m, horizontal_m, required)
     assert {name: verdict["met"] for name, verdict in verdicts.items()} == met
     for name, verdict in verdicts.items():
         rmse_m, required_m = (vertical_m, required[0]) if name == "vertical" else (horizontal_m, required[1])
@@ -159,7 +159,7 @@ def test_pairs__are_measured_less_surveyed_by_axis() -> None:
         np.array([[1.5, 2.0, 3.0], [1.0, 2.0, math.nan]]),
         np.array([[1.0, 2.25, 2.0], [0.0, 2.0, 9.0]]),
     )
-    lines = check._pair_words(PairedPoints(("A", "B"), measured, surveyed, ("C", "D"))).splitlines()
+    lines = clouds._pair_words(PairedPoints(("A", "B"), measured, surveyed, ("C", "D"))).splitlines()
     assert [line.split() for line in lines[1:]] == [
         ["A", "+0.5000", "-0.2500", "+1.0000"],
         ["B", "+1.0000", "+0.0000", "—"],
@@ -228,7 +228,7 @@ def test_size_of_a_file__has_its_unit(size_bytes: int, words: str, tmp_path: Pat
     ],
 )
 def test_growth__tells_how_a_flight_was_aligned(found: dict[str, Any] | None, words: str) -> None:
-    assert growth._alignment({"alignment": found}) == words
+    assert crops._alignment({"alignment": found}) == words
 
 
 def test_response__tells_the_curve_and_the_analysis_of_each_flight() -> None:
@@ -239,7 +239,7 @@ def test_response__tells_the_curve_and_the_analysis_of_each_flight() -> None:
     bare = {"words": "No curve.", "curve": None, "variance": None, "parcels": 3, "day": None}
     full = {"words": "A curve.", "curve": curve, "variance": {"rows": source}, "parcels": 12, "day": "2026-06-11"}
     account = {"flights": [full, bare], "products": ["response.csv", "response.json"]}
-    assert response._words(account, Path("out")).splitlines() == [
+    assert crops._response_words(account, Path("out")).splitlines() == [
         "12 parcels, 2026-06-11",
         "             A curve.",
         "  lower      0.5 (95 %: 0.25 to 0.75)",
@@ -401,7 +401,7 @@ MACHINE = Machine(
     ],
 )
 def test_saved_machine__is_told_by_what_it_states(profile: Machine | None, words: str) -> None:
-    assert machine._what(KnownMachine("M", Path("m.toml"), profile)) == words
+    assert session._machine_words(KnownMachine("M", Path("m.toml"), profile)) == words
 
 
 def test_parcels__as_many_as_are_shown_have_no_rest() -> None:

@@ -6,7 +6,7 @@ import json
 from collections import deque
 from pathlib import Path
 
-from furrowmap.cli.inspect import _value
+from furrowmap.cli.session import _inspection_value
 from furrowmap.core.readers.imu_csv import QUANTITIES, ImuCsv
 from furrowmap.core.readers.reader import ReadOptions, Recognised
 from furrowmap.core.runtime.json_text import plain
@@ -30,7 +30,7 @@ def bag_seeds(folder: Path) -> list[Files]:
 def read_bag(path: Path) -> None:
     """All but scans, of which it has none."""
     found = Recognised.by_content(path)
-    json.dumps(plain(_value(found.inspect(OPTIONS))), allow_nan=False)
+    json.dumps(plain(_inspection_value(found.inspect(OPTIONS))), allow_nan=False)
     reader = found.open(OPTIONS)
     for give in ("inertial", "track"):
         if hasattr(reader, give):
@@ -57,7 +57,7 @@ def line_seeds(folder: Path) -> list[Files]:
 def read_line(path: Path) -> None:
     """The sweeps, and what `inspect` reports."""
     found = Recognised.by_content(path)
-    json.dumps(plain(_value(found.inspect(OPTIONS))), allow_nan=False)
+    json.dumps(plain(_inspection_value(found.inspect(OPTIONS))), allow_nan=False)
     reader = found.open(OPTIONS)
     if hasattr(reader, "scans"):
         deque(reader.scans(), maxlen=0)

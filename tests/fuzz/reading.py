@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from furrowmap.cli.inspect import _value, _words
+from furrowmap.cli.session import _inspection_value, _inspection_words
 from furrowmap.core.readers.las.cloud import open_cloud
 from furrowmap.core.readers.reader import (
     GivesAttitude,
@@ -30,8 +30,8 @@ OPTIONS = ReadOptions(date="2026-06-11", week=2422)
 def inspect_recording(path: Path) -> None:
     """What `furrowmap inspect` reports of a file, as words and as JSON."""
     inspection = Recognised.by_content(path).inspect(OPTIONS)
-    json.dumps(plain(_value(inspection)), allow_nan=False)
-    _words(inspection)
+    json.dumps(plain(_inspection_value(inspection)), allow_nan=False)
+    _inspection_words(inspection)
 
 
 def read_recording(path: Path) -> None:

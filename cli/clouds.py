@@ -1,8 +1,9 @@
-"""`furrowmap check`: the accuracy of a point cloud or surface at surveyed checkpoints."""
+"""The commands on point clouds of any software: `surface`, `cloud`, `colour`, `features` and `check`."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,13 +11,96 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import Console, put_error
-from furrowmap.cli.options import FILE, command, flag, option, overwrite, settings_options
-from furrowmap.cli.tables import table
+from furrowmap.cli.options import FILE, Paths, command, files, flag, option, output, overwrite, settings_options
+from furrowmap.cli.tables import figures, file_size, surveyed, table
 from furrowmap.core.runtime.errors import RefusedError, printable
-from furrowmap.settings import CheckSettings
+from furrowmap.settings import CheckSettings, Cleaning, CleanSettings, FeatureSettings, SurfaceSettings
 
 if TYPE_CHECKING:
     from furrowmap import Check, PairedPoints
+
+
+@command(
+    "Compute DSM, DTM and derived surfaces of point clouds.",
+    "furrowmap surface field_a.laz field_b.laz -o surfaces --cell 0.1",
+)
+@files("clouds", "CLOUD...")
+@output("DIR", "Output folder.", "Output folder", required=True)
+@settings_options(SurfaceSettings)
+@overwrite("Replace existing surfaces in DIR.")
+def surface(console: Console, clouds: Paths, output: Path, settings: SurfaceSettings, *, overwrite: bool) -> None:
+    """Compute surfaces of CLOUDs (LAS, LAZ, COPC, PCD, PLY or E57 from any software) together on one grid.
+
+    Writes dsm.tif (all points), dtm.tif (ground), height_above_ground.tif, hillshade.tif, slope.tif, roughness.tif,
+    low_spots.tif, low_spots.gpkg and surfaces.json. False statements in a file header are reported as warnings.
+    """
+    with console.work() as progress:
+        account = furrowmap.surface(clouds, output, settings, overwrite=overwrite, progress=progress, warn=console.warn)
+    console.answer({"folder": output, **account}, surveyed(account, output))
+
+
+@command(
+    "Clean, classify, thin and merge point clouds into one COPC.",
+    "furrowmap cloud field_a.laz field_b.laz -o field.copc.laz --outliers statistical --ground smrf",
+)
+@files("clouds", "CLOUD...")
+@output("OUT.copc.laz", "Output file.", "Clean point cloud", required=True)
+@settings_options(Cleaning, "cleaning")
+@settings_options(CleanSettings)
+@overwrite("Replace an existing output file.")
+def cloud(
+    console: Console, clouds: Paths, output: Path, cleaning: Cleaning, settings: CleanSettings, *, overwrite: bool
+) -> None:
+    """Merge CLOUDs (LAS, LAZ, COPC, PCD, PLY or E57 from any software) into one COPC.
+
+    Coordinates, time, intensity, returns, class, source and colour of the points are kept. Order of the steps: box and
+    classes, every N-th point, outliers, ground, voxels. False statements in a file header are reported as warnings.
+    """
+    settings = replace(settings, cleaning=cleaning)
+    with console.work() as progress:
+        account = furrowmap.clean(clouds, output, settings, overwrite=overwrite, progress=progress)
+    console.warn_of(account)
+    words = table([*figures(account["figures"]), ("crs", account["crs"])])
+    console.answer({"output": output, **account}, f"{words}\n{printable(str(output))}: {file_size(output)}")
+
+
+@command(
+    "Colour a point cloud by the images of a session.", "furrowmap colour cloud.laz session.toml -o coloured.copc.laz"
+)
+@click.argument("cloud", type=FILE)
+@click.argument("session", type=FILE)
+@output("FILE", "COPC file to write.", "Coloured point cloud", required=True)
+@overwrite("Replace an existing file.")
+def colour(console: Console, cloud: Path, session: Path, output: Path, *, overwrite: bool) -> None:
+    """Write CLOUD (LAS, LAZ or COPC from any software) in the colours of the images that SESSION names under [camera].
+
+    Each point takes the colour of the best image that sees it; points that no image sees are black. The poses of the
+    images come from the trajectory of SESSION; its scans are not read.
+    """
+    with console.work() as progress:
+        account = furrowmap.colour(cloud, session, output, overwrite=overwrite, progress=progress)
+    console.warn_of(account)
+    words = f"{table(figures(account['figures']))}\n{printable(str(output))}: {file_size(output)}"
+    console.answer({"output": output, **account}, words)
+
+
+@command(
+    "Find ground, walls, roofs, poles, wires and plants in point clouds.", "furrowmap features yard.laz -o features"
+)
+@files("clouds", "CLOUD...")
+@output("DIR", "Output folder.", "Output folder", required=True)
+@settings_options(FeatureSettings)
+@overwrite("Replace existing features in DIR.")
+def features(console: Console, clouds: Paths, output: Path, settings: FeatureSettings, *, overwrite: bool) -> None:
+    """Classify CLOUDs (LAS, LAZ, COPC, PCD, PLY or E57 from any software) by the shape and colour around each point.
+
+    Writes cloud.copc.laz with the classes ground, horizontal plane, vertical plane, line and vegetation; features.gpkg
+    with the layers planes, lines and plants; and features.json.
+    """
+    with console.work() as progress:
+        account = furrowmap.features(clouds, output, settings, overwrite=overwrite, progress=progress)
+    console.warn_of(account)
+    console.answer({"folder": output, **account}, surveyed(account, output))
 
 
 @command(
@@ -83,7 +167,7 @@ def check(
         "points": rows,
         "warnings": found.notices,
     }
-    console.answer(answer, _words(found, rows, precision))
+    console.answer(answer, _check_words(found, rows, precision))
     _exit_unless_met(verdicts)
 
 
@@ -125,7 +209,7 @@ def _exit_unless_met(verdicts: dict[str, Any]) -> None:
         click.get_current_context().exit(RefusedError.exit_status)
 
 
-def _words(found: Check, rows: list[dict[str, Any]], precision: dict[str, Any]) -> str:
+def _check_words(found: Check, rows: list[dict[str, Any]], precision: dict[str, Any]) -> str:
     accuracy = found.accuracy
     lines = [("product", f"{found.kind}, {printable(found.crs.name)}")]
     parts = (("height", accuracy.vertical), ("easting", accuracy.easting), ("northing", accuracy.northing))
