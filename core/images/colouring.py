@@ -157,7 +157,7 @@ BORDER_PX: Final = 1.5
 """Pixels at the border of an image that are not used."""
 TO_16_BIT: Final = 257.0
 """255 becomes 65535."""
-SHARPNESS: Final = 8.0
+SHARPNESS: Final = 8
 """Weights of blended frames fall with this power of their distance: a seam is soft where both are nearly as good."""
 NO_FRAME: Final = -1
 
@@ -216,14 +216,14 @@ class Colours:
 
     @property
     def arguments(self) -> tuple[Any, ...]:
-        """What the kernels take after the points: view, depth maps, index, pixels, and last gain and vignetting."""
+        """What the kernels take after the points: view, depth maps, index, pixels, last factors and vignetting."""
         v, index = self.visibility, self.visibility.index
         return (
             *(v.view.centre_m, v.view.matrix, v.view.intrinsics, v.view.widest, v.view.size),
             *(v.depth_m, v.slack, v.cell_px),
             *(index.corner_m, index.cell_m, index.columns, index.start, index.frames),
             *(self.pixels.rgb, self.pixels.usable, self.pixels.reduction),
-            *(self.balance.gain, self.balance.vignetting),
+            *(np.exp(-self.balance.gain), self.balance.vignetting),
         )
 
 
@@ -278,7 +278,7 @@ def darkening(u, v, size, vignetting):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True)
 def best_colours(  # type: ignore[no-untyped-def]
     xyz, t_s, frame_s, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
-    corner, cell_m, columns, start, listed, pixels, usable, reduction, gain, vignetting, out, out_frame,
+    corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out, out_frame,
 ):  # fmt: skip
     """Kernel of :meth:`Colours.of_points`."""
     for i in range(len(xyz)):
@@ -301,10 +301,9 @@ def best_colours(  # type: ignore[no-untyped-def]
                 best, best_k, best_u, best_v = cost, k, u, v
         if best_k == NO_FRAME:
             continue
-        dark = darkening(best_u, best_v, size, vignetting)
+        bright = np.exp(-darkening(best_u, best_v, size, vignetting)) * TO_16_BIT
         for channel in range(3):
-            value = level(pixels, best_k, best_u, best_v, reduction, channel)
-            value *= np.exp(-dark - gain[best_k, channel]) * TO_16_BIT
+            value = level(pixels, best_k, best_u, best_v, reduction, channel) * bright * factor[best_k, channel]
             out[channel, i] = np.uint16(min(max(value + 0.5, 1.0), 65535.0))
         out_frame[i] = best_k
 
@@ -312,7 +311,7 @@ def best_colours(  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True)
 def blended_colours(  # type: ignore[no-untyped-def]
     xyz, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
-    corner, cell_m, columns, start, listed, pixels, usable, reduction, gain, vignetting, out, seen,
+    corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out, seen,
 ):  # fmt: skip
     """Kernel of :meth:`Colours.blended`."""
     for i in range(len(xyz)):
@@ -334,10 +333,9 @@ def blended_colours(  # type: ignore[no-untyped-def]
             # It fades out towards the border of the image, where a frame begins or ends.
             edge = min(min(u, size[0] - 1.0 - u) / size[0], min(v, size[1] - 1.0 - v) / size[1])
             weight = min(1.0, 20.0 * edge) / (z * (1.0 + OFF_AXIS * square)) ** SHARPNESS
-            dark = darkening(u, v, size, vignetting)
+            bright = weight * np.exp(-darkening(u, v, size, vignetting))
             for channel in range(3):
-                value = level(pixels, k, u, v, reduction, channel) * np.exp(-dark - gain[k, channel])
-                out[channel, i] += np.float32(weight * value)
+                out[channel, i] += np.float32(level(pixels, k, u, v, reduction, channel) * bright * factor[k, channel])
             total += weight
         if total > 0.0:
             seen[i] = True

@@ -26,6 +26,8 @@ Pair = tuple[int, int]
 
 MAX_IMAGE_FEATURES: Final = 2000
 """Of an image; those of the largest scales are kept."""
+MIN_CONTRAST: Final = 0.0083
+"""COLMAP's `peak_threshold`, 1.25 times its own: a quarter fewer features to match, the poses as accurate."""
 MIN_MATCHES: Final = 15
 """Two images with fewer are not linked."""
 OF_SCALE: Final = 0.06
@@ -56,6 +58,7 @@ class FeatureStore:
         options = self._colmap.FeatureExtractionOptions()
         options.use_gpu, options.num_threads = False, threads()
         options.sift.max_num_features, options.sift.first_octave = MAX_IMAGE_FEATURES, 0
+        options.sift.peak_threshold = MIN_CONTRAST
         c = self._camera
         reader = self._colmap.ImageReaderOptions()
         reader.camera_model = "FULL_OPENCV"

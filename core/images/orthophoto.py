@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from furrowmap.core.images.colouring import Colours
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid
 
 FINER: Final = (5, 4, 2, 1)
@@ -63,15 +63,23 @@ def orthophoto(
     rows, columns = part.window_in(wide)
     row = rows.start + (np.arange(grid.rows) + 0.5) / factor - 0.5
     column = columns.start + (np.arange(grid.columns) + 0.5) / factor - 0.5
-    places = np.meshgrid(row, column, indexing="ij")
     known = np.isfinite(height_m)
-    weight = map_coordinates(known.astype(np.float32), places, order=1, mode="nearest")
-    sums = map_coordinates(np.where(known, height_m, 0.0).astype(np.float64), places, order=1, mode="nearest")
+    weight, sums = (
+        _between(_between(values, row).T, column).T
+        for values in (known.astype(np.float64), np.where(known, height_m, 0.0).astype(np.float64))
+    )
     has = np.repeat(np.repeat(known[rows, columns], factor, axis=0), factor, axis=1)
-    height = np.full(grid.shape, np.nan)
-    height[has] = sums[has] / weight[has] - origin_m[2]
+    height = np.where(has, sums / np.where(has, weight, 1.0) - origin_m[2], np.nan)
     easting, northing = grid.centres_m()
     xyz = np.empty((*grid.shape, 3))
     xyz[..., 0], xyz[..., 1], xyz[..., 2] = easting - origin_m[0], (northing - origin_m[1])[:, None], height
     rgb, seen = colours.blended(xyz.reshape(-1, 3))
     return Orthophoto(grid, np.rint(rgb).astype(np.uint8).reshape(3, *grid.shape), seen.reshape(grid.shape))
+
+
+def _between(values: FloatArray, at: FloatArray) -> FloatArray:
+    """Rows (r, c) of values interpolated linearly at (n,) places between rows; beyond the first and last, these."""
+    before = np.clip(np.floor(at).astype(np.intp), 0, max(len(values) - 2, 0))
+    share = np.clip(at - before, 0.0, 1.0)[:, None]
+    out: FloatArray = (1.0 - share) * values[before] + share * values[np.minimum(before + 1, len(values) - 1)]
+    return out

@@ -160,7 +160,7 @@ def register_ground(
     )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
 def _register(  # type: ignore[no-untyped-def]
     t_s, xyz_m, layer, half, return_weight, first, count, begin_s, cell_m, west, south, number, height, weight,
     position_m, relief, noise, trim, share, normal, right, right_free, used, tally, first_coarse, every, patch_m,
@@ -173,6 +173,7 @@ def _register(  # type: ignore[no-untyped-def]
     patches = opened = np.int64(0)
     now = -1
     variance = NOISE_M * NOISE_M
+    per_cell = 1.0 / cell_m
     node = np.empty((2, 4))
     full = np.empty((2, 4))
     mean = np.empty(4)
@@ -181,7 +182,7 @@ def _register(  # type: ignore[no-untyped-def]
         return_weight[i] = 255
         if layer[i] < 0:
             continue
-        u, s = xyz_m[i, 0] / cell_m, xyz_m[i, 1] / cell_m
+        u, s = xyz_m[i, 0] * per_cell, xyz_m[i, 1] * per_cell
         x, y = int(np.floor(u)), int(np.floor(s))
         u -= x
         s -= y
@@ -206,31 +207,34 @@ def _register(  # type: ignore[no-untyped-def]
         a0, a1, b0, b1 = 1.0 - u, u, 1.0 - s, s
         ground = b0 * (a0 * node[0, 0] + a1 * node[0, 1]) + b1 * (a0 * node[0, 2] + a1 * node[0, 3])
         residual = xyz_m[i, 2] - ground
-        spread = variance * (1.0 + 1.0 / least)
-        normalised = abs(residual) / np.sqrt(spread)
+        i0, i1, i2, i3 = 1.0 / full[0, 0], 1.0 / full[0, 1], 1.0 / full[0, 2], 1.0 / full[0, 3]
+        spread = variance * (1.0 + max(max(i0, i1), max(i2, i3)))
+        certain = 1.0 / spread
+        normalised = np.sqrt(residual * residual * certain)
         if normalised > GROUND_GATE:
             return_weight[i] = 0
             continue
-        slope_x = (b0 * (node[0, 1] - node[0, 0]) + b1 * (node[0, 3] - node[0, 2])) / cell_m
-        slope_y = (a0 * (node[0, 2] - node[0, 0]) + a1 * (node[0, 3] - node[0, 1])) / cell_m
-        scale = variance / (cell_m * cell_m)
-        noise_x = scale * (b0 * b0 * (1 / full[0, 0] + 1 / full[0, 1]) + b1 * b1 * (1 / full[0, 2] + 1 / full[0, 3]))
-        noise_y = scale * (a0 * a0 * (1 / full[0, 0] + 1 / full[0, 2]) + a1 * a1 * (1 / full[0, 1] + 1 / full[0, 3]))
+        slope_x = (b0 * (node[0, 1] - node[0, 0]) + b1 * (node[0, 3] - node[0, 2])) * per_cell
+        slope_y = (a0 * (node[0, 2] - node[0, 0]) + a1 * (node[0, 3] - node[0, 1])) * per_cell
+        scale = variance * per_cell * per_cell
+        noise_x = scale * (b0 * b0 * (i0 + i1) + b1 * b1 * (i2 + i3))
+        noise_y = scale * (a0 * a0 * (i0 + i2) + a1 * a1 * (i1 + i3))
+        true_x, true_y = 1.0 / (relief + noise * noise_x), 1.0 / (relief + noise * noise_y)
         tally[4] += 1
         tally[5] += min(normalised, MATCHING_HUBER) ** 2 * spread
         if normalised < 3.0 and least_own >= MIN_NODE_RETURNS:
-            again_x = (b0 * (node[1, 1] - node[1, 0]) + b1 * (node[1, 3] - node[1, 2])) / cell_m
-            again_y = (a0 * (node[1, 2] - node[1, 0]) + a1 * (node[1, 3] - node[1, 1])) / cell_m
-            steep_x = max(slope_x * slope_x, again_x * again_x) / (relief + noise * noise_x)
-            steep_y = max(slope_y * slope_y, again_y * again_y) / (relief + noise * noise_y)
+            again_x = (b0 * (node[1, 1] - node[1, 0]) + b1 * (node[1, 3] - node[1, 2])) * per_cell
+            again_y = (a0 * (node[1, 2] - node[1, 0]) + a1 * (node[1, 3] - node[1, 1])) * per_cell
+            steep_x = max(slope_x * slope_x, again_x * again_x) * true_x
+            steep_y = max(slope_y * slope_y, again_y * again_y) * true_y
             counts = _counts(np.sqrt(max(steep_x, steep_y)), trim)
             tally[0] += counts * 0.5 * (slope_x * again_x + slope_y * again_y)
             tally[1] += counts * 0.5 * (slope_x * slope_x + slope_y * slope_y)
             tally[2] += counts
             tally[3] += counts * 0.5 * (noise_x + noise_y)
-        slope_x *= relief / (relief + noise * noise_x)
-        slope_y *= relief / (relief + noise * noise_y)
-        w = share / (spread * CORRELATED)
+        slope_x *= relief * true_x
+        slope_y *= relief * true_y
+        w = share / CORRELATED * certain
         if normalised > MATCHING_HUBER:
             w *= MATCHING_HUBER / normalised
             return_weight[i] = np.uint8(255.0 * MATCHING_HUBER / normalised)
