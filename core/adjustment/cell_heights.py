@@ -91,6 +91,18 @@ def smooth_groups(heights: CellHeights) -> tuple[FloatArray, NDArray[np.intp]]:
     return variance[heights.cell[chosen]], chosen
 
 
+def same_cell_pairs(cell: NDArray[np.int64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Indices of all pairs of groups in one cell, the earlier group first."""
+    order = np.argsort(cell, kind="stable")
+    ordered = cell[order]
+    firsts, seconds = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)]
+    for apart in range(1, int(np.bincount(np.unique(cell, return_inverse=True)[1]).max(initial=1))):
+        same = np.flatnonzero(ordered[apart:] == ordered[:-apart])
+        firsts.append(order[same])
+        seconds.append(order[same + apart])
+    return np.concatenate(firsts), np.concatenate(seconds)
+
+
 def derivatives(
     returns: StripReturns, heights: CellHeights, chosen: NDArray[np.intp], mounting: FloatArray, lever_m: FloatArray
 ) -> FloatArray:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.adjustment.boresight import Boresight, boresight_notices
+from furrowmap.core.adjustment.creep import held_against_strips
 from furrowmap.core.adjustment.strip_adjustment import (
     StripAdjustment,
     calibrate_flight,
@@ -435,7 +436,12 @@ def _calibrate_flight(
         doubtful = timed_wrongly(located.trajectory, ahead_s)
         located = replace(located, trajectory=doubtful, notices=(*located.notices, notice))
     strips = find_strips(located.trajectory)
-    differences = strip_differences(returns, strips, stated, _mounting(opened.session, None, found))
+    used = _mounting(opened.session, None, found)
+    differences = strip_differences(returns, strips, stated, used)
+    if found is not None and found.certain and not any(notice.code == CONTRADICTION for notice in located.notices):
+        doubtful, creeps = held_against_strips(located.trajectory, returns, strips, used)
+        if creeps is not None:
+            located = replace(located, trajectory=doubtful, notices=(*located.notices, creeps))
     return located, _FlightCalibration(found, strips, differences, adjusted)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.estimation.inertial import Increments, cross_matrix
 from furrowmap.core.estimation.knots import KNOT_STEP_S
 from furrowmap.core.runtime.arrays import FloatArray
@@ -209,6 +210,8 @@ def _fitted(
     own = observed.own(motion)
     sweep, push = motion.swept_s[middle], motion.turned[middle] * (observed.half * KNOT_STEP_S) ** 2
     normal, squares, rotation, bias = information, 0.0, first, start
+    unit = weight * (2 * observed.half) / STRIDE
+    robust = np.ones(len(seen))
     for _ in range(ALIGNMENT_ROUNDS):
         body = own + cross_matrix(own) @ sweep @ bias[:3] - push @ bias[3:]
         computed = body @ rotation.T
@@ -216,18 +219,22 @@ def _fitted(
             [-cross_matrix(computed), rotation @ cross_matrix(own) @ sweep, -rotation @ push], axis=2
         )
         off = Rotation.from_matrix(first @ rotation.T).as_rotvec()
-        normal = information + weight * np.einsum("kai,kaj->ij", design, design)
-        right = weight * np.einsum("kai,ka->i", design, seen - computed)
+        normal = information + weight * np.einsum("k,kai,kaj->ij", robust, design, design)
+        right = weight * np.einsum("k,kai,ka->i", robust, design, seen - computed)
         right += information @ np.concatenate([off, start - bias])
         if observed.hint is not None:
             rows = observed.hint.rows(rotation, bias, motion)
             normal = normal + np.einsum("k,ki,kj->ij", rows.weight, rows.design, rows.design)
             right += (rows.weight * rows.residual) @ rows.design
         normal[np.diag_indices(9)] += 1e-12
-        squares = float(((seen - computed) ** 2).sum())
+        own_squares = ((seen - computed) ** 2).sum(axis=1)
+        squares = float(robust @ own_squares)
+        # Where all of it fits badly, nothing stands out.
+        normalised = np.sqrt(unit * own_squares / 3.0)
+        robust = huber_weight(normalised / max(1.0, float(np.median(normalised))))
         step = np.linalg.solve(normal, right)
         rotation, bias = Rotation.from_rotvec(step[:3]).as_matrix() @ rotation, bias + step[3:]
-    misfit = float(np.sqrt(squares / max(seen.size, 1) * weight * (2 * observed.half) / STRIDE))
+    misfit = float(np.sqrt(squares / max(seen.size, 1) * unit))
     covariance = np.asarray(np.linalg.inv(normal), np.float64)
     return Aligned(rotation, bias, covariance, misfit, weight * squares)
 

@@ -21,6 +21,7 @@ from furrowmap.core.estimation.inertial import (
     FORCE_BIAS,
     RATE_BIAS,
     VELOCITY,
+    Site,
     carried_on,
     predicted,
     unbiased_increments,
@@ -33,6 +34,7 @@ from furrowmap.core.estimation.knots import (
     normal_equations,
 )
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.readers.implausible_positions import spans_in_words
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import CONTRADICTION, InputError, Notice
@@ -63,7 +65,7 @@ from furrowmap.core.trajectory.motion import STANDING_MPS
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.trajectory.positions import climb_notices, positions_without_steps, quality_words, usable
 from furrowmap.core.values.clock_readings import named_offset
-from furrowmap.core.values.gnss import Fix, GnssTrack
+from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.margins import margin
 from furrowmap.core.values.rotation import quaternion_to_matrix
 from furrowmap.core.values.trajectory import Motion, Trajectory, same_hemisphere, source_columns
@@ -73,6 +75,9 @@ MAX_NODES: Final = 150
 MAX_WANTED_NODES: Final = 400
 NEAR: Final = 0.75
 """Share of the distance of nodes within which none is needed beside one at a wanted time."""
+MENDING_ROUNDS: Final = 4
+FAR_OFF_SIGMAS: Final = 10.0
+"""Positions whose residuals are larger hardly take part, which is told."""
 ANY_TIME: Final = np.zeros(0)
 UNKNOWN_HEADING_DEG: Final = 10.0
 """Median standard deviation of a trajectory's headings from which on they are not known."""
@@ -117,7 +122,8 @@ class InertialFigures:
         """The offset of the clocks and its standard deviation; None where the motion does not show it."""
         if not self.constants.clock_shown:
             return None
-        return [round(self.minus_gnss_s + self.constants.clock_s, 5), round(self.constants.clock_sigma_s, 5)]
+        clock = self.constants.clock
+        return [round(self.minus_gnss_s + clock.value[0], 5), round(clock.sigma[0], 5)]
 
 
 @dataclass(frozen=True)
@@ -182,19 +188,18 @@ def trajectory_from_inertial(
     positions = positions_without_steps(gated, en)
     imu = replace(imu, noise=with_shown_noise(imu.noise, imu.track, notices))
     site, lever = site_of(gated, frame), np.asarray(lever_m, np.float64)
-    searched_s = search_imu_clock(imu.in_vehicle_axes, positions, lever - imu.mounting.xyz_m, on_wheels=hints.on_wheels)
-    whole = InertialProblem.over_common_time(positions, imu.earlier_by(searched_s), site, lever, hints)
-    problem, start = first_guess(whole, notices)
-    adjusted, clock_s = with_clock(with_travel(adjust(problem, start)), searched_s)
+    in_air, source = not (by_noise_alone or hints.on_wheels), imu.track.source or "The IMU"
+    adjusted, imu, clock_s, left_out = _adjusted(positions, imu, site, lever, hints, in_air=in_air)
+    notices += left_out
     if np.degrees(np.median(adjusted.sigma[:, ROTATION + 2])) > UNKNOWN_HEADING_DEG:
-        raise heading_unknown(problem)
-    clocked, clock_sigma_s = imu.earlier_by(clock_s), adjusted.constants.clock_sigma_s
+        raise heading_unknown(adjusted.problem)
+    clocked, clock_sigma_s = imu.earlier_by(clock_s), adjusted.constants.clock.sigma[0]
     if clock_s:
         clock_sigma_s = clock_sigma_s if np.isfinite(clock_sigma_s) else MIN_OFFSET_S
         notices.append(
             Notice(
                 "imu-clock-off",
-                source=imu.track.source or "The IMU",
+                source=source,
                 off_s=abs(clock_s),
                 is_off_s=clock_s > 0,
                 cause=named_offset(clock_s) or None,
@@ -202,23 +207,63 @@ def trajectory_from_inertial(
                 margin=margin(clock_sigma_s, " s"),
             )
         )
-    in_air = not (by_noise_alone or hints.on_wheels)
-    if in_air and not agrees(adjusted) and (mistake := likely_mistake(problem)) is not None:
+    if imu.clock_rate:
+        notices.append(
+            Notice("imu-clock-off.runs", source=source, is_fast=imu.clock_rate > 0.0, by_ms=abs(1e3 * imu.clock_rate))
+        )
+    if imu.gyro_scale:
+        notices.append(Notice("imu-scale-off", source=source, times=1.0 / (1.0 - imu.gyro_scale)))
+    if in_air and not agrees(adjusted) and (mistake := likely_mistake(adjusted.problem)) is not None:
         misfit = float(np.sqrt(adjusted.variance_factor))
-        source = imu.track.source or "The IMU"
         raise InputError("imu-contradicts", source=source, misfit=misfit, better_other=mistake)
     found = explained(adjusted, by_noise_alone=by_noise_alone)
     adjusted = found.adjusted.with_clock_sigma(clock_sigma_s) if clock_s else found.adjusted
     trajectory = _trajectory(adjusted)
-    turned = check_mounting(trajectory, imu.mounting, imu.track.source or "The IMU", on_wheels=hints.on_wheels)
+    turned = check_mounting(trajectory, imu.mounting, source, on_wheels=hints.on_wheels)
     contradiction = found.notice(imu.track)
     if contradiction is not None and not (turned and found.cause == "lever-arm"):  # which turns with the IMU
         notices.append(contradiction)
     notices += turned
     trajectory = _as_doubtful(trajectory, found, contradiction, turned)
+    far = np.nan_to_num(adjusted.observed.normalised(adjusted.problem.knots, adjusted.state)) > FAR_OFF_SIGMAS
+    if contradiction is None and far.any():
+        notices.append(Notice("gnss-jumps.by-imu", unused=int(far.sum()), track=spans_in_words(gated, far)))
     used = quality_words(gated.fix)
     figures = _figures(adjusted, clocked)
     return InertialTrajectory(trajectory, positions, used, unused, tuple(notices), figures, adjusted)
+
+
+def _adjusted(
+    positions: Positions, imu: MountedImu, site: Site, lever_m: FloatArray, hints: Hints, *, in_air: bool
+) -> tuple[InertialAdjustment, MountedImu, float, list[Notice]]:
+    """The adjustment without what the IMU's clock and gyroscopes are certainly off.
+
+    Clock rate and scale are only looked for in the air: a wheel that slips looks alike.
+
+    Returns:
+        the adjustment; the IMU with a clock and rates that run as they should; the offset of its clock that is
+        used; and notices.
+
+    Raises:
+        as :func:`trajectory_from_inertial`.
+    """
+    found: list[tuple[InertialAdjustment, MountedImu, float, list[Notice]]] = []
+    for _ in range(MENDING_ROUNDS):
+        notices: list[Notice] = []
+        arm_m = lever_m - imu.mounting.xyz_m
+        searched_s = search_imu_clock(imu.in_vehicle_axes, positions, arm_m, on_wheels=hints.on_wheels)
+        whole = InertialProblem.over_common_time(positions, imu.earlier_by(searched_s), site, lever_m, hints)
+        problem, start = first_guess(whole, notices)
+        adjusted, clock_s = with_clock(with_travel(adjust(problem, start)), searched_s)
+        found.append((adjusted, imu, clock_s, notices))
+        rate, scale = (
+            share if in_air else 0.0 for share in adjusted.constants.shares_off(imu.clock_rate, imu.gyro_scale)
+        )
+        if not (rate or scale):
+            break
+        middle_s = 0.5 * float(problem.knots.t_s[0] + problem.knots.t_s[-1])
+        imu = imu.without(rate, scale, middle_s + clock_s)
+    return min(found, key=lambda one: one[0].variance_factor)
 
 
 def _as_doubtful(

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from furrowmap.core.estimation.banded import HUBER_SIGMAS, Solution
-from furrowmap.core.estimation.imu_constants import CERTAIN_SIGMAS, ImuConstants, imu_constants
+from furrowmap.core.estimation.imu_constants import CERTAIN_SIGMAS, SETTLED_SIGMAS, ImuConstants, imu_constants
 from furrowmap.core.estimation.knots import POSE, ROTATION, Observation, State, normal_equations
 from furrowmap.core.estimation.positions import AntennaPositions, GnssDrift
 from furrowmap.core.estimation.vehicle import TRAVEL_YAW, TRAVEL_YAW_SIGMA, UNKNOWN_TRAVEL_YAW
@@ -20,9 +21,7 @@ SETTLED_M: Final = 1e-4
 SETTLED_RAD: Final = 1e-6
 """The adjustment ends when no pose moves by more; with positions noisier than SETTLED_NOISE_M, by that much more."""
 SETTLED_NOISE_M: Final = 0.02
-IMU_CLOCK_ROUNDS: Final = 8
-SETTLED_CLOCK: Final = 0.2
-"""Standard deviations of the clock's offset within which it is found."""
+CONSTANT_ROUNDS: Final = 8
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def adjust(problem: InertialProblem, state: State, rounds: int = MAX_ROUNDS) -> 
     """Gauss-Newton rounds until no pose moves, or so many."""
     fit, solution = _fit(problem, state, rounds)
     knots = problem.knots
-    constants, by_clock = imu_constants(fit.observed, knots, fit.state, solution, fit.variance_factor)
+    constants, by_clock = imu_constants(fit.observed, problem.links, knots, fit.state, solution, fit.variance_factor)
     sigma = solution.sigma().reshape(len(knots), -1)
     return InertialAdjustment(**vars(fit), sigma=sigma, constants=constants, by_clock=by_clock)
 
@@ -122,15 +121,29 @@ def with_clock(adjusted: InertialAdjustment, used_s: float) -> tuple[InertialAdj
     """
     if not (used_s or adjusted.constants.clock_off):
         return adjusted, used_s
-    now, offset_s = adjusted, used_s
-    for _ in range(IMU_CLOCK_ROUNDS):
-        step_s = now.constants.clock_s
-        if abs(step_s) < SETTLED_CLOCK * now.constants.clock_sigma_s:
+    now, found_s = with_constant(adjusted, "clock", lambda problem, step: problem.with_imu_earlier(float(step[0])))
+    offset_s = used_s + float(found_s[0])
+    certain = abs(offset_s) > CERTAIN_SIGMAS * now.constants.clock.sigma[0]
+    return (now, offset_s) if certain and now is not adjusted else (adjusted, used_s)
+
+
+def with_constant(
+    adjusted: InertialAdjustment, name: str, mended: Callable[[InertialProblem, FloatArray], InertialProblem]
+) -> tuple[InertialAdjustment, FloatArray]:
+    """The adjustment without what a constant is off, and this (k,); itself where it fits no better.
+
+    Args:
+        name: of the constant in :class:`ImuConstants`.
+        mended: a problem in which the constant is off by so much less.
+    """
+    now, off = adjusted, np.zeros(len(getattr(adjusted.constants, name).value))
+    for _ in range(CONSTANT_ROUNDS):
+        shown = getattr(now.constants, name)
+        step = np.array(shown.value)
+        if (np.abs(step) < SETTLED_SIGMAS * np.array(shown.sigma)).all():
             break
-        now = adjust(now.problem.with_imu_earlier(step_s), now.state)
-        offset_s += step_s
-    certain = abs(offset_s) > CERTAIN_SIGMAS * now.constants.clock_sigma_s
-    return (now, offset_s) if certain and now.variance_factor < adjusted.variance_factor else (adjusted, used_s)
+        now, off = adjust(mended(now.problem, step), now.state), off + step
+    return (now, off) if now.variance_factor < adjusted.variance_factor else (adjusted, 0.0 * off)
 
 
 def beside_positions(problem: InertialProblem) -> tuple[Observation, ...]:

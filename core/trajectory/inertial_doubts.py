@@ -10,15 +10,16 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Final
 
 import numpy as np
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.trajectory.inertial_adjustment import Fitted, InertialAdjustment, adjust, fitted
+from furrowmap.core.trajectory.inertial_adjustment import Fitted, InertialAdjustment, adjust, fitted, with_constant
 from furrowmap.core.trajectory.inertial_checks import densities
-from furrowmap.core.trajectory.position_drift import with_shown_drift
+from furrowmap.core.trajectory.position_drift import likeliest, with_shown_drift
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.margins import margin
 
@@ -30,11 +31,6 @@ MAX_DOUBTED_SHARE: Final = 0.02
 errors that their standard deviations do not hold: the trajectory bends from one to the other side of a step."""
 TRIAL_ROUNDS: Final = 3
 """Of the adjustment under a hypothesis."""
-NOISE_ROUNDS: Final = 10
-NOISE_STEPS: Final = 1
-"""Rounds of the adjustment between two changes of a noise."""
-LEVER_ROUNDS: Final = 6
-SETTLED_SIGMAS: Final = 0.3
 MAX_NOISE_FACTOR: Final = 1.5
 """White noise that is larger than what the spectrum of the measurements shows, by this factor, is none of the IMU."""
 
@@ -62,7 +58,7 @@ class Explained:
         """
         if self.cause == "lever-arm":
             place = ", ".join(f"{value:.3f}" for value in self.adjusted.problem.lever_m.tolist())
-            margins = ", ".join(margin(sigma, " m") for sigma in self.adjusted.constants.lever_sigma_m)
+            margins = ", ".join(margin(sigma, " m") for sigma in self.adjusted.constants.lever.sigma)
             off_m = float(np.linalg.norm(self.lever_off_m))
             return Notice("contradiction.lever-arm", off_m=off_m, place=place, margins=margins)
         if self.cause == "positions":
@@ -96,7 +92,7 @@ def explained(adjusted: InertialAdjustment, *, by_noise_alone: bool) -> Explaine
     tried: list[tuple[str, Fitted, float]] = []
     in_air = not (by_noise_alone or adjusted.problem.hints.on_wheels)
     if in_air and adjusted.constants.lever_off:
-        moved = with_other_lever(adjusted)
+        moved = with_constant(adjusted, "lever", lambda p, step: replace(p, lever_m=p.lever_m + step))[0]
         if agrees(moved):
             return _of_lever(adjusted, moved)
         tried = [("lever-arm", moved, 0.0)]
@@ -118,20 +114,6 @@ def explained(adjusted: InertialAdjustment, *, by_noise_alone: bool) -> Explaine
 
 def _of_lever(stated: InertialAdjustment, moved: InertialAdjustment) -> Explained:
     return Explained("lever-arm", moved, lever_off_m=moved.problem.lever_m - stated.problem.lever_m)
-
-
-def with_other_lever(adjusted: InertialAdjustment) -> InertialAdjustment:
-    """The antenna where positions and IMU show it."""
-    now = adjusted
-    for _ in range(LEVER_ROUNDS):
-        step_m = np.array(now.constants.lever_m)
-        if (np.abs(step_m) < SETTLED_SIGMAS * np.array(now.constants.lever_sigma_m)).all():
-            break
-        moved = adjust(replace(now.problem, lever_m=now.problem.lever_m + step_m), now.state)
-        if moved.deviance > now.deviance:
-            break
-        now = moved
-    return now
 
 
 def with_jumps(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
@@ -165,14 +147,13 @@ def with_slower_errors(adjusted: InertialAdjustment) -> list[tuple[Fitted, float
 
 
 def with_noisier_imu(adjusted: InertialAdjustment) -> list[tuple[Fitted, float]]:
-    """A noise of the specific force at which IMU and positions agree as their standard deviations say."""
-    now: Fitted = adjusted
-    stated = adjusted.problem.links.noise.force
-    for _ in range(NOISE_ROUNDS):
-        if now.variance_factor <= MAX_VARIANCE_FACTOR:
-            break
-        links = now.problem.links
-        noise = replace(links.noise, force=links.noise.force * float(np.sqrt(now.variance_factor)))
-        now = fitted(replace(now.problem, links=replace(links, noise=noise)), now.state, NOISE_STEPS)
-    times = now.problem.links.noise.force / stated
-    return [(now, times)] if times > 1.0 else []
+    """A noise of the specific force that is as large as it is likeliest."""
+    problem, links = adjusted.problem, adjusted.problem.links
+
+    @cache
+    def noisier(times: float) -> Fitted:
+        noise = replace(links.noise, force=times * links.noise.force)
+        return fitted(replace(problem, links=replace(links, noise=noise)), adjusted.state, TRIAL_ROUNDS)
+
+    times = likeliest(lambda times: noisier(times).deviance, 0.0)
+    return [(noisier(times), times)] if times > 1.0 else []

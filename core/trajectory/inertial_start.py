@@ -78,17 +78,30 @@ class MountedImu:
 
     Attributes:
         minus_gnss_s: what was taken off the times of its clock.
+        clock_rate: seconds that its clock gained in a second, which were taken off.
+        gyro_scale: share by which its angular rates were too large, which was taken off.
     """
 
     track: InertialTrack
     mounting: Mounting
     noise: InertialNoise
     minus_gnss_s: float = 0.0
+    clock_rate: float = 0.0
+    gyro_scale: float = 0.0
 
     def earlier_by(self, offset_s: float) -> MountedImu:
         """With times that are earlier by an offset."""
         track = replace(self.track, t_s=self.track.t_s - offset_s)
         return replace(self, track=track, minus_gnss_s=self.minus_gnss_s + offset_s)
+
+    def without(self, clock_rate: float, gyro_scale: float, middle_s: float) -> MountedImu:
+        """With a clock that runs slower, and is as it was at a time, and smaller rates."""
+        track = self.track
+        t_s, rate = track.t_s - clock_rate * (track.t_s - middle_s), (1.0 - gyro_scale) * track.rate_radps
+        shares = self.clock_rate + clock_rate, self.gyro_scale + gyro_scale
+        return MountedImu(
+            replace(track, t_s=t_s, rate_radps=rate), self.mounting, self.noise, self.minus_gnss_s, *shares
+        )
 
     @property
     def in_vehicle_axes(self) -> InertialTrack:

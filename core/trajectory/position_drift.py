@@ -81,13 +81,13 @@ def _likeliest_times(stated: InertialProblem, fit: Fitted) -> tuple[float, float
         squares = equations.squares - float(equations.right @ solution.values)
         return squares + 2.0 * equations.log_sigmas + solution.log_determinant
 
-    horizontal = _likeliest(lambda times: deviance(times, 1.0), MIN_GAIN)
+    horizontal = likeliest(lambda times: deviance(times, 1.0), MIN_GAIN)
     least = MIN_GAIN if horizontal == 1.0 else MIN_GAIN_TOO
-    return horizontal, _likeliest(lambda times: deviance(horizontal, times), least)
+    return horizontal, likeliest(lambda times: deviance(horizontal, times), least)
 
 
-def _likeliest(deviance: Callable[[float], float], min_gain: float) -> float:
-    """Times the stated error at which −2 log likelihood is least; 1 where it is hardly larger there."""
+def likeliest(deviance: Callable[[float], float], min_gain: float) -> float:
+    """Times a stated standard deviation at which −2 log likelihood is least; 1 where it is hardly larger there."""
     tried = [deviance(1.0)]
     while len(tried) <= MAX_DOUBLINGS:
         tried.append(deviance(2.0 ** len(tried)))

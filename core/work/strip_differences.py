@@ -9,7 +9,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.adjustment.cell_heights import MIN_GROUP_RETURNS, CellHeights, cell_heights, smooth_groups
+from furrowmap.core.adjustment.cell_heights import (
+    MIN_GROUP_RETURNS,
+    CellHeights,
+    cell_heights,
+    same_cell_pairs,
+    smooth_groups,
+)
 from furrowmap.core.adjustment.strips import STRIP_CELL_M, StripReturns
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.surfaces.visits import SwathDifferences, SwathSums
@@ -103,7 +109,7 @@ def strip_differences(
         cell_heights(returns, number, mounting.rotation, np.asarray(mounting.xyz_m)) for mounting in (stated, used)
     )
     variance, chosen = smooth_groups(after)
-    first, second = _pairs(after.cell[chosen])
+    first, second = same_cell_pairs(after.cell[chosen])
     if not len(first):
         return None
     a, b = chosen[first], chosen[second]
@@ -121,18 +127,6 @@ def strip_differences(
     while len(found) > MAX_DIFFERENCES:
         found = _coarsen(found)
     return found
-
-
-def _pairs(cell: IntArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Indices of all pairs of groups in one cell, the earlier group first."""
-    order = np.argsort(cell, kind="stable")
-    ordered = cell[order]
-    firsts, seconds = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)]
-    for apart in range(1, int(np.bincount(np.unique(cell, return_inverse=True)[1]).max(initial=1))):
-        same = np.flatnonzero(ordered[apart:] == ordered[:-apart])
-        firsts.append(order[same])
-        seconds.append(order[same + apart])
-    return np.concatenate(firsts), np.concatenate(seconds)
 
 
 def _look_up(before: CellHeights, after: CellHeights, groups: NDArray[np.intp]) -> FloatArray:

@@ -133,6 +133,7 @@ AT_TOP: Final = frozenset(
         "gnss-steps",
         "imu-clock-off",
         "imu-frozen",
+        "imu-scale-off",
         "lever-assumed",
         "mounting-height",
         "mounting-identity",

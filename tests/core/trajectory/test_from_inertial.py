@@ -100,6 +100,22 @@ def test_clock_of_the_imu__is_found_and_used(off_s: float) -> None:
     assert errors(by_imu.trajectory, flight)[:, :3].std(axis=0).max() < 0.02
 
 
+@pytest.mark.parametrize(("gains", "times", "key"), [(1.5e-3, 1.0, "imu-clock-off.runs"), (0.0, 1.03, "imu-scale-off")])
+def test_clock_that_runs_or_gyroscopes_of_a_wrong_scale__are_told_apart_and_corrected(
+    gains: float, times: float, key: str
+) -> None:
+    flight = Flight(40.0, seed=3)
+    imu = flight.noisy_imu(rate_hz=100.0)
+    t_s = imu.t_s + gains * (imu.t_s - imu.t_s[0] - 20.0)
+    by_imu = found(flight.noisy_track(), replace(imu, t_s=t_s, rate_radps=times * imu.rate_radps))
+    assert [notice.key for notice in by_imu.notices] == [key]
+    shown = dict(by_imu.notices[0].values)
+    assert float(str(shown.get("by_ms", 1e3 * gains))) == pytest.approx(1e3 * gains, abs=0.3)
+    assert float(str(shown.get("times", times))) == pytest.approx(times, abs=0.003)
+    ratio = errors(by_imu.trajectory, flight) / by_imu.trajectory.sigma
+    assert (np.sqrt((ratio**2).mean(axis=0)) < 3.0).all()
+
+
 def test_lever_arm_that_is_off__is_named_and_not_taken_for_a_clock() -> None:
     flight = Flight(40.0, seed=3)
     imu = MountedImu(flight.noisy_imu(rate_hz=100.0), MOUNTING, INDUSTRIAL)
@@ -185,18 +201,19 @@ def test_outage__is_bridged_within_its_sigma() -> None:
     assert set(trajectory.position_from[before]) == {"gnss"}
 
 
-def test_outliers__lose_their_weight() -> None:
-    flight = Flight(60.0, seed=4)
+def test_outliers__lose_their_weight_and_are_told() -> None:
+    """Ten positions, a twelfth of the second differences that show the first attitude."""
+    flight = Flight(40.0, seed=4)
     track = flight.noisy_track()
-    lat = track.lat_deg.copy()
-    lat[300:310] += 2e-5  # two metres
-    jumped = GnssTrack.build(
-        track.t_s, lon_deg=track.lon_deg, lat_deg=lat, height_m=track.height_m, fix=track.fix,
-        sigma_e_m=track.sigma_e_m, sigma_n_m=track.sigma_n_m, sigma_h_m=track.sigma_h_m,
-    )  # fmt: skip
-    result = found(jumped, flight.noisy_imu())
+    lat_deg = track.lat_deg.copy()
+    lat_deg[200:210] += 2e-5  # two metres
+    result = found(replace(track, lat_deg=lat_deg), flight.noisy_imu())
     assert result.figures.doubted >= 10
     assert np.abs(errors(result.trajectory, flight)[:, :3]).max() < 0.06
+    (notice,) = result.notices
+    assert notice.key == "gnss-jumps.by-imu"
+    assert "(10): " in notice.text
+    assert "(10 positions)" in notice.text
 
 
 def below(limit: int, noisy: InertialTrack, exact: InertialTrack) -> InertialTrack:
@@ -214,7 +231,7 @@ def test_force_noisier_than_stated__is_told_and_sigmas_follow(filtered: int, cod
     """White noise shows itself in the measurements, filtered noise by the positions alone."""
     real, squares = replace(INDUSTRIAL, force=12.0 * INDUSTRIAL.force), []
     for seed in (7, 8):
-        flight = Flight(40.0, seed)
+        flight = Flight(30.0, seed)
         result = found(flight.noisy_track(), below(filtered, flight.noisy_imu(real), flight.imu()))
         assert code in {notice.code for notice in result.notices}
         squares.append((errors(result.trajectory, flight) / result.trajectory.sigma) ** 2)

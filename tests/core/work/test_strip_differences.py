@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from furrowmap.core.adjustment.creep import held_against_strips, positions_creep_mps
 from furrowmap.core.adjustment.strips import StripReturns
 from furrowmap.core.values.rotation import Mounting
+from furrowmap.core.values.trajectory import trajectory_from_attitude
 from furrowmap.core.work.strip_differences import strip_differences
 
 HEIGHT_M = 10.0
@@ -27,8 +29,10 @@ class Span:
 STRIPS = [Span(0.0, 10.0), Span(20.0, 30.0)]
 
 
-def two_strips(wide_m: float, long_m: float, returns: int) -> StripReturns:
-    """Strips along y, there and back, over level ground; the second one believes itself LIFT_M too high."""
+def two_strips(
+    wide_m: float, long_m: float, returns: int, *, waves_m: float = 0.0, creep_mps: tuple[float, float] = (0.0, 0.0)
+) -> StripReturns:
+    """Strips along y, there and back, over level ground or waves; the second one believes itself LIFT_M too high."""
     random = np.random.default_rng(0)
     parts: list[dict[str, NDArray[np.float64]]] = []
     for strip, lift in zip(STRIPS, (0.0, LIFT_M), strict=True):
@@ -38,12 +42,13 @@ def two_strips(wide_m: float, long_m: float, returns: int) -> StripReturns:
         y = (t - strip.begin_s) / 10.0 * long_m * (1.0 if forth else -1.0) + (0.0 if forth else long_m)
         turned = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)] if forth else [np.sqrt(0.5), 0.0, 0.0, -np.sqrt(0.5)]
         left = random.uniform(-wide_m, wide_m, n)
-        sensor = np.column_stack([np.zeros(n), left, np.full(n, -HEIGHT_M) + random.normal(0.0, 0.002, n)])
+        ground_m = waves_m * (np.sin(1.7 * (-left if forth else left)) + np.sin(1.3 * y))
+        sensor = np.column_stack([np.zeros(n), left, ground_m - HEIGHT_M + random.normal(0.0, 0.002, n)])
         parts.append(
             {
                 "t_s": t,
                 "sensor_m": sensor,
-                "origin_m": np.column_stack([np.zeros(n), y, np.full(n, HEIGHT_M + lift)]),
+                "origin_m": np.column_stack([creep_mps[0] * t, y + creep_mps[1] * t, np.full(n, HEIGHT_M + lift)]),
                 "rotation": np.tile(turned, (n, 1)),
             }
         )
@@ -95,3 +100,27 @@ def test_many_cells__are_joined_with_the_same_mean(monkeypatch: pytest.MonkeyPat
 
 def test_one_strip__has_no_differences() -> None:
     assert strip_differences(two_strips(5.0, 20.0, 20_000), STRIPS[:1], Mounting(), Mounting()) is None
+
+
+@pytest.mark.parametrize(
+    ("waves_m", "creep_mps", "shown"),
+    [(0.02, (0.01, -0.006), True), (0.02, (0.0, 0.0), False), (0.0, (0.01, -0.006), False)],
+)
+def test_positions_that_creep__show_on_ground_that_is_not_level(
+    waves_m: float, creep_mps: tuple[float, float], shown: bool
+) -> None:
+    returns = two_strips(5.0, 20.0, 200_000, waves_m=waves_m, creep_mps=creep_mps)
+    found_mps = positions_creep_mps(returns, STRIPS, Mounting())
+    assert found_mps == pytest.approx(creep_mps if shown else (0.0, 0.0), abs=3e-4)
+    t_s = np.array([0.0, 30.0])
+    stated = replace(
+        trajectory_from_attitude(t_s, np.zeros((2, 3)), 0.0, 0.0, 0.0, max_gap_s=60.0), sigma=np.full((2, 6), 0.005)
+    )
+    doubted, notice = held_against_strips(stated, returns, STRIPS, Mounting())
+    assert (notice is not None and notice.key == "contradiction.creep") == shown
+    # Over 30 s, from a begin at which they were right.
+    expected_m = np.hypot(0.005, np.abs(creep_mps) * 30.0 / np.sqrt(3.0)) if shown else 0.005
+    assert doubted.sigma[:, :2] == pytest.approx(np.broadcast_to(expected_m, (2, 2)), rel=0.1)
+    # Positions of a metre may creep so far.
+    loose = replace(stated, sigma=np.ones((2, 6)))
+    assert held_against_strips(loose, returns, STRIPS, Mounting())[1] is None
