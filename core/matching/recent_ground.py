@@ -1,0 +1,222 @@
+"""The ground of the last metres round the vehicle, and how far each scan turned and moved on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+
+from furrowmap.core.matching.returns import SELF_RANGE_M
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.scan import Scan
+
+CELL_M: Final = 0.1
+SIDE_CELLS: Final = 512
+"""Cells lie in a torus: new ground overwrites that of half a side away."""
+RANGE_M: Final = (SELF_RANGE_M[0] + 0.5, 10.0)
+HIGHEST_M: Final = 1.0
+"""What is further above or below the vehicle's wheels is no ground."""
+RETURNS: Final = 6000
+"""Of a scan, about so many are looked at."""
+NOISE_M: Final = 0.012
+SHARED: Final = 10.0
+"""So many neighbouring returns share an error, as in a run's matching."""
+GATE_M: Final = 0.15
+MEMORY: Final = 20.0
+"""Returns of which a cell keeps the mean: soil that was tilled since is forgotten."""
+MIN_IN_CELL: Final = 3.0
+STEEPEST: Final = 0.4
+"""Steeper neighbours are the feet of posts, not relief."""
+ROUNDS: Final = 5
+TRIED: Final = 3
+TRIED_RAD: Final = np.radians(0.8)
+"""So many turns to either side are tried, so far apart: on the wrong one relief does not show the way."""
+CLEARLY: Final = 0.85
+CLIPPED_M: Final = 0.05
+MIN_MATCHED: Final = 300
+ADD_SHIFT: Final = np.array([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class ScanTurn:
+    """A scan's place on the recent ground, against the place where it was expected.
+
+    Attributes:
+        shift_m: (2,) along the axes of the map.
+        turn_rad: counter-clockwise.
+        sigma_rad: standard deviation of the turn.
+        residual_m: RMS of the heights on the ground before.
+    """
+
+    shift_m: FloatArray
+    turn_rad: float
+    sigma_rad: float
+    residual_m: float
+
+
+class RecentGround:
+    """Mean heights in cells around the vehicle, in a frame of their own that is level with the ground under it."""
+
+    def __init__(self, rotation: FloatArray, sensor_m: FloatArray) -> None:
+        self._rotation, self._sensor_m = rotation, sensor_m
+        self._cells = np.zeros((SIDE_CELLS, SIDE_CELLS, 2))
+        self._expected = np.zeros(6)
+        self._keys = np.full((SIDE_CELLS, SIDE_CELLS, 2), np.iinfo(np.int32).min, np.int32)
+
+    def move(
+        self, scan: Scan, place_m: FloatArray, rotation: FloatArray, velocity: FloatArray, sigma: FloatArray
+    ) -> ScanTurn | None:
+        """Find a scan on the ground so far, and add it there.
+
+        Args:
+            place_m: (2,) where the vehicle is expected in the middle of the scan.
+            rotation: (3, 3) vehicle to map, expected then.
+            velocity: (3,) along the map's axes, and the rate of turn in rad/s.
+            sigma: (6,) standard deviations of what is expected: place, height, turns about the three axes.
+
+        Returns:
+            None while too little of the ground was seen before.
+        """
+        middle_s = 0.5 * (scan.t_s[0] + scan.t_s[-1])
+        points = _around(
+            np.ascontiguousarray(scan.xyz_m, np.float32),
+            scan.t_s - middle_s,
+            self._rotation,
+            self._sensor_m,
+            rotation,
+            velocity,
+            max(1, len(scan) // RETURNS),
+        )
+        found, normal, used, squares = _matched(
+            points, place_m, self._cells, self._keys, self._expected, 1.0 / sigma**2
+        )
+        self._expected[2:5] = 0.95 * found[2:5]
+        _add(points, place_m, found * ADD_SHIFT, self._cells, self._keys)
+        if used < MIN_MATCHED:
+            return None
+        return ScanTurn(
+            found[:2], float(found[5]), float(np.sqrt(np.linalg.inv(normal)[5, 5])), float(np.sqrt(squares / used))
+        )
+
+
+@numba.njit(cache=True, nogil=True)
+def _around(xyz_m, t_s, mounting, sensor_m, rotation, velocity, step):  # type: ignore[no-untyped-def]
+    """(n, 3) returns of the ground around the vehicle, in the map's axes, as of the middle of the scan."""
+    out = np.empty((len(xyz_m) // step + 1, 3))
+    count = 0
+    w, v = np.empty(3), np.empty(3)
+    for i in range(0, len(xyz_m), step):
+        for k in range(3):
+            w[k] = (
+                mounting[k, 0] * xyz_m[i, 0] + mounting[k, 1] * xyz_m[i, 1] + mounting[k, 2] * xyz_m[i, 2] + sensor_m[k]
+            )
+        if not RANGE_M[0] ** 2 < w[0] * w[0] + w[1] * w[1] < RANGE_M[1] ** 2:
+            continue
+        for k in range(3):
+            v[k] = rotation[k, 0] * w[0] + rotation[k, 1] * w[1] + rotation[k, 2] * w[2]
+        if abs(v[2]) > HIGHEST_M:
+            continue
+        c, s = np.cos(velocity[2] * t_s[i]), np.sin(velocity[2] * t_s[i])
+        out[count, 0] = c * v[0] - s * v[1] + velocity[0] * t_s[i]
+        out[count, 1] = s * v[0] + c * v[1] + velocity[1] * t_s[i]
+        out[count, 2] = v[2]
+        count += 1
+    return out[:count]
+
+
+@numba.njit(cache=True, nogil=True)
+def _moved(point, found):  # type: ignore[no-untyped-def]
+    """A return with the turns and shifts that were found."""
+    c, s = np.cos(found[5]), np.sin(found[5])
+    x, y = c * point[0] - s * point[1] + found[0], s * point[0] + c * point[1] + found[1]
+    return x, y, point[2] + found[2] + found[3] * y - found[4] * x
+
+
+@numba.njit(cache=True, nogil=True)
+def _off(x, y, z, cells, keys):  # type: ignore[no-untyped-def]
+    """Height of the known ground above a point, and its slopes; nan where it is not known."""
+    side = len(keys)
+    u, v = x / CELL_M - 0.5, y / CELL_M - 0.5
+    column, line = int(np.floor(u)), int(np.floor(v))
+    for k in range(4):
+        c, r = column + (k & 1), line + (k >> 1)
+        key = keys[r % side, c % side]
+        if key[0] != c or key[1] != r or cells[r % side, c % side, 1] < MIN_IN_CELL:
+            return np.nan, 0.0, 0.0
+    a, b, u, v = column % side, line % side, u - column, v - line
+    a1, b1 = (column + 1) % side, (line + 1) % side
+    h00, h01, h10, h11 = cells[b, a, 0], cells[b, a1, 0], cells[b1, a, 0], cells[b1, a1, 0]
+    off = (h00 * (1 - u) + h01 * u) * (1 - v) + (h10 * (1 - u) + h11 * u) * v - z
+    return off, ((h01 - h00) * (1 - v) + (h11 - h10) * v) / CELL_M, ((h10 - h00) * (1 - u) + (h11 - h01) * u) / CELL_M
+
+
+@numba.njit(cache=True, nogil=True)
+def _likely_turn(points, place_m, cells, keys, expected):  # type: ignore[no-untyped-def]
+    """The turn of those tried at which heights fit best; the expected one unless another is clearly better."""
+    found = expected.copy()
+    best, turn = np.inf, 0.0
+    for k in range(2 * TRIED + 1):
+        found[5] = TRIED_RAD * ((k + 1) // 2) * (1 - 2 * (k & 1))
+        squares, used = 0.0, 0
+        for i in range(0, len(points), 4):
+            x, y, z = _moved(points[i], found)
+            off, _, _ = _off(x + place_m[0], y + place_m[1], z, cells, keys)
+            if np.isfinite(off):
+                squares += min(off * off, CLIPPED_M**2)
+                used += 1
+        if used >= MIN_MATCHED // 4 and squares / used < (best if turn else CLEARLY * best):
+            best, turn = squares / used, found[5]
+            if not k:
+                best, turn = squares / used, 0.0
+    return turn
+
+
+@numba.njit(cache=True, nogil=True)
+def _matched(points, place_m, cells, keys, expected, prior):  # type: ignore[no-untyped-def]
+    """Shifts and turns (6,) by Gauss and Newton, their normal equations, and how many returns lie on known ground."""
+    found, row = expected.copy(), np.zeros(6)
+    normal = np.diag(prior)
+    used, squares = 0, 0.0
+    found[5] = _likely_turn(points, place_m, cells, keys, expected)
+    for _ in range(ROUNDS):
+        normal, right, used, squares = np.diag(prior), prior * (expected - found), 0, 0.0
+        for i in range(len(points)):
+            x, y, z = _moved(points[i], found)
+            off, slope_x, slope_y = _off(x + place_m[0], y + place_m[1], z, cells, keys)
+            if not abs(off) <= GATE_M:
+                continue
+            weight = 1.0 / (SHARED * NOISE_M**2 * max(1.0, abs(off) / (2.0 * NOISE_M)))
+            weight /= max(1.0, (slope_x * slope_x + slope_y * slope_y) / STEEPEST**2)
+            row[0], row[1], row[2], row[3], row[4], row[5] = -slope_x, -slope_y, 1.0, y, -x, slope_x * y - slope_y * x
+            for p in range(6):
+                right[p] += weight * row[p] * off
+                for q in range(6):
+                    normal[p, q] += weight * row[p] * row[q]
+            used += 1
+            squares += off * off
+        if used < MIN_MATCHED:
+            break
+        step = np.linalg.solve(normal, right)
+        found += step
+        if np.abs(step).max() < 3e-4:
+            break
+    return (found if used >= MIN_MATCHED else expected.copy()), normal, used, squares
+
+
+@numba.njit(cache=True, nogil=True)
+def _add(points, place_m, found, cells, keys):  # type: ignore[no-untyped-def]
+    """Add returns to the means of their cells."""
+    side = len(keys)
+    for i in range(len(points)):
+        x, y, z = _moved(points[i], found)
+        column, line = int(np.floor((x + place_m[0]) / CELL_M)), int(np.floor((y + place_m[1]) / CELL_M))
+        cell, key = cells[line % side, column % side], keys[line % side, column % side]
+        if key[0] != column or key[1] != line:
+            key[0], key[1], cell[0], cell[1] = column, line, z, 1.0
+        elif abs(z - cell[0]) > GATE_M and cell[1] > MIN_IN_CELL:
+            cell[1] *= 0.7  # what stands there has changed, or is above the ground
+        else:
+            cell[1] = min(cell[1] + 1.0, MEMORY)
+            cell[0] += (z - cell[0]) / cell[1]
