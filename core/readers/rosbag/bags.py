@@ -32,6 +32,7 @@ from furrowmap.core.readers.rosbag.messages import (
     AttitudeLog,
     FixLog,
     ImuLog,
+    SentenceLog,
     deserialize,
 )
 from furrowmap.core.readers.rosbag.pictures import ImageLog, camera_of_info, info_topic
@@ -49,12 +50,10 @@ from furrowmap.core.values.pose_track import AttitudeTrack
 from furrowmap.core.values.scan import Clock, Scan
 
 if TYPE_CHECKING:
-    from furrowmap.core.readers.rosbag.ouster import OusterMessages
-    from furrowmap.core.readers.rosbag.packets import PacketScans
-    from furrowmap.core.readers.rosbag.sentences import SentenceLog
+    from furrowmap.core.readers.rosbag.packets import OusterMessages, PacketScans
 
 T = TypeVar("T")
-Log = TypeVar("Log", "FixLog", "SentenceLog", "ImuLog", "AttitudeLog", "ImageLog")
+Log = TypeVar("Log", FixLog, SentenceLog, ImuLog, AttitudeLog, ImageLog)
 _DJI_NODES: Final = frozenset({"dji_sdk", "dji_osdk_ros"})
 _POINT_TIMES: Final = "time stamps of the points, the clock of the scans"
 
@@ -220,19 +219,17 @@ class _RosBag(FileReader):
 
     def _decoder(self, chosen: _Topic) -> PacketScans | OusterMessages | CloudScans | LineScans:
         source = self._source(chosen)
-        if PACKET_SCANS.get(chosen.type) == "Ouster":
-            from furrowmap.core.readers.rosbag.ouster import OusterMessages
+        if chosen.type not in PACKET_SCANS:
+            return LineScans(source) if chosen.type == LASER_SCAN else CloudScans(source)
+        from furrowmap.core.readers.rosbag.packets import OusterMessages, PacketScans
 
+        if PACKET_SCANS[chosen.type] == "Ouster":
             texts = [topic for topic in self._found() if topic.type == TEXT and "metadata" in topic.name]
             own = chosen.name.rpartition("/")[0]
             texts = [topic for topic in texts if topic.name.rpartition("/")[0] == own] or texts
             told = [(topic.name, next(self._read(topic, lambda content, _: str(content.data)))) for topic in texts]
             return OusterMessages(self.paths[0], told, self.options)
-        if chosen.type in PACKET_SCANS:
-            from furrowmap.core.readers.rosbag.packets import PacketScans
-
-            return PacketScans(source, self.paths[0], chosen.type, self.options)
-        return LineScans(source) if chosen.type == LASER_SCAN else CloudScans(source)
+        return PacketScans(source, self.paths[0], chosen.type, self.options)
 
     def _scans(self, chosen: _Topic, decoder: PacketScans | OusterMessages | CloudScans | LineScans) -> Iterator[Scan]:
         first_s, last_s = float("inf"), float("-inf")
@@ -256,8 +253,6 @@ class _RosBag(FileReader):
         chosen = self._choose("positions", SENTENCE, NAV_SAT_FIX, DJI_POSITION, wanted=self.options.topic)
         log: FixLog | SentenceLog
         if chosen.type == SENTENCE:
-            from furrowmap.core.readers.rosbag.sentences import SentenceLog
-
             log = self._collect(chosen, SentenceLog())
             positions = log.positions(self._source(chosen), self.options.date)
             track, fault = positions.track, positions.fault

@@ -13,41 +13,57 @@ readers are imported at each start.
 from __future__ import annotations
 
 import math
+from array import array
 from functools import cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, ClassVar, Final
 
 import numpy as np
-
-from furrowmap.core.readers.rosbag.livox import LIVOX_CLOUDS, livox_cloud
-from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, decompress_message
-from furrowmap.core.readers.velodyne.models import PACKET_BYTES
-from furrowmap.core.runtime.errors import Notice
-from furrowmap.core.values.gnss import Fix, GnssTrack
-
-if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
-
-
-from array import array
-
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.inertial_rows import attitude_track, first_beyond, inertial_track
+from furrowmap.core.readers.nmea.log import assemble
+from furrowmap.core.readers.nmea.sentences import Kind, SentenceCounts, scan_bytes
+from furrowmap.core.readers.position_log import LoggedPositions
+from furrowmap.core.readers.rosbag.livox import LIVOX_CLOUDS, livox_cloud
+from furrowmap.core.readers.rosbag.storage import BagMessage, Damage, decompress_message
+from furrowmap.core.readers.velodyne.models import PACKET_BYTES
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.values.clock import DAY_S, nearest_in_cycle
+from furrowmap.core.values.gnss import Fix, GnssTrack
 from furrowmap.core.values.inertial import InertialTrack
 from furrowmap.core.values.pose_track import TRUE_NORTH, UNSTATED_NORTH, AttitudeTrack
 from furrowmap.core.values.rotation import quaternion_to_attitude
 
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
 NOT_MEASURED: Final = -1.0
 
 
-class ImuLog:
-    """Measurements collected from Imu messages."""
+class _RowLog:
+    """Rows of numbers collected from messages: first the stamp, last the time of reception."""
+
+    _columns: ClassVar[int]
 
     def __init__(self) -> None:
         self._rows = array("d")
-        self.frame_id = ""
+
+    @property
+    def _table(self) -> FloatArray:
+        return np.array(self._rows).reshape(-1, self._columns)
+
+    def delay_s(self) -> float:
+        """Median of reception minus stamp."""
+        table = self._table
+        return float(np.median(table[:, -1] - table[:, 0]))
+
+
+class ImuLog(_RowLog):
+    """Stamp, angular rate, specific force and orientation (w, x, y, z) collected from Imu messages."""
+
+    _columns = 12
+    frame_id = ""
 
     def add(self, content: Any, message: BagMessage) -> None:
         """Add one message.
@@ -67,16 +83,6 @@ class ImuLog:
             raise Damage("its angular velocity or linear acceleration is not a number")
         self._rows.extend((stamp_s(content, message), *values, *_orientation(content), message.received_ns * 1e-9))
         self.frame_id = self.frame_id or str(content.header.frame_id)
-
-    @property
-    def _table(self) -> FloatArray:
-        """Stamp, angular rate, specific force, orientation (w, x, y, z), time of reception."""
-        return np.array(self._rows).reshape(-1, 12)
-
-    def delay_s(self) -> float:
-        """Median of reception minus stamp."""
-        table = self._table
-        return float(np.median(table[:, -1] - table[:, 0]))
 
     def oriented(self) -> int:
         """Number of messages with an orientation."""
@@ -102,25 +108,14 @@ class ImuLog:
         return inertial_track(table[:, 0], table[:, 1:7], source, notices)
 
 
-class AttitudeLog:
-    """Orientations collected from Imu, QuaternionStamped or AttitudeQuaternion messages."""
+class AttitudeLog(_RowLog):
+    """Stamp and orientation (w, x, y, z) collected from Imu, QuaternionStamped or AttitudeQuaternion messages."""
 
-    def __init__(self) -> None:
-        self._rows = array("d")
+    _columns = 6
 
     def add(self, content: Any, message: BagMessage) -> None:
         """Add one message."""
         self._rows.extend((stamp_s(content, message), *_orientation(content), message.received_ns * 1e-9))
-
-    @property
-    def _table(self) -> FloatArray:
-        """Stamp, orientation (w, x, y, z), time of reception."""
-        return np.array(self._rows).reshape(-1, 6)
-
-    def delay_s(self) -> float:
-        """Median of reception minus stamp."""
-        table = self._table
-        return float(np.median(table[:, -1] - table[:, 0]))
 
     def attitude(self, source: str, notices: list[Notice], *, true_north: bool) -> AttitudeTrack:
         """The orientations, of the axes of the device against east, north and up (REP-103).
@@ -242,7 +237,7 @@ def seconds(stamp: Any) -> float:
     return float(stamp.sec) + float(stamp.nanosec) * 1e-9
 
 
-class FixLog:
+class FixLog(_RowLog):
     """A track collected from NavSatFix or GlobalPosition messages.
 
     The status of a NavSatFix is a fix (0), one with satellite-based augmentation (1) or with ground-based augmentation
@@ -250,12 +245,7 @@ class FixLog:
     ellipsoid by definition. A GlobalPosition is single, and none at health 0.
     """
 
-    def __init__(self) -> None:
-        self._rows: list[tuple[float, ...]] = []
-        self._received_s: list[float] = []
-
-    def __len__(self) -> int:
-        return len(self._rows)
+    _columns = 9
 
     def add(self, content: Any, message: BagMessage) -> None:
         """Add one message.
@@ -278,16 +268,12 @@ class FixLog:
             fix = Fix.FIXED
         if not np.isfinite((lat, lon)).all():
             fix = Fix.NONE
-        self._rows.append((stamp_s(content, message), lon, lat, height, float(fix), *map(float, sigma)))
-        self._received_s.append(message.received_ns * 1e-9)
-
-    def delay_s(self) -> float:
-        """Median of reception minus stamp."""
-        return float(np.median(np.array(self._received_s) - np.array(self._rows)[:, 0]))
+        at_s, received_s = stamp_s(content, message), message.received_ns * 1e-9
+        self._rows.extend((at_s, lon, lat, height, float(fix), *map(float, sigma), received_s))
 
     def track(self, source: str) -> tuple[GnssTrack, list[Notice]]:
         """All positions in the order of their stamps, and what is unusual about them."""
-        table = np.array(self._rows, np.float64).reshape(-1, 8)
+        table = self._table[:, :-1]
         notices = []
         back = int((np.diff(table[:, 0]) <= 0).sum())
         if back:
@@ -307,3 +293,48 @@ class FixLog:
                 )
             )
         return GnssTrack.build(table[:, 0], source=source, **columns, **sigmas), notices
+
+
+class SentenceLog:
+    """Positions collected from the sentences of one topic.
+
+    They are assembled as those of logs of NMEA 0183. Times are those of the sentences; a log without dates has the date
+    of the stamps.
+    """
+
+    def __init__(self) -> None:
+        self._lines: list[bytes] = []
+        self._received_s: list[float] = []
+        self._first_s = 0.0
+
+    def add(self, content: Any, message: BagMessage) -> None:
+        """Add one message."""
+        if not self._lines:
+            self._first_s = stamp_s(content, message)
+        self._lines.append(content.sentence.encode("latin-1", "replace").strip() + b"\r\n")
+        self._received_s.append(message.received_ns * 1e-9)
+
+    def positions(self, source: str, date: str | None) -> LoggedPositions:
+        """The positions of the receiver; see :func:`~furrowmap.core.readers.nmea.log.assemble`.
+
+        Raises:
+            InputError: if `date` is not a date.
+        """
+
+        def place(at: int) -> str:
+            return f"{source}, message {self._message(np.array([at]))[0]}"
+
+        sentences = scan_bytes(b"".join(self._lines), SentenceCounts())[0]
+        return assemble(sentences, source, date=date, near_s=self._first_s, place=place)
+
+    def delay_s(self) -> float:
+        """Median of the reception of sentences minus the times in them."""
+        sentences = scan_bytes(b"".join(self._lines), SentenceCounts())[0]
+        timed = sentences[(sentences.kind == Kind.GGA) | (sentences.kind == Kind.GNS)]
+        received = np.array(self._received_s)[self._message(timed.at)]
+        return float(np.nanmedian(received - nearest_in_cycle(timed.values[:, 0], received, DAY_S)))
+
+    def _message(self, at: NDArray[np.int64]) -> NDArray[np.intp]:
+        """Index of the message with each byte (n,) of the stream."""
+        ends = np.cumsum([len(line) for line in self._lines])
+        return np.searchsorted(ends, at, side="right")
