@@ -46,13 +46,14 @@ if TYPE_CHECKING:
     from furrowmap.exporters.farm.mosaic import Mosaic as Mosaic
     from furrowmap.exporters.farm.traffic import Wheels as Wheels
     from furrowmap.exporters.reports.evaluation_figures import evaluation_figures as evaluation_figures
-    from furrowmap.points import POINT as POINT
-    from furrowmap.points import Points as Points
-    from furrowmap.points import open_points as open_points
+    from furrowmap.recordings import inspect as inspect
     from furrowmap.recordings import open_recording as open_recording
     from furrowmap.recordings import range_image as range_image
+    from furrowmap.results import POINT as POINT
+    from furrowmap.results import Points as Points
     from furrowmap.results import Raster as Raster
     from furrowmap.results import Result as Result
+    from furrowmap.results import open_points as open_points
     from furrowmap.results import open_result as open_result
     from furrowmap.settings import BatchSettings as BatchSettings
     from furrowmap.settings import CanopySettings as CanopySettings
@@ -116,7 +117,6 @@ if TYPE_CHECKING:
     from furrowmap.workflows.session.frames import frames as frames
     from furrowmap.workflows.session.init import ProposedSession as ProposedSession
     from furrowmap.workflows.session.init import propose_session as propose_session
-    from furrowmap.workflows.session.inspect import inspect as inspect
     from furrowmap.workflows.session.machines import KnownMachine as KnownMachine
     from furrowmap.workflows.session.machines import known_machines as known_machines
     from furrowmap.workflows.session.machines import save_machine as save_machine

@@ -1,4 +1,4 @@
-"""Sensor recordings: opening them, and laser scans as range images."""
+"""Sensor recordings: inspecting and opening them, and laser scans as range images."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from furrowmap.core.readers import reader
 from furrowmap.core.readers.reader import Reader, ReadOptions
+from furrowmap.core.session.examination import Examined
 from furrowmap.core.values.scan import Scan
 
 
@@ -44,3 +45,15 @@ def range_image(scan: Scan, lasers: int | None = None) -> NDArray[np.float32]:
     image = np.full((lasers or rows, columns), np.nan, np.float32)
     image[scan.laser, scan.column] = np.linalg.norm(scan.xyz_m, axis=1)
     return image[::-1]
+
+
+def inspect(path: str | Path) -> Examined:
+    """Read a file through.
+
+    Returns:
+        What the file is and holds (`inspection`), and a reader opened on it.
+
+    Raises:
+        InputError: if no reader knows the file, or it cannot be read.
+    """
+    return Examined.read(Path(path))

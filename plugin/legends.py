@@ -16,7 +16,8 @@ from qgis.PyQt.QtCore import QCoreApplication
 
 LABELS = json.loads(Path(__file__).with_name("legends.json").read_text(encoding="utf-8"))
 """Names in the layer panel and labels of raster bands, by the names of layers; what both are where no tool worked;
-labels of colours in the styles of rasters, other than numbers with units."""
+labels of colours in the styles of rasters, other than numbers with units; classes of points with their colours; colours
+of rasters without a style of their own."""
 CHANGE_OF_DATES = re.compile(r"change_(\d+)_(\d+)")
 """Name of the change between two dates of a field."""
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from qgis.core import (
@@ -25,44 +24,21 @@ from qgis.core import (
     QgsVectorLayer,
     QgsVectorLayerSimpleLabeling,
 )
-from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication
+from qgis.PyQt.QtCore import QCoreApplication
 from qgis.PyQt.QtGui import QColor
 from qgis.PyQt.QtXml import QDomDocument
+
+from .legends import LABELS
 
 LIGHT_AZIMUTH_DEG, LIGHT_ALTITUDE_DEG = 315.0, 40.0
 RELIEF_OPACITY = 0.6
 """The base map shows through the relief."""
 WORKED_COLOUR, WORKED_OPACITY = "31,120,180,255", 0.75
-CHANGE_M = 0.10
-CHANGES = (  # metres, colour: sunk, unchanged, risen; as the products' own style
-    (-CHANGE_M, "#01665e"),
-    (-CHANGE_M / 2, "#80cdc1"),
-    (0.0, "#00f5f5f5"),  # transparent: the surface below is seen
-    (CHANGE_M / 2, "#dfc27d"),
-    (CHANGE_M, "#8c510a"),
-)
-COUNTS = (
-    (0.0, "#00ffffff", "0"),
-    (1.0, "#f7fcb9", "1"),
-    (2.0, "#addd8e", "2"),
-    (3.0, "#41ab5d", "3"),
-    (4.0, "#006837", "4"),
-)
-MORE = (math.inf, "#00301a", "≥ 5")
-"""Up to a count, its colour and label: how often ground was worked."""
-POINT_CLASSES = (
-    (2, "#9c7a4a", QT_TRANSLATE_NOOP("Classes", "ground")),
-    (1, "#5c9c4a", QT_TRANSLATE_NOOP("Classes", "other")),
-    (64, "#d08020", QT_TRANSLATE_NOOP("Classes", "vehicle")),
-    (65, "#c03030", QT_TRANSLATE_NOOP("Classes", "implement")),
-    (66, "#ca785c", QT_TRANSLATE_NOOP("Classes", "horizontal plane")),
-    (67, "#464646", QT_TRANSLATE_NOOP("Classes", "vertical plane")),
-    (68, "#8c1478", QT_TRANSLATE_NOOP("Classes", "line")),
-    (3, "#b2df8a", QT_TRANSLATE_NOOP("Classes", "low vegetation")),
-    (4, "#5aae61", QT_TRANSLATE_NOOP("Classes", "medium vegetation")),
-    (5, "#006837", QT_TRANSLATE_NOOP("Classes", "high vegetation")),
-)
-NOISE = (7, "#b0b0b0", QT_TRANSLATE_NOOP("Classes", "noise"))
+CHANGES_M = LABELS["changes_m"]
+"""Heights and colours: sunk, unchanged (transparent: the surface below is seen), risen; as the products' own style."""
+COUNTS = LABELS["counts"]
+"""How often ground was worked: up to a count, its colour and label."""
+NOISE = 7
 
 
 def show_as_surface(layer: QgsRasterLayer, *, styled: bool = False) -> None:
@@ -78,24 +54,24 @@ def show_as_surface(layer: QgsRasterLayer, *, styled: bool = False) -> None:
 
 
 def show_as_change(layer: QgsRasterLayer, *, styled: bool = False) -> None:
-    """Draw a layer in the colours of its legend; without a style it gets those of :data:`CHANGES`."""
+    """Draw a layer in the colours of its legend; without a style it gets those of :data:`CHANGES_M`."""
     if styled:
         return
-    ramp = QgsColorRampShader(-CHANGE_M, CHANGE_M)
+    low_m, high_m = CHANGES_M[0][0], CHANGES_M[-1][0]
+    ramp = QgsColorRampShader(low_m, high_m)
     ramp.setColorRampType(QgsColorRampShader.Type.Interpolated)
-    ramp.setColorRampItemList(
-        [QgsColorRampShader.ColorRampItem(value, QColor(colour), f"{value * 100:+.0f} cm") for value, colour in CHANGES]
-    )
+    item = QgsColorRampShader.ColorRampItem
+    ramp.setColorRampItemList([item(rise_m, QColor(colour), f"{100 * rise_m:+.0f} cm") for rise_m, colour in CHANGES_M])
     renderer = set_colours(layer, ramp)
-    renderer.setClassificationMin(-CHANGE_M)
-    renderer.setClassificationMax(CHANGE_M)
+    renderer.setClassificationMin(low_m)
+    renderer.setClassificationMax(high_m)
 
 
 def show_as_counts(layer: QgsRasterLayer) -> None:
     """Draw how often ground was worked."""
-    ramp = QgsColorRampShader(0.0, len(COUNTS))
+    ramp = QgsColorRampShader(0.0, len(COUNTS) - 1)
     ramp.setColorRampType(QgsColorRampShader.Type.Discrete)
-    items = [QgsColorRampShader.ColorRampItem(value, QColor(colour), label) for value, colour, label in COUNTS]
+    items = [QgsColorRampShader.ColorRampItem(count, QColor(colour), label) for count, colour, label in COUNTS]
     ramp.setColorRampItemList(items)
     set_colours(layer, ramp)
 
@@ -140,8 +116,8 @@ def set_colours(layer: QgsRasterLayer, ramp: QgsColorRampShader) -> QgsSingleBan
 def show_by_class(layer: QgsPointCloudLayer) -> None:
     """Colour a point cloud by class; noise is hidden."""
     categories = [
-        QgsPointCloudCategory(code, QColor(colour), QCoreApplication.translate("Classes", label), code != NOISE[0])
-        for code, colour, label in (*POINT_CLASSES, NOISE)
+        QgsPointCloudCategory(code, QColor(colour), QCoreApplication.translate("Classes", label), code != NOISE)
+        for code, colour, label in LABELS["classes"]
     ]
     layer.setRenderer(QgsPointCloudClassifiedRenderer("Classification", categories))
     layer.setSync3DRendererTo2DRenderer(True)

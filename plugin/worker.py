@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
-from qgis.PyQt.QtCore import QT_TRANSLATE_NOOP, QCoreApplication, QIODevice, QProcess
+from qgis.PyQt.QtCore import QCoreApplication, QIODevice, QProcess
 
 from .program import process_environment
 
@@ -30,37 +30,6 @@ SILENT_S = 1800.0
 MAX_LINE_BYTES = 1 << 20
 MAX_LOG_LINES = 40
 READ_MS = 50
-STAGES = (
-    QT_TRANSLATE_NOOP("Stages", "reading positions"),
-    QT_TRANSLATE_NOOP("Stages", "reading scans"),
-    QT_TRANSLATE_NOOP("Stages", "looking at scans"),
-    QT_TRANSLATE_NOOP("Stages", "matching scans"),
-    QT_TRANSLATE_NOOP("Stages", "placing points"),
-    QT_TRANSLATE_NOOP("Stages", "finding features"),
-    QT_TRANSLATE_NOOP("Stages", "matching images"),
-    QT_TRANSLATE_NOOP("Stages", "adjusting images"),
-    QT_TRANSLATE_NOOP("Stages", "reading images"),
-    QT_TRANSLATE_NOOP("Stages", "looking for the board"),
-    QT_TRANSLATE_NOOP("Stages", "hashing inputs"),
-    QT_TRANSLATE_NOOP("Stages", "writing cloud"),
-    QT_TRANSLATE_NOOP("Stages", "making surfaces"),
-    QT_TRANSLATE_NOOP("Stages", "writing layers"),
-    QT_TRANSLATE_NOOP("Stages", "writing the preview"),
-    QT_TRANSLATE_NOOP("Stages", "work"),
-    QT_TRANSLATE_NOOP("Stages", "reading clouds"),
-    QT_TRANSLATE_NOOP("Stages", "measuring density"),
-    QT_TRANSLATE_NOOP("Stages", "looking for noise"),
-    QT_TRANSLATE_NOOP("Stages", "cleaning clouds"),
-    QT_TRANSLATE_NOOP("Stages", "filling gaps"),
-    QT_TRANSLATE_NOOP("Stages", "exporting"),
-    QT_TRANSLATE_NOOP("Stages", "reading results"),
-    QT_TRANSLATE_NOOP("Stages", "writing the page"),
-    QT_TRANSLATE_NOOP("Stages", "writing the project"),
-    QT_TRANSLATE_NOOP("Stages", "writing the farm map"),
-    QT_TRANSLATE_NOOP("Stages", "writing the mosaic"),
-    QT_TRANSLATE_NOOP("Stages", "waiting for another process"),
-)
-"""Stages of a run in their order, then those of other commands. Others are shown in English."""
 
 
 class WorkerError(Exception):

@@ -17,8 +17,40 @@ from xml.sax.saxutils import escape
 from furrowmap.plugin.processing.description import ALGORITHMS, TOOLBOX_GROUPS
 
 PLUGIN = Path(__file__).resolve().parents[1] / "plugin"
+LEGENDS = json.loads((PLUGIN / "legends.json").read_text(encoding="utf-8"))
 UNFINISHED = '<translation type="unfinished"/>'
 TRANSLATIONS = PLUGIN / "i18n" / "furrowmap_ja.ts"
+STAGES = (
+    "reading positions",
+    "reading scans",
+    "looking at scans",
+    "matching scans",
+    "placing points",
+    "finding features",
+    "matching images",
+    "adjusting images",
+    "reading images",
+    "looking for the board",
+    "hashing inputs",
+    "writing cloud",
+    "making surfaces",
+    "writing layers",
+    "writing the preview",
+    "work",
+    "reading clouds",
+    "measuring density",
+    "looking for noise",
+    "cleaning clouds",
+    "filling gaps",
+    "exporting",
+    "reading results",
+    "writing the page",
+    "writing the project",
+    "writing the farm map",
+    "writing the mosaic",
+    "waiting for another process",
+)
+"""Stages of a run in their order, then those of other commands. The plugin shows others in English."""
 Strings = dict[tuple[str, str], str]
 
 
@@ -29,6 +61,8 @@ def source_strings() -> list[tuple[str, str]]:
         ValueError: if the string is not a literal, or has no context.
     """
     found = {("Algorithms", text) for text in description_strings()} | {("Legends", text) for text in legend_strings()}
+    found |= {("Classes", label) for _, _, label in LEGENDS["classes"]}
+    found |= {("Stages", text) for text in STAGES}
     for path in sorted(PLUGIN.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         own = _own_context(tree)
@@ -56,9 +90,11 @@ def description_strings() -> set[str]:
 
 
 def legend_strings() -> set[str]:
-    """The names of layers and labels of legends in `legends.json`."""
-    labels = json.loads((PLUGIN / "legends.json").read_text(encoding="utf-8"))
-    return {text for part in labels.values() for text in (part.values() if isinstance(part, dict) else part)}
+    """The names of layers and labels of legends."""
+    return {
+        *LEGENDS["colours"],
+        *(text for part in ("bands", "without_work", "layers") for text in LEGENDS[part].values()),
+    }
 
 
 def _calls(node: ast.AST, class_name: str = "") -> Iterator[tuple[ast.Call, str]]:

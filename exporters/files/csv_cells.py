@@ -29,8 +29,8 @@ def cell(value: object) -> object:
 
 
 def write_csv_table(path: Path, columns: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows as a CSV, in place of an older file."""
+    """Write these columns of rows as a CSV, in place of an older file."""
     with atomic_output(path) as unfinished, unfinished.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns)
+        writer = csv.DictWriter(file, columns, extrasaction="ignore")
         writer.writeheader()
         writer.writerows({name: cell(value) for name, value in row.items()} for row in rows)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import datetime as dt
-import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -20,7 +18,7 @@ from furrowmap.exporters.farm.memory import FIELDS_LAYER, MACHINES, SEASONS, VIS
 from furrowmap.exporters.farm.results import TRACKS
 from furrowmap.exporters.farm.traffic import FarmTraffic, write_traffic
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
-from furrowmap.exporters.files.csv_cells import cell
+from furrowmap.exporters.files.csv_cells import write_csv_table
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
 from furrowmap.exporters.reports.page_language import in_language
@@ -154,12 +152,11 @@ def field_history(
     own_seasons = own_seasons[np.argsort(-seasons.columns["season"][own_seasons], kind="stable")]
     own_visits = own_visits[np.argsort(visits.columns["date"][own_visits], kind="stable")[::-1]]
     by_season, by_visit = _rows(seasons, own_seasons), _rows(visits, own_visits)
-    if target is not None:
-        if target.suffix == ".csv":
-            text = _csv(by_visit)
-        else:
-            page = history_page(chosen_row, fields.shapes[row], by_season, by_visit, visits.shapes[own_visits])
-            text = in_language(in_area_unit(page, HECTARE), language or language_of_user())
+    if target is not None and target.suffix == ".csv":
+        write_csv_table(target, VISIT_COLUMNS[1:], by_visit)
+    elif target is not None:
+        page = history_page(chosen_row, fields.shapes[row], by_season, by_visit, visits.shapes[own_visits])
+        text = in_language(in_area_unit(page, HECTARE), language or language_of_user())
         with atomic_output(target) as unfinished:
             unfinished.write_text(text, encoding="utf-8", newline="")
     return FieldHistory(target, chosen_row, by_season, by_visit)
@@ -249,12 +246,3 @@ def _plain(value: Any, name: str) -> Any:
             return None
         return int(value) if name in _WHOLE else round(value, 4)
     return value.isoformat() if isinstance(value, dt.date) else value
-
-
-def _csv(rows: list[dict[str, Any]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\r\n")
-    writer.writerow(VISIT_COLUMNS[1:])
-    for row in rows:
-        writer.writerow(["" if row[name] is None else cell(row[name]) for name in VISIT_COLUMNS[1:]])
-    return text.getvalue()
