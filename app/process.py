@@ -37,6 +37,7 @@ def keep_kernels() -> None:
     numba does not load kernels that it cannot cache.
     """
     os.environ.setdefault(_LOCATORS_VARIABLE, _LOCATORS)
+    os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")  # of calls tried: 4 % of a compilation
     if CACHE_VARIABLE in os.environ:
         return
     folder = _caches() / "furrowmap" / "kernels"

@@ -10,7 +10,6 @@ from contextlib import contextmanager, nullcontext, suppress
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
-from time import perf_counter
 from types import ModuleType
 from typing import Any, Final
 
@@ -29,8 +28,6 @@ MOST_KERNELS: Final = "run"
 """The command with the most kernels; commands without any of their own call some of them."""
 KERNELS_A_SECOND: Final = 1
 """Compiled by one process, what they call included, on a slow computer; for an estimate."""
-HELPED_S: Final = 2.0
-"""After so many seconds of compilation in a command, other processes help it."""
 
 
 def warm_up(commands: Collection[str] = (), progress: Progress = silent) -> int:
@@ -57,7 +54,7 @@ def warm_up(commands: Collection[str] = (), progress: Progress = silent) -> int:
 
 @contextmanager
 def reporting_compilation(say: Callable[[str], None], command: str | None) -> Iterator[None]:
-    """Within it, `say` is called once if kernels are compiled, and other processes help if that takes long.
+    """Within it, `say` is called once if kernels are compiled, and another process helps.
 
     Args:
         command: the name of the command that runs, if it is one.
@@ -68,14 +65,12 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
     helper: subprocess.Popen[bytes] | None = None
 
     def begun() -> None:
-        kernels = (command and _listed([command])) or _listed([MOST_KERNELS])
-        seconds = sum(map(len, kernels.values())) / KERNELS_A_SECOND / threads()
+        nonlocal helper
+        own = _listed([command]) if command else {}
+        seconds = sum(map(len, (own or _listed([MOST_KERNELS])).values())) / KERNELS_A_SECOND / threads()
         text = f"Compiling kernels for this machine, once: up to {seconds:.0f} s. furrowmap warm-up does it ahead."
         say(translated(text, language_of_user()))
-
-    def lasted(seconds: float) -> None:
-        nonlocal helper
-        if helper is None and seconds > HELPED_S and threads() > 1 and command and _listed([command]):
+        if command and own and threads() > 1:
             options = ["--quiet", "--threads", str(threads() - 1)]
             helper = subprocess.Popen(  # noqa: S603 (this interpreter)
                 [sys.executable, "-m", "furrowmap", "warm-up", command, *options],
@@ -83,7 +78,7 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
             )  # fmt: skip
 
     try:
-        with _watching(_Compilations(begun, lasted)):
+        with _watching(_Compilations(begun)):
             yield
     finally:
         if helper is not None:
@@ -123,28 +118,19 @@ def types_of(signature: str, module: ModuleType) -> tuple[Any, ...]:
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
-    """Counts compilations and their time; numba compiles in one thread at a time."""
+    """Counts compilations, and says when they begin."""
 
-    def __init__(self, begun: Callable[[], None] = lambda: None, lasted: Callable[[float], None] = lambda _: None):
-        self._begun, self._lasted = begun, lasted
-        self.count = self._depth = 0
-        self._since = self._seconds = 0.0
+    def __init__(self, begun: Callable[[], None] = lambda: None) -> None:
+        self._begun, self.count = begun, 0
 
     def on_start(self, _event: Any) -> None:
         """A kernel, or one that it calls."""
-        if self.count == 0:
-            self._begun()
-        if self._depth == 0:
-            self._since = perf_counter()
         self.count += 1
-        self._depth += 1
+        if self.count == 1:
+            self._begun()
 
     def on_end(self, _event: Any) -> None:
         """Its end."""
-        self._depth -= 1
-        if self._depth == 0:
-            self._seconds += perf_counter() - self._since
-            self._lasted(self._seconds)
 
 
 @contextmanager

@@ -1,10 +1,12 @@
 """Which kernels the product calls in the tests, with arguments of which types.
 
-A run of all tests tells at its end which of them app/kernels.toml lacks: `furrowmap warm-up` does not compile those.
+A run of all tests fails if app/kernels.toml lacks any of them: `furrowmap warm-up` would not compile those. They are
+added to the file, so that nobody writes it by hand.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import tomllib
@@ -16,6 +18,7 @@ from typing import Any
 import pytest
 from numba.core import dispatcher
 from numba.core import types as numba_types
+from numba.np import numpy_support
 
 from furrowmap.warm_up import LIST
 from tests.codes_met import FOLDER, is_whole
@@ -56,6 +59,8 @@ def text_of(kind: Any) -> str:
             ends = {"C": [":"] * (kind.ndim - 1) + ["::1"], "F": ["::1"] + [":"] * (kind.ndim - 1)}
             return f"{text_of(kind.dtype)}[{', '.join(ends.get(kind.layout, [':'] * kind.ndim))}]"
         return f"Array({text_of(kind.dtype)}, {kind.ndim}, '{kind.layout}', {not kind.mutable}, aligned={kind.aligned})"
+    if isinstance(kind, types.Record):
+        return f"numba.from_dtype(np.dtype({numpy_support.as_dtype(kind).descr}))"
     if isinstance(kind, types.BaseTuple):
         named = f", {kind.instance_class.__name__}" if isinstance(kind, types.BaseNamedTuple) else ""
         return f"BaseTuple.from_types([{', '.join(map(text_of, kind.types))}]{named})"
@@ -68,6 +73,18 @@ def listed() -> set[str]:
     return {f"{name} {signature}" for kernels in commands for name, every in kernels.items() for signature in every}
 
 
+def add_to_list(lines: list[str]) -> None:
+    """Write the list with these lines in its last part."""
+    text = LIST.read_text(encoding="utf-8")
+    commands: dict[str, dict[str, list[str]]] = tomllib.loads(text)
+    for name, _, signature in (line.partition(" ") for line in lines):
+        commands["others"].setdefault(name, []).append(signature)
+    parts = [text[: text.index("[")].rstrip()]
+    for command, kernels in commands.items():
+        parts.append("\n".join([f"[{command}]", *(f'"{name}" = {json.dumps(every)}' for name, every in kernels.items())]))
+    LIST.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
+
+
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_sessionfinish(session: pytest.Session) -> Iterator[None]:
     """Compare what all processes met with the list, in the process that started the others."""
@@ -77,4 +94,6 @@ def pytest_sessionfinish(session: pytest.Session) -> Iterator[None]:
     files = Path(os.environ[FOLDER]).glob("*.kernels")
     met = {line for file in files for line in file.read_text(encoding="utf-8").splitlines()}
     if missing := sorted(met - listed()):
-        sys.stderr.write("\napp/kernels.toml, which warm-up compiles, lacks:\n" + "\n".join(missing) + "\n")
+        add_to_list(missing)
+        sys.stderr.write("\napp/kernels.toml lacked these, which are now in it:\n" + "\n".join(missing) + "\n")
+        session.exitstatus = session.exitstatus or pytest.ExitCode.TESTS_FAILED

@@ -18,7 +18,6 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from furrowmap.core.crops.pixels import MAX_RANK
@@ -74,7 +73,11 @@ def estimate_penetration(second_m: float, third_m: float, noise_m: float) -> Pen
     """
     table, noise = _table(), max(noise_m, 1e-4)
     wanted, skewness = math.log(max(second_m / noise, 1e-6)), third_m / second_m
-    shape, ratio = _shape_and_noise(table.shapes, table.noises, table.second, table.skewness, wanted, skewness)
+    # By shape: the second L-moment over the noise falls with the noise, and the skewness grows with the shape.
+    ratios = [np.interp(-wanted, -second, table.noises) for second in table.second]
+    found = [np.interp(*at, of) for at, of in zip(((r, table.noises) for r in ratios), table.skewness, strict=True)]
+    shape = np.interp(skewness, found, table.shapes)
+    ratio = np.interp(shape, table.shapes, ratios)
     return Penetration(float(shape), noise / float(ratio), noise_m)
 
 
@@ -96,17 +99,6 @@ class _Table:
         high = (1.0 - v) * values[i + 1, j] + v * values[i + 1, j + 1]
         out: FloatArray = (1.0 - u) * low + u * high
         return out
-
-
-@njit(cache=True, nogil=True)
-def _shape_and_noise(shapes, noises, second, skewnesses, wanted, skewness):  # type: ignore[no-untyped-def]
-    """Shape and noise with these L-moments; the nearest in the table where there is none."""
-    ratios, found = np.empty(len(shapes)), np.empty(len(shapes))
-    for k in range(len(shapes)):
-        ratios[k] = np.interp(-wanted, -second[k], noises)  # the second L-moment over the noise falls with the noise
-        found[k] = np.interp(ratios[k], noises, skewnesses[k])
-    shape = np.interp(skewness, found, shapes)  # the skewness grows with the shape
-    return shape, np.interp(shape, shapes, ratios)
 
 
 def _place(grid: FloatArray, value: float) -> tuple[int, float]:

@@ -119,16 +119,15 @@ def _sorted_by_pixel(column, row, height, first, rows, columns):  # type: ignore
             place[pixel[k]] += 1
     for p in range(rows * columns):
         begin, end = starts[p], starts[p + 1]
-        if end - begin > _INSERTED:
-            order = np.argsort(ordered[begin:end])
-            ordered[begin:end], part[begin:end] = ordered[begin:end][order], part[begin:end][order]
-            continue
-        for k in range(begin + 1, end):
-            value, mark, at = ordered[k], part[k], k
-            while at > begin and ordered[at - 1] > value:
-                ordered[at], part[at] = ordered[at - 1], part[at - 1]
-                at -= 1
-            ordered[at], part[at] = value, mark
+        gap = 1 if end - begin <= _INSERTED else (end - begin) * 5 // 11
+        while gap > 0:  # Shell's sort
+            for k in range(begin + gap, end):
+                value, mark, at = ordered[k], part[k], k - gap
+                while at >= begin and ordered[at] > value:
+                    ordered[at + gap], part[at + gap] = ordered[at], part[at]
+                    at -= gap
+                ordered[at + gap], part[at + gap] = value, mark
+            gap = 1 if gap == 2 else gap * 5 // 11
     return ordered, part, starts
 
 

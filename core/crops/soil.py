@@ -15,6 +15,7 @@ from scipy.linalg import cho_factor, cho_solve
 from furrowmap.core.crops.pixels import pixel_returns
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.statistic import sort_in_place
 from furrowmap.core.values.parcel import Parcel
 
 Trend = Literal["plane", "constant"]
@@ -347,7 +348,7 @@ def _cells(points, cell, cells, out):  # type: ignore[no-untyped-def]
             heights[k] = point[2]
             x += point[0] - base[0]
             y += point[1] - base[1]
-        heights.sort()
+        sort_in_place(heights)
         quartiles = np.empty(3)
         for q in range(3):
             at = 0.25 * (q + 1) * (n - 1)

@@ -151,7 +151,7 @@ def _back(factor: FloatArray, right: FloatArray) -> FloatArray:
     return solved
 
 
-@numba.njit("void(float64[:, ::1], float64[::1], int64[::1], float64[:, ::1], float64[::1])", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _add(columns, right, first, scaled, residual):  # type: ignore[no-untyped-def]
     touched = np.empty(scaled.shape[1], np.int64)
     for k in range(len(first)):
@@ -167,7 +167,7 @@ def _add(columns, right, first, scaled, residual):  # type: ignore[no-untyped-de
                 columns[begin + j, touched[b] - j] += scaled[k, touched[b]] * scaled[k, j]
 
 
-@numba.njit("float64[:, ::1](float64[:, ::1])", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _dense(columns):  # type: ignore[no-untyped-def]
     """The symmetric matrix of the columns (n, width) of its lower band."""
     n, width = columns.shape
@@ -178,7 +178,7 @@ def _dense(columns):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit("void(float64[:, ::1])", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _mirror(matrix):  # type: ignore[no-untyped-def]
     """Copy the upper triangle of a matrix to its lower one."""
     for i in range(len(matrix)):
@@ -186,7 +186,7 @@ def _mirror(matrix):  # type: ignore[no-untyped-def]
             matrix[i, j] = matrix[j, i]
 
 
-@numba.njit("void(float64[:, ::1], float64[::1])", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _inverse_diagonal(factor, out):  # type: ignore[no-untyped-def]
     """Set ``out`` to the diagonal of ``(L Lᵀ)⁻¹`` where ``factor[j, i − j] = L[i, j]``.
 

@@ -71,8 +71,9 @@ def pose_sigmas(
 def _variances(size, xyz_m, rotation, before, share, centre_m, slow, quick, out):  # type: ignore[no-untyped-def]
     n = len(xyz_m)
     count = len(centre_m)
-    design = np.zeros((6, 12))
+    design, moved = np.zeros((6, 12)), np.empty(12)
     block = np.empty((12, 12))
+    covariance = np.empty((6, 6))
     for j in range(n):
         for e in range(2):
             c = min(before[j] + e, count - 1)
@@ -89,16 +90,23 @@ def _variances(size, xyz_m, rotation, before, share, centre_m, slow, quick, out)
                 for a in range(6):
                     for b in range(6):
                         block[o + a, 6 * f + b] = slow[c * size + a, d * size + b]
-        covariance = design @ block @ design.T
-        for a in range(6):
-            covariance[a, a] += quick[j, a]
+        for a in range(6):  # in loops: numba's products of matrices compile for two seconds
+            moved[:] = 0.0
+            for c in range(12):
+                for d in range(12):
+                    moved[d] += design[a, c] * block[c, d]
+            for b in range(6):
+                covariance[a, b] = quick[j, a] if a == b else 0.0
+                for d in range(12):
+                    covariance[a, b] += moved[d] * design[b, d]
         for a in range(3):
             out[j, a] = covariance[a, a]
-        turn = covariance[3:, 3:].copy()
         for axis in range(2):
-            along = rotation[j, :, axis].copy()
-            out[j, 3 + axis] = along @ (turn @ along)
-        out[j, 5] = turn[2, 2]
+            out[j, 3 + axis] = 0.0
+            for a in range(3):
+                for b in range(3):
+                    out[j, 3 + axis] += rotation[j, a, axis] * covariance[3 + a, 3 + b] * rotation[j, b, axis]
+        out[j, 5] = covariance[5, 5]
 
 
 def marginal_covariance(equations: NormalEquations, size: int, nodes: IntArray, columns: int) -> FloatArray:

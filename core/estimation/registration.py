@@ -218,11 +218,13 @@ def _factor(matrix, least):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, nogil=True)
 def patch_slots(xyz_m, patch_m):  # type: ignore[no-untyped-def]
     """West and south of the patches over points (n, 3), and (PATCH_LAYERS, rows, columns) of −1 for their rows."""
-    if len(xyz_m) == 0:
-        return 0, 0, np.full((PATCH_LAYERS, 0, 0), -1, np.int64)
-    west, south = int(np.floor(xyz_m[:, 0].min() / patch_m)), int(np.floor(xyz_m[:, 1].min() / patch_m))
-    columns = int(np.floor(xyz_m[:, 0].max() / patch_m)) - west + 1
-    rows = int(np.floor(xyz_m[:, 1].max() / patch_m)) - south + 1
+    x0 = y0 = np.inf if len(xyz_m) else 0.0
+    x1 = y1 = -np.inf if len(xyz_m) else -patch_m
+    for i in range(len(xyz_m)):  # numba's own least and greatest compile for two seconds
+        x0, x1 = min(x0, xyz_m[i, 0]), max(x1, xyz_m[i, 0])
+        y0, y1 = min(y0, xyz_m[i, 1]), max(y1, xyz_m[i, 1])
+    west, south = int(np.floor(x0 / patch_m)), int(np.floor(y0 / patch_m))
+    rows, columns = int(np.floor(y1 / patch_m)) - south + 1, int(np.floor(x1 / patch_m)) - west + 1
     return west, south, np.full((PATCH_LAYERS, rows, columns), -1, np.int64)
 
 

@@ -20,6 +20,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 
 COLUMNS_A_RADIUS: Final = 3.0
 """Columns of a third of the radius leave out most of what is outside of the sphere."""
+NORMAL_AT, DIRECTION_AT = np.int64(3), np.int64(6)
 
 
 @dataclass(frozen=True)
@@ -157,17 +158,17 @@ def eigen(moments, k, out):  # type: ignore[no-untyped-def]
     least = max(mean + 2.0 * p * np.cos(angle + 2.0943951023931953), 0.0)
     out[0], out[1], out[2] = greatest, max(3.0 * mean - greatest - least, least), least
     if out[1] - out[2] > 1e-7 * greatest:
-        _vector(a, b, c, d, e, f, least, out, 3)
+        _vector(a, b, c, d, e, f, least, out, NORMAL_AT)
         if greatest - out[1] > 1e-7 * greatest:
-            _vector(a, b, c, d, e, f, greatest, out, 6)
+            _vector(a, b, c, d, e, f, greatest, out, DIRECTION_AT)
         else:
-            _beside(out, 3, 6)
+            _beside(out, NORMAL_AT, DIRECTION_AT)
     else:  # any vector at right angles to the direction is a normal
-        _vector(a, b, c, d, e, f, greatest, out, 6)
-        _beside(out, 6, 3)
+        _vector(a, b, c, d, e, f, greatest, out, DIRECTION_AT)
+        _beside(out, DIRECTION_AT, NORMAL_AT)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True)
 def _vector(a, b, c, d, e, f, value, out, at):  # type: ignore[no-untyped-def]
     """Unit eigenvector for an eigenvalue, upwards: the longest cross product of two rows."""
     ax, by, cz = a - value, b - value, c - value

@@ -14,6 +14,7 @@ from scipy.ndimage import distance_transform_edt, uniform_filter
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.ground import from_nearest
+from furrowmap.core.surfaces.statistic import sort_in_place
 from furrowmap.core.values.extents import bounds
 
 MEDIAN_CELL_M: Final = 0.5
@@ -190,7 +191,7 @@ def _within(above, ground, cell, limit):  # type: ignore[no-untyped-def]
 
 def medians(cell: NDArray[np.int64], values: FloatArray, shape: NDArray[np.int64]) -> FloatArray:
     """Median of the values in each cell; nan in those without any."""
-    out: FloatArray = _medians_of(cell, values, int(np.prod(shape))).reshape(shape)
+    out: FloatArray = _medians_of(cell, np.ascontiguousarray(values), int(np.prod(shape))).reshape(shape)
     return out
 
 
@@ -208,5 +209,7 @@ def _medians_of(cell, values, cells):  # type: ignore[no-untyped-def]
     out = np.full(cells, np.nan)
     for k in range(cells):
         if starts[k + 1] > starts[k]:
-            out[k] = np.median(by_cell[starts[k] : starts[k + 1]])
+            z = by_cell[starts[k] : starts[k + 1]]
+            sort_in_place(z)
+            out[k] = 0.5 * (z[(len(z) - 1) // 2] + z[len(z) // 2])
     return out

@@ -69,15 +69,15 @@ def _sort_columns(xyz_m, corner, side_m, across, rows):  # type: ignore[no-untyp
         height[k] = xyz_m[order[k], 2]
     for k in range(across * rows):
         begin, end = starts[k], starts[k + 1]
-        if end - begin <= INSERTED:
-            for i in range(begin + 1, end):
-                z, one, j = height[i], order[i], i
-                while j > begin and height[j - 1] > z:
-                    height[j], order[j] = height[j - 1], order[j - 1]
-                    j -= 1
-                height[j], order[j] = z, one
-        else:
-            order[begin:end] = order[begin:end][np.argsort(height[begin:end], kind="mergesort")]
+        gap = 1 if end - begin <= INSERTED else (end - begin) * 5 // 11
+        while gap > 0:  # Shell's sort
+            for i in range(begin + gap, end):
+                z, one, j = height[i], order[i], i - gap
+                while j >= begin and (height[j] > z or (height[j] == z and order[j] > one)):
+                    height[j + gap], order[j + gap] = height[j], order[j]
+                    j -= gap
+                height[j + gap], order[j + gap] = z, one
+            gap = 1 if gap == 2 else gap * 5 // 11
     return order, starts
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from furrowmap.core.features.eigenfeatures import Eigenfeatures, eigen
 from furrowmap.core.features.neighbours import PointColumns, first_above, sort_into_columns
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.surfaces.statistic import sort_in_place
 from furrowmap.core.values.extents import bounds
 
 MAX_NORMAL_DEG: Final = 25.0
@@ -145,7 +146,9 @@ def _measure_plane(
     (cell_m, tolerance_m), (centre_m, normal, rms_m) = scale_m, fit
     axes, centre = np.stack([*axes_of(normal), normal]), centre_m - sorted_m.corner_m
     own = sorted_m.xyz_m[region]
-    side, corner, filled, share = _raster((own - centre) @ axes[:2].T, cell_m)
+    flat = (own - centre) @ axes[:2].T
+    corner, end = bounds(flat)
+    side, filled, share = _raster(flat, corner, end, cell_m)
     area = float(np.count_nonzero(filled)) * side * side
     if area < MIN_PLANE_AREA_M2 or not fill[0] <= share < fill[1]:
         return None
@@ -159,16 +162,15 @@ def _measure_plane(
 
 
 @numba.njit(cache=True, nogil=True)
-def _raster(flat, cell_m):  # type: ignore[no-untyped-def]
-    """Side of the cells of a plane, the first corner, which of them are filled, and the share of filled ones around.
+def _raster(flat, corner, end, cell_m):  # type: ignore[no-untyped-def]
+    """Side of the cells of a plane between two corners, which of them are filled, and the share of filled ones around.
 
     The side, with which those of a plane are nearly all filled, is one and a half of the distance to the fourth
     neighbour, but two voxels at least and three at most.
     """
     n = len(flat)
-    corner = np.array([flat[:, 0].min(), flat[:, 1].min()])
     reach = 2.0 * cell_m
-    columns, rows = int((flat[:, 0].max() - corner[0]) / reach) + 1, int((flat[:, 1].max() - corner[1]) / reach) + 1
+    columns, rows = int((end[0] - corner[0]) / reach) + 1, int((end[1] - corner[1]) / reach) + 1
     number, order = np.empty(n, np.int64), np.empty(n, np.int64)
     starts = np.zeros(columns * rows + 1, np.int64)
     for i in range(n):
@@ -199,8 +201,10 @@ def _raster(flat, cell_m):  # type: ignore[no-untyped-def]
                         at -= 1
                     best[at] = away
         fourth[m] = np.sqrt(best[4])
-    side = min(max(1.5 * np.median(fourth), 2.0 * cell_m), 3.0 * cell_m)
-    columns, rows = int((flat[:, 0].max() - corner[0]) / side) + 1, int((flat[:, 1].max() - corner[1]) / side) + 1
+    sort_in_place(fourth)
+    middle = 0.5 * (fourth[(len(fourth) - 1) // 2] + fourth[len(fourth) // 2])
+    side = min(max(1.5 * middle, 2.0 * cell_m), 3.0 * cell_m)
+    columns, rows = int((end[0] - corner[0]) / side) + 1, int((end[1] - corner[1]) / side) + 1
     filled = np.zeros((columns, rows), np.bool_)
     for i in range(n):
         filled[int((flat[i, 0] - corner[0]) / side), int((flat[i, 1] - corner[1]) / side)] = True
@@ -212,7 +216,7 @@ def _raster(flat, cell_m):  # type: ignore[no-untyped-def]
                 for c in range(max(column - 1, 0), min(column + 2, columns)):
                     for r in range(max(row - 1, 0), min(row + 2, rows)):
                         around += filled[c, r]
-    return side, corner, filled, (around / own - 1.0) / 8.0
+    return side, filled, (around / own - 1.0) / 8.0
 
 
 @numba.njit(cache=True, nogil=True)
@@ -307,7 +311,7 @@ def _grow(xyz, starts, reach, across, rows, normal, seeds, tolerance, least_cosi
                 refit = 2 * k if k < 4096 else k + 4096
                 moments[0], moments[1], moments[2] = xx - sx * sx / k, yy - sy * sy / k, zz - sz * sz / k
                 moments[3], moments[4], moments[5] = xy - sx * sy / k, xz - sx * sz / k, yz - sy * sz / k
-                eigen(moments, k, out)
+                eigen(moments, float(k), out)
                 if out[1] > 4.0 * out[2]:
                     nx, ny, nz = float(out[3]), float(out[4]), float(out[5])
                     cx, cy, cz = ox + sx / k, oy + sy / k, oz + sz / k

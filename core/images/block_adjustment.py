@@ -328,11 +328,11 @@ def _reduce(ends, residual, weight, design, first, by_point, held, pull, unknown
     normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
     inverse = np.zeros((len(ends) - 1, 3, 3))
     width = design.shape[2]
-    beside = np.zeros((unknowns, 3))
+    beside, share = np.zeros((unknowns, 3)), np.empty(3)
     seen, active = np.zeros(unknowns, np.bool_), np.empty(unknowns, np.int64)
     column = np.empty(width, np.int64)
     for p in range(len(ends) - 1):
-        own, own_right = np.diag(held[p]), pull[p].copy()
+        own, own_right = inverse[p], pull[p].copy()
         count = 0
         for o in range(ends[p], ends[p + 1]):
             if weight[o] == 0.0:
@@ -360,11 +360,14 @@ def _reduce(ends, residual, weight, design, first, by_point, held, pull, unknown
                         own[k, m] += by * by_point[o, a, m]
         if count == 0:
             continue
-        inverse[p] = np.linalg.inv(own)
+        for k in range(3):
+            own[k, k] += held[p, k]
+        _invert(own)
         for i in range(count):
             u = active[i]
-            share = beside[u] @ inverse[p]
-            right[u] -= share @ own_right
+            for k in range(3):
+                share[k] = beside[u, 0] * own[0, k] + beside[u, 1] * own[1, k] + beside[u, 2] * own[2, k]
+                right[u] -= share[k] * own_right[k]
             for k in range(count):
                 v = active[k]
                 if v <= u:
@@ -372,6 +375,20 @@ def _reduce(ends, residual, weight, design, first, by_point, held, pull, unknown
         for i in range(count):
             seen[active[i]] = False
     return normal, right, inverse
+
+
+@numba.njit(cache=True, nogil=True)
+def _invert(m):  # type: ignore[no-untyped-def]
+    """Invert a positive definite matrix (3, 3) in its place; numba's own inverse compiles for two seconds."""
+    for k in range(3):
+        pivot, m[k, k] = m[k, k], 1.0
+        for j in range(3):
+            m[k, j] /= pivot
+        for i in range(3):
+            if i != k:
+                factor, m[i, k] = m[i, k], 0.0
+                for j in range(3):
+                    m[i, j] -= factor * m[k, j]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -388,7 +405,9 @@ def _move_points(ends, residual, weight, design, first, by_point, inverse, pull,
                     left -= design[o, a, j] * step[j if j < 4 else first[o] + j - 4]
                 for k in range(3):
                     right[k] += weight[o] * by_point[o, a, k] * left
-        out[p] = inverse[p] @ right
+        for k in range(3):
+            for m in range(3):
+                out[p, k] += inverse[p, k, m] * right[m]
     return out
 
 

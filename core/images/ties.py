@@ -135,7 +135,7 @@ def thin_ties(ties: Ties, size: tuple[int, int]) -> Ties:
     return ties.chosen(_spread(order, begin, cell, MAX_TIES_PER_CELL)[ties.point])
 
 
-@numba.njit("boolean[::1](int64[::1], int64[::1], int64[::1], int64)", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _spread(order, begin, cell, most):  # type: ignore[no-untyped-def]
     """Which points are taken: each that is among the first `most` of any of the cells where it is seen."""
     taken = np.zeros(len(order), np.bool_)
@@ -149,7 +149,7 @@ def _spread(order, begin, cell, most):  # type: ignore[no-untyped-def]
     return taken
 
 
-@numba.njit("int64[::1](int64[:, ::1], int64)", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _roots(links, count):  # type: ignore[no-untyped-def]
     """Root of each of some things (count,) that links (m, 2) join: union-find with path halving."""
     root = np.arange(count)

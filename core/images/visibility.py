@@ -203,12 +203,7 @@ def widen_depth(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:
     return out
 
 
-@numba.njit(
-    "void(float64[:, ::1], float64[:, ::1], float64[:, :, ::1], float64, float64[::1], float64, float64[::1], int64,"
-    " float32[:, :, ::1], int64[::1], float64[::1], float64, int64[::1], uint8[:, ::1])",
-    cache=True,
-    nogil=True,
-)
+@numba.njit(cache=True, nogil=True)
 def splat(  # type: ignore[no-untyped-def]
     xyz, centre, matrix, axis_cosine, intrinsics, widest, size, cell_px, depth, points, corner, cell_m, shape, seen
 ):

@@ -68,12 +68,7 @@ class Placer:
         return coordinates, known
 
 
-@numba.njit(
-    "Tuple((float64[:, ::1], boolean[::1]))(float64[::1], float32[:, ::1], float64[:, ::1], float64[::1],"
-    " float64[::1], float64[:, ::1], float64[:, :, ::1], float64[:, ::1], float64)",
-    cache=True,
-    nogil=True,
-)
+@numba.njit(cache=True, nogil=True)
 def place_points(  # type: ignore[no-untyped-def]
     t_s, xyz_m, mount, lever_m, knot_s, knot_m, knot_rotation, turn_rad, max_gap_s
 ):

@@ -91,7 +91,7 @@ class _Scanner:
                 self.counts.bad += data[begin + 2] == _GENOUT
             at = begin + 1
         bounds = np.array([*spans, max(used, spans[-1])], np.int64)
-        self.counts.foreign_bytes += count_foreign(np.frombuffer(data, np.uint8), bounds[0::2], bounds[1::2])
+        self.counts.foreign_bytes += count_foreign(np.frombuffer(data, np.uint8), bounds.reshape(-1, 2))
         return used
 
     def _take(self, kind: int, content: bytes, at: int) -> None:

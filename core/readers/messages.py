@@ -105,7 +105,7 @@ def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True)
     behind = int(ends[-1]) if n else 0
     if not last and used - behind < _MAX_RTCM_BYTES:
         used = behind  # the next piece may complete an RTCM message
-    foreign = count_foreign(data, np.append(0, ends), np.append(begins, max(used, behind)))
+    foreign = count_foreign(data, np.stack([np.append(0, ends), np.append(begins, max(used, behind))], axis=1))
     return FoundFrames(kind, at, length, bad, cut, int((ends - begins).sum()), foreign, used)
 
 
@@ -161,16 +161,16 @@ def _find(data: Any, framing: Any, last: Any, rows: Any) -> tuple[int, int, int,
 
 
 @njit(cache=True, nogil=True)
-def count_foreign(data: Any, begins: Any, ends: Any) -> int:
-    """Number of bytes in the spans that are neither text nor in a message of RTCM 3, and not 0 or 255 (padding)."""
+def count_foreign(data: Any, spans: Any) -> int:
+    """Bytes in spans (n, 2) that are neither text nor in a message of RTCM 3, and not 0 or 255 (padding)."""
     foreign = 0
-    for k in range(len(begins)):
-        i: Any = begins[k]
-        while i < ends[k]:
+    for k in range(len(spans)):
+        i, end = spans[k, 0], spans[k, 1]
+        while i < end:
             c = data[i]
-            if c == _RTCM and i + 3 <= ends[k] and data[i + 1] < 4:
+            if c == _RTCM and i + 3 <= end and data[i + 1] < 4:
                 after = i + 6 + (np.int64(data[i + 1]) << 8 | np.int64(data[i + 2]))
-                if after <= ends[k]:
+                if after <= end:
                     i = after
                     continue
             foreign += not (32 <= c <= 126 or c in (0, 9, 10, 13, 255))

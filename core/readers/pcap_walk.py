@@ -100,7 +100,10 @@ def _join(data, at, stop, key, first, more, parts):  # type: ignore[no-untyped-d
         if parts.key[k] == key and parts.counts[k, 0]:
             slot = k
     if slot < 0:
-        slot = int(np.argmin(parts.counts[:, 3]))
+        slot = 0  # the oldest
+        for k in range(len(parts.key)):
+            if parts.counts[k, 3] < parts.counts[slot, 3]:
+                slot = k
         parts.used[2] += parts.counts[slot, 0]
         parts.used[1] += 1
         parts.key[slot] = key

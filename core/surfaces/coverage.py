@@ -64,7 +64,7 @@ def coverage(points: TilePoints, strips: Sequence[Interval]) -> Coverage:
     return Coverage(grid, counts.sum(axis=0), there + 1, counts[1:][there])
 
 
-@numba.njit("int64[:, ::1](uint16[::1], float32[::1], float64[:, ::1], int64, int64, int64)", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def count_blocks(cell, t_s, ends_s, columns, blocks, block):  # type: ignore[no-untyped-def]
     """Points (1 + strips, blocks): row 0 those of no strip, row k those of strip k."""
     counts = np.zeros((len(ends_s) + 1, blocks), np.int64)

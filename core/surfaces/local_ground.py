@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.ground import Smrf, ground_cells
+from furrowmap.core.surfaces.statistic import sort_in_place
 from furrowmap.core.values.scan import PointClass
 
 _GROUND, _NOISE = np.uint8(PointClass.GROUND), np.uint8(PointClass.NOISE)
@@ -65,9 +66,10 @@ class GroundSampler:
     def add(self, xyz_m: FloatArray, kept: NDArray[np.bool_]) -> None:
         """Add the points (n, 3) of a scan of which `kept` (n,) may be ground: finite, and neither machine nor noise."""
         xyz_m = np.ascontiguousarray(xyz_m)
-        middle_m = _middle(xyz_m, kept)
-        if np.isnan(middle_m[0]):
+        some_m = _hundred(xyz_m, kept)
+        if not len(some_m):
             return
+        middle_m = np.median(some_m, axis=0)
         corner = np.floor(middle_m[:2] / GROUND_TILE_M).astype(np.int64) - _FAR_TILES
         window = np.full((2 * _FAR_TILES + 1,) * 2, -1, np.int64)
         _mark(xyz_m, kept, corner, window)
@@ -147,22 +149,21 @@ class LocalGround:
 
 
 @numba.njit(cache=True, nogil=True)
-def _middle(xyz_m, kept):  # type: ignore[no-untyped-def]
-    """The median (3,) of about a hundred of the kept points; nan without any."""
-    every = 1 + np.count_nonzero(kept) // 100
-    some = np.empty((1 + len(kept) // every, 3))
-    seen = taken = 0
+def _hundred(xyz_m, kept):  # type: ignore[no-untyped-def]
+    """About a hundred (n, 3) of the kept points."""
+    count = seen = taken = 0
+    for i in range(len(kept)):
+        count += kept[i]
+    every = 1 + count // 100
+    some = np.empty((1 + count // every, 3))
     for i in range(len(kept)):
         if kept[i]:
             if seen % every == 0:
-                some[taken] = xyz_m[i]
+                for a in range(3):
+                    some[taken, a] = xyz_m[i, a]
                 taken += 1
             seen += 1
-    out = np.full(3, np.nan)
-    if taken > 0:
-        for a in range(3):
-            out[a] = np.median(some[:taken, a])
-    return out
+    return some[:taken]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -212,17 +213,20 @@ def _low_heights(samples, counts):  # type: ignore[no-untyped-def]
     low = np.full(counts.shape, np.nan)
     mean = np.full(counts.shape, np.nan)
     near = GROUND_SPREAD_M / _SAMPLE_STEP_M
+    held = np.empty(CELL_SAMPLES)
     for i in range(counts.shape[0]):
         for j in range(counts.shape[1]):
             n = min(counts[i, j], CELL_SAMPLES)
             if n < MIN_GROUND_RETURNS:
                 continue
-            held = np.sort(samples[i, j, :n])
+            for k in range(n):
+                held[k] = samples[i, j, k]
+            sort_in_place(held[:n])
             lowest = held[int(GROUND_QUANTILE * (n - 1) + 0.5)]
             total, number = 0.0, 0
-            for value in held:
-                if abs(float(value) - float(lowest)) <= near:
-                    total += value
+            for k in range(n):
+                if abs(held[k] - lowest) <= near:
+                    total += held[k]
                     number += 1
             low[i, j] = lowest * _SAMPLE_STEP_M
             mean[i, j] = total / number * _SAMPLE_STEP_M

@@ -89,11 +89,7 @@ class Passages:
         return LinePassage(grid, first, last, number)
 
 
-@numba.njit(
-    "void(float64[:, ::1], float64, float64, int64, int64, float64[:, ::1], float64[:, ::1], int32[:, ::1])",
-    cache=True,
-    nogil=True,
-)
+@numba.njit(cache=True, nogil=True)
 def pass_over(steps, beside_m, cell_m, west, north, first_s, last_s, number):  # type: ignore[no-untyped-def]
     """Kernel of :meth:`Passages.over`.
 

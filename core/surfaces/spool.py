@@ -175,12 +175,7 @@ class PointSpool:
         self._records.append([records], square_keys(column + low[0], row + low[1]), np.append(starts[there], held))
 
 
-@numba.njit(
-    "UniTuple(int64, 2)(float64[:, ::1], float64[::1], boolean[::1], int64, float64[::1], float64, float64,"
-    " int32[:, ::1], uint16[::1], float32[::1], float32[::1], int64[::1], int64)",
-    cache=True,
-    nogil=True,
-)
+@numba.njit(cache=True, nogil=True)
 def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, tiles, cells, heights, times, ends, held):  # type: ignore[no-untyped-def]
     """Add points from index `first` on until the buffers are full: where it stopped, and how many are held.
 
@@ -208,17 +203,7 @@ def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, tiles, cells, hei
     return stopped, held
 
 
-_RECORDS: Final = numba.from_dtype(TILE_RECORD)[::1]
-
-
-@numba.njit(
-    numba.types.Tuple((_RECORDS, numba.int64[::1]))(
-        numba.int32[:, ::1], numba.uint16[::1], numba.float32[::1], numba.float32[::1], numba.int32[::1], numba.int64,
-        numba.int64,
-    ),
-    cache=True,
-    nogil=True,
-)  # fmt: skip
+@numba.njit(cache=True, nogil=True)
 def sort_by_tile(tiles, cells, heights, times, low, columns, rows):  # type: ignore[no-untyped-def]
     """Records sorted by column and row of their tile, and the first record of each tile (tiles + 1,)."""
     n = len(heights)
@@ -238,9 +223,7 @@ def sort_by_tile(tiles, cells, heights, times, low, columns, rows):  # type: ign
     return out, starts
 
 
-@numba.njit(
-    numba.types.Tuple((numba.uint16[::1], numba.float32[::1], numba.float32[::1]))(_RECORDS), cache=True, nogil=True
-)
+@numba.njit(cache=True, nogil=True)
 def split(records):  # type: ignore[no-untyped-def]
     """Cells, heights and times of records, each contiguous."""
     n = len(records)

@@ -97,11 +97,7 @@ def cell_surface(
     return Surface(grid, height, count, spread, error)
 
 
-@numba.njit(
-    "Tuple((float32[::1], uint32[::1], float32[::1], uint32[::1]))(uint16[::1], float32[::1], int64, float64, int64)",
-    cache=True,
-    nogil=True,
-)
+@numba.njit(cache=True, nogil=True)
 def sum_up(cell, height_m, cells, base_m, column):  # type: ignore[no-untyped-def]
     """Kernel of :func:`cell_surface` where no order is needed: height, count, spread and points used of each cell."""
     sums = np.zeros((cells, 5))
@@ -129,7 +125,22 @@ def sum_up(cell, height_m, cells, base_m, column):  # type: ignore[no-untyped-de
     return height, count, spread, used
 
 
-@numba.njit("float64(float32[::1], float64)", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
+def sort_in_place(z):  # type: ignore[no-untyped-def]
+    """Shell's sort, gaps of Gonnet and Baeza-Yates (1991); numba's own sort compiles for a second in each module."""
+    n = len(z)
+    gap = 1 if n <= MAX_INSERTED else n * 5 // 11
+    while gap > 0:
+        for i in range(gap, n):
+            value, j = z[i], i - gap
+            while j >= 0 and z[j] > value:
+                z[j + gap] = z[j]
+                j -= gap
+            z[j + gap] = value
+        gap = 1 if gap == 2 else gap * 5 // 11
+
+
+@numba.njit(cache=True, nogil=True)
 def median_deviation(z, middle):  # type: ignore[no-untyped-def]
     """Median of the distances of ordered heights from `middle`, their median."""
     n = len(z)
@@ -152,12 +163,7 @@ def median_deviation(z, middle):  # type: ignore[no-untyped-def]
     return second if n % 2 else 0.5 * (first + second)
 
 
-@numba.njit(
-    "Tuple((float32[::1], uint32[::1], float32[::1], uint32[::1]))"
-    "(uint16[::1], float32[::1], int64, float64, boolean, float64)",
-    cache=True,
-    nogil=True,
-)
+@numba.njit(cache=True, nogil=True)
 def rank(cell, height_m, cells, base_m, trimmed, share):  # type: ignore[no-untyped-def]
     """Kernel of :func:`cell_surface` where order is needed: height, count, spread and points used of each cell.
 
@@ -181,15 +187,7 @@ def rank(cell, height_m, cells, base_m, trimmed, share):  # type: ignore[no-unty
         if n == 0:
             continue
         z = ordered[place[k] - n : place[k]]
-        if n <= MAX_INSERTED:
-            for i in range(1, n):
-                value, j = z[i], i - 1
-                while j >= 0 and z[j] > value:
-                    z[j + 1] = z[j]
-                    j -= 1
-                z[j + 1] = value
-        else:
-            z.sort()
+        sort_in_place(z)
         low, high = 0, n
         middle = 0.5 * (float(z[(n - 1) // 2]) + float(z[n // 2]))
         deviation = NMAD * median_deviation(z, middle)

@@ -114,7 +114,7 @@ def _close(k, count, total, before, sums, number):  # type: ignore[no-untyped-de
     count[k], total[k] = 0, 0.0
 
 
-@numba.njit("Tuple((float64[::1], int64[::1]))(uint16[::1], float32[::1], float32[::1], int64)", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _differences(cell, t_s, height_m, cells):  # type: ignore[no-untyped-def]
     """Sum and number (cells,) of the differences of each swath from the one before."""
     seen_s = np.full(cells, -np.inf, np.float32)
@@ -122,7 +122,7 @@ def _differences(cell, t_s, height_m, cells):  # type: ignore[no-untyped-def]
     before = np.full(cells, np.nan)
     sums, number = np.zeros(cells), np.zeros(cells, np.int64)
     for i in range(len(cell)):
-        k = cell[i]
+        k = np.int64(cell[i])
         if t_s[i] - seen_s[k] > SWATH_PAUSE_S:
             _close(k, count, total, before, sums, number)
         seen_s[k] = t_s[i]

@@ -139,7 +139,7 @@ class _FlightPath:
         return joined
 
 
-@numba.njit("UniTuple(int64, 2)(float64[::1], float64)", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def longest_within(values, reach):  # type: ignore[no-untyped-def]
     """First index and length of the longest run whose values differ by at most `reach`."""
     n = len(values)

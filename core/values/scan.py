@@ -152,15 +152,15 @@ def shortened(
     xyz_m: NDArray[np.float32], laser: NDArray[np.uint8], sensor_m: FloatArray, offset_m: FloatArray
 ) -> NDArray[np.float32]:
     """Returns (n, 3) of a sensor at `sensor_m`, nearer to it by their lasers' constants."""
-    out: NDArray[np.float32] = _shortened(
-        np.ascontiguousarray(xyz_m, np.float32), np.ascontiguousarray(laser), sensor_m, offset_m
-    )
+    # A read-only array is another type to numba: the kernel would be compiled a second time.
+    points, lasers = np.require(xyz_m, np.float32, ["C", "W"]), np.require(laser, np.uint8, ["C", "W"])
+    out: NDArray[np.float32] = _shortened(points, lasers, sensor_m, offset_m)
     return out
 
 
 @numba.njit(cache=True, nogil=True)
 def _shortened(xyz_m, laser, sensor_m, offset_m):  # type: ignore[no-untyped-def]
-    out = np.empty_like(xyz_m)
+    out = np.empty(xyz_m.shape, np.float32)
     for i in range(len(xyz_m)):
         x, y, z = xyz_m[i, 0] - sensor_m[0], xyz_m[i, 1] - sensor_m[1], xyz_m[i, 2] - sensor_m[2]
         share = offset_m[laser[i]] / max(np.sqrt(x * x + y * y + z * z), 0.1)

@@ -82,7 +82,7 @@ def interval_numbers(intervals: Sequence[Interval], t_s: ArrayLike) -> NDArray[n
     return out
 
 
-@numba.njit("int64[::1](float64[::1], float64[::1], float64[::1])", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _numbers(t_s, begin_s, end_s):  # type: ignore[no-untyped-def]
     """Kernel of :func:`interval_numbers`, which steps from the interval of one time to that of the next."""
     out = np.zeros(len(t_s), np.int64)

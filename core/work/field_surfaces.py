@@ -199,7 +199,7 @@ def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return kept
 
 
-@numba.njit("boolean[::1](float32[:, ::1], boolean[::1], float64)", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def within(xyz_m, kept, reach_m):  # type: ignore[no-untyped-def]
     """Which of the kept points (n,) lie within reach of the sensor, in whose frame they are."""
     near = np.empty(len(xyz_m), np.bool_)
@@ -209,12 +209,7 @@ def within(xyz_m, kept, reach_m):  # type: ignore[no-untyped-def]
     return near
 
 
-@numba.njit(
-    "Tuple((boolean[::1], boolean[::1], boolean[::1]))"
-    "(uint16[::1], float32[::1], float32[::1], float32[::1], float32[::1], float32[::1], float32)",
-    cache=True,
-    nogil=True,
-)
+@numba.njit(cache=True, nogil=True)
 def before_and_after(cell, t_s, tool_first_s, tool_last_s, near_first_s, near_last_s, settle_s):  # type: ignore[no-untyped-def]
     """Which points are after and which before the work; and which cells have both (cells,).
 

@@ -64,7 +64,7 @@ def _smooth_pieces(path: FloatArray) -> list[FloatArray]:
     return [path[a : b + 1] for a, b in pairwise(ends) if b > a]
 
 
-@numba.njit("bool_[::1](float64[::1], float64[::1], float64)", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def _apart(x, y, step):  # type: ignore[no-untyped-def]
     """The places (n,) that are so far from the one kept before."""
     kept = np.zeros(len(x), np.bool_)
@@ -77,11 +77,7 @@ def _apart(x, y, step):  # type: ignore[no-untyped-def]
     return kept
 
 
-@numba.njit(
-    "void(uint16[:, ::1], float64[:, ::1], float64[:, :, :, ::1], float64[::1], float64, float64)",
-    cache=True,
-    nogil=True,
-)
+@numba.njit(cache=True, nogil=True)
 def _roll(counts, last, edges, distance, cell, again):  # type: ignore[no-untyped-def]
     """Count the cells below strips between edges (wheels, 2, n, 2), in metres from the grid's north-west corner.
 

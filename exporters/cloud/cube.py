@@ -89,7 +89,7 @@ def codes_of(records: Records, cube: Cube, depth: int) -> tuple[NDArray[np.uint3
     return codes, counts
 
 
-@numba.njit("void(uint8[:, ::1], int64[::1], int64, uint32[::1], uint32[::1], int64[::1])", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def locate(records, origin, bits, spread, codes, counts):  # type: ignore[no-untyped-def]
     """Kernel of :func:`codes_of`; a record begins with X, Y and Z as little-endian int32."""
     for i in range(len(records)):
@@ -115,7 +115,7 @@ def sorted_order(keys: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray
     return order
 
 
-@numba.njit("void(uint32[::1], int64[::1], uint32[::1])", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def count_sort(keys, starts, order):  # type: ignore[no-untyped-def]
     """Kernel of :func:`sorted_order`; `starts` is overwritten."""
     for i in range(len(keys)):

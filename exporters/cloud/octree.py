@@ -114,9 +114,7 @@ def draw_nodes(
     return nodes, counts
 
 
-@numba.njit(
-    "void(uint32[::1], int64[::1], uint32[::1], int64, uint64, uint32[::1], int64[::1])", cache=True, nogil=True
-)
+@numba.njit(cache=True, nogil=True)
 def draw(codes, first, threshold, depth, state, nodes, counts):  # type: ignore[no-untyped-def]
     """Kernel of :func:`draw_nodes`: random numbers of SplitMix64 (Steele, Lea and Flood 2014)."""
     for i in range(len(codes)):

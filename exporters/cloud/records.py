@@ -86,7 +86,7 @@ def select_columns(parts: Sequence[Chosen]) -> ChunkColumns:
     return ChunkColumns(x, y, z, intensity, returns, classification, point_source_id, gps_time, rgb, extra)
 
 
-@numba.njit("void(uint8[:, ::1], uint32[::1], uint8[:, ::1])", cache=True, nogil=True)
+@numba.njit(cache=True, nogil=True)
 def gather(source, members, target):  # type: ignore[no-untyped-def]
     """Kernel of :func:`gather_records`; three times as fast as numpy's take."""
     for i in range(len(members)):

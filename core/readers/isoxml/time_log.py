@@ -233,7 +233,7 @@ def _find_records(data: Any, width: int, offsets: Any, channels: int) -> Any:
     """
     size = len(data)
     starts = np.empty(size // (width + 1) + 1, np.int64)
-    n, at, lost, breaks = 0, 0, 0, 0
+    n, at, lost, breaks = 0, np.int64(0), 0, 0
     broken = False
     while at < size:
         end = _record_end(data, at, width, offsets, channels)

@@ -228,7 +228,7 @@ def _read(file: BinaryIO, page_bytes: int, at: int, size: int) -> bytes:
     if len(data) < (last - first + 1) * page_bytes:
         raise ValueError(f"it ends before byte {(last + 1) * page_bytes:,}")
     pages = np.frombuffer(data, np.uint8).reshape(-1, page_bytes)
-    wrong = np.flatnonzero(_crc32c(pages[:, :content]) != np.ascontiguousarray(pages[:, content:]).view(">u4")[:, 0])
+    wrong = np.flatnonzero(_crc32c(pages, content) != np.ascontiguousarray(pages[:, content:]).view(">u4")[:, 0])
     if len(wrong):
         raise ValueError(f"the page at byte {(first + int(wrong[0])) * page_bytes:,} has a wrong checksum")
     within = at - first * content
@@ -236,8 +236,8 @@ def _read(file: BinaryIO, page_bytes: int, at: int, size: int) -> bytes:
 
 
 @njit(cache=True, nogil=True)
-def _crc32c(pages: Any) -> Any:
-    """CRC-32C (Castagnoli) of rows (n, bytes)."""
+def _crc32c(pages: Any, content: int) -> Any:
+    """CRC-32C (Castagnoli) of the first bytes of rows (n, bytes)."""
     table = np.zeros(256, np.uint32)
     for k in range(256):
         value = np.uint32(k)
@@ -247,7 +247,7 @@ def _crc32c(pages: Any) -> Any:
     out = np.zeros(len(pages), np.uint32)
     for p in range(len(pages)):
         crc = np.uint32(0xFFFFFFFF)
-        for k in range(pages.shape[1]):
+        for k in range(content):
             crc = table[(crc ^ np.uint32(pages[p, k])) & np.uint32(0xFF)] ^ (crc >> np.uint32(8))
         out[p] = ~crc
     return out

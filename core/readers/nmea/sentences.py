@@ -169,6 +169,7 @@ _MODES = np.frombuffer(b"SMEADPFR", np.uint8)
 """Mode indicators of GNS, the best last; N is no position."""
 _QUALITIES = np.array([8.0, 7.0, 6.0, 1.0, 2.0, 3.0, 5.0, 4.0])
 """The quality that GGA gives each of them."""
+_FIELD_1, _FIELD_3, _FIELD_8 = np.int64(1), np.int64(3), np.int64(8)
 _SMALL_A, _SMALL_F = np.int64(ord("a")), np.int64(ord("f"))
 
 
@@ -247,8 +248,8 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
     if a == _G and b == _G and c == _A:
         known = _GGA
         out[0] = _time_of_day(data, begin, 0)
-        out[1] = _angle(data, begin, 1, _N, _S)
-        out[2] = _angle(data, begin, 3, _E, _W)
+        out[1] = _angle(data, begin, _FIELD_1, _N, _S)
+        out[2] = _angle(data, begin, _FIELD_3, _E, _W)
         out[3] = _number(data, begin[8], begin[9] - 1)
         out[4] = _number(data, begin[10], begin[11] - 1)
         out[5] = _number(data, begin[5], begin[6] - 1)
@@ -258,8 +259,8 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
     elif a == _G and b == _N and c == _S:
         known = _GNS
         out[0] = _time_of_day(data, begin, 0)
-        out[1] = _angle(data, begin, 1, _N, _S)
-        out[2] = _angle(data, begin, 3, _E, _W)
+        out[1] = _angle(data, begin, _FIELD_1, _N, _S)
+        out[2] = _angle(data, begin, _FIELD_3, _E, _W)
         out[3] = _number(data, begin[8], begin[9] - 1)
         out[4] = _number(data, begin[9], begin[10] - 1)
         out[5] = _best_mode(data, begin[5], begin[6] - 1)
@@ -269,7 +270,7 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
     elif a == _R and b == _M and c == _C:
         known = _RMC
         out[0] = _time_of_day(data, begin, 0)
-        out[1] = _date(data, begin, 8)
+        out[1] = _date(data, begin, _FIELD_8)
         out[2] = 1.0 if begin[2] - 1 > begin[1] and data[begin[1]] == _A else 0.0
         out[3] = _number(data, begin[6], begin[7] - 1) * KNOT_MPS
         out[4] = _number(data, begin[7], begin[8] - 1)
@@ -308,12 +309,12 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
     elif is_pubx and data[i + 6] == _0 and data[i + 7] == _4:
         known = _ZDA
         out[0] = _time_of_day(data, begin, 0)
-        out[1] = _date(data, begin, 1)
+        out[1] = _date(data, begin, _FIELD_1)
     elif is_pubx and data[i + 6] == _0 and data[i + 7] == _0:
         known = _PUBX
         out[0] = _time_of_day(data, begin, 0)
-        out[1] = _angle(data, begin, 1, _N, _S)
-        out[2] = _angle(data, begin, 3, _E, _W)
+        out[1] = _angle(data, begin, _FIELD_1, _N, _S)
+        out[2] = _angle(data, begin, _FIELD_3, _E, _W)
         out[3] = _number(data, begin[5], begin[6] - 1)
         out[4] = 0.0
         out[5] = _state_quality(data, begin[6], begin[7] - 1)
@@ -386,7 +387,7 @@ def _time_of_day(data: Any, begin: Any, k: int) -> Any:
     seconds = value - 10000.0 * hours - 100.0 * minutes
     if hours >= 24.0 or minutes >= 60.0 or seconds >= 61.0:
         return np.nan
-    return np.round((3600.0 * hours + 60.0 * minutes + seconds) * 1e6) / 1e6
+    return np.rint((3600.0 * hours + 60.0 * minutes + seconds) * 1e6) / 1e6
 
 
 @njit(cache=True, nogil=True)

@@ -205,7 +205,7 @@ def scan_bytes(
         if begun is not None and not last:
             used = begun.start()
     bounds = np.array([*spans, max(used, spans[-1])], np.int64)
-    counts.foreign_bytes += count_foreign(np.frombuffer(data, np.uint8), bounds[0::2], bounds[1::2])
+    counts.foreign_bytes += count_foreign(np.frombuffer(data, np.uint8), bounds.reshape(-1, 2))
     return {name: _messages(LAYOUTS[name], found[name], counts) for name in found}, used
 
 

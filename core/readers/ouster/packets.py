@@ -305,13 +305,13 @@ def _decode(  # type: ignore[no-untyped-def]
     turns = len(turned)
     n = bad = 0
     for p in range(len(offset)):
-        packet_ns = _number(data, offset[p] + begin, 8) & STAMP
+        packet_ns = _number(data, offset[p] + begin, np.int64(8)) & STAMP
         for c in range(columns):
             at = offset[p] + begin + c * size
             if data[at + status_at] & 1 == 0:
                 continue
-            stamp_ns = _number(data, at, 8) & STAMP
-            number = _number(data, at + 8, 2)
+            stamp_ns = _number(data, at, np.int64(8)) & STAMP
+            number = _number(data, at + 8, np.int64(2))
             if number >= turns or abs(stamp_ns - packet_ns) > _COLUMN_APART_NS:
                 bad += 1
                 continue

@@ -79,7 +79,9 @@ def _decode(  # type: ignore[no-untyped-def]
     group_s = per_block * cycle_s
     max_step = np.ceil(_FASTEST * group_s)
     to_rad = np.pi / 18_000.0
-    least = lasers[:, 1].min()
+    least = lasers[0, 1]
+    for i in range(lasers_n):
+        least = min(least, lasers[i, 1])
     shift = np.empty(lasers_n, np.int64)
     cos_ahead = np.empty(lasers_n)
     sin_ahead = np.empty(lasers_n)
@@ -123,7 +125,7 @@ def _decode(  # type: ignore[no-untyped-def]
             cos_ahead[i] = np.cos(ahead) * lasers[i, 2]
             sin_ahead[i] = np.sin(ahead) * lasers[i, 2]
             # in columns, of lasers that look aside; of steps of 0.01 degrees at least
-            shift[i] = np.int64(np.round((lasers[i, 1] - least) / (max(rate * cycle_s, 1.0) * to_rad)))
+            shift[i] = np.int64(np.rint((lasers[i, 1] - least) / (max(rate * cycle_s, 1.0) * to_rad)))
         turn_s = 36_000.0 / rate if rate > 0.0 else 0.1
         at = base + azimuth_at
         before = (np.int64(data[at]) | np.int64(data[at + 1]) << 8) % 36_000
@@ -135,7 +137,7 @@ def _decode(  # type: ignore[no-untyped-def]
             block = (np.int64(data[at + azimuth_at]) | np.int64(data[at + azimuth_at + 1]) << 8) % 36_000
             leap = (block - before) % 36_000
             if hidden and max_step < leap < 36_000 - max_step and rate > 0.0:
-                hidden_s = (np.round(leap / (rate * cycle_s)) - per_block) * cycle_s
+                hidden_s = (np.rint(leap / (rate * cycle_s)) - per_block) * cycle_s
             before = block
             for f in range(per_block):
                 azimuth = block + rate * cycle_s * f

@@ -69,7 +69,7 @@ def agreed(
     sums, trust = GroundSums.empty(len(position)), np.zeros(n, np.uint8)
     half = (np.arange(n) % 2).astype(np.uint8)
     grid = CoarseGrid(5, every, PATCH_M)
-    placed = PlacedReturns(t_s, xyz, np.zeros(n, np.int8), half, trust)
+    placed = PlacedReturns(t_s, np.ascontiguousarray(xyz), np.zeros(n, np.int8), half, trust)
     patches = register_ground(placed, surface, ChainPoses(CHAIN, position, grid), relief, 1.0, sums)
     return Found(sums, patches, trust)
 

@@ -26,12 +26,10 @@ def land(seed: int, count: int = 120_000) -> NDArray[np.float64]:
 
 def classified(watch: GroundSampler, xyz: NDArray[np.float64], before: int = OTHER) -> NDArray[np.uint8]:
     """The final classes of points."""
-    records = np.zeros(len(xyz), [("X", "<i4"), ("Y", "<i4"), ("Z", "<i4"), ("more", "V7"), ("classification", "u1")])
-    for name, axis in zip("XYZ", xyz.T, strict=True):
-        records[name] = np.rint(axis / STEP_M)
-    records["classification"] = before
-    watch.ground().classify(records["X"], records["Y"], records["Z"], STEP_M, records["classification"])
-    return np.asarray(records["classification"])
+    x, y, z = (np.rint(axis / STEP_M).astype(np.int32) for axis in xyz.T)
+    classes = np.full(len(xyz), before, np.uint8)
+    watch.ground().classify(x, y, z, STEP_M, classes)
+    return classes
 
 
 @pytest.fixture(scope="module")
