@@ -81,7 +81,8 @@ def add_to_list(lines: list[str]) -> None:
         commands["others"].setdefault(name, []).append(signature)
     parts = [text[: text.index("[")].rstrip()]
     for command, kernels in commands.items():
-        parts.append("\n".join([f"[{command}]", *(f'"{name}" = {json.dumps(every)}' for name, every in kernels.items())]))
+        entries = (f'"{name}" = {json.dumps(signatures)}' for name, signatures in kernels.items())
+        parts.append("\n".join([f"[{command}]", *entries]))
     LIST.write_text("\n\n".join(parts) + "\n", encoding="utf-8")
 
 

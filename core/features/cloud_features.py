@@ -144,7 +144,7 @@ def _classify_block(
     """The points of a block with their classes, and its features."""
     own = spool.read_squares(block)
     margin = max(MIN_TILE_MARGIN_M, TILE_MARGIN_VOXELS * cell_m)
-    low, high = own["xyz_m"].min(axis=0), own["xyz_m"].max(axis=0)
+    low, high = bounds(own["xyz_m"])
     parts = [own[~(own["noise"] | own["machine"])]]
     for square in squares_around(block, margin, spool.side_m):
         others = spool.read_squares([square])

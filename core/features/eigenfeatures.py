@@ -68,8 +68,9 @@ def neighbourhoods(xyz_m: FloatArray, places_m: FloatArray, radii_m: Sequence[fl
     if len(xyz_m) and len(places_m):
         near = sort_into_columns(xyz_m, radii_m[-1] / COLUMNS_A_RADIUS)
         places = sort_into_columns(places_m, radii_m[-1])
+        from_corner = np.ascontiguousarray(places_m - near.corner_m)
         _shapes(
-            places_m - near.corner_m, places.order, near.xyz_m, near.starts, near.side_m, *near.across,
+            from_corner, places.order, near.xyz_m, near.starts, near.side_m, *near.across,
             np.asarray(radii_m, np.float64), shape, count,
         )  # fmt: skip
     return [Eigenfeatures(s[:, :3], s[:, 3:6], s[:, 6:], k) for s, k in zip(shape, count, strict=True)]

@@ -71,6 +71,7 @@ def heights_above_ground(xyz_m: FloatArray, ground: BoolArray, cell_m: float) ->
     if not ground.any():
         nowhere = np.zeros(len(xyz_m), bool)
         return GroundHeights(np.full(len(xyz_m), np.nan), nowhere, nowhere, math.inf)
+    xyz_m = np.ascontiguousarray(xyz_m)
     low, high = (np.floor(end[:2] / MEDIAN_CELL_M) for end in bounds(xyz_m))
     corner = low - 1.0
     shape = (high - corner + 2.0).astype(np.int64)

@@ -17,10 +17,10 @@ MAX_RASTER_CELLS: Final = 1 << 24
 
 
 def bounds(place_m: NDArray[Number]) -> tuple[NDArray[Number], NDArray[Number]]:
-    """Least and greatest coordinates (k,) of points (n, k), finite, at least one; in one pass, strided or not."""
+    """Least and greatest coordinates (k,) of points (n, k), finite, at least one; in one pass."""
     if not len(place_m):
         raise ValueError("no points have no bounds")
-    low, high = _bounds(place_m)
+    low, high = _bounds(np.ascontiguousarray(place_m))
     return low, high
 
 
@@ -35,7 +35,7 @@ def cells_with_points(place_m: FloatArray, cell_m: float) -> NDArray[np.int64]:
     columns, rows = (high - low + 1).tolist()
     if columns * rows > MAX_RASTER_CELLS:
         return np.unique(square_keys(*np.floor(place_m[:, :2].T / cell_m)))
-    column, row = np.nonzero(_filled(place_m, cell_m, low, np.zeros((columns, rows), np.bool_)))
+    column, row = np.nonzero(_filled(np.ascontiguousarray(place_m), cell_m, low, np.zeros((columns, rows), np.bool_)))
     return square_keys(column + low[0], row + low[1])
 
 
