@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 import os
+import time
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
 import numpy as np
@@ -16,11 +15,11 @@ import numpy as np
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.matching.returns import LEARN_SCANS
 from furrowmap.core.pipeline.live_poses import MAX_BRIDGED_S, MAX_CARRIED_S, LivePose, LivePoses
+from furrowmap.core.readers.arrived_positions import Kind, log_kind
 from furrowmap.core.readers.pcap import Datagrams
-from furrowmap.core.readers.reader import GivesTrack, ReadOptions, open_recording
 from furrowmap.core.readers.spinning.stream import ScanStream
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
@@ -86,8 +85,8 @@ class LiveSession:
         self._session, self._frame, self._scans = session, frame, ScanStream(session.lidar.model, session.lidar.source)
         self._poses = LivePoses(session, frame)
         self._tail = b""
-        self._folder = TemporaryDirectory(prefix="furrowmap-live-")
-        self._gnss_s = math.nan
+        self._kind: Kind | None = None
+        self._gnss_s = self._scan_s = math.nan
         implement = session.implement
         self.cells = WorkedCells(implement.width_m) if implement is not None else None
         self.dropped = 0
@@ -132,10 +131,9 @@ class LiveSession:
         other.close()
 
     def close(self) -> None:
-        """End the process that learns the implement, and remove scratch files."""
+        """End the process that learns the implement."""
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
-        self._folder.cleanup()
 
     def scans(self, datagrams: Datagrams) -> list[Scan]:
         """The scans that some datagrams complete, by the clock of the positions.
@@ -147,16 +145,14 @@ class LiveSession:
 
     def add_gnss(self, data: bytes) -> None:
         """Add bytes of the receiver: NMEA, UBX or SBF. What cannot be read yet is kept until more comes."""
-        self._tail += data
-        path = Path(self._folder.name) / "gnss"
-        path.write_bytes(self._tail)
-        near_s = None if math.isnan(self._gnss_s) else self._gnss_s
+        self._tail = (self._tail + data)[-64 * GNSS_KEPT_BYTES :]
+        self._kind = self._kind or log_kind(self._tail)
+        if self._kind is None:
+            return
+        near_s = self._gnss_s if math.isfinite(self._gnss_s) else self._scan_s
         try:
-            reader = open_recording([path], ReadOptions(date=self._session.recording.date, near_s=near_s))
-            assert isinstance(reader, GivesTrack)
-            track = reader.track()
-        except FurrowmapError:
-            self._tail = self._tail[-64 * GNSS_KEPT_BYTES :]
+            track = self._kind.of_bytes(self._tail, near_s if math.isfinite(near_s) else time.time()).track
+        except InputError:  # only the end of a message as yet
             return
         self._tail = self._tail[-GNSS_KEPT_BYTES:]
         # The first epoch may lack sentences that were cut off.
@@ -173,6 +169,7 @@ class LiveSession:
         if not len(scan):
             return None
         pose, end_s = self._poses.add_scan(scan), float(scan.t_s[-1])
+        self._scan_s = end_s
         state, height_m, states = self._tool(scan)
         changed: set[Tile] = set()
         if self.cells is not None:

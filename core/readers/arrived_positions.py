@@ -26,6 +26,13 @@ _MAX_UNREAD_BYTES: Final = 1 << 20
 _MAX_MESSAGE: Final = 8192
 
 
+def log_kind(data: bytes) -> Kind | None:
+    """The format in which a receiver writes; None where it is unknown, or too little has arrived."""
+    head = Head(Path("stream"), data, "", "")
+    score, kind = max(((kind.recognise(head), kind) for kind in _MARKS), key=lambda found: found[0])
+    return kind if score and len(data) >= _MIN_BYTES else None
+
+
 @dataclass
 class ArrivedPositions:
     """Follows the bytes of one receiver.
@@ -70,11 +77,8 @@ class ArrivedPositions:
         with self._lock:
             data, arrived_s = bytes(self._bytes), self._arrived_s
             self._bytes.clear()
-        if self._kind is None and len(data) >= _MIN_BYTES:
-            head = Head(Path("stream"), data, "", "")
-            score, kind = max(((kind.recognise(head), kind) for kind in _MARKS), key=lambda found: found[0])
-            if score:
-                self._kind, self.format = kind, kind.format
+        if self._kind is None and (kind := log_kind(data)) is not None:
+            self._kind, self.format = kind, kind.format
         mark = _MARKS[self._kind] if self._kind else b""
         rest = data[-_MAX_MESSAGE:]
         with self._lock:  # the last message may be incomplete

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -189,15 +190,32 @@ def recorded_session(name: str, machine: Machine) -> str:
     )
 
 
-def with_recorded(text: str, lidar: Sequence[str], gnss: Sequence[str], crs: CrsChoice | None) -> str:
+def with_recorded(
+    text: str, scanners: Sequence[Sequence[str]], gnss: Sequence[str], crs: CrsChoice | None, machine: Machine
+) -> str:
     """The text of a session with the files of a recording, and with a CRS where it has none.
+
+    Args:
+        scanners: the files of each scanner, named STEM-NNNN.pcap. The first is that of `[recording]`, further ones get
+            tables `[[lidar]]`.
+        machine: states the places of further scanners.
 
     Raises:
         RefusedError: if its tables are written in a way that cannot be changed.
     """
-    for key, files in (("lidar", lidar), ("gnss", gnss)):
+    for key, files in (("lidar", scanners[0] if scanners else []), ("gnss", gnss)):
         if files:
             text = with_value(text, "recording", key, _listed(files))
+    for number, files in enumerate(scanners[1:]):
+        stem, line = files[0].rpartition("-")[0], f"files = {_listed(files)}"
+        text, known = re.subn(rf'^files = \["{re.escape(stem)}-[^\n]*', line, text, count=1, flags=re.MULTILINE)
+        if not known:
+            own = machine.further_lidars[number] if number < len(machine.further_lidars) else None
+            first = machine.lidar.name if machine.lidar is not None and machine.lidar.name else "first"
+            text = re.sub(r"^\[lidar\]", f"[[lidar]]\nname = {_quoted(first)}", text, count=1, flags=re.MULTILINE)
+            name = _quoted(own.name if own is not None and own.name else stem)
+            its = msgspec.structs.replace(machine, lidar=own, calibrated=None)
+            text = f"{text.rstrip()}\n\n[[lidar]]\nname = {name}\n{line}\n{lidar_lines(its, None, flies=False)}"
     return text.replace(_crs(None), _crs(crs))
 
 

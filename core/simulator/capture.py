@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
+from ipaddress import IPv4Address
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -16,8 +17,28 @@ Bytes = NDArray[np.uint8]
 
 FILE_HEADER: Final = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
 _ETHERNET: Final = bytes.fromhex("ffffffffffff 60768820a1c4 0800")
-_ADDRESSES: Final = bytes([192, 168, 1, 201, 255, 255, 255, 255])
+_SCANNER: Final = "192.168.1.201"
+_ALL: Final = "255.255.255.255"
 HEADERS: Final = 42
+
+
+def frame_head(source: tuple[str, int], target: tuple[str, int], size: int) -> bytes:
+    """Ethernet, IPv4 (RFC 791) and UDP headers (RFC 768, without a checksum) of a datagram of `size` bytes.
+
+    A socket shows no hardware addresses: those here are locally administered ones, made of the IP addresses.
+    """
+    ends = [IPv4Address(host).packed for host, _ in (source, target)]
+    ip = struct.pack(">BBHHHBBH", 0x45, 0, 28 + size, 0, 0x4000, 64, 17, 0) + ends[0] + ends[1]
+    total = int(sum(struct.unpack(">10H", ip)))
+    checksum = ~(total + (total >> 16)) & 0xFFFF
+    ethernet = b"\x02\0" + ends[1] + b"\x02\0" + ends[0] + b"\x08\0"
+    return (
+        ethernet
+        + ip[:10]
+        + checksum.to_bytes(2, "big")
+        + ip[12:]
+        + struct.pack(">HHHH", source[1], target[1], 8 + size, 0)
+    )
 
 
 def records(time_us: NDArray[np.int64], payload: Bytes, port: int, number: int) -> Bytes:
@@ -35,14 +56,13 @@ def records(time_us: NDArray[np.int64], payload: Bytes, port: int, number: int) 
     ).astype("<u4").view(np.uint8).reshape(n, 16)  # fmt: skip
     ip, udp = 16 + 14, 16 + 14 + 20
     frame[:, 16:ip] = np.frombuffer(_ETHERNET, np.uint8)
-    header = struct.pack(">BBHHHBBH", 0x45, 0, 28 + k, 0, 0x4000, 64, 17, 0) + _ADDRESSES
-    frame[:, ip:udp] = np.frombuffer(header, np.uint8)
+    frame[:, ip : udp + 8] = np.frombuffer(frame_head((_SCANNER, port), (_ALL, port), k)[14:], np.uint8)
     _put(frame, ip + 4, (number + np.arange(n)) & 0xFFFF)
+    frame[:, ip + 10 : ip + 12] = 0
     _put(frame, ip + 10, _checksum(frame[:, ip:udp], 0))
-    frame[:, udp : udp + 8] = np.frombuffer(struct.pack(">HHHH", port, port, 8 + k, 0), np.uint8)
     frame[:, udp + 8 :] = payload
     # the pseudo header adds addresses, protocol and length; 0 would mean that there is no checksum
-    pseudo = int(_words(np.frombuffer(_ADDRESSES, np.uint8)[None, :]).sum()) + 17 + 8 + k
+    pseudo = int(_words(frame[:1, udp - 8 : udp]).sum()) + 17 + 8 + k
     checksum = _checksum(frame[:, udp:], pseudo)
     _put(frame, udp + 6, np.where(checksum == 0, 0xFFFF, checksum))
     return frame

@@ -20,8 +20,10 @@ from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.readers.source import Source
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, unroll
+from furrowmap.core.values.session import Recording
 
 POLL_S: Final = 0.01
+STATUS_EVERY_S: Final = 0.5
 FEED_STEP_S: Final = 0.01
 """A recording is played in pieces of so long."""
 GNSS_DELAY_S: Final = 0.05
@@ -52,12 +54,12 @@ class Growing(Source):
 
     def read(self, size: int | None = -1, /) -> bytes:
         """Up to `size` bytes, at least one unless the file has ended."""
-        while True:
-            ended = self._ended()
-            data = self._raw.read(-1 if size is None else size)
-            if data or ended:
-                return bytes(data)
-            time.sleep(POLL_S)
+        ended = False
+        while not (data := self._raw.read(-1 if size is None else size)) and not ended:
+            ended = self._ended()  # what was written until then is read once more
+            if not ended:
+                time.sleep(POLL_S)
+        return bytes(data)
 
 
 class FolderFeed:
@@ -65,57 +67,71 @@ class FolderFeed:
 
     Args:
         folder: the recording's.
+        recording: of its session; of several scanners the first is followed.
         stop: ends the feed.
+
+    Attributes:
+        status: what the recorder says of itself; empty where it says nothing.
     """
 
-    def __init__(self, folder: Path, stop: Event) -> None:
-        self._folder, self._stop = folder, stop
+    def __init__(self, folder: Path, recording: Recording, stop: Event) -> None:
+        self._folder, self._stop, self._over = folder, stop, Event()
+        self._series = [
+            (files[0].rpartition("-")[0], Path(files[0]).suffix) for files in (recording.lidar, recording.gnss)
+        ]
         self._queue: Queue[Input] = Queue(QUEUED_INPUTS)
-
-    def status(self) -> dict[str, Any]:
-        """What the recorder says of itself; empty where it says nothing."""
-        try:
-            status: dict[str, Any] = json.loads((self._folder / "status.json").read_text("utf-8"))
-        except (OSError, ValueError):
-            return {}
-        return status
+        self._looked_s = -math.inf
+        self.status: dict[str, Any] = {}
 
     def pieces(self) -> Iterator[Input]:
         """What comes in from now on, until the recorder has ended or the feed is stopped."""
-        threads = [
-            Thread(target=self._follow, args=(pattern,), daemon=True) for pattern in ("lidar-*.pcap", "gnss-*.log")
-        ]
+        self._look()
+        threads = [Thread(target=self._follow, args=series, daemon=True) for series in self._series]
         for thread in threads:
             thread.start()
         while any(thread.is_alive() for thread in threads) or not self._queue.empty():
+            self._look()
             try:
                 yield self._queue.get(timeout=0.2)
             except Empty:
                 continue
 
-    def _follow(self, pattern: str) -> None:
-        """Read the files of a pattern, the one that is written now from its end on, each later one from its start."""
-        done: set[Path] = set()
-        while not self._over():
-            files = [path for path in sorted(self._folder.glob(pattern)) if path not in done]
-            if not files:
+    def _look(self) -> None:
+        """Read the recorder's status now and then."""
+        if time.monotonic() - self._looked_s > STATUS_EVERY_S:
+            self._looked_s = time.monotonic()
+            try:
+                self.status = json.loads((self._folder / "status.json").read_text("utf-8"))
+            except (OSError, ValueError):
+                self.status = {}
+        if self._stop.is_set() or self.status.get("state") == "ended":
+            self._over.set()
+
+    def _follow(self, stem: str, suffix: str) -> None:
+        """Read the files of a series, the one that is written now from its end on, each later one from its start."""
+        number = 0
+        while not self._over.is_set():
+            files = sorted(self._folder.glob(f"{stem}-[0-9]*{suffix}"))
+            if len(files) <= number:
                 time.sleep(0.1)
                 continue
-            path = files[0] if done else files[-1]
-            first = not done
-            done.update(files[:1] if done else files)
-            with Growing(path, lambda: self._over() or self._is_followed(pattern, done)) as source:
-                for data in Capture(source) if path.suffix == ".pcap" else _chunks(source):
+            first = not number
+            path, number = (files[-1], len(files)) if first else (files[number], number + 1)
+            next_s = time.monotonic()
+
+            def has_ended(number: int = number) -> bool:
+                nonlocal next_s
+                if self._over.is_set() or time.monotonic() < next_s:
+                    return self._over.is_set()
+                next_s = time.monotonic() + 10.0 * POLL_S
+                return len(list(self._folder.glob(f"{stem}-[0-9]*{suffix}"))) > number
+
+            with Growing(path, has_ended) as source:
+                for data in Capture(source) if suffix == ".pcap" else _chunks(source):
                     due_s = time.time() if isinstance(data, bytes) else float(data.time_s[-1])
                     # What was recorded before is not shown as now; the last seconds show what the clocks count from.
                     if not first or isinstance(data, bytes) or time.time() - due_s < 5.0:
                         self._queue.put(Input(data, due_s))
-
-    def _is_followed(self, pattern: str, done: set[Path]) -> bool:
-        return any(path not in done for path in self._folder.glob(pattern))
-
-    def _over(self) -> bool:
-        return self._stop.is_set() or self.status().get("state") == "ended"
 
 
 def _chunks(source: Source) -> Iterator[bytes]:
@@ -132,6 +148,7 @@ class PlayedFeed:
         stop: ends the feed.
 
     Attributes:
+        status: nothing, because no recorder is at work.
         utc_minus_recorder_s: of the capture's clock; nan until the scanner's is known, and no positions come before.
 
     Raises:
@@ -153,10 +170,7 @@ class PlayedFeed:
             self._epoch_s = t_s
             self._ends = np.linspace(0, len(self._log), len(t_s) + 1).astype(np.int64)[1:]
         self.utc_minus_recorder_s = math.nan
-
-    def status(self) -> dict[str, Any]:
-        """Nothing: no recorder is at work."""
-        return {}
+        self.status: dict[str, Any] = {}
 
     def pieces(self) -> Iterator[Input]:
         """Datagrams by the time of their capture, and the receiver's bytes by the times of its positions."""

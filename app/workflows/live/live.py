@@ -123,7 +123,7 @@ def live(
         session = LiveSession(opened.session, opened.frame, learned)
         closing.callback(session.close)
         session.warm_up()
-        feed = PlayedFeed(opened, speed, stop) if play else FolderFeed(Path(recording), stop)
+        feed = PlayedFeed(opened, speed, stop) if play else FolderFeed(Path(recording), opened.session.recording, stop)
         watch = _Watch(session, opened.frame, page, lines, pictures, on_scan)
         for piece in feed.pieces():
             if isinstance(piece.data, bytes):
@@ -131,7 +131,7 @@ def live(
                 continue
             if isinstance(feed, PlayedFeed):
                 feed.utc_minus_recorder_s = session.utc_minus_recorder_s
-            watch.take(piece.data, piece.due_s, feed.status)
+            watch.take(piece.data, piece.due_s, feed)
         return watch.summary()
 
 
@@ -168,7 +168,7 @@ class _Watch:
         self._areas: deque[tuple[float, float]] = deque()
         self._origin: tuple[float, float] | None = None
 
-    def take(self, datagrams: Datagrams, due_s: float, status: Callable[[], dict[str, Any]]) -> None:
+    def take(self, datagrams: Datagrams, due_s: float, feed: FolderFeed | PlayedFeed) -> None:
         """Look at the scans that some datagrams complete, unless newer ones wait."""
         scans = self._session.scans(datagrams)
         for number, scan in enumerate(scans):
@@ -177,7 +177,7 @@ class _Watch:
                 continue
             seen = self._session.add_scan(scan)
             if seen is not None:
-                self._tell(seen, due_s, status)
+                self._tell(seen, due_s, feed.status)
 
     def summary(self) -> LiveSummary:
         """What was seen so far."""
@@ -189,7 +189,7 @@ class _Watch:
         )
         return LiveSummary(self._scans, self._posed, self._dropped, lost, worked, overlap, missed, quantiles)
 
-    def _tell(self, seen: LiveScan, due_s: float, status: Callable[[], dict[str, Any]]) -> None:
+    def _tell(self, seen: LiveScan, due_s: float, status: dict[str, Any]) -> None:
         pose, now_s = seen.pose, time.time()
         self._scans += 1
         self._changed |= seen.changed
@@ -211,7 +211,7 @@ class _Watch:
             changed, self._changed = self._changed, set()
             self._page.publish(lambda: self._pictures.changes(cells, changed))
         if self._is_due("figures", FIGURES_EVERY_S, now_s):
-            figures = self._figures(seen, status())
+            figures = self._figures(seen, status)
             self._page.publish(lambda: event("figures", figures))
 
     def _is_due(self, what: str, every_s: float, now_s: float) -> bool:

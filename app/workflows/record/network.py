@@ -11,11 +11,11 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from ipaddress import IPv4Address
 from typing import Final
 
 from furrowmap.core.readers.arrived_packets import ArrivedPackets, Packet
 from furrowmap.core.runtime.errors import RefusedError
+from furrowmap.core.simulator.capture import HEADERS, frame_head
 from furrowmap.workflows.record.storage import Series, Storage
 
 USUAL_PORTS: Final = (2368, 8308, 10110, 7502, 7503, 56301, 56401)
@@ -28,7 +28,6 @@ MAX_SENDERS: Final = 16
 MAX_HEADS: Final = 4096
 MAX_PACKETS: Final = 4096
 """That are taken from one port before the others have their turn."""
-FRAME_BYTES: Final = 14 + 20 + 8
 PCAP_HEAD: Final = struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 1 << 18, 1)
 """Of a capture of Ethernet frames with nanoseconds (draft-ietf-opsawg-pcap)."""
 PCAP_RECORD: Final = struct.Struct("<IIII")
@@ -38,25 +37,6 @@ SO_RCVBUFFORCE, SO_TIMESTAMPNS, SO_MEMINFO = 33, 35, 55
 """Options of Linux that Python has no names for (asm-generic/socket.h)."""
 MEMINFO: Final = struct.Struct("@9I")
 """Of SO_MEMINFO (linux/sock_diag.h); the last number is that of the packets that were dropped."""
-
-
-def frame_head(source: tuple[str, int], target: tuple[str, int], size: int) -> bytes:
-    """Ethernet, IPv4 (RFC 791) and UDP headers (RFC 768, without a checksum) of a datagram of `size` bytes.
-
-    A socket shows no hardware addresses: those here are locally administered ones, made of the IP addresses.
-    """
-    ends = [IPv4Address(host).packed for host, _ in (source, target)]
-    ip = struct.pack(">BBHHHBBH", 0x45, 0, 28 + size, 0, 0x4000, 64, 17, 0) + ends[0] + ends[1]
-    total = int(sum(struct.unpack(">10H", ip)))
-    checksum = ~(total + (total >> 16)) & 0xFFFF
-    ethernet = b"\x02\0" + ends[1] + b"\x02\0" + ends[0] + b"\x08\0"
-    return (
-        ethernet
-        + ip[:10]
-        + checksum.to_bytes(2, "big")
-        + ip[12:]
-        + struct.pack(">HHHH", source[1], target[1], 8 + size, 0)
-    )
 
 
 @dataclass
@@ -202,7 +182,7 @@ class ScannerNetwork:
                 self._heads[source, port.number, size] = head
                 sender.ports.add(port.number)
             block = sender.block
-            block += PCAP_RECORD.pack(*arrived, FRAME_BYTES + size, FRAME_BYTES + size)
+            block += PCAP_RECORD.pack(*arrived, HEADERS + size, HEADERS + size)
             block += head
             sender.block_packets.append((len(block), size, arrived[0] * 10**9 + arrived[1]))
             block += self._payload[:size]

@@ -31,6 +31,8 @@ from furrowmap.workflows.record.watch import Status, Watch
 from furrowmap.workflows.session.machines import machine_file
 
 SESSION: Final = "session.toml"
+MAX_SCANNERS: Final = 4
+"""That a session can have."""
 LOOK_S: Final = 1.0
 SWITCH_S: Final = 1e-4
 """After this time a thread that computes lets another one receive; Python's own are 5 ms, a packet each."""
@@ -171,7 +173,7 @@ class _Recording:
     def __init__(self, folder: Path, machine: Machine, watch: Watch) -> None:
         self._folder, self._watch, self._storage = folder, watch, watch.storage
         self._machine = machine
-        self._texts: dict[str, str] = {}
+        self._text = ""
         self._crs: CrsChoice | None = None
         self._warnings: Mapping[str, Notice] = {}
         self._logged_s = -math.inf
@@ -202,34 +204,31 @@ class _Recording:
         self._storage.log(f"{iso_utc(time.time())} {text}")
 
     def _note_session(self, status: Status) -> None:
-        """Write the session of each scanner: `session.toml` of the first one, in the order of their addresses."""
+        """Write the session, with all scanners: first those that it names already."""
         watch = self._watch
         gnss = next((each.series.files for each in watch.receivers if each.arrived.format), list[str]())
         place = next((each for each in status.values["gnss"] if math.isfinite(each["lon_deg"])), None)
         if self._crs is None and place is not None:
             self._crs = choose_crs(place["lon_deg"], place["lat_deg"])
         senders = [sender for sender in list(watch.network.senders.values()) if sender.arrived.maker]
-        scanners = sorted((sender.series for sender in senders), key=lambda series: series.stem)
-        first = scanners[0].files if scanners else []
-        others = {f"session-{each.stem.removeprefix('lidar-')}.toml": each.files for each in scanners[1:]}
-        for name, lidar in {SESSION: first, **others}.items():
-            text = self._texts.get(name) or self._session_there(name)
-            if not text:
-                text = recorded_session(self._folder.resolve().name, self._machine if name == SESSION else Machine())
-            with suppress(RefusedError, ValueError):  # one that was there, and is written in another way: it is kept
-                text = with_recorded(text, lidar, gnss, self._crs)
-            if text != self._texts.get(name):
-                self._texts[name] = text
-                self._storage.replace(name, text, durable=True)
+        text = self._text or self._session_there() or recorded_session(self._folder.resolve().name, self._machine)
+        scanners = [each.series for each in senders if each.series.files]
+        scanners.sort(key=lambda each: text.find(f'"{each.stem}-') % (len(text) + 1))
+        files = [each.files for each in scanners[:MAX_SCANNERS]]
+        with suppress(RefusedError, ValueError):  # one that was there, and is written in another way: it is kept
+            text = with_recorded(text, files, gnss, self._crs, self._machine)
+        if text != self._text:
+            self._text = text
+            self._storage.replace(SESSION, text, durable=True)
         for sender in senders:
             if sender.arrived.maker == "Ouster" and sender.address not in self._asked:
                 self._asked.add(sender.address)
                 threading.Thread(target=self._ask_metadata, args=(sender,), daemon=True).start()
 
-    def _session_there(self, name: str) -> str:
+    def _session_there(self) -> str:
         """The session of an earlier recording into the folder, with what its user has filled in; empty without one."""
         with suppress(OSError, UnicodeDecodeError):
-            return (self._folder / name).read_text(encoding="utf-8")
+            return (self._folder / SESSION).read_text(encoding="utf-8")
         return ""
 
     def _ask_metadata(self, sender: Sender) -> None:
