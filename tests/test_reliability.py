@@ -1,4 +1,4 @@
-"""docs/reliability.md: 25 promises, each with the tests named after it."""
+"""docs/reliability.md: 26 promises, each with the tests named after it."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def payloads(folder: Path, stem: str) -> list[bytes]:
     return found
 
 
-def test_recording__holds_all_that_two_scanners_and_a_receiver_sent(
+def test_promise_26__hanging_reader_loses_nothing_of_two_scanners_and_a_receiver(
     shared_data: Path, tmp_path: Path, ports: tuple[int, int, int]
 ) -> None:
     """A reader of the status that hangs does not stop it. The capture rolls, and the session names all files."""
@@ -157,7 +157,7 @@ def power_cut(folder: Path, ports: tuple[int, int, int], after_s: float) -> tupl
     return sent, [struct.unpack_from("<I", each)[0] for each in payloads(folder, "lidar-127.0.0.1")]
 
 
-def test_power_cut__loses_a_second_at_most(tmp_path: Path, ports: tuple[int, int, int]) -> None:
+def test_promise_26__power_cut_loses_a_second_at_most(tmp_path: Path, ports: tuple[int, int, int]) -> None:
     sent, found = power_cut(tmp_path / "rec", ports, 2.0)
     assert found == list(range(len(found)))
     assert len(found) > sent / 2, "a second of two"
@@ -183,7 +183,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", "-l", folder], check=True)
 
 
-def test_full_disk__is_named_and_nothing_is_lost_when_space_returns(
+def test_promise_26__full_disk_is_named_and_nothing_is_lost_when_space_returns(
     small_disk: Path, ports: tuple[int, int, int]
 ) -> None:
     sent = [struct.pack("<I", k) + bytes(1200) for k in range(2000)]
@@ -203,7 +203,9 @@ def test_full_disk__is_named_and_nothing_is_lost_when_space_returns(
     assert "record-disk" in (small_disk / "rec" / "record.log").read_text()
 
 
-def test_full_disk__at_the_end_leaves_what_was_written_whole(small_disk: Path, ports: tuple[int, int, int]) -> None:
+def test_promise_26__full_disk_at_the_end_leaves_what_was_written_whole(
+    small_disk: Path, ports: tuple[int, int, int]
+) -> None:
     sent = [struct.pack("<I", k) + bytes(1200) for k in range(3000)]
     found, heard = recorded(
         small_disk / "rec", ports, lambda: replay((k * 3e-4, ports[0], each) for k, each in enumerate(sent)), gnss=""
@@ -215,7 +217,7 @@ def test_full_disk__at_the_end_leaves_what_was_written_whole(small_disk: Path, p
     assert {"record-disk", "record-discarded"} <= {*codes(heard), *(w["code"] for w in found.status["warnings"])}
 
 
-def test_file_that_takes_no_more__is_followed_by_another(tmp_path: Path) -> None:
+def test_promise_26__file_that_takes_no_more_is_followed_by_another(tmp_path: Path) -> None:
     """As on a card with FAT32, which has no file over 4 GB."""
     storage = Storage(tmp_path)
     series = Series(tmp_path, "lidar-a", ".pcap", b"head")
@@ -233,7 +235,7 @@ def test_file_that_takes_no_more__is_followed_by_another(tmp_path: Path) -> None
     assert written == [b"head" + b"".join(bytes([k]) * 100_000 for k in pair) for pair in ((0, 1), (2, 3))]
 
 
-def test_faults__are_named_within_three_seconds_and_end(
+def test_promise_26__faults_are_named_within_three_seconds_and_end(
     shared_data: Path, tmp_path: Path, ports: tuple[int, int, int]
 ) -> None:
     """The cable of the scanner is out for a while, the receiver comes late, has no fix, and is unplugged."""
