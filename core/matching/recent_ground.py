@@ -12,13 +12,13 @@ from furrowmap.core.matching.returns import SELF_RANGE_M
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.scan import Scan
 
-CELL_M: Final = 0.1
+RECENT_CELL_M: Final = 0.1
 SIDE_CELLS: Final = 512
 """Cells lie in a torus: new ground overwrites that of half a side away."""
 RANGE_M: Final = (SELF_RANGE_M[0] + 0.5, 10.0)
 HIGHEST_M: Final = 1.0
 """What is further above or below the vehicle's wheels is no ground."""
-RETURNS: Final = 6000
+SCAN_RETURNS: Final = 6000
 """Of a scan, about so many are looked at."""
 NOISE_M: Final = 0.012
 SHARED: Final = 10.0
@@ -29,7 +29,7 @@ MEMORY: Final = 20.0
 MIN_IN_CELL: Final = 3.0
 STEEPEST: Final = 0.4
 """Steeper neighbours are the feet of posts, not relief."""
-ROUNDS: Final = 5
+TURN_ROUNDS: Final = 5
 TRIED: Final = 3
 TRIED_RAD: Final = np.radians(0.8)
 """So many turns to either side are tried, so far apart: on the wrong one relief does not show the way."""
@@ -87,7 +87,7 @@ class RecentGround:
             self._sensor_m,
             rotation,
             velocity,
-            max(1, len(scan) // RETURNS),
+            max(1, len(scan) // SCAN_RETURNS),
         )
         found, normal, used, squares = _matched(
             points, place_m, self._cells, self._keys, self._expected, 1.0 / sigma**2
@@ -138,7 +138,7 @@ def _moved(point, found):  # type: ignore[no-untyped-def]
 def _off(x, y, z, cells, keys):  # type: ignore[no-untyped-def]
     """Height of the known ground above a point, and its slopes; nan where it is not known."""
     side = len(keys)
-    u, v = x / CELL_M - 0.5, y / CELL_M - 0.5
+    u, v = x / RECENT_CELL_M - 0.5, y / RECENT_CELL_M - 0.5
     column, line = int(np.floor(u)), int(np.floor(v))
     for k in range(4):
         c, r = column + (k & 1), line + (k >> 1)
@@ -149,7 +149,11 @@ def _off(x, y, z, cells, keys):  # type: ignore[no-untyped-def]
     a1, b1 = (column + 1) % side, (line + 1) % side
     h00, h01, h10, h11 = cells[b, a, 0], cells[b, a1, 0], cells[b1, a, 0], cells[b1, a1, 0]
     off = (h00 * (1 - u) + h01 * u) * (1 - v) + (h10 * (1 - u) + h11 * u) * v - z
-    return off, ((h01 - h00) * (1 - v) + (h11 - h10) * v) / CELL_M, ((h10 - h00) * (1 - u) + (h11 - h01) * u) / CELL_M
+    return (
+        off,
+        ((h01 - h00) * (1 - v) + (h11 - h10) * v) / RECENT_CELL_M,
+        ((h10 - h00) * (1 - u) + (h11 - h01) * u) / RECENT_CELL_M,
+    )
 
 
 @numba.njit(cache=True, nogil=True)
@@ -180,7 +184,7 @@ def _matched(points, place_m, cells, keys, expected, prior):  # type: ignore[no-
     normal = np.diag(prior)
     used, squares = 0, 0.0
     found[5] = _likely_turn(points, place_m, cells, keys, expected)
-    for _ in range(ROUNDS):
+    for _ in range(TURN_ROUNDS):
         normal, right, used, squares = np.diag(prior), prior * (expected - found), 0, 0.0
         for i in range(len(points)):
             x, y, z = _moved(points[i], found)
@@ -211,7 +215,7 @@ def _add(points, place_m, found, cells, keys):  # type: ignore[no-untyped-def]
     side = len(keys)
     for i in range(len(points)):
         x, y, z = _moved(points[i], found)
-        column, line = int(np.floor((x + place_m[0]) / CELL_M)), int(np.floor((y + place_m[1]) / CELL_M))
+        column, line = int(np.floor((x + place_m[0]) / RECENT_CELL_M)), int(np.floor((y + place_m[1]) / RECENT_CELL_M))
         cell, key = cells[line % side, column % side], keys[line % side, column % side]
         if key[0] != column or key[1] != line:
             key[0], key[1], cell[0], cell[1] = column, line, z, 1.0

@@ -56,7 +56,7 @@ GUESS_MPS: Final = 0.5
 """How much the speed changes in a second without positions."""
 START_WAY_M: Final = 0.8
 START_NOISES: Final = 15.0
-START_S: Final = 4.0
+START_WITHIN_S: Final = 4.0
 """Poses are given once positions moved so far, and by so many times their noise, in so short a time."""
 BETTER: Final = 4.0
 DECIDING_SCANS: Final = 8
@@ -215,7 +215,7 @@ class LivePoses:
         away = np.flatnonzero(np.hypot(*chord.T) > least_m)
         if np.isfinite(yaw_rad):
             first, starts = len(en_m) - 1, [(yaw_rad, 0.0)]
-        elif len(away) and positions.t_s[-1] - positions.t_s[away[-1]] < START_S:
+        elif len(away) and positions.t_s[-1] - positions.t_s[away[-1]] < START_WITHIN_S:
             first = int(away[-1])
             course = float(np.arctan2(chord[first, 1], chord[first, 0]))
             speed = float(np.hypot(*chord[first])) / float(positions.t_s[-1] - positions.t_s[first])

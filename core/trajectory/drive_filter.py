@@ -11,12 +11,12 @@ from furrowmap.core.estimation.vehicle import SLIP, SLIP_EVERY_S
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 
-ACCELERATION: Final = 0.2
+DRIVE_ACCELERATION: Final = 0.2
 """Change of the speed after a second (m/s, one standard deviation)."""
 START_SIGMA: Final = (0.5, np.radians(8.0), 0.5)
 """Of place, heading and speed at the first position that is used."""
 JUMP_SQUARES: Final = 30.0
-JUMPS: Final = 5
+JUMPS_IN_A_ROW: Final = 5
 """A position whose squared deviation is larger is left out, unless so many follow one another."""
 
 
@@ -55,7 +55,7 @@ class DriveFilter:
         noise = np.zeros((6, 6))
         noise[:2, :2] = (SLIP * speed) ** 2 * SLIP_EVERY_S * step_s * np.outer(left, left)
         noise[2, 2] = max(0.0, variance - self._variance)
-        noise[3, 3] = ACCELERATION**2 * step_s
+        noise[3, 3] = DRIVE_ACCELERATION**2 * step_s
         noise[4, 4] = noise[5, 5] = self._drift_m**2 * (1.0 - kept**2)
         self.covariance = design @ self.covariance @ design.T + noise
         self._t_s, self._turned, self._variance = t_s, turned, variance
@@ -73,7 +73,7 @@ class DriveFilter:
         spread = design @ self.covariance @ design.T + white_m**2 * np.eye(2)
         if float(off @ np.linalg.solve(spread, off)) > JUMP_SQUARES:
             self._jumps += 1
-            if self._jumps < JUMPS:
+            if self._jumps < JUMPS_IN_A_ROW:
                 return
             self._forget_error(drift_m)
             self.covariance[:3, :3] += np.diag([off @ off, off @ off, START_SIGMA[1] ** 2])
