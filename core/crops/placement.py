@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 import shapely
+from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import distance_transform_edt
-from scipy.signal import fftconvolve
 from shapely.affinity import translate
 
 from furrowmap.core.readers.areas.rings import pixels_in
@@ -60,7 +60,9 @@ def parcel_shift(
     filled = np.asarray(height_m[tuple(nearest)], np.float64)
     filled -= filled.mean()
     kernel = np.sum([_contrast_kernel(parcel, grid) for parcel in parcels], axis=0)
-    contrast = fftconvolve(filled, kernel[::-1, ::-1], mode="full")
+    # By hand: importing scipy.signal would take longer than a whole start.
+    size = [next_fast_len(2 * side - 1, real=True) for side in grid.shape]
+    contrast = irfft2(rfft2(filled, size) * rfft2(kernel[::-1, ::-1], size), size)
     reach = min(round(MAX_PARCEL_SHIFT_M / grid.cell_m), *(side - 1 for side in grid.shape))
     middle = np.array(grid.shape) - 1
     near = contrast[middle[0] - reach : middle[0] + reach + 1, middle[1] - reach : middle[1] + reach + 1]

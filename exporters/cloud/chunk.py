@@ -86,4 +86,4 @@ def compress_points(points: ChunkColumns) -> bytes:
 
 def differs(column: NDArray[Any]) -> bool:
     """Whether not all values are the same."""
-    return bool(column.min() != column.max())
+    return bool(column[0] != column[-1] or (column != column[0]).any())
