@@ -1,4 +1,4 @@
-"""Writes the table of readers in docs/reference/readers.md: ``python scripts/reader_reference.py``."""
+"""Writes the tables of readers and devices in docs/reference/readers.md: ``python scripts/reader_reference.py``."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from furrowmap.core.readers.reader import Reader, readers
+from furrowmap.core.session.examination import devices
 
 PAGE: Final = Path(__file__).resolve().parents[1] / "docs" / "reference" / "readers.md"
 GIVES: Final = {
@@ -28,9 +29,17 @@ def table() -> str:
     return "| format | title | data |\n| --- | --- | --- |\n" + "".join(map(_row, sorted(ours, key=_order)))
 
 
+def tried() -> str:
+    """The table of devices: what they were tried on and checked against, and what is not read."""
+    keys = ("name", "tried", "checked", "unread")
+    rows = "".join(f"| {' | '.join(device[key] for key in keys)} |\n" for device in devices())
+    return "| device | tried on | checked against | not read |\n| --- | --- | --- | --- |\n" + rows
+
+
 def page(text: str) -> str:
-    """The page with its table as it should be."""
-    return _TABLE.sub(lambda _: table(), text, count=1)
+    """The page with its tables as they should be."""
+    tables = iter((table(), tried()))
+    return _TABLE.sub(lambda _: next(tables), text, count=2)
 
 
 def _row(reader: type[Reader]) -> str:

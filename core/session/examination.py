@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from furrowmap.core.readers.reader import (
     GivesAttitude,
@@ -60,6 +63,7 @@ class Examined:
         for one in known:
             reader = one.open()
             inspection = reader.inspect()
+            inspection = replace(inspection, facts=inspection.facts | _tried_on(inspection))
             if len(known) > 1:
                 titles = ", ".join(other.reader.title for other in known if other is not one)
                 inspection = replace(inspection, notices=(*inspection.notices, Notice("several-makers", others=titles)))
@@ -99,6 +103,24 @@ class Examined:
         """When its content begins; infinity without a clock."""
         clock = self.scan_clock or self.position_clock
         return clock.first_s if clock is not None else math.inf
+
+
+@cache
+def devices() -> list[dict[str, Any]]:
+    """What each device was tried on, checked against, and what is not read: `core/readers/tried.toml`."""
+    text = resources.files("furrowmap.core.readers").joinpath("tried.toml").read_text("utf-8")
+    return tomllib.loads(text)["device"]  # type: ignore[no-any-return]
+
+
+def _tried_on(inspection: Inspection) -> dict[str, str]:
+    """What the device of a recording was tried on, for `inspect`."""
+    scans = inspection.facts.get("scans")
+    model = str((scans if isinstance(scans, dict) else inspection.facts).get("model") or "")
+    for device in devices():
+        of_model = model and any(model.startswith(name) for name in device.get("models", ()))
+        if of_model or (not model and inspection.format in device.get("formats", ())):
+            return {"tried_on": f"{device['tried']}; checked against {device['checked']}"}
+    return {}
 
 
 @dataclass(frozen=True)
