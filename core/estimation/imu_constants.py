@@ -110,13 +110,10 @@ class ImuConstants:
             (self.clock_rate, rate_used, MIN_CLOCK_RATE),
             (self.gyro_scale, scale_used, MIN_GYRO_SCALE),
         ):
-            clear = (
-                one.certain(least)
-                and abs(one.value[0]) < MAX_SHARE
-                and one.gain > CAUSE_CLEAR_RATIO * (gains - one.gain)
-            )
-            settled = abs(one.value[0]) < SETTLED_SIGMAS * one.sigma[0]
-            shares.append(one.value[0] if clear or (used and not settled) else 0.0)
+            share = one.value[0]
+            clear = one.certain(least) and one.gain > CAUSE_CLEAR_RATIO * (gains - one.gain)
+            off = abs(share) < MAX_SHARE if clear else used and abs(share) > SETTLED_SIGMAS * one.sigma[0]
+            shares.append(share if off else 0.0)
         return shares[0], shares[1]
 
 
