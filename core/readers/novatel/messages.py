@@ -50,7 +50,7 @@ KIND_NUMBERS: Final = {
 }  # fmt: skip
 """Numbers in binary messages of the types of position."""
 UNKNOWN_WORD: Final = 255
-_NUMBERS: Final = {word.encode(): n for word, n in (STATUS_NUMBERS | KIND_NUMBERS).items()}
+_WORD_NUMBERS: Final = {word.encode(): n for word, n in (STATUS_NUMBERS | KIND_NUMBERS).items()}
 
 
 _WORD_FIELDS: Final = frozenset(("status", "kind", "velocity_status", "heading_kind"))
@@ -326,4 +326,4 @@ def _number(text: bytes) -> Any:
 
 
 def _word(text: bytes) -> int:
-    return _NUMBERS.get(text, UNKNOWN_WORD)
+    return _WORD_NUMBERS.get(text, UNKNOWN_WORD)
