@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     import pyproj
 
 
-_NUMBERS: Final = ("intensity", "return_number", "returns", "classification", "point_source_id")
+_LAS_ATTRIBUTES: Final = ("intensity", "return_number", "returns", "classification", "point_source_id")
 POINT: Final = np.dtype(
     [(name, "f8") for name in ("x", "y", "z", "t_s")]
-    + list(zip(_NUMBERS, ("u2", "u1", "u1", "u1", "u2"), strict=True))
+    + list(zip(_LAS_ATTRIBUTES, ("u2", "u1", "u1", "u1", "u2"), strict=True))
     + [(name, "u2") for name in ("red", "green", "blue")]
 )
 """A point: easting, northing and height in the file's CRS, UTC in seconds (nan where unknown), LAS attributes."""
@@ -119,7 +119,7 @@ def _to_structured(batch: CloudBatch) -> NDArray[np.void]:
     out = np.zeros(len(batch), POINT)
     out["x"], out["y"], out["z"] = batch.xyz_m.T
     out["t_s"] = batch.t_s if batch.t_s is not None else np.nan
-    for name in _NUMBERS:
+    for name in _LAS_ATTRIBUTES:
         out[name] = getattr(batch, name)
     if batch.rgb is not None:
         out["red"], out["green"], out["blue"] = batch.rgb.T

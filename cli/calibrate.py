@@ -172,14 +172,12 @@ def calibrate(console: Console, session: Path, machine: str | None, *, write: bo
 
 def _words(found: Calibration, machine: str | None, *, written: bool) -> str:
     height_m, sigma_m = found.height_m
+    places = ", ".join(f"{place:.3f} m" for place in found.found.xyz_m)
     rows: list[tuple[str, Any]] = [
         ("scanner rpy_deg, stated", _angles(found.stated.rpy_deg)),
         ("scanner rpy_deg, estimated", _angles(found.found.rpy_deg) if found.mounting_differs else "unchanged"),
         ("sigma of roll, pitch, yaw", _angles(found.sigma_deg)),
-        (
-            "scanner xyz_m, estimated",
-            _places(found.found.xyz_m) if found.found.xyz_m != found.stated.xyz_m else "unchanged",
-        ),
+        ("scanner xyz_m, estimated", places if found.found.xyz_m != found.stated.xyz_m else "unchanged"),
         ("facing of the scanner", "shown by the scans" if found.facing_shown else _FACING_ASSUMED),
         (
             "vehicle origin above ground",
@@ -198,7 +196,3 @@ def _words(found: Calibration, machine: str | None, *, written: bool) -> str:
 
 def _angles(angles_deg: Sequence[float]) -> str:
     return ", ".join(f"{angle:.2f}" for angle in angles_deg)
-
-
-def _places(places_m: tuple[float, float, float]) -> str:
-    return ", ".join(f"{place:.3f} m" for place in places_m)

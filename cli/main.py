@@ -25,11 +25,11 @@ from furrowmap.core.runtime.settings import using
 COMMANDS: Final = {
     "init": "session", "inspect": "session", "record": "record", "run": "run", "live": "live", "batch": "batch",
     "season": "batch", "surface": "clouds", "cloud": "clouds", "colour": "clouds", "features": "clouds",
-    "parcels": "crops", "growth": "crops", "canopy": "crops", "tie": "tie", "fields": "fields", "plots": "crops",
+    "parcels": "crops", "growth": "crops", "canopy": "crops", "tie": "batch", "fields": "fields", "plots": "crops",
     "response": "crops", "export": "share", "report": "share", "share": "share", "farm": "farm",
     "calibrate": "calibrate", "machine": "session", "crs": "session", "frames": "session", "gnss": "gnss",
-    "check": "clouds", "explain": "explain", "simulate": "session", "warm-up": "warm_up", "notebooks": "share",
-    "qgis": "share", "worker": "worker",
+    "check": "clouds", "explain": "installation", "simulate": "session", "warm-up": "installation",
+    "notebooks": "installation", "qgis": "installation", "worker": "worker",
 }  # fmt: skip
 """The module of this package that has each command, as the function of that name, with _ for -."""
 

@@ -12,7 +12,7 @@ from qgis.PyQt.QtCore import QCoreApplication, Qt
 from qgis.PyQt.QtGui import QIcon
 from qgis.PyQt.QtWidgets import QAction
 
-from .processing.provider import FurrowmapProvider
+from .processing.algorithm import FurrowmapProvider
 from .translation import install_translator
 
 tr = partial(QCoreApplication.translate, "FurrowmapPlugin")

@@ -135,13 +135,10 @@ def _number(digits: int, unit: str = "", factor: float = 1.0, sigma: str = "") -
     """Formats a number with its unit and, if its row has a standard deviation, its margin of error."""
 
     def words(value: Any, row: Mapping[str, Any]) -> str:
-        return _with_level(with_margin(float(value), row.get(sigma), unit, factor, digits))
+        said = with_margin(float(value), row.get(sigma), unit, factor, digits)
+        return f"{said} (95 %)" if "±" in said else said
 
     return words
-
-
-def _with_level(words: str) -> str:
-    return f"{words} (95 %)" if "±" in words else words
 
 
 def _text(value: Any, row: Mapping[str, Any]) -> str:  # noqa: ARG001 (one of the formats)

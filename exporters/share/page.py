@@ -166,7 +166,7 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
         yield _figure(name, value)
     hours = figures.get("hours") or {}
     shown = (
-        ("Field", figures.get("field_area_m2"), _area),
+        ("Field", figures.get("field_area_m2"), lambda area_m2: area_words(area_m2, HECTARE)),
         ("Worked share of the field", figures.get("worked_share"), lambda share: f"{share:.1%}"),
         ("Passes", figures.get("passes"), lambda passes: f"{passes:.0f}"),
         ("In the field", hours.get("field_s"), duration_words),
@@ -187,10 +187,6 @@ def _figures(report: dict[str, Any]) -> Iterator[dict[str, Any]]:
 def _figure(name: str, value: str, *, loud: bool = False) -> dict[str, Any]:
     level = ["(± 95 %)"] if "±" in value else []
     return {"value": _said(value), "name": [name, *level], "loud": loud}
-
-
-def _area(area_m2: float) -> str:
-    return area_words(area_m2, HECTARE)
 
 
 def _crops(parcels: Sequence[dict[str, Any]]) -> Iterator[tuple[str, str]]:

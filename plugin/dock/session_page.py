@@ -259,14 +259,10 @@ class SessionPage(QWidget):
         except (OSError, UnicodeDecodeError, NotSimpleError):
             return False
         shown = self.places()
-        known = {
-            place: value for place, value in saved.items() if value not in (None, "") and self._lines_ask(place[0])
-        }
+        # of an IMU and a camera the form shows the places only where the session has them
+        asked = {place for place in saved if place[0] not in ("imu", "camera") or self._lines.has(place[0])}
+        known = {place: value for place, value in saved.items() if value not in (None, "") and place in asked}
         return bool(known) and all(same_value(shown[place], value) for place, value in known.items())
-
-    def _lines_ask(self, table: str) -> bool:
-        """Whether the form shows the places of a table: of an IMU and a camera only where the session has them."""
-        return table not in ("imu", "camera") or self._lines.has(table)
 
     def recordings_beside(self, recordings: Sequence[Path]) -> list[Path] | None:
         """The recordings of a session in the form that lacks one, if `recordings` are in its folder; else None."""

@@ -20,6 +20,7 @@ from qgis.core import (
     QgsProcessingException,
     QgsProcessingFeedback,
     QgsProcessingParameterBoolean,
+    QgsProcessingProvider,
 )
 from qgis.PyQt.QtCore import QCoreApplication
 from qgis.PyQt.QtGui import QIcon
@@ -29,7 +30,7 @@ from ..interpreter import find_interpreter, is_usable
 from ..previews import open_preview
 from ..results import open_results
 from ..worker import WorkerCancelled, WorkerError, run_command, stage_name
-from .description import COMMAND_OPTIONS, TOOLBOX_GROUPS, Algorithm, Parameter
+from .description import ALGORITHMS, COMMAND_OPTIONS, TOOLBOX_GROUPS, Algorithm, Parameter
 from .layer_files import first_unknown, layer_files
 from .loading import load_when_done, style_when_done
 from .parameters import qgis_output, qgis_parameter
@@ -341,3 +342,24 @@ class _Listener:
             self.feedback.pushWarning(str(message.get("text", "")))
         else:
             self.feedback.pushInfo(str(message.get("text", message)))
+
+
+class FurrowmapProvider(QgsProcessingProvider):
+    """One algorithm for each command; they are listed without a worker as well, and then say that it is missing."""
+
+    def id(self) -> str:
+        """Never translated: models and scripts name it."""
+        return "furrowmap"
+
+    def name(self) -> str:
+        """As the toolbox shows it."""
+        return "furrowmap"
+
+    def icon(self) -> QIcon:
+        """The plugin's icon."""
+        return QIcon(str(Path(__file__).parents[1] / "icon.svg"))
+
+    def loadAlgorithms(self) -> None:  # noqa: N802 - the name is QGIS's
+        """Add each algorithm."""
+        for description in ALGORITHMS:
+            self.addAlgorithm((RunAlgorithm if description.command == "run" else CommandAlgorithm)(description))

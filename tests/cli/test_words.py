@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from furrowmap.cli import batch, calibrate, clouds, crops, farm, fields, gnss, session, tie
+from furrowmap.cli import batch, calibrate, clouds, crops, farm, fields, gnss, session
 from furrowmap.cli.tables import MAX_PARCELS, file_size, parcel_table
 from furrowmap.core.checking.check import Accuracy, Check, Component
 from furrowmap.core.checking.evaluation import Age, Continuity
@@ -184,7 +184,7 @@ def test_pairs__are_measured_less_surveyed_by_axis() -> None:
     ],
 )  # fmt: skip
 def test_tie__tells_the_move_of_a_date(date: dict[str, Any], words: str) -> None:
-    assert tie._move(date) == words
+    assert batch._move(date) == words
 
 
 def test_tie__tells_dates_changes_and_files(tmp_path: Path) -> None:
@@ -198,7 +198,7 @@ def test_tie__tells_dates_changes_and_files(tmp_path: Path) -> None:
         ],
         "products": ["tie.gpkg"],
     }
-    assert tie._words(account, tmp_path).splitlines() == [
+    assert batch._tie_words(account, tmp_path).splitlines() == [
         "  2026-06-11 Nord\\x1b  not tied",
         "  1 to 3  -1.50 ± 0.50 m³ on 120.0 m², mean -12.5 ± 4.2 mm (95 %)",
         "  3 to 4  no worked ground seen on both dates",

@@ -17,25 +17,34 @@ import shapely
 from pyproj import CRS
 from shapely.geometry.base import BaseGeometry
 
+from furrowmap.core.checking.surface_at_points import surface_at_points
 from furrowmap.core.dates.network import MOVE_SIZE, Network, adjust_network, interpolate_left_error
-from furrowmap.core.dates.pair_tie import PLACE_TERMS, PairTie, tie_pair
+from furrowmap.core.dates.pair_tie import PLACE_TERMS, PairTie, tie_pair, tie_points
 from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights
 from furrowmap.core.readers.las.cloud import CloudFile, open_cloud
+from furrowmap.core.readers.surveyed_points import SurveyOptions
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, UsageError
 from furrowmap.core.runtime.json_text import json_text, plain
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user
+from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.moved_surface import move_places
 from furrowmap.core.values.crs import name_of
 from furrowmap.core.values.scan import PointClass
 from furrowmap.core.work.field_surfaces import BESIDE_M
-from furrowmap.exporters.farm.surface_file import heights_of, same_map
+from furrowmap.exporters.farm.surface_file import heights_of, same_map, surface_file
 from furrowmap.exporters.files.file_records import rooted_records
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import CLOUD, TIE, TIE_PAGE, TIE_REPORT, open_result, refuse_occupied
 from furrowmap.exporters.files.staging import staged_folder
-from furrowmap.exporters.rasters.dated_surface import DatedSurface, OpenSurface, dated_surface, open_surface
+from furrowmap.exporters.rasters.dated_surface import (
+    DatedSurface,
+    OpenSurface,
+    dated_surface,
+    open_surface,
+    resample_surface,
+)
 from furrowmap.exporters.rasters.tied_surfaces import (
     ChangedGround,
     ChangeFigures,
@@ -51,8 +60,8 @@ from furrowmap.exporters.reports.season_pages import tie_page
 from furrowmap.exporters.vectors.geopackage import write_layer
 from furrowmap.exporters.vectors.tie_layers import tie_layers
 from furrowmap.settings import TieSettings
+from furrowmap.workflows.clouds.check import TABLES
 from furrowmap.workflows.clouds.surface import no_warning
-from furrowmap.workflows.tie.reference import Reference, open_reference, reference_tie
 
 MAX_DATES_APART: Final = 4
 """Dates between which ties are looked for: each with so many of those after it."""
@@ -60,11 +69,11 @@ CONTRADICTION_TENSION: Final = 3.0
 """Tension of a tie from which on it contradicts the others."""
 UNSEEN_SHARE: Final = 0.7
 """Share of the receivers' standard deviation from which on a place counts as not seen."""
-
-
+CELL_SIGMA_M: Final = 0.01
+"""Of a surface at a point: the roughness of the ground below the surveyor's rod."""
+_SURE: Final = 1e-4
 _MOVE_FIELDS: Final = ("east_m", "north_m", "height_m", "tilt_east_deg", "tilt_north_deg", "turn_deg")
 _MOVE_UNITS: Final = np.array([1.0, 1.0, 1.0, *3 * (math.degrees(1.0),)])
-
 UPRIGHT_TILE_M: Final = 30.0
 UPRIGHT_MARGIN_M: Final = 1.0
 MAX_UPRIGHT_TILES: Final = 64
@@ -422,3 +431,55 @@ def _uprights_of_tile(file: CloudFile, west: float, south: float) -> Upright:
 def off_touched_ground(touched: BaseGeometry, things: Upright) -> Upright:
     """Those that do not stand on ground that a tool touched."""
     return things.at(np.flatnonzero(~shapely.contains_xy(touched, things.xy_m[:, 0], things.xy_m[:, 1])))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What dates are moved onto: a surface on their cells, or points.
+
+    `sigma`: (6,) standard deviations of its own place, height, tilts and turn; `sigma_m`: of a point that states none.
+    """
+
+    path: Path
+    surface: OpenSurface | None
+    sigma: FloatArray
+    sigma_m: float | None
+
+
+def open_reference(
+    path: Path,
+    dates: Sequence[DatedSurface],
+    bounds_m: tuple[float, float, float, float],
+    sigma_m: float,
+    stack: ExitStack,
+) -> Reference:
+    """Open a table of points (.csv, .txt, .tsv, .gpkg) or a GeoTIFF; its heights have the standard deviation."""
+    if path.suffix.lower() in TABLES:
+        # the points themselves carry the survey's errors
+        return Reference(path, None, np.full(6, _SURE), sigma_m or None)
+    file, first = surface_file(path), dates[0].after
+    heights = {heights_of(surface.crs) for surface in (file, first)}
+    if not same_map(file.crs, first.crs) or len(heights - {""}) > 1:
+        raise RefusedError("tie-crs.open-reference", path=path, first=first.path)
+    grid = Grid.of_bounds(first.cell_m, bounds_m)
+    surface = stack.enter_context(resample_surface(file, grid))
+    sigma = np.full(6, _SURE)
+    sigma[2] = max(sigma_m, _SURE)
+    return Reference(path, surface, sigma, None)
+
+
+def reference_tie(
+    reference: Reference, before: OpenSurface, date: DatedSurface, touched: BaseGeometry, middle_m: FloatArray
+) -> PairTie | None:
+    """Tie a date to the reference by ground that no tool touched on any date."""
+    if reference.surface is not None:
+        pieces = list(ground_pairs(reference.surface, before, touched))
+        return tie_pair(pieces, middle_m, date.sigma[PLACE_TERMS])
+    options = SurveyOptions(sigma_m=reference.sigma_m)
+    found = surface_at_points(date.before.path, reference.path, options)
+    xyz = np.array([point.surveyed_m for point in found.points])
+    above = np.array([point.error_m[2] for point in found.points])
+    stated = found.survey.sigma_m[:, 2]
+    sigma = np.hypot(np.where(np.isfinite(stated), stated, reference.sigma_m or 0.0), CELL_SIGMA_M)
+    used = np.isfinite(above) & ~shapely.contains_xy(touched, xyz[:, 0], xyz[:, 1])
+    return tie_points(xyz[used, :2], above[used], sigma[used], middle_m)
