@@ -265,16 +265,8 @@ def scanners(found: RunResult) -> list[dict[str, Any]]:
     placement, seeing = found.placement, found.work.scanner if found.work.seen is not None else None
     lidars = found.session.lidars if placement.scans_of else ()  # positions alone have none
     return [
-        {
-            "name": lidar.name,
-            "files": list(lidar.files),
-            "scans": scans,
-            "points": points,
-            "shows_implement": number == seeing,
-        }
-        for number, (lidar, scans, points) in enumerate(
-            zip(lidars, placement.scans_of, placement.points_of, strict=True)
-        )
+        {"name": lidar.name, "files": list(lidar.files), "scans": n, "points": points, "shows_implement": k == seeing}
+        for k, (lidar, n, points) in enumerate(zip(lidars, placement.scans_of, placement.points_of, strict=True))
     ]
 
 

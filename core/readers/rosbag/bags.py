@@ -10,31 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
 from furrowmap.core.readers.implausible_positions import drop_implausible_positions
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
+from furrowmap.core.readers.rosbag import messages as ros
 from furrowmap.core.readers.rosbag.clouds import CloudScans, LineScans
 from furrowmap.core.readers.rosbag.db3 import SQLITE_MAGIC
 from furrowmap.core.readers.rosbag.files import METADATA, BagFiles, storage_files
 from furrowmap.core.readers.rosbag.livox import LIVOX_CLOUDS
 from furrowmap.core.readers.rosbag.mcap import MCAP_MAGIC
-from furrowmap.core.readers.rosbag.messages import (
-    CAMERA_INFO,
-    COMPRESSED_IMAGE,
-    DJI_ATTITUDE,
-    DJI_POSITION,
-    IMAGE,
-    IMU,
-    LASER_SCAN,
-    NAV_SAT_FIX,
-    PACKET_SCANS,
-    POINT_CLOUD,
-    QUATERNION,
-    SENTENCE,
-    TEXT,
-    AttitudeLog,
-    FixLog,
-    ImuLog,
-    SentenceLog,
-    deserialize,
-)
+from furrowmap.core.readers.rosbag.messages import AttitudeLog, FixLog, ImuLog, SentenceLog, deserialize
 from furrowmap.core.readers.rosbag.pictures import ImageLog, camera_of_info, info_topic
 from furrowmap.core.readers.rosbag.rosbag1 import ROSBAG1_MAGIC
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
@@ -56,9 +38,7 @@ T = TypeVar("T")
 Log = TypeVar("Log", FixLog, SentenceLog, ImuLog, AttitudeLog, ImageLog)
 _DJI_NODES: Final = frozenset({"dji_sdk", "dji_osdk_ros"})
 _POINT_TIMES: Final = "time stamps of the points, the clock of the scans"
-
-
-_SCAN_TYPES: Final = (*PACKET_SCANS, *LIVOX_CLOUDS, POINT_CLOUD, LASER_SCAN)
+_SCAN_TYPES: Final = (*ros.PACKET_SCANS, *LIVOX_CLOUDS, ros.POINT_CLOUD, ros.LASER_SCAN)
 """Types of messages with scans, those preferred first."""
 
 
@@ -125,11 +105,11 @@ class _RosBag(FileReader):
 
     def camera(self) -> Camera:
         """The camera of these images by its CameraInfo messages."""
-        chosen = self._choose("images", IMAGE, COMPRESSED_IMAGE, wanted=self.options.topic)
-        name = info_topic(chosen.name, [topic.name for topic in self._found() if topic.type == CAMERA_INFO])
+        chosen = self._choose("images", ros.IMAGE, ros.COMPRESSED_IMAGE, wanted=self.options.topic)
+        name = info_topic(chosen.name, [topic.name for topic in self._found() if topic.type == ros.CAMERA_INFO])
         why = "no CameraInfo messages"
         if name is not None:
-            info = self._choose("the camera's intrinsics", CAMERA_INFO, wanted=name)
+            info = self._choose("the camera's intrinsics", ros.CAMERA_INFO, wanted=name)
             try:
                 return next(self._read(info, lambda content, _: camera_of_info(content, chosen.name)))
             except ValueError as error:
@@ -159,9 +139,9 @@ class _RosBag(FileReader):
         }
         clocks = [ClockReading(Clock.RECORDER, first_s, last_s, "times of reception by the recorder")]
         looks = [("imu", self._imu_facts), ("scans", self._scan_facts), ("positions", self._position_facts)]
-        if any(topic.type in (QUATERNION, DJI_ATTITUDE) for topic in topics):
+        if any(topic.type in (ros.QUATERNION, ros.DJI_ATTITUDE) for topic in topics):
             looks.append(("attitudes", self._attitude_facts))
-        if any(topic.type in (IMAGE, COMPRESSED_IMAGE) for topic in topics):
+        if any(topic.type in (ros.IMAGE, ros.COMPRESSED_IMAGE) for topic in topics):
             looks.append(("images", self._image_facts))
         for name, look_into in looks:
             try:
@@ -219,12 +199,12 @@ class _RosBag(FileReader):
 
     def _decoder(self, chosen: _Topic) -> PacketScans | OusterMessages | CloudScans | LineScans:
         source = self._source(chosen)
-        if chosen.type not in PACKET_SCANS:
-            return LineScans(source) if chosen.type == LASER_SCAN else CloudScans(source)
+        if chosen.type not in ros.PACKET_SCANS:
+            return LineScans(source) if chosen.type == ros.LASER_SCAN else CloudScans(source)
         from furrowmap.core.readers.rosbag.packets import OusterMessages, PacketScans
 
-        if PACKET_SCANS[chosen.type] == "Ouster":
-            texts = [topic for topic in self._found() if topic.type == TEXT and "metadata" in topic.name]
+        if ros.PACKET_SCANS[chosen.type] == "Ouster":
+            texts = [topic for topic in self._found() if topic.type == ros.TEXT and "metadata" in topic.name]
             own = chosen.name.rpartition("/")[0]
             texts = [topic for topic in texts if topic.name.rpartition("/")[0] == own] or texts
             told = [(topic.name, next(self._read(topic, lambda content, _: str(content.data)))) for topic in texts]
@@ -250,31 +230,31 @@ class _RosBag(FileReader):
         """The positions, their topic, and its messages."""
         from furrowmap.core.readers.facts import jump_notices
 
-        chosen = self._choose("positions", SENTENCE, NAV_SAT_FIX, DJI_POSITION, wanted=self.options.topic)
+        chosen = self._choose("positions", ros.SENTENCE, ros.NAV_SAT_FIX, ros.DJI_POSITION, wanted=self.options.topic)
         log: FixLog | SentenceLog
-        if chosen.type == SENTENCE:
+        if chosen.type == ros.SENTENCE:
             log = self._collect(chosen, SentenceLog())
             positions = log.positions(self._source(chosen), self.options.date)
             track, fault = positions.track, positions.fault
             if fault is None:
                 self._add_notices(*positions.notices)
             else:
-                if self.options.topic is not None or all(topic.type != NAV_SAT_FIX for topic in self._found()):
+                if self.options.topic is not None or all(topic.type != ros.NAV_SAT_FIX for topic in self._found()):
                     raise fault
                 self._add_notices(Notice("bag-sentences-unused", value=fault.what.rstrip(".")))
-                chosen = self._choose("positions", NAV_SAT_FIX)
-        if chosen.type != SENTENCE:
+                chosen = self._choose("positions", ros.NAV_SAT_FIX)
+        if chosen.type != ros.SENTENCE:
             log = self._collect(chosen, FixLog())
             track, notices = log.track(self._source(chosen))
             self._add_notices(*notices)
-            if chosen.is_dji or chosen.type == DJI_POSITION:
+            if chosen.is_dji or chosen.type == ros.DJI_POSITION:
                 self._add_notices(Notice("positions-of-autopilot", source=self._source(chosen)))
         track, _, dropped = drop_implausible_positions(track)
         self._add_notices(*dropped, *jump_notices(track))
         return track, chosen, log
 
     def _inertial(self) -> tuple[InertialTrack, _Topic, ImuLog]:
-        chosen = self._choose("inertial measurements", IMU, wanted=self.options.topic)
+        chosen = self._choose("inertial measurements", ros.IMU, wanted=self.options.topic)
         log = self._collect(chosen, ImuLog())
         notices: list[Notice] = []
         track = log.track(self._source(chosen), notices)
@@ -282,16 +262,16 @@ class _RosBag(FileReader):
         return track, chosen, log
 
     def _attitudes(self) -> tuple[AttitudeTrack, _Topic, AttitudeLog]:
-        chosen = self._choose("attitudes", IMU, QUATERNION, DJI_ATTITUDE, wanted=self.options.topic)
+        chosen = self._choose("attitudes", ros.IMU, ros.QUATERNION, ros.DJI_ATTITUDE, wanted=self.options.topic)
         log = self._collect(chosen, AttitudeLog())
         notices: list[Notice] = []
-        true_north = chosen.is_dji or chosen.type == DJI_ATTITUDE
+        true_north = chosen.is_dji or chosen.type == ros.DJI_ATTITUDE
         track = log.attitude(self._source(chosen), notices, true_north=true_north)
         self._add_notices(*notices)
         return track, chosen, log
 
     def _images(self, *, kept: bool) -> tuple[_Topic, ImageLog]:
-        chosen = self._choose("images", IMAGE, COMPRESSED_IMAGE, wanted=self.options.topic)
+        chosen = self._choose("images", ros.IMAGE, ros.COMPRESSED_IMAGE, wanted=self.options.topic)
         return chosen, self._collect(chosen, ImageLog(self.options.glance_s or 0.0, kept=kept))
 
     def _collect(self, chosen: _Topic, log: Log) -> Log:
@@ -345,7 +325,7 @@ class _RosBag(FileReader):
         track, chosen, log = self._inertial()
         self._add_notices(*imu_notices(track))
         facts = {"topic": chosen.name, "frame_id": log.frame_id, **inertial_facts(track), "oriented": log.oriented()}
-        note = f"time stamps of the IMU by its driver; received {log.delay_s():.3f} s later (median)"
+        note = f"time stamps of the ros.IMU by its driver; received {log.delay_s():.3f} s later (median)"
         return facts, ClockReading(Clock.RECORDER, float(track.t_s[0]), float(track.t_s[-1]), note)
 
     def _attitude_facts(self) -> tuple[dict[str, Any], ClockReading]:
@@ -361,7 +341,9 @@ class _RosBag(FileReader):
 
         track, chosen, log = self._positions()
         facts = {"topic": chosen.name, "epochs": len(track)} | timing_facts(track.t_s) | position_facts(track)
-        stamps = "times in the sentences" if chosen.type == SENTENCE else "time stamps of the positions by their driver"
+        stamps = (
+            "times in the sentences" if chosen.type == ros.SENTENCE else "time stamps of the positions by their driver"
+        )
         note = f"{stamps}; received {log.delay_s():.3f} s later (median)"
         return facts, ClockReading(Clock.GNSS, float(track.t_s[0]), float(track.t_s[-1]), note)
 

@@ -15,7 +15,7 @@ import numpy as np
 from furrowmap.core.readers.rosbag.storage import Damage
 
 LIVOX_CLOUDS: Final = ("livox_ros_driver2/msg/CustomMsg", "livox_ros_driver/msg/CustomMsg")
-_CUSTOM_FIELDS: Final = {
+_CUSTOM: Final = {
     "offset_time": (6, 0),
     "x": (7, 4),
     "y": (7, 8),
@@ -48,9 +48,7 @@ def livox_cloud(data: bytes, encoding: str) -> Any:
         (points,) = struct.unpack_from("<I", data, at)
     except struct.error:
         raise Damage(f"{len(data)} bytes are no CustomMsg") from None
-    step = (
-        _CUSTOM_BYTES if ros1 else _CUSTOM_BYTES + 1
-    )  # CDR aligns each point to 4 bytes, but does not fill up the last
+    step = _CUSTOM_BYTES + (not ros1)  # CDR aligns each point to 4 bytes, but does not fill up the last
     there = len(data) - at - 4
     if points and not points * step - (step - _CUSTOM_BYTES) <= there <= points * step:
         raise Damage(f"{points} points do not match {there} bytes of data")
@@ -62,8 +60,6 @@ def livox_cloud(data: bytes, encoding: str) -> Any:
         row_step=points * step,
         is_bigendian=False,
         is_dense=True,
-        fields=[
-            SimpleNamespace(name=name, datatype=kind, offset=offset) for name, (kind, offset) in _CUSTOM_FIELDS.items()
-        ],
+        fields=[SimpleNamespace(name=name, datatype=kind, offset=offset) for name, (kind, offset) in _CUSTOM.items()],
         data=np.frombuffer(data[at + 4 :].ljust(points * step, b"\0"), np.uint8),
     )

@@ -17,8 +17,6 @@ from furrowmap.core.runtime.arrays import FloatArray
 
 PACKET_BYTES: Final = 1206
 """Length of a data packet's payload: 12 blocks of 100 bytes, the stamp, and two factory bytes."""
-BLOCK_MARK: Final = b"\xff\xee"
-"""First bytes of each block of a data packet; of a VLS-128, of each fourth."""
 STRONGEST, LAST, DUAL = 0x37, 0x38, 0x39
 
 _VELODYNE_PACKET: Final = PacketLayout(
