@@ -52,6 +52,7 @@ HARMLESS = frozenset(
         "facing-assumed",
         "level-assumed",
         "lever-assumed",
+        "slow-errors-assumed",
     }
 )
 """Notices of what a short recording or its scene does not show, which a right session may have: among standing crop

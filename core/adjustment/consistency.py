@@ -11,13 +11,13 @@ import numpy as np
 
 from furrowmap.core.adjustment.antenna_sway import LEVER_CERTAIN_SIGMAS, AntennaSway
 from furrowmap.core.adjustment.clock_offset import MIN_OFFSET_GAIN, AntennaConstants
-from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S, Knots, State
+from furrowmap.core.adjustment.problem import Adjusted
+from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S
 from furrowmap.core.estimation.vehicle import SLIP, SLIP_EVERY_S, AxleSteps
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock_readings import named_offset
-from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.margins import margin, with_margin
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
@@ -112,6 +112,7 @@ class Cause(StrEnum):
     CLOCK_OR_LEVER_ARM = "clock-or-lever-arm"
     UPSIDE_DOWN = "upside-down"
     MOUNTING = "mounting"
+    POSITIONS = "positions"
     UNKNOWN = "unknown"
 
 
@@ -126,6 +127,7 @@ class Seen:
         ground: how it lies in the vehicle frame.
         sway: what the sway shows of the antenna.
         lever_m: lever arm with which the scans agree better; None where no other was found.
+        slow_times: slow errors of the positions, over what the receiver states, as scans show them; 1 where as stated.
     """
 
     slip: float = 0.0
@@ -134,6 +136,7 @@ class Seen:
     ground: GroundTilt = field(default_factory=GroundTilt)
     sway: AntennaSway = field(default_factory=AntennaSway)
     lever_m: tuple[float, float, float] | None = None
+    slow_times: float = 1.0
 
     @property
     def factor(self) -> float:
@@ -152,6 +155,7 @@ class Seen:
             "factor": round(self.factor, 2),
             "slip": round(self.slip, 2),
             "drift": round(self.drift, 2),
+            "slow_errors": round(self.slow_times, 1),
             "ground_tilt_deg": round(self.ground.tilt_deg, 1),
             "clock_gain": round(self.constants.clock_gain, 1),
             "lever_arm_gain": round(self.constants.lever_gain, 1),
@@ -164,13 +168,15 @@ class Seen:
         c = self.constants
         if self.ground.tilt_deg:
             return Cause.UPSIDE_DOWN if self.ground.upside_down else Cause.MOUNTING
-        if self.factor <= 1.0:
+        if self.factor <= 1.0 and self.slow_times == 1.0:
             return None
         if self.sway.off:
             apart = Cause.CLOCK if self.sway.clock_s else Cause.LEVER_ARM
             return Cause.CLOCK_OR_LEVER_ARM if self.sway.unrelated and not self.sway.clock_s else apart
         if self.lever_m is not None:
             return Cause.LEVER_ARM
+        if self.slow_times > 1.0:
+            return Cause.POSITIONS
         if c.off:
             return Cause.CLOCK if c.clock_off else Cause.LEVER_ARM if c.lever_off else Cause.CLOCK_OR_LEVER_ARM
         return Cause.UNKNOWN
@@ -183,6 +189,8 @@ _LIKELY: Final = {
     "clocks, [recording] lidar_minus_gnss_s: the drive does not separate the two.",
     Cause.UPSIDE_DOWN: "The likely cause is a scanner mounted upside down, or the roll in [lidar] rpy_deg.",
     Cause.MOUNTING: "The likely cause is the mounting of the scanner, [lidar] rpy_deg.",
+    Cause.POSITIONS: "The likely cause is the positions: PPP, DGNSS or float solutions, smoothed logs, or standard "
+    "deviations that are too small.",
     Cause.UNKNOWN: "Lever arm ([antenna] xyz_m), mounting ([lidar] xyz_m, rpy_deg), clocks (lidar_minus_gnss_s) or the "
     "positions themselves may be wrong.",
 }
@@ -200,6 +208,8 @@ def contradiction_notice(seen: Seen) -> Notice | None:
         shown.append(f"the rear axle slips sideways {seen.slip:.1f} times as much as wheels do")
     if seen.drift > MAX_DRIFT:
         shown.append(f"positions drift {seen.drift:.1f} times as much as the receiver states")
+    if seen.slow_times > 1.0:
+        shown.append(f"positions err slowly together, {seen.slow_times:.0f} times as much as the receiver states")
     if c.off:
         x, y = c.lever_m
         shown.append(
@@ -277,19 +287,14 @@ def enlarge_sigmas(
     return replace(trajectory, sigma=sigma)
 
 
-def check_consistency(
-    knots: Knots, state: State, positions: Positions, constants: AntennaConstants, ground: GroundTilt, sway: AntennaSway
-) -> Seen:
+def check_consistency(adjusted: Adjusted, ground: GroundTilt) -> Seen:
     """What an adjusted trajectory shows.
 
     Args:
-        knots: times.
-        state: the solution.
-        positions: of the antenna.
-        constants: between antenna and scanner.
+        adjusted: the solution.
         ground: how it lies in the vehicle frame.
-        sway: what the sway shows of the antenna.
     """
+    knots, state, positions = adjusted.problem.knots, adjusted.state, adjusted.problem.positions
     linked = knots.linked
     steps = [
         (s.sideways_m, s.sigma_m) for s in (AxleSteps.from_knots(linked[p], state) for p in arrays.parts(len(linked)))
@@ -303,7 +308,10 @@ def check_consistency(
     stated = np.hypot(stated, SLIP_FLOOR_M)
     knot, _, inside = knots.at(positions.t_s)
     drift = state[GNSS_DRIFT][knot[inside]] / positions.drift_m[inside]
-    return Seen(_rms(sideways / stated), _rms(drift), constants, ground, sway)
+    slip = _rms(sideways / stated)
+    return Seen(
+        slip, _rms(drift), adjusted.constants, ground, adjusted.sway, slow_times=max(adjusted.slow_errors.times)
+    )
 
 
 def _rms(values: FloatArray) -> float:

@@ -7,8 +7,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.adjustment.antenna_sway import AntennaSway
-from furrowmap.core.adjustment.clock_offset import AntennaConstants
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
 from furrowmap.core.adjustment.problem import Adjusted
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
@@ -18,6 +16,8 @@ from furrowmap.core.estimation.knots import StateBlock
 from furrowmap.core.matching.returns import PIXEL_M
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.values.clock import iso_utc
+from furrowmap.core.values.gnss import Positions
+from furrowmap.core.values.margins import margin
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.time_span import Span
 
@@ -26,25 +26,30 @@ FACING_ASSUMED: Final = Notice("facing-assumed")
 LEVER_ASSUMED: Final = Notice("lever-assumed")
 
 
-def match_notices(
-    adjusted: Adjusted, used: Mounting, sway: AntennaSway, unheld: Sequence[Span] = ()
-) -> tuple[Notice, ...]:
+def match_notices(adjusted: Adjusted, used: Mounting, unheld: Sequence[Span] = ()) -> tuple[Notice, ...]:
     """Scans left out, unbridged gaps, a mounting that is off, and what is assumed.
 
     Args:
         adjusted: the result.
         used: the mounting in use.
-        sway: what the sway shows of the antenna.
         unheld: times whose scans no positions hold.
     """
-    assumed = adjusted.problem.lever_m.any() and not adjusted.facing.shown and not sway.known
+    assumed = adjusted.problem.lever_m.any() and not adjusted.facing.shown and not adjusted.sway.known
     stated = adjusted.problem.mounting
     mounting = mounting_notices(adjusted.calibration, adjusted.facing, stated, used)
     gaps = [
         Notice("gap-not-bridged", begin_s=iso_utc(gap.begin_s), end_s=gap.end_s - gap.begin_s)
         for gap in adjusted.unbridged
     ]
-    return (*unheld_notices(unheld), *gaps, *mounting, *([LEVER_ASSUMED] if assumed else []))
+    found = adjusted.slow_errors
+    unchecked = not (found.checked or adjusted.sway.off) and found.times == (1.0, 1.0)
+    slow = [slow_errors_unchecked(adjusted.problem.positions)] if unchecked else []
+    return (*unheld_notices(unheld), *gaps, *mounting, *([LEVER_ASSUMED] if assumed else []), *slow)
+
+
+def slow_errors_unchecked(positions: Positions) -> Notice:
+    """The notice that nothing shows slow errors of the positions, and which are assumed."""
+    return Notice("slow-errors-assumed", margin=margin(float(np.median(positions.drift_m[:, 0])), " m"))
 
 
 def unheld_notices(unheld: Sequence[Span]) -> list[Notice]:
@@ -75,9 +80,10 @@ def height_is_off(found: MountingCalibration) -> bool:
     return abs(found.height_m) > HEIGHT_REPORTED_M + 3.0 * found.sigma_height_m
 
 
-def match_figures(adjusted: Adjusted, used: Mounting, constants: AntennaConstants) -> dict[str, Any]:
+def match_figures(adjusted: Adjusted, used: Mounting) -> dict[str, Any]:
     """The figures of matching in the report, with the mounting in use."""
     returns, walls, ranges = adjusted.problem.returns, adjusted.walls.scatter, adjusted.sensor.ranges
+    constants = adjusted.constants
     matched, squares = adjusted.ground.tally[4:]
     return {
         "residual_rms_m": round(float(np.sqrt(squares / max(matched, 1.0))), 4),

@@ -11,14 +11,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.antenna_sway import AntennaSway, antenna_sway
 from furrowmap.core.adjustment.bridging import held_by_positions
-from furrowmap.core.adjustment.clock_offset import (
-    AntennaConstants,
-    ClockCandidate,
-    antenna_constants,
-    search_clock_offset,
-)
+from furrowmap.core.adjustment.clock_offset import ClockCandidate, search_clock_offset
 from furrowmap.core.adjustment.consistency import LEVEL_GROUND, GroundTilt, Seen, check_consistency
 from furrowmap.core.adjustment.laser_ranges import range_bow, range_bow_sigma
 from furrowmap.core.adjustment.match_report import match_figures, match_notices
@@ -152,16 +146,7 @@ def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
     turn = adjusted.sensor.turn
     turned = not np.array_equal(turn, np.eye(3))
     used = Mounting.from_rotation(mounting.xyz_m, turn @ mounting.rotation) if turned else mounting
-    # A wrong lever arm looks like a clock offset, and no antenna stands at the vehicle's origin.
-    constants, sway, last = AntennaConstants(), AntennaSway(), adjusted.last
-    if problem.lever_m.any():
-        constants = antenna_constants(
-            problem.knots, adjusted.state, adjusted.antenna, last.coarse, last.centre_m, last.free
-        )
-        sway = antenna_sway(problem.knots, adjusted.state, adjusted.antenna, last.held)
-        if not sway.off and sway.refutes(constants.lever_m, constants.lever_sigma_m):
-            constants = AntennaConstants(constants.clock_s, constants.clock_sigma_s, constants.clock_gain)
-    seen = check_consistency(problem.knots, adjusted.state, problem.positions, constants, prepared.ground, sway)
+    seen = check_consistency(adjusted, prepared.ground)
     return Matched(
         _trajectory(adjusted, prepared.start),
         used,
@@ -169,8 +154,8 @@ def match(prepared: Prepared, progress: Callable[[float], None]) -> Matched:
         adjusted.calibration,
         adjusted.facing.shown,
         seen,
-        match_figures(adjusted, used, constants),
-        match_notices(adjusted, used, sway, prepared.unheld),
+        match_figures(adjusted, used),
+        match_notices(adjusted, used, prepared.unheld),
     )
 
 

@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.adjustment.antenna_sway import AntennaSway, antenna_sway
+from furrowmap.core.adjustment.clock_offset import AntennaConstants, antenna_constants
 from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
 from furrowmap.core.adjustment.yaw_ambiguity import Facing
 from furrowmap.core.estimation.aiding import AIDED, Aid
@@ -50,6 +52,7 @@ class Problem:
         start: first guess of the states.
         observations: all but the returns.
         outages_s: times without positions, see :func:`outages`.
+        slow: whether the slow errors of the positions are larger than stated.
     """
 
     returns: GroundReturns
@@ -62,6 +65,7 @@ class Problem:
     start: State
     observations: tuple[Observation, ...]
     outages_s: tuple[Span, ...]
+    slow: bool = False
 
     @classmethod
     def from_session(
@@ -114,6 +118,7 @@ class Linearised:
         centre_m: see :meth:`CoarseKnots.centres`.
         free: of the coarse knots, references free.
         prior: of the coarse knots, without LiDAR.
+        state: at which `free` is linearised.
     """
 
     held: NormalEquations
@@ -121,6 +126,7 @@ class Linearised:
     centre_m: FloatArray
     free: NormalEquations
     prior: NormalEquations
+    state: State
 
 
 @dataclass(frozen=True)
@@ -180,6 +186,20 @@ class Iterate:
 
 
 @dataclass(frozen=True)
+class SlowErrors:
+    """What scans show of the slow errors of positions.
+
+    Attributes:
+        times: of the stated ones, on the map's axes and in height.
+        checked: whether scans would show errors of decimetres on the map. Where they do not show which way the scanner
+            faces, what they say of the way is as likely a pattern that moves with the vehicle.
+    """
+
+    times: tuple[float, float] = (1.0, 1.0)
+    checked: bool = False
+
+
+@dataclass(frozen=True)
 class Adjusted:
     """The result.
 
@@ -195,6 +215,9 @@ class Adjusted:
         walls: registration to walls.
         last: equations.
         antenna: positions with their robust weights.
+        constants: between antenna and scanner.
+        sway: what the sway shows of the antenna.
+        slow_errors: of the positions.
     """
 
     problem: Problem
@@ -208,6 +231,9 @@ class Adjusted:
     walls: WallRegistration
     last: Linearised
     antenna: AntennaPositions
+    constants: AntennaConstants
+    sway: AntennaSway
+    slow_errors: SlowErrors = field(default_factory=SlowErrors)
 
     @classmethod
     def from_iterate(cls, problem: Problem, it: Iterate) -> Adjusted:
@@ -217,9 +243,17 @@ class Adjusted:
         assert it.walls is not None
         assert it.last is not None
         antenna = next(o for o in it.observations if isinstance(o, AntennaPositions))
+        # A wrong lever arm looks like a clock offset, and no antenna stands at the vehicle's origin.
+        constants, sway = AntennaConstants(), AntennaSway()
+        if problem.lever_m.any():
+            knots, last = problem.knots, it.last
+            constants = antenna_constants(knots, it.state, antenna, last.coarse, last.centre_m, last.free)
+            sway = antenna_sway(knots, it.state, antenna, last.held)
+            if not sway.off and sway.refutes(constants.lever_m, constants.lever_sigma_m):
+                constants = AntennaConstants(constants.clock_s, constants.clock_sigma_s, constants.clock_gain)
         return cls(
             problem, it.state, it.sensor, it.unused, it.facing, it.calibration, it.relief, it.ground, it.walls,
-            it.last, antenna,
+            it.last, antenna, constants, sway,
         )  # fmt: skip
 
 

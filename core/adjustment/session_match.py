@@ -20,7 +20,7 @@ from furrowmap.core.adjustment.consistency import (
     enlarge_sigmas,
     ground_tilt,
 )
-from furrowmap.core.adjustment.match_report import FACING_ASSUMED, LEVER_ASSUMED, height_is_off
+from furrowmap.core.adjustment.match_report import FACING_ASSUMED, LEVER_ASSUMED, height_is_off, slow_errors_unchecked
 from furrowmap.core.adjustment.matched import Matched, Prepared, match, prepare
 from furrowmap.core.matching.placing import Tool
 from furrowmap.core.matching.returns import ground_returns
@@ -71,7 +71,9 @@ def match_to_ground(
     except np.linalg.LinAlgError:
         return replace(located, notices=(*located.notices, _UNSOLVED)), None
     if matched is None:
+        assert located.antenna is not None
         assumed = (FACING_ASSUMED, *((LEVER_ASSUMED,) if any(lever_arm_m(session)) else ()))
+        assumed = (*assumed, slow_errors_unchecked(located.antenna))
         located, seen = replace(located, notices=(*located.notices, *assumed)), Seen(ground=ground)
         if (notice := contradiction_notice(seen)) is None:
             return located, None

@@ -15,9 +15,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.bridging import bridge_gaps, gaps_between
+from furrowmap.core.adjustment.clock_offset import CAUSE_CLEAR_RATIO
 from furrowmap.core.adjustment.laser_ranges import laser_ranges
 from furrowmap.core.adjustment.mounting_calibration import mounting_calibration
 from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
+from furrowmap.core.adjustment.slow_errors import shown_slow_errors, with_slow_errors
 from furrowmap.core.adjustment.steps import session_step, window_step
 from furrowmap.core.adjustment.yaw_ambiguity import facing
 from furrowmap.core.estimation.relaxation import Relaxation
@@ -25,6 +27,7 @@ from furrowmap.core.matching.placing import GUARD_S
 from furrowmap.core.matching.portions import blocks
 from furrowmap.core.matching.registration import session_surface
 from furrowmap.core.runtime import arrays
+from furrowmap.core.trajectory.position_drift import MIN_GAIN, SETTLED_TIMES
 
 WINDOW_ROUNDS: Final = (2, 14)
 """Fewest and most rounds of windows; they end when no heading turns by more than SETTLED_TURN_RAD."""
@@ -39,12 +42,16 @@ MAX_REMOUNTS: Final = 2
 """A mounting that is off is corrected at most this many times, each followed by REMOUNT_ROUNDS as SESSION_ROUNDS."""
 REMOUNT_ROUNDS: Final = ((0.1, 2), (0.1, 1))
 STANCE_CELL_M: Final = 0.1
+MAX_SLOW_SEARCHES: Final = 2
+"""So often slow errors of the positions are looked for, each time at the poses that follow those found before."""
 
 Rounds = Sequence[tuple[float, int]]
 
 
 def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -> Adjusted:
     """The poses at which ground, GNSS and wheels agree best.
+
+    Where scans show that the slow errors of the positions are larger than stated, all is done again with larger ones.
 
     Args:
         problem: the input.
@@ -61,7 +68,26 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
         steps.expect(1 + 2 * WINDOW_ROUNDS[0])
         it = match_windows(problem, replace(it, unused=gaps), steps)
         it = bridge_gaps(problem, it)
-    it = match_windows(problem, it, steps)
+    begin = match_windows(problem, it, steps)
+    adjusted, it = match_and_calibrate(problem, begin, steps)
+    times, gain = (1.0, 1.0), MIN_GAIN
+    if adjusted.constants.off:  # which slow errors may look like
+        gain = max(gain, CAUSE_CLEAR_RATIO * max(adjusted.constants.clock_gain, adjusted.constants.lever_gain))
+    for _ in range(MAX_SLOW_SEARCHES if problem.lever_m.any() and not adjusted.sway.off else 0):
+        before, shown = times, shown_slow_errors(problem, it, gain)
+        adjusted, times = replace(adjusted, slow_errors=shown), shown.times
+        if np.allclose(times, before, rtol=SETTLED_TIMES):
+            break
+        followed = with_slow_errors(problem, times)
+        steps.expect(2 * len(SESSION_ROUNDS))
+        adjusted, it = match_and_calibrate(followed, replace(begin, observations=followed.observations), steps)
+        adjusted = replace(adjusted, slow_errors=shown)
+    progress(1.0)
+    return adjusted
+
+
+def match_and_calibrate(problem: Problem, it: Iterate, steps: _Steps) -> tuple[Adjusted, Iterate]:
+    """Rounds of the whole session, and more with the mounting that they show where that is off; also the iterate."""
     it = match_session(problem, it, SESSION_ROUNDS, steps)
     it = calibrate_mounting(problem, it)
     for _ in range(MAX_REMOUNTS):
@@ -71,8 +97,7 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
         steps.expect(2 * len(REMOUNT_ROUNDS))
         it = match_session(problem, it.turned(turn), REMOUNT_ROUNDS, steps)
         it = calibrate_mounting(problem, it)
-    progress(1.0)
-    return Adjusted.from_iterate(problem, it)
+    return Adjusted.from_iterate(problem, it), it
 
 
 def resolve_yaw_ambiguity(problem: Problem, it: Iterate) -> Iterate:

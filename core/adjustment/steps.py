@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
@@ -102,7 +103,9 @@ def session_step(problem: Problem, it: Iterate, cell_m: float, thin: int, *, fre
     _add_lidar(problem, it, held, ground, walls)
     equations = coarse_equations(held, coarse, centre, state, coarse.count)
     _free_references(equations, centre, ground, walls)
-    last = Linearised(held, coarse, centre, equations, prior)
+    if problem.slow:
+        _let_all_move(equations, prior, centre)
+    last = Linearised(held, coarse, centre, equations, prior, state)
     solution = _damped(equations, coarse.touched(problem.without_position), state)
     crab_rad = crab_angle_rad(knots, state, coarse, centre, solution)
     step = fine_step(coarse, centre, state, solution.values)
@@ -126,6 +129,29 @@ def _free_references(
 ) -> None:
     for registered in (ground, walls):
         registered.observation.eliminate_references(equations, centre_m)
+
+
+def _let_all_move(equations: NormalEquations, prior: NormalEquations, centre_m: FloatArray) -> None:
+    """Take out of the equations what LiDAR says of a rigid motion of poses and ground, beside their prior part.
+
+    It says nothing; but slices, straight between knots, and patches share their weight between coarse knots not quite
+    alike. A hundred thousandth of it outweighs positions whose slow error may be decimetres, and steps diverge.
+    """
+    count, size = len(centre_m), len(equations.right) // len(centre_m)
+    rigid = np.zeros((count, size, POSE))
+    rigid[:, :POSE] = np.eye(POSE)
+    rigid[:, :ROTATION, ROTATION:] = np.cross(np.eye(3), (centre_m - centre_m.mean(axis=0))[:, None]).transpose(0, 2, 1)
+    motion = np.linalg.qr(rigid.reshape(-1, POSE))[0]
+
+    def cost(of: NormalEquations) -> FloatArray:
+        return np.column_stack([scipy.linalg.blas.dsbmv(len(of.band) - 1, 1.0, of.band, m, lower=1) for m in motion.T])
+
+    costs = cost(equations) - cost(prior)
+    costs -= 0.5 * motion @ (motion.T @ costs)
+    for j in range(len(motion)):
+        below = slice(j, j + len(equations.band))
+        equations.band[: len(motion) - j, j] -= motion[below] @ costs[j] + costs[below] @ motion[j]
+    equations.right -= motion @ (motion.T @ (equations.right - prior.right))
 
 
 def _solved(problem: Problem, it: Iterate, held: NormalEquations) -> FloatArray:

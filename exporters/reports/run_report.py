@@ -138,6 +138,7 @@ AT_TOP: Final = frozenset(
         "mounting-height",
         "mounting-identity",
         "mounting-off",
+        "slow-errors-assumed",
     }
 )
 """Codes of what was corrected, or is assumed, and moves the whole of a cloud: reports show it at the top."""
