@@ -276,10 +276,11 @@ def enlarge_sigmas(
     if c.off:
         speed = float(np.sqrt(np.nanmean(trajectory.speed_mps**2)))
         place_m = max(place_m, abs(c.clock_s) * speed, float(np.hypot(*c.lever_m)))
-    if seen.cause is Cause.UNKNOWN:
-        # It may be the lever arm, as far as the sway leaves that open; and the nose may point aside as the axle slips.
+    if seen.cause is Cause.UNKNOWN or (c.off and not c.clock_off and not seen.sway.off):
+        # It may be the lever arm, as far as the sway leaves that open: poses take most of it, so that residuals show
+        # little. And the nose may point aside as the axle slips.
         left_open = np.hypot(seen.sway.lever_m, seen.sway.sigma_m)
-        place_m = float(np.linalg.norm(left_open[np.isfinite(left_open)]))
+        place_m = max(place_m, float(np.linalg.norm(left_open[np.isfinite(left_open)])))
         turned_deg = float(np.degrees(SLIP * seen.slip)) if seen.slip > MAX_SLIP else 0.0
     sigma[:, :3] = np.hypot(sigma[:, :3], place_m)
     sigma[:, 3:5] = np.hypot(sigma[:, 3:5], turn_deg)

@@ -9,25 +9,39 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.bridging import bridge_gaps, gaps_between
-from furrowmap.core.adjustment.clock_offset import CAUSE_CLEAR_RATIO
+from furrowmap.core.adjustment.consistency import LEVEL_GROUND, MAX_SLIP, check_consistency
 from furrowmap.core.adjustment.laser_ranges import laser_ranges
 from furrowmap.core.adjustment.mounting_calibration import mounting_calibration
-from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem
-from furrowmap.core.adjustment.slow_errors import shown_slow_errors, with_slow_errors
+from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem, SlowErrors
 from furrowmap.core.adjustment.steps import session_step, window_step
 from furrowmap.core.adjustment.yaw_ambiguity import facing
+from furrowmap.core.estimation.coarse import coarse_equations
+from furrowmap.core.estimation.knots import GNSS_DRIFT, State, normal_equations
+from furrowmap.core.estimation.positions import GnssDrift
 from furrowmap.core.estimation.relaxation import Relaxation
+from furrowmap.core.estimation.vehicle import with_positions
 from furrowmap.core.matching.placing import GUARD_S
 from furrowmap.core.matching.portions import blocks
 from furrowmap.core.matching.registration import session_surface
 from furrowmap.core.runtime import arrays
-from furrowmap.core.trajectory.position_drift import MIN_GAIN, SETTLED_TIMES
+from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.trajectory.position_drift import (
+    MIN_GAIN,
+    MIN_GAIN_TOO,
+    SETTLED_TIMES,
+    UNKNOWN_CORRELATION_S,
+    likeliest,
+)
+from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 
 WINDOW_ROUNDS: Final = (2, 14)
 """Fewest and most rounds of windows; they end when no heading turns by more than SETTLED_TURN_RAD."""
@@ -44,6 +58,8 @@ REMOUNT_ROUNDS: Final = ((0.1, 2), (0.1, 1))
 STANCE_CELL_M: Final = 0.1
 MAX_SLOW_SEARCHES: Final = 2
 """So often slow errors of the positions are looked for, each time at the poses that follow those found before."""
+SHOWN_M: Final = 0.2
+"""A slow error on the map that scans should show."""
 
 Rounds = Sequence[tuple[float, int]]
 
@@ -51,7 +67,8 @@ Rounds = Sequence[tuple[float, int]]
 def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -> Adjusted:
     """The poses at which ground, GNSS and wheels agree best.
 
-    Where scans show that the slow errors of the positions are larger than stated, all is done again with larger ones.
+    Where scans show that slow errors of the positions are larger than stated, the whole session is matched again with
+    larger ones.
 
     Args:
         problem: the input.
@@ -69,25 +86,27 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
         it = match_windows(problem, replace(it, unused=gaps), steps)
         it = bridge_gaps(problem, it)
     begin = match_windows(problem, it, steps)
-    adjusted, it = match_and_calibrate(problem, begin, steps)
-    times, gain = (1.0, 1.0), MIN_GAIN
-    if adjusted.constants.off:  # which slow errors may look like
-        gain = max(gain, CAUSE_CLEAR_RATIO * max(adjusted.constants.clock_gain, adjusted.constants.lever_gain))
-    for _ in range(MAX_SLOW_SEARCHES if problem.lever_m.any() and not adjusted.sway.off else 0):
-        before, shown = times, shown_slow_errors(problem, it, gain)
+    adjusted = match_and_calibrate(problem, begin, steps)
+    # A wrong lever arm or clock looks like slow errors, but not in heights.
+    seen, times = check_consistency(adjusted, LEVEL_GROUND), (1.0, 1.0)
+    otherwise = seen.constants.off or seen.slip > MAX_SLIP
+    for _ in range(MAX_SLOW_SEARCHES if problem.lever_m.any() and not seen.sway.off else 0):
+        before, shown = times, shown_slow_errors(problem, adjusted)
+        if otherwise and shown.times[1] == 1.0:
+            shown = SlowErrors(checked=shown.checked)
         adjusted, times = replace(adjusted, slow_errors=shown), shown.times
         if np.allclose(times, before, rtol=SETTLED_TIMES):
             break
         followed = with_slow_errors(problem, times)
         steps.expect(2 * len(SESSION_ROUNDS))
-        adjusted, it = match_and_calibrate(followed, replace(begin, observations=followed.observations), steps)
+        adjusted = match_and_calibrate(followed, replace(begin, observations=followed.observations), steps)
         adjusted = replace(adjusted, slow_errors=shown)
     progress(1.0)
     return adjusted
 
 
-def match_and_calibrate(problem: Problem, it: Iterate, steps: _Steps) -> tuple[Adjusted, Iterate]:
-    """Rounds of the whole session, and more with the mounting that they show where that is off; also the iterate."""
+def match_and_calibrate(problem: Problem, it: Iterate, steps: _Steps) -> Adjusted:
+    """Rounds of the whole session, and more with the mounting that they show where that is off."""
     it = match_session(problem, it, SESSION_ROUNDS, steps)
     it = calibrate_mounting(problem, it)
     for _ in range(MAX_REMOUNTS):
@@ -97,7 +116,7 @@ def match_and_calibrate(problem: Problem, it: Iterate, steps: _Steps) -> tuple[A
         steps.expect(2 * len(REMOUNT_ROUNDS))
         it = match_session(problem, it.turned(turn), REMOUNT_ROUNDS, steps)
         it = calibrate_mounting(problem, it)
-    return Adjusted.from_iterate(problem, it), it
+    return Adjusted.from_iterate(problem, it)
 
 
 def resolve_yaw_ambiguity(problem: Problem, it: Iterate) -> Iterate:
@@ -150,6 +169,80 @@ def calibrate_mounting(problem: Problem, it: Iterate) -> Iterate:
     crab_rad = it.crab_rad if it.facing.shown else (0.0, np.inf)
     found = mounting_calibration(problem.knots, it.state, surface, placing.passage, GUARD_S, crab_rad)
     return replace(it, calibration=found)
+
+
+def with_slow_errors(stated: Problem, times: tuple[float, float]) -> Problem:
+    """The problem with slow errors so many times the stated ones, of the map's axes and of heights."""
+    if times == (1.0, 1.0):
+        return stated
+    positions = stated.positions
+    longer = np.sqrt(UNKNOWN_CORRELATION_S / DRIFT_CORRELATION_S)
+    drift_m = positions.drift_m * longer * (times[0], times[0], times[1])
+    larger = replace(positions, drift_m=drift_m)
+    observations = tuple(
+        replace(one, correlation_s=UNKNOWN_CORRELATION_S) if isinstance(one, GnssDrift) else one
+        for one in with_positions(stated.observations, larger)
+    )
+    return replace(stated, positions=larger, observations=observations, slow=True)
+
+
+def shown_slow_errors(stated: Problem, adjusted: Adjusted) -> SlowErrors:
+    """The slow errors of the positions that are likeliest by the way that scans show, and by ground seen again.
+
+    All other unknowns are eliminated (Schur complement) from the last equations with free references.
+
+    Args:
+        stated: the problem with slow errors as stated.
+        adjusted: with them, or with others.
+    """
+    last, knots, state = adjusted.last, stated.knots, adjusted.last.state
+    first = state.layout.column(GNSS_DRIFT)
+    chosen = (np.arange(last.coarse.count)[:, None] * state.layout.size + first + np.arange(3)).ravel()
+
+    # What is quicker than coarse knots can follow takes no part; a run's begin is a step.
+    positions = stated.positions
+    nearest = np.clip(np.searchsorted(positions.t_s, knots.t_s), 0, len(positions.t_s) - 1)
+    begins = np.flatnonzero(np.diff(positions.run[nearest], prepend=-1))
+    begins = np.union1d(begins, [chain.first for chain in knots.chains])
+    smooth = state.added.copy()
+    for begin, end in pairwise([*begins.tolist(), len(knots)]):
+        smooth[begin:end] = uniform_filter1d(smooth[begin:end], last.coarse.grids[0].every, axis=0, mode="nearest")
+
+    def alone(drift: GnssDrift, at: State) -> tuple[FloatArray, FloatArray, float]:
+        fine = normal_equations((drift,), knots, at)
+        equations = coarse_equations(fine, last.coarse, last.centre_m, state, 1)
+        return equations.dense()[np.ix_(chosen, chosen)], equations.right[chosen], fine.squares
+
+    used, used_right, _ = alone(next(one for one in adjusted.problem.observations if isinstance(one, GnssDrift)), state)
+    covariance = last.free.inverse()
+    all_normal = np.linalg.inv(covariance[np.ix_(chosen, chosen)])
+    others, others_right = all_normal - used, all_normal @ covariance[chosen] @ last.free.right - used_right
+
+    @cache
+    def drift_of(horizontal: float, vertical: float) -> tuple[FloatArray, FloatArray, float]:
+        drift_m = positions.drift_m * (horizontal, horizontal, vertical)
+        return alone(GnssDrift(replace(positions, drift_m=drift_m)), replace(state, added=smooth))
+
+    @cache
+    def deviance(horizontal: float, vertical: float) -> float:
+        own, own_right, squares = drift_of(horizontal, vertical)
+        right = others_right + own_right
+        (_, known), (_, before) = np.linalg.slogdet(others + own), np.linalg.slogdet(own)
+        return float(squares - right @ np.linalg.solve(others + own, right) + known - before)
+
+    # By how much −2 log likelihood would fall on average, were the errors as large as those that must show.
+    large = max(1.0, SHOWN_M / float(np.median(positions.drift_m[:, 0])))
+    stated_fit, large_fit = (np.eye(len(chosen)) + others @ np.linalg.inv(drift_of(t, 1.0)[0]) for t in (1.0, large))
+    ratio = np.linalg.solve(stated_fit, large_fit)
+    expected = float(np.trace(ratio) - len(ratio) - np.linalg.slogdet(ratio)[1])
+    checked = adjusted.facing.shown and expected > MIN_GAIN
+    horizontal = likeliest(lambda times: deviance(times, 1.0), MIN_GAIN)
+    # Both are by the same satellites: where one errs, less must show the other, and what nothing shows errs alike.
+    vertical = likeliest(lambda times: deviance(horizontal, times), MIN_GAIN if horizontal == 1.0 else MIN_GAIN_TOO)
+    if horizontal == 1.0 < vertical:
+        horizontal = likeliest(lambda times: deviance(times, vertical), MIN_GAIN_TOO)
+        horizontal = vertical if horizontal == 1.0 and not checked else horizontal
+    return SlowErrors((horizontal, vertical), checked)
 
 
 class _Steps:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.precision import AROUND_S, information_of, sigmas, sources_of
+from furrowmap.core.adjustment.matched import AROUND_S, information_of, sigmas, sources_of
 from furrowmap.core.adjustment.problem import Linearised
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.coarse import CoarseKnots, fine_step

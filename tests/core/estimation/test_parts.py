@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from furrowmap.core.adjustment.precision import information_of
+from furrowmap.core.adjustment.matched import information_of
 from furrowmap.core.adjustment.steps import crab_equations
 from furrowmap.core.estimation.coarse import CoarseKnots, coarse_right, fine_step
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State, knots_over, normal_equations, start_from
