@@ -281,7 +281,7 @@ def enlarge_sigmas(
         # little. And the nose may point aside as the axle slips.
         left_open = np.hypot(seen.sway.lever_m, seen.sway.sigma_m)
         place_m = max(place_m, float(np.linalg.norm(left_open[np.isfinite(left_open)])))
-        turned_deg = float(np.degrees(SLIP * seen.slip)) if seen.slip > MAX_SLIP else 0.0
+        turned_deg = max(turned_deg, float(np.degrees(SLIP * seen.slip)) if seen.slip > MAX_SLIP else 0.0)
     sigma[:, :3] = np.hypot(sigma[:, :3], place_m)
     sigma[:, 3:5] = np.hypot(sigma[:, 3:5], turn_deg)
     sigma[:, 5] = np.hypot(sigma[:, 5], turned_deg)
