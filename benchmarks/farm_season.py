@@ -35,10 +35,8 @@ from furrowmap.core.simulator.truth import swept
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.session import Crs, Implement
 from furrowmap.core.values.trajectory import ScanPoses
-from furrowmap.core.work.depth import Depth
-from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.field_work import Depth, FieldWork, tool_paths
 from furrowmap.core.work.ground import worked_ground
-from furrowmap.core.work.track import tool_paths
 from furrowmap.exporters.farm.mosaic import write_mosaic
 from furrowmap.exporters.vectors.geopackage import write_field
 

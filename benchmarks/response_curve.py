@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from furrowmap.core.crops.logistic import fit_logistic, p_of_no_response
+from furrowmap.core.crops.response import fit_logistic, p_of_no_response
 
 TRUTH: Final = {"lower": 0.340, "rise": 0.240, "gradient": 0.028, "midpoint": 85.0}
 """Metres, metres, ha/kg, kg/ha: winter wheat after Christiansen et al. 2017."""

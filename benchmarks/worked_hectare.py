@@ -32,10 +32,8 @@ from furrowmap.core.values.session import Crs
 from furrowmap.core.values.session import Implement as Stated
 from furrowmap.core.values.tool_states import ToolStates
 from furrowmap.core.values.trajectory import ScanPoses, Trajectory, trajectory_from_attitude
-from furrowmap.core.work.depth import Depth
-from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.field_work import Depth, FieldWork, events, tool_paths
 from furrowmap.core.work.ground import worked_ground
-from furrowmap.core.work.track import events, tool_paths
 from furrowmap.exporters.vectors.geopackage import write_field
 
 FloatArray = NDArray[np.float64]

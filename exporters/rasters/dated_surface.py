@@ -41,6 +41,7 @@ _SIGMA_COLUMNS: Final = (
 )
 _UNKNOWN_SIGMA: Final = np.array([0.05, 0.05, 0.1, 5e-3, 5e-3, 1e-2])
 HEIGHT_INDEX: Final = 1
+RETURNS_INDEX: Final = 2
 SPREAD_INDEX: Final = 3
 ERROR_INDEX: Final = 4
 """Bands of a surface's file, as :data:`~furrowmap.exporters.rasters.cog.SURFACE_BANDS`."""

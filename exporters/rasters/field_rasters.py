@@ -15,8 +15,7 @@ from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.surfaces.visits import SWATH_BLOCK, SwathDifferences, SwathSums
-from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, tool_passages
-from furrowmap.core.work.soil_moved import Moved, SoilMoved, SoilSums
+from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, Moved, SoilMoved, SoilSums, tool_passages
 from furrowmap.core.work.strip_outlines import StripGround, StripOutlines
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (

@@ -18,7 +18,7 @@ from pyproj import CRS
 import furrowmap
 from furrowmap.cli.options import value_of
 from furrowmap.core.checking.receivers import evaluate_logs
-from furrowmap.core.crops.logistic import fit_logistic
+from furrowmap.core.crops.response import fit_logistic
 from furrowmap.core.crops.trial_tables import read_treatments
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.geodesy.parameter_file import read_parameters

@@ -67,6 +67,8 @@ MAX_DATES_APART: Final = 4
 """Dates between which ties are looked for: each with so many of those after it."""
 CONTRADICTION_TENSION: Final = 3.0
 """Tension of a tie from which on it contradicts the others."""
+MAX_SHADOW_SHARE: Final = 0.2
+"""Share of the worked ground that may lie in shadows of relief on the first date without a warning."""
 UNSEEN_SHARE: Final = 0.7
 """Share of the receivers' standard deviation from which on a place counts as not seen."""
 CELL_SIGMA_M: Final = 0.01
@@ -146,7 +148,7 @@ def tie(
         notices = list(_notices(work, net, prior))
         for notice in notices:
             warn(notice)
-        return _write(staging, work, net, settings, notices, progress)
+        return _write(staging, work, net, settings, notices, progress, warn)
 
 
 def _expect_alike(dates: Sequence[DatedSurface]) -> None:
@@ -251,9 +253,15 @@ def _name(work: _Work, node: int) -> str:
 
 
 def _write(
-    staging: Path, work: _Work, net: Network, settings: TieSettings, notices: Sequence[Notice], progress: Progress
+    staging: Path,
+    work: _Work,
+    net: Network,
+    settings: TieSettings,
+    notices: list[Notice],
+    progress: Progress,
+    warn: Callable[[Notice], None],
 ) -> dict[str, Any]:
-    """Write all products; the account."""
+    """Write all products, and warn of changes that are seen badly; the account."""
     inputs = [
         (path, date.after.path.parent.parent)
         for date in work.dates
@@ -271,6 +279,12 @@ def _write(
             own = Origin("Surface moved by its tie", date.name, origin.inputs)
             write_moved(staging / dates[k]["surface"], mover, mover.surface.grid, work.crs, own)
     changes = _write_changes(staging, work, net, movers, origin)
+    for row in changes:
+        if (row["shadow_share"] or 0.0) > MAX_SHADOW_SHARE:
+            names = {"name": work.dates[row["date_a"] - 1].name, "name_other": work.dates[row["date_b"] - 1].name}
+            figures = {key: row[key] for key in ("shadow_share", "mean_change_m", "mean_change_sigma_m")}
+            notices.append(Notice("tie-shadows", **names, **figures))
+            warn(notices[-1])
     outlines = [shapely.box(*date.after.bounds_m) for date in work.dates]
     for layer in tie_layers(outlines, dates, work.ties, ties):
         write_layer(staging / TIE, layer, work.crs, indexed=False, origin=origin)
@@ -384,6 +398,7 @@ def moved_figures(found: ChangeFigures, left: tuple[float, float]) -> dict[str, 
     figures = {
         "worked_m2": found.worked_m2,
         "compared_m2": found.compared_m2,
+        "shadow_share": found.shadow_share,
         "mean_change_m": mean,
         "mean_change_sigma_m": sigma,
         "volume_m3": mean * found.worked_m2,

@@ -51,8 +51,12 @@ def write_result(
     known: bool = True,
     relief_m: float = 0.01,
     raised_m: float = 0.0,
+    shadows: bool = False,
 ) -> Path:
-    """The result of a date: relief of clods, worked by all dates up to it; something may lie on its corners."""
+    """The result of a date: relief of clods, worked by all dates up to it; something may lie on its corners.
+
+    With shadows, the lower third of what the next date works was not seen.
+    """
     rng = np.random.default_rng(number)
     relief = gaussian_filter(np.random.default_rng(99).standard_normal((SIDE, SIDE)), 1.0)
     x, y = (values.reshape(SIDE, SIDE) for values in GRID.positions_m().T)
@@ -63,6 +67,8 @@ def write_result(
         before[shapely.contains_xy(strip(done), x, y)] += SOIL_M
     after = before.copy()
     after[shapely.contains_xy(strip(number), x, y)] += SOIL_M
+    if shadows:
+        after[shapely.contains_xy(strip(number + 1), x, y) & (relief < -0.43 * relief.std())] = np.nan
     off = UP_M[number] + TILT[number] * (x - x.mean()) + 0.002 * rng.standard_normal((SIDE, SIDE))
     folder.mkdir(parents=True)
     start = dt.datetime(2026, 6, 11 + number, tzinfo=dt.UTC).isoformat()
@@ -209,6 +215,18 @@ def test_tie__says_what_is_not_shown_and_what_contradicts(season: Sequence[Path]
     warned.clear()
     furrowmap.tie([season[0], raised], tmp_path / "points", furrowmap.TieSettings(points), warn=warned.append)
     assert "tie-contradiction" in {notice.code for notice in warned}
+
+
+def test_tie__says_how_much_lay_in_shadows(season: Sequence[Path], tmp_path: Path) -> None:
+    rough = write_result(tmp_path / "rough", 0, shadows=True)
+    warned: list[Notice] = []
+    account = furrowmap.tie([rough, season[1]], tmp_path / "out", warn=warned.append)
+    assert [notice.code for notice in warned] == ["tie-shadows"]
+    assert "34% of the ground worked up to date 1 lay in shadows" in warned[0].text
+    (change,) = account["changes"]
+    assert change["shadow_share"] == pytest.approx(1.0 / 3.0, abs=0.02)
+    assert change["mean_change_sigma_m"] > 0.0
+    assert [row["code"] for row in account["warnings"]] == ["tie-shadows"]
 
 
 def test_tie__has_the_place_from_walls_and_posts_where_the_ground_shows_none(tmp_path: Path) -> None:

@@ -10,8 +10,13 @@ import pytest
 from scipy.optimize import curve_fit
 
 from furrowmap.core.crops.growth import growth_of
-from furrowmap.core.crops.logistic import Observations, fit_logistic, p_of_no_response
-from furrowmap.core.crops.response import analysis_of_variance, fit_response
+from furrowmap.core.crops.response import (
+    Observations,
+    analysis_of_variance,
+    fit_logistic,
+    fit_response,
+    p_of_no_response,
+)
 from furrowmap.core.runtime.errors import InputError
 
 RATES = np.array([0.0, 50.0, 100.0, 150.0, 200.0, 250.0, 300.0])

@@ -14,8 +14,7 @@ from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.passage import LineTrack, Passages
 from furrowmap.core.surfaces.spool import SPOOL_TILE, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN
-from furrowmap.core.work.field_surfaces import BESIDE_M, FieldPoints, FieldTile, field_tile
-from furrowmap.core.work.soil_moved import SoilSums
+from furrowmap.core.work.field_surfaces import BESIDE_M, FieldPoints, FieldTile, SoilSums, field_tile
 
 GRID = Grid(0.05, 0, SPOOL_TILE, (SPOOL_TILE, SPOOL_TILE))
 PASSED_S = 100.0

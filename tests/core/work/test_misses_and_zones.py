@@ -13,8 +13,7 @@ from furrowmap.core.readers.boundary import read_fields
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.session import Crs, Implement
 from furrowmap.core.work.boundary import boundary_on_map
-from furrowmap.core.work.ground import worked_ground
-from furrowmap.core.work.misses import missed_strips, unworked_places
+from furrowmap.core.work.ground import missed_strips, unworked_places, worked_ground
 from tests.core.trajectory.drives import Drive, drive
 from tests.core.work.drives_with_tool import FRAME, PLACE_M, sample, states_of, trajectory_of
 

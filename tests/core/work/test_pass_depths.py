@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from furrowmap.core.work.depth import pass_depths
+from furrowmap.core.work.field_work import pass_depths
 from furrowmap.core.work.sweep import PassTimes
 
 PASSES = [PassTimes(0.0, 20.0, 0.1, 0.1), PassTimes(30.0, 50.0, 0.1, 0.1), PassTimes(60.0, 80.0, 0.1, 0.1)]

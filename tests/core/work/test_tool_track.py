@@ -12,8 +12,8 @@ import shapely
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.time_span import interval_numbers
 from furrowmap.core.values.tool_states import ToolState, ToolStates
+from furrowmap.core.work.field_work import events, tool_at, tool_paths
 from furrowmap.core.work.sweep import pass_times
-from furrowmap.core.work.track import events, tool_at, tool_paths
 from tests.core.trajectory.drives import Drive, drive
 from tests.core.work.drives_with_tool import PLACE_M, sample, states_of, trajectory_of
 

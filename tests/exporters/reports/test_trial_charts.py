@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from furrowmap.core.crops.logistic import Estimate, Logistic
-from furrowmap.core.crops.response import Response
+from furrowmap.core.crops.response import Estimate, Logistic, Response
 from furrowmap.exporters.reports.trial_charts import (
     GROUP_COLOURS,
     ParcelValues,

@@ -7,11 +7,9 @@ import shapely
 
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.trajectory import ScanPoses
-from furrowmap.core.work.depth import pass_depths
-from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.field_work import FieldWork, events, pass_depths, tool_paths
 from furrowmap.core.work.ground import worked_ground
 from furrowmap.core.work.states import ToolHistory
-from furrowmap.core.work.track import events, tool_paths
 from tests.core.trajectory.drives import drive
 from tests.core.work.drives_with_tool import FRAME, states_of, trajectory_of
 
