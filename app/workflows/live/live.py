@@ -96,7 +96,7 @@ def live(
         port: of the page; None for no page, 0 for any that is free.
         nmea_port: of the outlet of NMEA sentences over TCP; None for none.
         language: "en" or "ja", in which the page begins; by default that of its reader.
-        on_scan: gets what is known with each scan, as values of JSON.
+        on_scan: gets what is known with each scan, as values of JSON; before the first one what is waited for.
 
     Raises:
         FurrowmapError: if the session cannot be used, or a port is taken.
@@ -115,7 +115,7 @@ def live(
                 closing.callback(serve_lines(host, nmea_port, lines).shutdown)
         except OSError as error:
             raise UsageError("usage.live-port", port=port, nmea_port=nmea_port, error=error.strerror) from None
-        opened = open_session(file) if play else _opened(file, page, stop)
+        opened = open_session(file) if play else _opened(file, page, stop, on_scan)
         if opened is None:
             return LiveSummary()
         tools = opened.inputs.tools
@@ -135,7 +135,7 @@ def live(
         return watch.summary()
 
 
-def _opened(file: Path, page: Hub, stop: Event) -> OpenSession | None:
+def _opened(file: Path, page: Hub, stop: Event, on_scan: Callable[[dict[str, Any]], None] | None) -> OpenSession | None:
     """The session, as soon as the recorder has written it and knows where it is; None if stopped before."""
     while not stop.is_set():
         try:
@@ -143,6 +143,8 @@ def _opened(file: Path, page: Hub, stop: Event) -> OpenSession | None:
         except FurrowmapError as error:
             waits = error.what
         page.publish(partial(event, "waiting", waits))
+        if on_scan is not None:
+            on_scan({"waiting": waits})
         stop.wait(OPEN_EVERY_S)
     return None
 

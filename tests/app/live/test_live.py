@@ -5,12 +5,14 @@ from __future__ import annotations
 import base64
 import json
 import socket
+import time
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from http.client import HTTPConnection, HTTPResponse
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -21,11 +23,14 @@ import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.pipeline.live_poses import LivePose
+from furrowmap.core.simulator.capture import frame_head
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.session import Crs
+from furrowmap.core.values.session import Crs, Recording
 from furrowmap.core.work.worked_cells import TILE_CELLS, WORKED, WorkedCells
+from furrowmap.workflows.live.feeds import FolderFeed
 from furrowmap.workflows.live.nmea import sentences
 from furrowmap.workflows.live.server import QUEUED_MESSAGES, Hub, Pictures, event, serve_lines, serve_page
+from furrowmap.workflows.record.network import PCAP_HEAD, PCAP_RECORD
 
 
 def events(answer: HTTPResponse) -> Iterator[tuple[str, Any]]:
@@ -148,6 +153,44 @@ def test_outlet__sends_sentences_that_another_reader_understands() -> None:
     assert hdt.headingT == pytest.approx(true_deg, abs=0.01)
     assert vtg.cogt == pytest.approx((true_deg + 180.0) % 360.0, abs=0.01)
     assert vtg.sogk == pytest.approx(3.6, abs=0.01)
+
+
+def packet(content: bytes, source: str) -> bytes:
+    """A record of a capture, received now."""
+    head = frame_head((source, 2368), ("192.168.1.10", 2368), len(content))
+    size = len(head) + len(content)
+    return PCAP_RECORD.pack(*divmod(time.time_ns(), 10**9), size, size) + head + content
+
+
+def test_feed__follows_the_first_scanner_and_the_receiver_from_file_to_file(tmp_path: Path) -> None:
+    (tmp_path / "lidar-192.168.1.201-0001.pcap").write_bytes(PCAP_HEAD)
+    (tmp_path / "lidar-192.168.1.202-0001.pcap").write_bytes(
+        PCAP_HEAD + packet(b"of the other scanner", "192.168.1.202")
+    )
+    (tmp_path / "gnss-0001.log").write_bytes(b"before,")
+    recording = Recording(lidar=("lidar-192.168.1.201-0001.pcap",), gnss=("gnss-0001.log",))
+    feed = FolderFeed(tmp_path, recording, Event())
+    log, scans = b"", b""
+
+    def write() -> None:
+        with (tmp_path / "gnss-0001.log").open("ab") as file:
+            file.write(b"more,")
+        (tmp_path / "gnss-0002.log").write_bytes(b"the next file")
+        (tmp_path / "lidar-192.168.1.201-0002.pcap").write_bytes(PCAP_HEAD + packet(b"a packet", "192.168.1.201"))
+
+    for piece in feed.pieces():
+        if isinstance(piece.data, bytes):
+            log += piece.data
+        else:
+            scans += b"".join(
+                piece.data.data[at : at + size].tobytes()
+                for at, size in zip(piece.data.offset.tolist(), piece.data.length.tolist(), strict=True)
+            )
+        if log == b"before,":
+            write()
+        if log.endswith(b"next file") and scans:
+            (tmp_path / "status.json").write_text('{"state": "ended"}')
+    assert (log, scans) == (b"before,more,the next file", b"a packet")
 
 
 def test_sources__that_cannot_be_used_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
