@@ -11,7 +11,7 @@ import pytest
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.exporters.files.batch_state import SessionOutcome
 from furrowmap.exporters.files.lease import PREFIX
-from furrowmap.workflows.batch import store_lease, task
+from furrowmap.workflows.batch import places, task
 from furrowmap.workflows.batch.places import MARKER, Store
 
 pytest.importorskip("fsspec")
@@ -20,7 +20,7 @@ pytest.importorskip("fsspec")
 @pytest.fixture(autouse=True)
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, seconds in (("STORE_BEAT_S", 0.01), ("MAX_STORE_SILENCE_S", 0.3), ("_LOOK_AGAIN_S", 0.02)):
-        monkeypatch.setattr(store_lease, name, seconds)
+        monkeypatch.setattr(places, name, seconds)
     monkeypatch.setattr(task, "_LOOK_S", 0.02)
 
 
