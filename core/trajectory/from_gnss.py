@@ -80,18 +80,12 @@ def trajectory_from_gnss(
     frame: MapFrame,
     lever_m: tuple[float, float, float],
     fixes: tuple[Fix, ...] | None,
-    *,
-    sway_rad: float = SWAY_RAD,
-    facing: tuple[float, float] | None = None,
 ) -> GnssTrajectory:
     """The initial trajectory of the vehicle frame.
 
     Args:
         lever_m: the antenna in the vehicle frame.
         fixes: qualities whose positions are used; None for 'fixed and float if there is any fixed, else all'.
-        sway_rad: standard deviation of the vehicle's roll and pitch.
-        facing: a time and the grid heading then in degrees, which tells forward from reverse; None where the longer way
-            does.
 
     Raises:
         InputError: if no position is left to use.
@@ -108,8 +102,6 @@ def trajectory_from_gnss(
     white = white_noise_m(gated, en, sigma[:, 0])
     max_gap_s = longest_gap_s(gated.t_s)
     motions = find_motion(gated.t_s, en, float(np.median(white)), max_gap_s, quality_runs(gated.fix))
-    if facing is not None and _is_reversed(gated.t_s, motions, *facing):
-        motions = replace(motions, motion=-motions.motion)
 
     heading_2 = _antennas_heading(gated, convergence, motions, notices)
     if not np.isfinite(heading_2).any():
@@ -126,7 +118,7 @@ def trajectory_from_gnss(
 
     grid = _Grid.over(gated.t_s, max_gap_s)
     positions = positions_of(gated, en, white, heading_2, offsets(gated, en, notices))
-    chain, antenna = _chain(positions, motions, lever_m, grid, sway_rad)
+    chain, antenna = _chain(positions, motions, lever_m, grid)
     # Yaw from course and direction of motion, interpolated over stands and gaps.
     driven = motions.velocity_mps * motions.motion[:, None]
     shown = np.isfinite(heading_2)
@@ -155,17 +147,6 @@ def trajectory_from_gnss(
         sigma=with_vague_headings(_with_tilt(path.sigma, lever_m), np.asarray(lever_m, np.float64)),
     )
     return GnssTrajectory(trajectory, positions, quality_words(gated.fix), unused, tuple(notices))
-
-
-def _is_reversed(t_s: FloatArray, motions: Motions, known_s: float, heading_deg: float) -> bool:
-    """Whether a known heading contradicts the direction of the motion nearest to its time."""
-    moving = np.flatnonzero(motions.motion)
-    if not len(moving):
-        return False
-    nearest = moving[np.argmin(np.abs(t_s[moving] - known_s))]
-    east, north = motions.velocity_mps[nearest] * motions.motion[nearest]
-    heading = np.radians(heading_deg)
-    return bool(east * np.sin(heading) + north * np.cos(heading) < 0.0)
 
 
 def _antennas_heading(
@@ -213,7 +194,6 @@ def _chain(
     motions: Motions,
     lever_m: tuple[float, float, float],
     grid: _Grid,
-    sway_rad: float,
 ) -> tuple[PathEpochs, EpochMeasurements]:
     """The knots with their links and measurements."""
 
@@ -229,7 +209,7 @@ def _chain(
     antenna = EpochMeasurements(
         en_m=spread(positions.xyz_m[:, :2]),
         height_m=spread(positions.xyz_m[:, 2]),
-        white_m=np.hypot(positions.white_m[:, 0], sway_rad * abs(lever_m[2]))[grid.nearest],
+        white_m=np.hypot(positions.white_m[:, 0], SWAY_RAD * abs(lever_m[2]))[grid.nearest],
         white_h_m=positions.white_m[grid.nearest, 2],
         drift_m=positions.drift_m[grid.nearest, 0],
         drift_h_m=positions.drift_m[grid.nearest, 2],
