@@ -21,7 +21,7 @@ from furrowmap.core.images.block_adjustment import (
     triangulate,
 )
 from furrowmap.core.images.control_points import ControlPoints, control_views, join_views
-from furrowmap.core.images.features import consecutive, feature_store
+from furrowmap.core.images.features import feature_store
 from furrowmap.core.images.frames import frame_poses
 from furrowmap.core.images.ties import Ties, overlapping, thin_ties, tracks
 from furrowmap.core.readers.exif import image_size
@@ -262,7 +262,8 @@ def _ties(block: ImageBlock, images: Images, progress: Progress) -> Ties | Notic
     size = block.camera.width, block.camera.height
     with feature_store(images.paths, block.camera) as store:
         store.extract(progress)
-        following = consecutive(len(images))
+        # Of images that follow each other, or the next but one.
+        following = [(k, k + step) for k in range(len(images)) for step in (1, 2) if k + step < len(images)]
         store.match(following, progress)
         first = _well_met(block, tracks(*store.found()))
         if first.points < MIN_TIE_POINTS:

@@ -105,8 +105,9 @@ def decode_frames(frames: Frames, notices: list[Notice], progress: Progress = si
     Raises:
         OSError: if the disk has no room for them.
     """
-    camera = frames.camera
-    reduction = reduction_for(len(frames), camera)
+    camera, reduction = frames.camera, 1
+    while 3 * len(frames) * camera.width * camera.height / reduction**2 > MAX_PIXEL_BYTES:
+        reduction *= 2
     small = camera.reduced(reduction)
     rgb = arrays.zeros((len(frames), small.height, small.width, 3), np.uint8)
     faults: list[str] = [""] * len(frames)
@@ -139,14 +140,6 @@ def decode_frames(frames: Frames, notices: list[Notice], progress: Progress = si
             )
         )
     return FramePixels(small, rgb, np.array([not fault for fault in faults], bool), reduction)
-
-
-def reduction_for(count: int, camera: Camera) -> int:
-    """The least power of 2 by which images are reduced to fit into MOST_BYTES."""
-    reduction = 1
-    while 3 * count * camera.width * camera.height / reduction**2 > MAX_PIXEL_BYTES:
-        reduction *= 2
-    return reduction
 
 
 TIME_S: Final = 30.0

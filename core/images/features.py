@@ -147,8 +147,3 @@ def _places_and_sigmas(keypoints: NDArray[np.float32]) -> FloatArray:
         out[:, :2] = keypoints[:, :2] - COLMAP_MIDDLE
         out[:, 2] = OF_SCALE * np.maximum(np.hypot(keypoints[:, 2], keypoints[:, 4]), 1.0)
     return out
-
-
-def consecutive(count: int) -> list[Pair]:
-    """Pairs of images that follow each other, or the next but one."""
-    return [(k, k + step) for k in range(count) for step in (1, 2) if k + step < count]

@@ -17,6 +17,7 @@ from rasterio.windows import Window
 from furrowmap.core.images.colouring import Colours
 from furrowmap.core.images.orthophoto import Orthophoto, finer_grid, orthophoto, pixels_a_cell
 from furrowmap.core.readers.geotiff import open_geotiff
+from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
@@ -103,18 +104,13 @@ def _pictures(
     heights: Any, grid: Grid, colours: Colours, factor: int, origin_m: tuple[float, float, float]
 ) -> Iterator[Orthophoto]:
     """The parts of the orthophoto, several of them made at once."""
+    read = (
+        (wide, heights.read(1, window=Window.from_slices(*wide.window_in(grid)), masked=False).astype(np.float32), part)
+        for part, wide in windows(grid, 1, PART_CELLS)
+    )
+    known = (one for one in read if np.isfinite(one[1]).any())
     with ThreadPoolExecutor(threads()) as pool:
-        waiting = []
-        for part, wide in windows(grid, 1, PART_CELLS):
-            row, column = wide.window_in(grid)
-            height_m = heights.read(1, window=Window.from_slices(row, column), masked=False).astype(np.float32)
-            if not np.isfinite(height_m).any():
-                continue
-            waiting.append(pool.submit(orthophoto, colours, wide, height_m, part, factor, origin_m))
-            if len(waiting) > threads():
-                yield waiting.pop(0).result()
-        for one in waiting:
-            yield one.result()
+        yield from in_turn(pool, lambda one: orthophoto(colours, *one, factor, origin_m), known, threads() + 1)
 
 
 def _unusable(path: Path, fault: str) -> InputError:
