@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 import tomllib
@@ -113,7 +114,7 @@ def _compile_module(work: tuple[str, Sequence[tuple[str, str]]]) -> tuple[int, i
 
 def types_of(signature: str, module: ModuleType) -> tuple[Any, ...]:
     """The types of arguments that the list states, with numba's names and those of the kernel's module."""
-    types: tuple[Any, ...] = eval(signature, {**vars(module), **vars(numba.types)})  # noqa: S307 (furrowmap's own list)
+    types: tuple[Any, ...] = eval(signature, {**vars(module), **vars(numba.types), "numba": numba})  # noqa: S307 (furrowmap's own list)
     return types
 
 
@@ -127,6 +128,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
         """A kernel, or one that it calls."""
         self.count += 1
         if self.count == 1:
+            gc.set_threshold(100_000)  # Python looks less often through what numba keeps: 4 % of the time
             self._begun()
 
     def on_end(self, _event: Any) -> None:

@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.adjustment.strips import LASER_GROUPS, STRIP_CELL_M, StripReturns
 from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 MIN_CELL_PLANE_RETURNS: Final = 30
 MIN_GROUP_RETURNS: Final = 3
@@ -126,14 +126,14 @@ def derivatives(
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _turned(w, i, j, k, x, y, z):  # type: ignore[no-untyped-def]
     """A vector rotated by a unit quaternion (w, i, j, k)."""
     tx, ty, tz = 2 * (j * z - k * y), 2 * (k * x - i * z), 2 * (i * y - j * x)
     return x + w * tx + j * tz - k * ty, y + w * ty + k * tx - i * tz, z + w * tz + i * ty - j * tx
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _reach(m, x, y, z):  # type: ignore[no-untyped-def]
     """A vector rotated by a matrix."""
     return (
@@ -143,7 +143,7 @@ def _reach(m, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _placed(sensor, origin, rotation, window, mounting, lever):  # type: ignore[no-untyped-def]
     """Returns in the map (n, 3) float32, and their least and greatest easting and northing."""
     n = len(sensor)
@@ -163,7 +163,7 @@ def _placed(sensor, origin, rotation, window, mounting, lever):  # type: ignore[
     return out, low, high
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _plane_sums(xyz, window, first, columns, rows):  # type: ignore[no-untyped-def]
     """Cell (n,) of each return, and sums (cells, 9): number, x, y, z, x², y², xy, zx, zy."""
     cell = np.zeros(len(xyz), np.int64)
@@ -186,7 +186,7 @@ def _plane_sums(xyz, window, first, columns, rows):  # type: ignore[no-untyped-d
     return cell, out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _planes(sums, columns, rows):  # type: ignore[no-untyped-def]
     """(cells, 5) plane through each cell and its neighbours: middle x, y and slopes by x, y; and whether it is one."""
     out = np.zeros((columns * rows, 5))
@@ -215,7 +215,7 @@ def _planes(sums, columns, rows):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _sums(xyz, cell, window, planes):  # type: ignore[no-untyped-def]
     """Groups (g, 3) cell, window, count; sums (g, 2) of heights and squares; the group (n,) of each return, or −1."""
     n = len(xyz)
@@ -245,7 +245,7 @@ def _sums(xyz, cell, window, planes):  # type: ignore[no-untyped-def]
     return groups, sums, member
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _derivative_sums(  # type: ignore[no-untyped-def]
     member, row, slope, sensor, laser, rotation, velocity, rate, mounting, lever, rows
 ):
@@ -325,7 +325,7 @@ def adjust_cells(groups: GroupHeights, spread: FloatArray) -> tuple[FloatArray, 
     return off, np.asarray(np.linalg.inv(normal), np.float64), middle
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _normal_equations(begin, window, height, design, weight, unknowns):  # type: ignore[no-untyped-def]
     """Normal matrix without its lower left, right side, mean heights of the cells, mean derivatives (c, p)."""
     p, cells = design.shape[1], len(begin) - 1

@@ -16,7 +16,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,6 +28,7 @@ from furrowmap.core.matching.placing import Sensor
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.clock import HOUR_S
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -237,7 +237,7 @@ def _certainty(better: FloatArray) -> FloatArray:
     return np.where(count >= MIN_CLOCK_WINDOWS, mean / np.sqrt(scatter / count + 1e-12), -np.inf)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def agreement_at(t_s, place_m, height_m, half, motion, offsets, per_m, count, total):  # type: ignore[no-untyped-def]
     """(k,) agreement of both halves of returns, placed by the motion `offsets` (k,) after their own time.
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-import numba
 import numpy as np
 
 from furrowmap.core.estimation.banded import NormalEquations
@@ -35,6 +34,7 @@ from furrowmap.core.matching.registration import session_surface
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.scan import MAX_LASERS, LaserRanges
 
 LASER_CELL_M: Final = 0.15
@@ -105,7 +105,7 @@ def ranges_of(sums: FloatArray) -> LaserRanges | None:
     return LaserRanges(offset, sigma)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _sum(  # type: ignore[no-untyped-def]
     xyz_m, layer, half, laser, cell_m, west, south, number, height, weight, sensor_m, axis,
     normal, right, elevation, count,

@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -48,6 +47,7 @@ from furrowmap.core.estimation.correlated_prior import root_of, solved
 from furrowmap.core.estimation.knots import POSE, ROTATION
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.background import beside
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.progress import silent
 from furrowmap.core.trajectory.from_inertial import ANY_TIME
 from furrowmap.core.trajectory.located import Located
@@ -328,7 +328,7 @@ def _solved(
     return off, covariance
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _normal_equations(ends, height_m, weight, design, first, unknowns):  # type: ignore[no-untyped-def]
     """Lower triangle of the normal matrix and the right side of groups in the order of their cells."""
     normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
@@ -383,7 +383,7 @@ def _pose_design(
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _sums(member, row, node, t_s, origin_m, node_s):  # type: ignore[no-untyped-def]
     """Sums (c, 2, 4) over the returns of each row's group: the shares of its two nodes, and the origin times these."""
     out = np.zeros((len(node), 2, 4))

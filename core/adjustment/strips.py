@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -130,7 +130,7 @@ def at_shifted_times(returns: StripReturns, trajectory: Trajectory, offset_s: fl
     return ThinnedReturns(returns.t_s + offset_s, returns.sensor_m, returns.laser).posed(trajectory)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _poses(knot, share, knot_m, knot_rotation, turn_rad, velocity, rate):  # type: ignore[no-untyped-def]
     """Poses and their rates (n, 3), (n, 4), (n, 3), (n, 3): straight between knots, turning at a constant rate."""
     n = len(knot)

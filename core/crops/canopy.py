@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numba import njit
 
 from furrowmap.core.crops.penetration import Penetration, estimate_penetration, l_moments_of
 from furrowmap.core.crops.pixels import MAX_RANK, PixelReturns, pixel_halves, pixel_returns
 from furrowmap.core.crops.published import fill_pixels
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.grid import Grid
 
 CROP_PIXEL_M: Final = 0.04
@@ -169,7 +169,7 @@ def _estimate_top(returns: PixelReturns, grid: Grid, net: BoolArray, noise_m: fl
     return Canopy(grid, net, top, seen, returns, found, error, chance)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _raise_tops(count, highest, net, bare, by, top):  # type: ignore[no-untyped-def]
     """Tops of net pixels with returns, those of crop raised; number of these by returns, the last has more."""
     most = len(by) - 1
@@ -186,7 +186,7 @@ def _raise_tops(count, highest, net, bare, by, top):  # type: ignore[no-untyped-
     return number
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _fill_with_mean(top, net):  # type: ignore[no-untyped-def]
     """Set unknown net pixels to the mean of the known ones, and all others to nan."""
     total, known = 0.0, 0

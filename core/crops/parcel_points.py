@@ -12,13 +12,13 @@ from typing import Any, Final, Self
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.crops.soil import SoilCells, noise_in_pixels, soil_cells
 from furrowmap.core.readers.areas.rings import ring_at, rings_of
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray, IntArray
 from furrowmap.core.runtime.background import in_threads
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.record_spool import RecordSpool, square_keys
 from furrowmap.core.values.parcel import Parcel
 
@@ -182,7 +182,7 @@ class CellsNear(Mapping[str, SoilCells]):
         return len(self._parcels)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _number_tiles(x, y, tile, west, south, rows):  # type: ignore[no-untyped-def]
     """Replace the values from 0 on by the number of the tile that the point lies in."""
     for k in range(len(tile)):
@@ -190,7 +190,7 @@ def _number_tiles(x, y, tile, west, south, rows):  # type: ignore[no-untyped-def
             tile[k] = (math.floor(x[k] / SOIL_TILE_M) - west) * rows + math.floor(y[k] / SOIL_TILE_M) - south
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _select_keyed(points, corner, key):  # type: ignore[no-untyped-def]
     """The points (n, 3) with a key from 0 on, as float32 from a corner, and their keys."""
     count = 0

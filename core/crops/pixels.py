@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.grid import Grid
 
 MAX_RANK: Final = 8
@@ -81,7 +81,7 @@ def _of_part(
     return PixelReturns(count, highest, heights, part, starts, which)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _highest_of(heights, end, chosen):  # type: ignore[no-untyped-def]
     """Mean of the highest of `chosen` of the first `end` sorted heights, over all choices."""
     # share of choices whose highest has rank r (1 is lowest): C(r - 1, chosen - 1) / C(end, chosen)
@@ -93,7 +93,7 @@ def _highest_of(heights, end, chosen):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _sorted_by_pixel(column, row, height, first, rows, columns):  # type: ignore[no-untyped-def]
     """Heights by pixel, sorted within each; whether `first` marks them; and the first height of each pixel."""
     n = len(height)
@@ -131,7 +131,7 @@ def _sorted_by_pixel(column, row, height, first, rows, columns):  # type: ignore
     return ordered, part, starts
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _taken(ordered, part, first, end, which, heights):  # type: ignore[no-untyped-def]
     """Copy the heights of one part, or all where `which` is -1; their number."""
     here = 0
@@ -142,7 +142,7 @@ def _taken(ordered, part, first, end, which, heights):  # type: ignore[no-untype
     return here
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _most_in_a_pixel(starts):  # type: ignore[no-untyped-def]
     most = 1
     for p in range(len(starts) - 1):
@@ -150,7 +150,7 @@ def _most_in_a_pixel(starts):  # type: ignore[no-untyped-def]
     return most
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _by_pixel(ordered, part, starts, which, count, highest, most):  # type: ignore[no-untyped-def]
     """Number of returns and the highest of each pixel, of one part, or of all where `which` is -1."""
     heights = np.empty(_most_in_a_pixel(starts))
@@ -162,7 +162,7 @@ def _by_pixel(ordered, part, starts, which, count, highest, most):  # type: igno
             highest[p] = heights[here - 1] if here <= most else _highest_of(heights, here, most)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _means(ordered, part, starts, which, pixels, means):  # type: ignore[no-untyped-def]
     heights = np.empty(_most_in_a_pixel(starts))
     for n in range(len(pixels)):

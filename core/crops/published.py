@@ -14,12 +14,12 @@ from typing import Final
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.grid import Grid
 
 PCL_NEIGHBOURS: Final = 50
@@ -137,7 +137,7 @@ def fill_pixels(pixels: FloatArray, fewest: int = MIN_NEIGHBOURS) -> FloatArray:
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _fill(pixels, fewest):  # type: ignore[no-untyped-def]
     """Fill pixels in passes; a pass has those of whose neighbours enough became known in the one before."""
     rows, columns = pixels.shape
@@ -227,7 +227,7 @@ def grown_region(heights_m: FloatArray, gradient_m: float = GRADIENT_M) -> BoolA
     return region
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _grow(heights, gradient, seed, region):  # type: ignore[no-untyped-def]
     rows, columns = heights.shape
     queue = np.empty(rows * columns, np.int64)

@@ -8,12 +8,12 @@ from typing import Final, Literal
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from furrowmap.core.crops.pixels import pixel_returns
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.statistic import sort_in_place
 from furrowmap.core.values.parcel import Parcel
@@ -324,7 +324,7 @@ def least_squares(
     return of_trend @ (design.T @ cho_solve(factor, cells.height_m)), of_trend, factor
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _cells(points, cell, cells, out):  # type: ignore[no-untyped-def]
     """Mean place, median height and its standard deviation of the even cells that hold enough points; their number."""
     starts = np.zeros(cells + 1, np.int64)
@@ -362,7 +362,7 @@ def _cells(points, cell, cells, out):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _bilinear(height, west, south, x_m, y_m, out):  # type: ignore[no-untyped-def]
     rows, columns = height.shape
     for k in range(len(x_m)):
@@ -375,7 +375,7 @@ def _bilinear(height, west, south, x_m, y_m, out):  # type: ignore[no-untyped-de
         out[k] = (1.0 - v) * low + v * high
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _covariance(one, other, is_same, relief, reach, out):  # type: ignore[no-untyped-def]
     """Covariances of heights at two sets of positions, or within one."""
     for i in range(len(one)):

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numba import njit
 from scipy.ndimage import uniform_filter
 
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 TIE_PATCH_M: Final = 1.0
 """Side of the patches."""
@@ -110,7 +110,7 @@ def sum_differences(
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _sum(one, other, west, north, cell, shift, trend, limit, side, across, sums):  # type: ignore[no-untyped-def]
     """Sums: cells, east, north, difference, its square, slopes (4), their products (3), and with differences (2)."""
     rows, columns = one.shape

@@ -7,13 +7,13 @@ from copy import copy
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 DAMPINGS: Final = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 """Shares of the diagonal, or of MIN_DIAGONAL (per square metre or radian) where that is more."""
@@ -151,7 +151,7 @@ def _back(factor: FloatArray, right: FloatArray) -> FloatArray:
     return solved
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _add(columns, right, first, scaled, residual):  # type: ignore[no-untyped-def]
     touched = np.empty(scaled.shape[1], np.int64)
     for k in range(len(first)):
@@ -167,7 +167,7 @@ def _add(columns, right, first, scaled, residual):  # type: ignore[no-untyped-de
                 columns[begin + j, touched[b] - j] += scaled[k, touched[b]] * scaled[k, j]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _dense(columns):  # type: ignore[no-untyped-def]
     """The symmetric matrix of the columns (n, width) of its lower band."""
     n, width = columns.shape
@@ -178,7 +178,7 @@ def _dense(columns):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _mirror(matrix):  # type: ignore[no-untyped-def]
     """Copy the upper triangle of a matrix to its lower one."""
     for i in range(len(matrix)):
@@ -186,7 +186,7 @@ def _mirror(matrix):  # type: ignore[no-untyped-def]
             matrix[i, j] = matrix[j, i]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _inverse_diagonal(factor, out):  # type: ignore[no-untyped-def]
     """Set ``out`` to the diagonal of ``(L Lᵀ)⁻¹`` where ``factor[j, i − j] = L[i, j]``.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +15,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Chain, Knots, State
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def coarse_right(coarse: CoarseKnots, centre_m: FloatArray, state: State, right:
     return out.ravel()
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _project(size, band, right, before, share, xyz_m, centre_m, coarse_band, coarse_right):  # type: ignore[no-untyped-def]
     """Pᵀ (fine) P, where P's rows of a knot hold hat(s) · [I, [centre − x]ₓ; I; I] at two coarse knots."""
     width = band.shape[0]
@@ -191,7 +191,7 @@ def _project(size, band, right, before, share, xyz_m, centre_m, coarse_band, coa
                     _add_block(size, coarse_band, before[i] + e, before[j] + f, product, step > 0)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _add_block(size, band, i, j, block, both):  # type: ignore[no-untyped-def]
     """Add a block at (i, j) to the lower band, and its transpose at (j, i) too if it stands for `both`."""
     for a in range(size):

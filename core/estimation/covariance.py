@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import scipy.linalg
 
@@ -13,6 +12,7 @@ from furrowmap.core.estimation.coarse import CoarseKnots
 from furrowmap.core.estimation.knots import POSE, State
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def pose_sigmas(
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _variances(size, xyz_m, rotation, before, share, centre_m, slow, quick, out):  # type: ignore[no-untyped-def]
     n = len(xyz_m)
     count = len(centre_m)

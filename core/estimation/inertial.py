@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -28,6 +27,7 @@ from furrowmap.core.estimation.knots import (
 )
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.inertial import InertialNoise, InertialTrack
 
 VELOCITY: Final = StateBlock("velocity_mps", 3)
@@ -67,7 +67,7 @@ def increments(
     return Increments(*_increments(*arrays, first))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _value(t_s, values, k, at_s, out):  # type: ignore[no-untyped-def]
     """The value at a time between samples k − 1 and k."""
     share = (at_s - t_s[k - 1]) / (t_s[k] - t_s[k - 1])
@@ -75,7 +75,7 @@ def _value(t_s, values, k, at_s, out):  # type: ignore[no-untyped-def]
         out[a] = values[k - 1, a] + share * (values[k, a] - values[k - 1, a])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def exponential(x, y, z):  # type: ignore[no-untyped-def]
     """Rotation matrix (3, 3) of a rotation vector (Rodrigues)."""
     angle2 = x * x + y * y + z * z
@@ -92,7 +92,7 @@ def exponential(x, y, z):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _increments(t_s, rate, force, begin_s, end_s, first):  # type: ignore[no-untyped-def]
     count, n = len(begin_s), len(t_s)
     turn, velocity, way = np.empty((count, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3))

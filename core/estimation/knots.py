@@ -9,7 +9,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final, Protocol, Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -17,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.trajectory import Motion, Trajectory
 
 KNOT_STEP_S: Final = 0.025
@@ -226,7 +226,7 @@ def _guessed(trajectory: Trajectory, t: FloatArray) -> tuple[FloatArray, FloatAr
     return xyz, rotation.as_matrix()
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def turns(rotation):  # type: ignore[no-untyped-def]
     """(n, 3) rotation vectors from each knot to the next in the earlier one's frame; the last is zero."""
     n = len(rotation)
@@ -242,7 +242,7 @@ def turns(rotation):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def place(t_s, vehicle_m, first, begin_s, step_s, xyz_m, rotation, turn):  # type: ignore[no-untyped-def]
     """Map coordinates (n, 3) of returns of one chain: straight between knots, small turns to first order."""
     n = len(t_s)

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +22,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import Knots, Observation, State
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 UPPER: Final = 21
 """Entries of a symmetric 6 × 6 matrix."""
@@ -116,7 +116,7 @@ def free_patches(equations: NormalEquations, patches: list[Patches], patch_m: fl
             half.result()
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _square(upper):  # type: ignore[no-untyped-def]
     """The symmetric 6 × 6 matrix of its upper triangle."""
     out = np.empty((6, 6))
@@ -128,7 +128,7 @@ def _square(upper):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _reduce(  # type: ignore[no-untyped-def]
     size, starts, place, interval, early, late, right, patch_m, centre_m, first, last, band, coarse_right
 ):
@@ -204,7 +204,7 @@ def _reduce(  # type: ignore[no-untyped-def]
                 band[row[r] - row[c], row[c]] -= product[r]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _factor(matrix, least):  # type: ignore[no-untyped-def]
     """The lower Cholesky factor of a small matrix in its place; rounding leaves no pivot smaller than `least`."""
     for a in range(len(matrix)):
@@ -215,7 +215,7 @@ def _factor(matrix, least):  # type: ignore[no-untyped-def]
             matrix[a, b] = np.sqrt(max(left, least)) if a == b else left / matrix[b, b]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def patch_slots(xyz_m, patch_m):  # type: ignore[no-untyped-def]
     """West and south of the patches over points (n, 3), and (PATCH_LAYERS, rows, columns) of −1 for their rows."""
     x0 = y0 = np.inf if len(xyz_m) else 0.0
@@ -228,7 +228,7 @@ def patch_slots(xyz_m, patch_m):  # type: ignore[no-untyped-def]
     return west, south, np.full((PATCH_LAYERS, rows, columns), -1, np.int64)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def patch_store(room):  # type: ignore[no-untyped-def]
     """Room for `room` rows of :class:`Patches`: place, interval, early, late, right."""
     return (
@@ -240,7 +240,7 @@ def patch_store(room):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def open_patch(store, count, column, row, layer, interval):  # type: ignore[no-untyped-def]
     """Begin row `count`; returns the store, twice as long where it was full."""
     if count == len(store[1]):
@@ -259,7 +259,7 @@ def open_patch(store, count, column, row, layer, interval):  # type: ignore[no-u
     return store
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def close_patches(slots, store, first, last, west, south):  # type: ignore[no-untyped-def]
     """Free the slots of the rows from `first` to before `last`: another interval begins."""
     place = store[0]
@@ -267,7 +267,7 @@ def close_patches(slots, store, first, last, west, south):  # type: ignore[no-un
         slots[place[k, 2], place[k, 1] - south, place[k, 0] - west] = -1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def add_to_patch(early, late, right, k, row, weight, late_share, residual):  # type: ignore[no-untyped-def]
     """Add one equation to the sums of row `k`."""
     entry = 0
@@ -324,7 +324,7 @@ class SliceSums:
         _add_slices(size, equations.band, equations.right, knots.linked, self.normal, right)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _add_slices(size, band, right, linked, normal, slice_right):  # type: ignore[no-untyped-def]
     for k in linked:
         first = k * size
@@ -343,14 +343,14 @@ def _add_slices(size, band, right, linked, normal, slice_right):  # type: ignore
                     band[size + b - a, first + a] += quarter
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def plane_row(row, nx, ny, nz, x, y, z):  # type: ignore[no-untyped-def]
     """Set `row` (6,) to (n, p × n): derivatives of a distance along n of a point at p from the pose's place."""
     row[0], row[1], row[2] = nx, ny, nz
     row[3], row[4], row[5] = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def add_to_slice(normal, right, right_free, k, row, weight, residual, residual_free):  # type: ignore[no-untyped-def]
     """Add one equation to the sums of slice `k`."""
     entry = 0

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -19,6 +18,7 @@ from furrowmap.core.features.neighbours import first_above, sort_into_columns
 from furrowmap.core.features.planes import HORIZONTAL_NORMAL, MIN_PLANE_PURITY, Plane, axes_of, find_planes
 from furrowmap.core.features.voxels import Voxels, voxels
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.extents import bounds
 
 VOTED: Final = (Feature.HORIZONTAL_PLANE, Feature.VERTICAL_PLANE, Feature.LINE, Feature.SCATTER)
@@ -87,7 +87,7 @@ def colour_segments(xyz_m: FloatArray, rgb: FloatArray, reach_m: float) -> IntAr
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _edges(xyz, starts, reach, across, rows, colour):  # type: ignore[no-untyped-def]
     """Pairs of near points, and how their colours differ."""
     first, second, weight = [0 for _ in range(0)], [0 for _ in range(0)], [0.0 for _ in range(0)]
@@ -110,7 +110,7 @@ def _edges(xyz, starts, reach, across, rows, colour):  # type: ignore[no-untyped
     return np.array(first, np.int64), np.array(second, np.int64), np.array(weight, np.float64)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _merge_segments(a, b, weight, n, scale):  # type: ignore[no-untyped-def]
     """Segments of a graph whose edges are sorted by weight."""
     parent, size, most = np.arange(n), np.ones(n, np.int64), np.full(n, scale)
@@ -302,7 +302,7 @@ def _find_ground_planes(tile: FeatureTile, ground: BoolArray, fine: Voxels, foun
     return of_ground
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _in_boxes(xyz_m, boxes):  # type: ignore[no-untyped-def]
     """Which points (n, 3) lie in any of the boxes (k, 6)."""
     out = np.zeros(len(xyz_m), np.bool_)

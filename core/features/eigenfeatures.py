@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.features.neighbours import first_above, sort_into_columns
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 COLUMNS_A_RADIUS: Final = 3.0
 """Columns of a third of the radius leave out most of what is outside of the sphere."""
@@ -76,7 +76,7 @@ def neighbourhoods(xyz_m: FloatArray, places_m: FloatArray, radii_m: Sequence[fl
     return [Eigenfeatures(s[:, :3], s[:, 3:6], s[:, 6:], k) for s, k in zip(shape, count, strict=True)]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _shapes(places, order, xyz, starts, side, across, rows, radii, out, count):  # type: ignore[no-untyped-def]
     shells = len(radii)
     square = radii * radii
@@ -135,7 +135,7 @@ def _shapes(places, order, xyz, starts, side, across, rows, radii, out, count): 
                 eigen(moments, k, out[shell, i])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def eigen(moments, k, out):  # type: ignore[no-untyped-def]
     """Eigenvalues, the greatest first, and eigenvectors of the least and the greatest, into `out` (9,).
 
@@ -169,7 +169,7 @@ def eigen(moments, k, out):  # type: ignore[no-untyped-def]
         _beside(out, DIRECTION_AT, NORMAL_AT)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _vector(a, b, c, d, e, f, value, out, at):  # type: ignore[no-untyped-def]
     """Unit eigenvector for an eigenvalue, upwards: the longest cross product of two rows."""
     ax, by, cz = a - value, b - value, c - value
@@ -185,7 +185,7 @@ def _vector(a, b, c, d, e, f, value, out, at):  # type: ignore[no-untyped-def]
     out[at], out[at + 1], out[at + 2] = x1 * scale, y1 * scale, z1 * scale
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _beside(out, given, at):  # type: ignore[no-untyped-def]
     """A unit vector at right angles to that at `given`, as level as can be."""
     x, y = out[given], out[given + 1]

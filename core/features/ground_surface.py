@@ -6,12 +6,12 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, uniform_filter
 
 from furrowmap.core.runtime.arrays import BoolArray, FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.ground import from_nearest
 from furrowmap.core.surfaces.statistic import sort_in_place
@@ -118,7 +118,7 @@ def _hidden_cells(
     return hidden | (uniform_filter(hidden.astype(float), 3) > 0.5), noise
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _scatter_in_columns(xyz_m, cell, corner, known, parts):  # type: ignore[no-untyped-def]
     """Sum of squared distances from the plane of each column of a cell, and degrees of freedom, by cell."""
     side, (columns, rows) = MEDIAN_CELL_M / parts, known.shape
@@ -154,7 +154,7 @@ def _scatter_in_columns(xyz_m, cell, corner, known, parts):  # type: ignore[no-u
     return squares, count
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def cells_of(xyz_m, corner, cell_m, rows):  # type: ignore[no-untyped-def]
     """Number (n,) of the cell of each point (n, 3), row by row of each column; `corner` (2,) is counted in cells."""
     out = np.empty(len(xyz_m), np.int64)
@@ -164,7 +164,7 @@ def cells_of(xyz_m, corner, cell_m, rows):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _above(xyz_m, corner, surface):  # type: ignore[no-untyped-def]
     """Height of points above a surface, between the middles of whose cells it is interpolated."""
     out = np.empty(len(xyz_m))
@@ -180,7 +180,7 @@ def _above(xyz_m, corner, surface):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _within(above, ground, cell, limit):  # type: ignore[no-untyped-def]
     """What is no higher than the limit of its cell, and either ground already or no lower."""
     out = np.empty(len(above), np.bool_)
@@ -196,7 +196,7 @@ def medians(cell: NDArray[np.int64], values: FloatArray, shape: NDArray[np.int64
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _medians_of(cell, values, cells):  # type: ignore[no-untyped-def]
     starts = np.zeros(cells + 1, np.int64)
     for i in range(len(cell)):

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
@@ -15,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from furrowmap.core.features.neighbours import PointColumns, first_above, sort_into_columns
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 
 MIN_LINEARITY: Final = 0.75
 """Of the voxels that a line is made of."""
@@ -172,7 +172,7 @@ def course(own: FloatArray, s: FloatArray, step: float) -> tuple[FloatArray, flo
     return np.asarray(out, np.float64), math.sqrt(float(np.mean(np.sum(away**2, axis=1))))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _links(xyz, starts, reach, across, rows, direction, axis_m, least_cosine):  # type: ignore[no-untyped-def]
     """Pairs of sorted points that are one line: near, of one direction, each on the axis of the other."""
     first, second = [0 for _ in range(0)], [0 for _ in range(0)]
@@ -203,7 +203,7 @@ def _links(xyz, starts, reach, across, rows, direction, axis_m, least_cosine):  
     return np.array(first, np.int64), np.array(second, np.int64)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _nearest_axis(at, xyz, starts, reach, across, rows, direction, axis_m):  # type: ignore[no-untyped-def]
     """The sorted point whose axis runs nearest to each place; -1 where none does within `axis_m`."""
     out = np.full(len(at), -1, np.int64)
@@ -229,7 +229,7 @@ def _nearest_axis(at, xyz, starts, reach, across, rows, direction, axis_m):  # t
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _disturbing(own, xyz, starts, reach, across, rows, corner, calm, of_line, number):  # type: ignore[no-untyped-def]
     """Number of points around each of a line's own that are neither its own nor linear, each shared among those."""
     out = np.zeros(len(own))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.extents import bounds
 
 MAX_COLUMNS: Final = 1 << 24
@@ -49,7 +49,7 @@ def sort_into_columns(xyz_m: FloatArray, side_m: float) -> PointColumns:
     return PointColumns(points[order] - corner, order, starts, corner, side_m, (column, row))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _sort_columns(xyz_m, corner, side_m, across, rows):  # type: ignore[no-untyped-def]
     """Order by column, then height; first point of each column. Points of one height keep their order."""
     n = len(xyz_m)
@@ -81,7 +81,7 @@ def _sort_columns(xyz_m, corner, side_m, across, rows):  # type: ignore[no-untyp
     return order, starts
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def first_above(xyz_m, begin, end, height_m):  # type: ignore[no-untyped-def]
     """Index of the first point between two that is not below a height."""
     while begin < end:

@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 
 from furrowmap.core.features.eigenfeatures import Eigenfeatures, eigen
 from furrowmap.core.features.neighbours import PointColumns, first_above, sort_into_columns
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.statistic import sort_in_place
 from furrowmap.core.values.extents import bounds
 
@@ -161,7 +161,7 @@ def _measure_plane(
     return Plane(members, centre + sorted_m.corner_m, normal, rms_m, on / max(number, 1), area)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _raster(flat, corner, end, cell_m):  # type: ignore[no-untyped-def]
     """Side of the cells of a plane between two corners, which of them are filled, and the share of filled ones around.
 
@@ -219,7 +219,7 @@ def _raster(flat, corner, end, cell_m):  # type: ignore[no-untyped-def]
     return side, filled, (around / own - 1.0) / 8.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _in_slab(xyz, starts, reach, across, rows, low, high, centre, axes, scale, corner, filled):  # type: ignore[no-untyped-def]
     """The sorted points in a box that are on a plane, over its cells or their rim, and two numbers.
 
@@ -270,7 +270,7 @@ def _in_slab(xyz, starts, reach, across, rows, low, high, centre, axes, scale, c
     return out[:held].copy(), number, on
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _grow(xyz, starts, reach, across, rows, normal, seeds, tolerance, least_cosine, fewest):  # type: ignore[no-untyped-def]
     """Region of each sorted point, numbered from 0; -1 for none."""
     n = len(xyz)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 CROWN_CELL_M: Final = 0.25
 MIN_PLANT_HEIGHT_M: Final = 0.3
@@ -77,7 +77,7 @@ def plants(xyz_m: FloatArray, above_m: FloatArray) -> Plants:
     return Plants(np.column_stack([place, top[kept]]), tallest[kept], area[kept], count[kept])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _basins(height, order, columns, saddle_m, saddle_share):  # type: ignore[no-untyped-def]
     """Cell of the top of the plant of each cell, from the highest cell down; -1 for cells without any."""
     parent = np.full(len(height), -1, np.int64)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.extents import bounds
 
 
@@ -45,7 +45,7 @@ def voxels(xyz_m: FloatArray, cell_m: float) -> Voxels:
     return Voxels(of_point, sums / count[:, None] + low * cell_m, count)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _group(xyz_m, cell_m, low, across):  # type: ignore[no-untyped-def]
     """Voxel of each point, sum of each voxel's points less the corner of all, and their number, by a hash table."""
     n = len(xyz_m)

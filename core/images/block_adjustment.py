@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -26,6 +25,7 @@ from furrowmap.core.images.frames import FramePoses
 from furrowmap.core.images.projection import project, unproject
 from furrowmap.core.images.ties import Ties
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.trajectory.pose_errors import PoseErrors
 from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.rotation import Mounting
@@ -322,7 +322,7 @@ def _step(
     return _BlockState(unknowns[:CAMERA_UNKNOWNS], unknowns[CAMERA_UNKNOWNS:], state.xyz_m + moved, z), covariance, left
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _reduce(ends, residual, weight, design, first, by_point, held, pull, unknowns):  # type: ignore[no-untyped-def]
     """Lower triangle of the normal matrix and the right side without the points; the inverses (p, 3, 3) of theirs."""
     normal, right = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
@@ -377,7 +377,7 @@ def _reduce(ends, residual, weight, design, first, by_point, held, pull, unknown
     return normal, right, inverse
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _invert(m):  # type: ignore[no-untyped-def]
     """Invert a positive definite matrix (3, 3) in its place; numba's own inverse compiles for two seconds."""
     for k in range(3):
@@ -391,7 +391,7 @@ def _invert(m):  # type: ignore[no-untyped-def]
                     m[i, j] -= factor * m[k, j]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _move_points(ends, residual, weight, design, first, by_point, inverse, pull, step):  # type: ignore[no-untyped-def]
     """(p, 3) steps of the points, those of the other unknowns known."""
     out = np.zeros((len(ends) - 1, 3))

@@ -6,7 +6,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +17,7 @@ from furrowmap.core.readers.exif import read_pixels
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.values.camera import Camera
@@ -220,7 +220,7 @@ class Colours:
         )
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def cell_of(xyz, corner, cell_m, columns, cells):  # type: ignore[no-untyped-def]
     """Number of the index's cell of a point; points beyond are in the outermost cells."""
     rows = cells // columns
@@ -229,7 +229,7 @@ def cell_of(xyz, corner, cell_m, columns, cells):  # type: ignore[no-untyped-def
     return row * columns + column
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def direction(xyz, centre, matrix, k):  # type: ignore[no-untyped-def]
     """Tangents x / z and y / z, and depth z, of a point in the optical frame."""
     dx, dy, dz = xyz[0] - centre[k, 0], xyz[1] - centre[k, 1], xyz[2] - centre[k, 2]
@@ -239,7 +239,7 @@ def direction(xyz, centre, matrix, k):  # type: ignore[no-untyped-def]
     return x / z, y / z, z
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def is_seen(u, v, z, size, depth, slack, cell_px, k):  # type: ignore[no-untyped-def]
     """Whether a pixel is inside the image and nothing lies before the depth z."""
     if not (BORDER_PX <= u <= size[0] - 1.0 - BORDER_PX and BORDER_PX <= v <= size[1] - 1.0 - BORDER_PX):
@@ -248,7 +248,7 @@ def is_seen(u, v, z, size, depth, slack, cell_px, k):  # type: ignore[no-untyped
     return z <= nearest + SLACK_M + slack[k] * nearest
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def level(rgb, k, u, v, reduction, channel):  # type: ignore[no-untyped-def]
     """The grey level (0 to 255) of a channel at a pixel of the unreduced image, bilinear."""
     at_u = min(max((u - 0.5 * (reduction - 1)) / reduction, 0.0), rgb.shape[2] - 1.001)
@@ -260,7 +260,7 @@ def level(rgb, k, u, v, reduction, channel):  # type: ignore[no-untyped-def]
     return (1.0 - down) * above + down * below
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def darkening(u, v, size, vignetting):  # type: ignore[no-untyped-def]
     """Logarithm of the vignetting at a pixel."""
     du, dv = u - 0.5 * (size[0] - 1.0), v - 0.5 * (size[1] - 1.0)
@@ -268,7 +268,7 @@ def darkening(u, v, size, vignetting):  # type: ignore[no-untyped-def]
     return square * (vignetting[0] + square * (vignetting[1] + square * vignetting[2]))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def best_colours(  # type: ignore[no-untyped-def]
     xyz, t_s, frame_s, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
     corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out, out_frame,
@@ -301,7 +301,7 @@ def best_colours(  # type: ignore[no-untyped-def]
         out_frame[i] = best_k
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def blended_colours(  # type: ignore[no-untyped-def]
     xyz, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
     corner, cell_m, columns, start, listed, pixels, usable, reduction, factor, vignetting, out, seen,
@@ -336,7 +336,7 @@ def blended_colours(  # type: ignore[no-untyped-def]
                 out[channel, i] = np.float32(min(out[channel, i] / total, 255.0))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def observations(  # type: ignore[no-untyped-def]
     xyz, centre, matrix, intrinsics, widest, size, depth, slack, cell_px,
     corner, cell_m, columns, start, listed, pixels, usable, reduction, most,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.camera import Camera
 
 UNDISTORT_ITERATIONS: Final = 20
@@ -52,7 +52,7 @@ def inside(camera: Camera, pixels: FloatArray) -> NDArray[np.bool_]:
     return (column >= 0) & (column <= camera.width - 1) & (row >= 0) & (row <= camera.height - 1)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def pixel_of(intrinsics, x, y):  # type: ignore[no-untyped-def]
     """Column and row of the direction (x, y, 1)."""
     square = x * x + y * y
@@ -63,7 +63,7 @@ def pixel_of(intrinsics, x, y):  # type: ignore[no-untyped-def]
     return intrinsics[0] * bent_x + intrinsics[2], intrinsics[1] * bent_y + intrinsics[3]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def project_points(intrinsics, widest, xyz_m):  # type: ignore[no-untyped-def]
     """Kernel of :func:`project`."""
     out = np.full((len(xyz_m), 2), np.nan)
@@ -77,7 +77,7 @@ def project_points(intrinsics, widest, xyz_m):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def unproject_pixels(intrinsics, widest, pixels):  # type: ignore[no-untyped-def]
     """Kernel of :func:`unproject`: from the undistorted guess, shortened to lie within the widest angle."""
     out = np.full((len(pixels), 3), np.nan)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -14,6 +13,7 @@ from scipy.spatial import cKDTree
 from furrowmap.core.images.frames import FramePoses
 from furrowmap.core.images.projection import inside, project, unproject
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.camera import Camera
 
 OVERLAP_GRID: Final = (9, 7)
@@ -135,7 +135,7 @@ def thin_ties(ties: Ties, size: tuple[int, int]) -> Ties:
     return ties.chosen(_spread(order, begin, cell, MAX_TIES_PER_CELL)[ties.point])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _spread(order, begin, cell, most):  # type: ignore[no-untyped-def]
     """Which points are taken: each that is among the first `most` of any of the cells where it is seen."""
     taken = np.zeros(len(order), np.bool_)
@@ -149,7 +149,7 @@ def _spread(order, begin, cell, most):  # type: ignore[no-untyped-def]
     return taken
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _roots(links, count):  # type: ignore[no-untyped-def]
     """Root of each of some things (count,) that links (m, 2) join: union-find with path halving."""
     root = np.arange(count)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
@@ -19,6 +18,7 @@ from furrowmap.core.images.frames import Frames
 from furrowmap.core.images.projection import pixel_of
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 CELL_PX: Final = 4
 MAX_DEPTH_CELLS: Final = 256
@@ -203,7 +203,7 @@ def widen_depth(depth: NDArray[np.float32], pooled: int) -> NDArray[np.float32]:
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def splat(  # type: ignore[no-untyped-def]
     xyz, centre, matrix, axis_cosine, intrinsics, widest, size, cell_px, depth, points, corner, cell_m, shape, seen
 ):

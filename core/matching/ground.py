@@ -13,7 +13,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,6 +31,7 @@ from furrowmap.core.estimation.registration import (
 )
 from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, HeightGrid
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 NOISE_M: Final = 0.012
 """Standard deviation of a return's height against a surface: range noise, and relief finer than the cells."""
@@ -160,7 +160,7 @@ def register_ground(
     )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+@kernel(error_model="numpy", fastmath={"contract", "nsz"})
 def _register(  # type: ignore[no-untyped-def]
     t_s, xyz_m, layer, half, return_weight, first, count, begin_s, cell_m, west, south, number, height, weight,
     position_m, relief, noise, trim, share, normal, right, right_free, used, tally, first_coarse, every, patch_m,
@@ -270,7 +270,7 @@ def _register(  # type: ignore[no-untyped-def]
     return store[0][:patches], store[1][:patches], store[2][:patches], store[3][:patches], store[4][:patches]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _counts(steep, trim):  # type: ignore[no-untyped-def]
     """Weight of a slope in standard deviations: 1 up to half of `trim`, smoothly less beyond."""
     if steep <= 0.5 * trim:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 
 from furrowmap.core.matching.returns import SELF_RANGE_M
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.scan import Scan
 
 RECENT_CELL_M: Final = 0.1
@@ -101,7 +101,7 @@ class RecentGround:
         )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _around(xyz_m, t_s, mounting, sensor_m, rotation, velocity, step):  # type: ignore[no-untyped-def]
     """(n, 3) returns of the ground around the vehicle, in the map's axes, as of the middle of the scan."""
     out = np.empty((len(xyz_m) // step + 1, 3))
@@ -126,7 +126,7 @@ def _around(xyz_m, t_s, mounting, sensor_m, rotation, velocity, step):  # type: 
     return out[:count]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _moved(point, found):  # type: ignore[no-untyped-def]
     """A return with the turns and shifts that were found."""
     c, s = np.cos(found[5]), np.sin(found[5])
@@ -134,7 +134,7 @@ def _moved(point, found):  # type: ignore[no-untyped-def]
     return x, y, point[2] + found[2] + found[3] * y - found[4] * x
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _off(x, y, z, cells, keys):  # type: ignore[no-untyped-def]
     """Height of the known ground above a point, and its slopes; nan where it is not known."""
     side = len(keys)
@@ -156,7 +156,7 @@ def _off(x, y, z, cells, keys):  # type: ignore[no-untyped-def]
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _likely_turn(points, place_m, cells, keys, expected):  # type: ignore[no-untyped-def]
     """The turn of those tried at which heights fit best; the expected one unless another is clearly better."""
     found = expected.copy()
@@ -177,7 +177,7 @@ def _likely_turn(points, place_m, cells, keys, expected):  # type: ignore[no-unt
     return turn
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _matched(points, place_m, cells, keys, expected, prior):  # type: ignore[no-untyped-def]
     """Shifts and turns (6,) by Gauss and Newton, their normal equations, and how many returns lie on known ground."""
     found, row = expected.copy(), np.zeros(6)
@@ -209,7 +209,7 @@ def _matched(points, place_m, cells, keys, expected, prior):  # type: ignore[no-
     return (found if used >= MIN_MATCHED else expected.copy()), normal, used, squares
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _add(points, place_m, found, cells, keys):  # type: ignore[no-untyped-def]
     """Add returns to the means of their cells."""
     side = len(keys)

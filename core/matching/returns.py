@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 from itertools import chain, islice
 from typing import Any, Final, Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from furrowmap.core.matching.walls import UPRIGHT_RATE_HZ, UprightReturns, no_upright, select_upright
 from furrowmap.core.runtime.arrays import FloatArray, of_file, scratch_file, zeros
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.time_span import Span
@@ -238,7 +238,7 @@ def _without_body(found: _Fields, body: NDArray[np.bool_]) -> _Fields:
         return scratch.stored()
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def on_body(xyz_m, body):  # type: ignore[no-untyped-def]
     """Which returns (n, 3) in the vehicle frame lie above the footprint."""
     out = np.empty(len(xyz_m), np.bool_)
@@ -249,7 +249,7 @@ def on_body(xyz_m, body):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def select(xyz_m, column, rotation, lever_m, ground_m, stride, seen):  # type: ignore[no-untyped-def]
     """Indices and vehicle coordinates of every `stride`-th firing's ground returns, and how many there are in all.
 

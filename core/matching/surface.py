@@ -11,12 +11,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 TILE_BITS: Final = 5
 TILE_NODES: Final = 1 << TILE_BITS
@@ -220,7 +220,7 @@ def heights(surface: HeightGrid, en_m: FloatArray, layer: NDArray[np.int8]) -> F
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _bounds(en_m):  # type: ignore[no-untyped-def]
     """Least and greatest coordinates."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
@@ -231,7 +231,7 @@ def _bounds(en_m):  # type: ignore[no-untyped-def]
     return low, high
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _touch(en_m, cell_m, west, south, used):  # type: ignore[no-untyped-def]
     """Mark the tiles of the four nodes round each point."""
     for i in range(len(en_m)):
@@ -241,7 +241,7 @@ def _touch(en_m, cell_m, west, south, used):  # type: ignore[no-untyped-def]
                 used[((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west] = True
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _touch_around(path_m, aside_m, cell_m, west, south, used):  # type: ignore[no-untyped-def]
     """Mark the tiles of the four nodes round each point about each place of a path."""
     for i in range(len(path_m)):
@@ -253,7 +253,7 @@ def _touch_around(path_m, aside_m, cell_m, west, south, used):  # type: ignore[n
                     used[((y + b) >> TILE_BITS) - south, ((x + a) >> TILE_BITS) - west] = True
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _sweep(t_s, en_m, left, half_m, cell_m, west, south, number, first, last):  # type: ignore[no-untyped-def]
     steps = int(np.ceil(half_m / (0.4 * cell_m)))
     for i in range(len(t_s)):
@@ -269,7 +269,7 @@ def _sweep(t_s, en_m, left, half_m, cell_m, west, south, number, first, last):  
             last[tile, a, b] = max(last[tile, a, b], t_s[i])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _layers(t_s, en_m, guard_s, cell_m, west, south, number, first, last):  # type: ignore[no-untyped-def]
     out = np.zeros(len(t_s), np.int8)
     rows, columns = number.shape
@@ -288,7 +288,7 @@ def _layers(t_s, en_m, guard_s, cell_m, west, south, number, first, last):  # ty
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _add(xyz_m, layer, half, return_weight, cell_m, west, south, number, height, weight):  # type: ignore[no-untyped-def]
     rows, columns = number.shape
     for i in range(len(xyz_m)):
@@ -316,7 +316,7 @@ def _add(xyz_m, layer, half, return_weight, cell_m, west, south, number, height,
                 )
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _heights(en_m, layer, cell_m, west, south, number, height, weight):  # type: ignore[no-untyped-def]
     out = np.full(len(en_m), np.nan)
     rows, columns = number.shape

@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +32,7 @@ from furrowmap.core.estimation.registration import (
 from furrowmap.core.matching.ground import ChainPoses
 from furrowmap.core.matching.surface import TILE_BITS, TILE_NODES, Tiles, tiles_over
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 MIN_WALL_RANGE_M: Final = 1.5
 MAX_WALL_RANGE_M: Final = 40.0
@@ -225,7 +225,7 @@ def register_walls(
     return patches, Scatter(*tally.tolist())
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def select_upright(xyz_m, column, rotation, lever_m, ground_m, stride):  # type: ignore[no-untyped-def]
     """Indices and vehicle coordinates of every `stride`-th firing's returns well above the ground, and how many in all.
 
@@ -255,7 +255,7 @@ def select_upright(xyz_m, column, rotation, lever_m, ground_m, stride):  # type:
     return (index[:kept], out[:kept]), candidates
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _number(xyz_m, cell_m, west, south, tile_number, number, count):  # type: ignore[no-untyped-def]
     """Number the columns in which points are, from `count` on; returns how many there are then."""
     rows, columns = tile_number.shape
@@ -271,7 +271,7 @@ def _number(xyz_m, cell_m, west, south, tile_number, number, count):  # type: ig
     return count
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _column(e, n, cell_m, west, south, tile_number, number):  # type: ignore[no-untyped-def]
     """Number of the column at a place, −1 where there is none, and the place against its centre."""
     x, y = int(np.floor(e / cell_m)), int(np.floor(n / cell_m))
@@ -283,7 +283,7 @@ def _column(e, n, cell_m, west, south, tile_number, number):  # type: ignore[no-
     return found, e - (x + 0.5) * cell_m, n - (y + 0.5) * cell_m
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _add(xyz_m, half, cell_m, west, south, tile_number, number, sums):  # type: ignore[no-untyped-def]
     for i in range(len(xyz_m)):
         c, e, n = _column(xyz_m[i, 0], xyz_m[i, 1], cell_m, west, south, tile_number, number)
@@ -300,7 +300,7 @@ def _add(xyz_m, half, cell_m, west, south, tile_number, number, sums):  # type: 
         s[7] = max(s[7], xyz_m[i, 2])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _fit(sums):  # type: ignore[no-untyped-def]
     count = len(sums)
     out = np.zeros((count, 2, 5))
@@ -328,7 +328,7 @@ def _fit(sums):  # type: ignore[no-untyped-def]
     return out
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def _register(  # type: ignore[no-untyped-def]
     t_s, xyz_m, half, first, count, begin_s, cell_m, west, south, tile_number, number, line, position_m, correlated,
     share, normal, right, right_free, used, tally, first_coarse, every, patch_m,
@@ -400,7 +400,7 @@ def _register(  # type: ignore[no-untyped-def]
     return store[0][:patches], store[1][:patches], store[2][:patches], store[3][:patches], store[4][:patches]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _close(group_sums, tally):  # type: ignore[no-untyped-def]
     """Count a group of one column and one second, if it has four returns, and begin the next."""
     if group_sums[0] >= 4.0:

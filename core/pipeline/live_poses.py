@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-import numba
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -26,6 +25,7 @@ from furrowmap.core.matching.returns import (
     ground_height_m,
 )
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.trajectory.drive_filter import DriveFilter
 from furrowmap.core.trajectory.from_gnss import SWAY_RAD, TILT_SIGMA_DEG
 from furrowmap.core.trajectory.located import lever_arm_m
@@ -478,7 +478,7 @@ def _joined(one: GnssTrack, two: GnssTrack) -> GnssTrack:
     return GnssTrack(**columns, source=two.source, service=two.service)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _plane_sums(xyz_m, rotation, sensor_m, plane, gate_m):  # type: ignore[no-untyped-def]
     """Normal equations of the plane z = a + b x + c y through every third return near the plane so far."""
     normal, right = np.zeros((3, 3)), np.zeros(3)

@@ -10,7 +10,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,6 +19,7 @@ from furrowmap.core.readers.las.cloud import CloudFile, Survey
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.background import in_turn
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.record_spool import RecordArray, RecordSpool, Square, square_keys, square_of
 from furrowmap.core.runtime.settings import threads
@@ -317,7 +317,7 @@ def _add_lows(records: RecordArray, square: Square, lows: SquareSpool) -> None:
     lows.add(lowest, np.repeat(lows.keys([square]), len(lowest)))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _lowest(xyz_m, cell_m, low, high):  # type: ignore[no-untyped-def]
     """Index of the lowest point of each cell with any, column by column; `low` and `high` are the bounds of all."""
     corner = np.floor(low / cell_m)

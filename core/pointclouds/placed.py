@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.areas.area import Area
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.rotation import Mounting, quaternion_to_matrix
 from furrowmap.core.values.scan import PointClass, Scan
@@ -68,7 +68,7 @@ class Placer:
         return coordinates, known
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def place_points(  # type: ignore[no-untyped-def]
     t_s, xyz_m, mount, lever_m, knot_s, knot_m, knot_rotation, turn_rad, max_gap_s
 ):

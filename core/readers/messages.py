@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.source import Source
+from furrowmap.core.runtime.kernels import kernel
 
 FLETCHER, CRC = 0, 1
 """Checksums: Fletcher's of 8 bits (RFC 1145), which ends a frame and covers all behind its synchronisation; CRC-CCITT
@@ -109,7 +109,7 @@ def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True)
     return FoundFrames(kind, at, length, bad, cut, int((ends - begins).sum()), foreign, used)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _find(data: Any, framing: Any, last: Any, rows: Any) -> tuple[int, int, int, int]:
     """Fill `rows` with kind, offset and length; number of rows, bad frames, cut frames, and bytes done with."""
     size = len(data)
@@ -160,7 +160,7 @@ def _find(data: Any, framing: Any, last: Any, rows: Any) -> tuple[int, int, int,
     return n, bad, cut, size
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def count_foreign(data: Any, spans: Any) -> int:
     """Bytes in spans (n, 2) that are neither text nor in a message of RTCM 3, and not 0 or 255 (padding)."""
     foreign = 0
@@ -178,12 +178,12 @@ def count_foreign(data: Any, spans: Any) -> int:
     return foreign
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _word(data: Any, low_at: Any, high_at: Any) -> Any:
     return np.int64(data[low_at]) | np.int64(data[high_at]) << 8
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _running_fletcher(data: Any) -> Any:
     """Both sums (k + 1,) over the first bytes, for each number of bytes: the first sum in the low byte."""
     running = np.zeros(len(data) + 1, np.uint16)
@@ -196,7 +196,7 @@ def _running_fletcher(data: Any) -> Any:
     return running
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _fletcher(running: Any, begin: Any, stop: Any) -> Any:
     """The checksum of a span: each byte before it counts once in the first sum, and once a byte in the second."""
     before, after = np.int64(running[begin]), np.int64(running[stop])
@@ -205,7 +205,7 @@ def _fletcher(running: Any, begin: Any, stop: Any) -> Any:
     return one | two << 8
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _crc_table() -> Any:
     table = np.zeros(256, np.int64)
     for value in range(256):
@@ -216,7 +216,7 @@ def _crc_table() -> Any:
     return table
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _running_crc(data: Any, table: Any) -> Any:
     """The CRC (k + 1,) over the first bytes, for each number of bytes."""
     running = np.zeros(len(data) + 1, np.uint16)
@@ -227,7 +227,7 @@ def _running_crc(data: Any, table: Any) -> Any:
     return running
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _crc_shift(table: Any) -> Any:
     """X to the power of 8 n modulo the polynomial, for each n up to the longest frame: appends n bytes to a CRC."""
     shift = np.zeros(_MAX_CRC_BYTES + 1, np.int64)
@@ -237,7 +237,7 @@ def _crc_shift(table: Any) -> Any:
     return shift
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _product(a: int, b: int) -> int:
     """Product of two polynomials over GF(2), modulo that of the CRC."""
     out = 0

@@ -8,8 +8,9 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from furrowmap.core.runtime.kernels import kernel
 
 SKIPPED: Final = (
     "",
@@ -77,7 +78,7 @@ MORE, DAMAGE, CONTROL, FULL = range(4)
 """Why a kernel stopped: end of the data, an implausible record, a control block of pcapng, or full output arrays."""
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _u32(data, at, big):  # type: ignore[no-untyped-def]
     if big:
         return (
@@ -86,7 +87,7 @@ def _u32(data, at, big):  # type: ignore[no-untyped-def]
     return (np.int64(data[at + 3]) << 24) | (np.int64(data[at + 2]) << 16) | (np.int64(data[at + 1]) << 8) | data[at]
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _join(data, at, stop, key, first, more, parts):  # type: ignore[no-untyped-def]
     """Keep data[at:stop], a fragment from byte `first` on; the length of its datagram if now complete, else 0.
 
@@ -130,7 +131,7 @@ def _join(data, at, stop, key, first, more, parts):  # type: ignore[no-untyped-d
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _datagram(data, start, stop, link, parts):  # type: ignore[no-untyped-def]
     """Reason code, offset and length of the payload, and sender of the frame in data[start:stop].
 
@@ -213,7 +214,7 @@ def _datagram(data, start, stop, link, parts):  # type: ignore[no-untyped-def]
     return 0, at + 8, length, (address << np.uint64(16)) | port
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def walk_pcap(data, pos, big, ticks, link, last_s, parts, offset, length, time_s, sender, counts):  # type: ignore[no-untyped-def]
     """Walk over frames from `pos`; number of datagrams, offset of the first frame not walked, and why it stopped there.
 
@@ -246,7 +247,7 @@ def walk_pcap(data, pos, big, ticks, link, last_s, parts, offset, length, time_s
     return n, pos, FULL
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, parts, offset, length, time_s, sender, counts):  # type: ignore[no-untyped-def]
     """As `walk_pcap` for pcapng blocks; stops also at section headers and interface descriptions.
 
@@ -297,7 +298,7 @@ def walk_pcapng(data, pos, big, interfaces, links, ticks, shift_s, parts, offset
     return n, pos, FULL
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def credible(data, pos, big, ticks, last_s, kind):  # type: ignore[no-untyped-def]
     """The next offset from `pos` with two plausible records in a row (kind 0) or a plausible block (kind 1)."""
     end = len(data)

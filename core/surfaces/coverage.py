@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.spool import TilePoints
 from furrowmap.core.values.time_span import Interval
@@ -64,7 +64,7 @@ def coverage(points: TilePoints, strips: Sequence[Interval]) -> Coverage:
     return Coverage(grid, counts.sum(axis=0), there + 1, counts[1:][there])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def count_blocks(cell, t_s, ends_s, columns, blocks, block):  # type: ignore[no-untyped-def]
     """Points (1 + strips, blocks): row 0 those of no strip, row k those of strip k."""
     counts = np.zeros((len(ends_s) + 1, blocks), np.int64)

@@ -6,10 +6,10 @@ import heapq
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.grid import Grid
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def flooded(height_m: NDArray[np.float64]) -> NDArray[np.float64]:
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _flood(height):  # type: ignore[no-untyped-def]
     """Kernel of :func:`flooded`, in place."""
     rows, columns = height.shape
@@ -149,7 +149,7 @@ def _flood(height):  # type: ignore[no-untyped-def]
                         heapq.heappush(open_, (height[a, b], np.int64(a * columns + b)))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _labels(level, wet):  # type: ignore[no-untyped-def]
     """Labels of connected water of one level, 0 where dry; and their number."""
     rows, columns = level.shape

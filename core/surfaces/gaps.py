@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numba
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 _SWEEPS: Final = 12
 
@@ -69,7 +69,7 @@ def _film(height: FloatArray) -> FloatArray:
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _relax(height, fixed, sweeps):  # type: ignore[no-untyped-def]
     """Gauss-Seidel sweeps over the heights that are not fixed, alternating direction."""
     rows, columns = height.shape

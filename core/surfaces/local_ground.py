@@ -11,11 +11,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.ground import Smrf, ground_cells
 from furrowmap.core.surfaces.statistic import sort_in_place
@@ -148,7 +148,7 @@ class LocalGround:
             _set_classes(x, y, z, step_m, self.tiles, self.height_m, classes)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _hundred(xyz_m, kept):  # type: ignore[no-untyped-def]
     """About a hundred (n, 3) of the kept points."""
     count = seen = taken = 0
@@ -166,7 +166,7 @@ def _hundred(xyz_m, kept):  # type: ignore[no-untyped-def]
     return some[:taken]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _mark(xyz_m, kept, corner, window):  # type: ignore[no-untyped-def]
     """Set the tiles of a window that hold points to 0."""
     for i in range(len(xyz_m)):
@@ -178,7 +178,7 @@ def _mark(xyz_m, kept, corner, window):  # type: ignore[no-untyped-def]
             window[a, b] = 0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _draw(xyz_m, kept, corner, window, base_m, samples, counts):  # type: ignore[no-untyped-def]
     """Reservoir sampling of heights by cell."""
     for i in range(len(xyz_m)):
@@ -207,7 +207,7 @@ def _draw(xyz_m, kept, corner, window, base_m, samples, counts):  # type: ignore
             samples[slot, column, row, place] = np.int16(steps)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _low_heights(samples, counts):  # type: ignore[no-untyped-def]
     """Quantile GROUND_QUANTILE of the samples of each cell, and the mean of those near it."""
     low = np.full(counts.shape, np.nan)
@@ -233,7 +233,7 @@ def _low_heights(samples, counts):  # type: ignore[no-untyped-def]
     return low, mean
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _set_classes(x, y, z, step_m, tiles, height_m, classes):  # type: ignore[no-untyped-def]
     """Kernel of :meth:`LocalGround.classify`: bilinear ground height at each point."""
     last_key, tile = np.int64(-1), np.int64(-1)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from furrowmap.core.runtime.arrays import Float32Array, FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.grid import Grid
 
 
@@ -46,7 +46,7 @@ def move_places(xy_m: FloatArray, move: FloatArray, middle_m: FloatArray) -> Flo
     return np.column_stack([xy_m[:, 0] + move[0] - move[5] * north, xy_m[:, 1] + move[1] + move[5] * east])
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _sample(height, offset, west, north, cell, move, out):  # type: ignore[no-untyped-def]
     rows, columns = height.shape
     for i in range(out.shape[0]):

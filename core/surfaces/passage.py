@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.grid import Grid
 
 STEPS_A_CHUNK: Final = 32
@@ -89,7 +89,7 @@ class Passages:
         return LinePassage(grid, first, last, number)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def pass_over(steps, beside_m, cell_m, west, north, first_s, last_s, number):  # type: ignore[no-untyped-def]
     """Kernel of :meth:`Passages.over`.
 

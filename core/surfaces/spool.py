@@ -9,11 +9,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.record_spool import RecordSpool, Square, square_keys, square_of
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.statistic import Statistic, cell_surface
@@ -175,7 +175,7 @@ class PointSpool:
         self._records.append([records], square_keys(column + low[0], row + low[1]), np.append(starts[there], held))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, tiles, cells, heights, times, ends, held):  # type: ignore[no-untyped-def]
     """Add points from index `first` on until the buffers are full: where it stopped, and how many are held.
 
@@ -203,7 +203,7 @@ def collect(xyz_m, t_s, kept, first, shift_m, cell_m, begin_s, tiles, cells, hei
     return stopped, held
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def sort_by_tile(tiles, cells, heights, times, low, columns, rows):  # type: ignore[no-untyped-def]
     """Records sorted by column and row of their tile, and the first record of each tile (tiles + 1,)."""
     n = len(heights)
@@ -223,7 +223,7 @@ def sort_by_tile(tiles, cells, heights, times, low, columns, rows):  # type: ign
     return out, starts
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def split(records):  # type: ignore[no-untyped-def]
     """Cells, heights and times of records, each contiguous."""
     n = len(records)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Final, Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import UsageError
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.grid import Grid, Surface
 
 NMAD: Final = 1.4826
@@ -97,7 +97,7 @@ def cell_surface(
     return Surface(grid, height, count, spread, error)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def sum_up(cell, height_m, cells, base_m, column):  # type: ignore[no-untyped-def]
     """Kernel of :func:`cell_surface` where no order is needed: height, count, spread and points used of each cell."""
     sums = np.zeros((cells, 5))
@@ -125,7 +125,7 @@ def sum_up(cell, height_m, cells, base_m, column):  # type: ignore[no-untyped-de
     return height, count, spread, used
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def sort_in_place(z):  # type: ignore[no-untyped-def]
     """Shell's sort, gaps of Gonnet and Baeza-Yates (1991); numba's own sort compiles for a second in each module."""
     n = len(z)
@@ -140,7 +140,7 @@ def sort_in_place(z):  # type: ignore[no-untyped-def]
         gap = 1 if gap == 2 else gap * 5 // 11
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def median_deviation(z, middle):  # type: ignore[no-untyped-def]
     """Median of the distances of ordered heights from `middle`, their median."""
     n = len(z)
@@ -163,7 +163,7 @@ def median_deviation(z, middle):  # type: ignore[no-untyped-def]
     return second if n % 2 else 0.5 * (first + second)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def rank(cell, height_m, cells, base_m, trimmed, share):  # type: ignore[no-untyped-def]
     """Kernel of :func:`cell_surface` where order is needed: height, count, spread and points used of each cell.
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.spool import TilePoints
 
 SWATH_PAUSE_S: Final = 20.0
@@ -102,7 +102,7 @@ def block_differences(points: TilePoints) -> NDArray[np.float32]:
     return np.where(enough, sums / np.maximum(counts, 1), np.nan).astype(np.float32)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _close(k, count, total, before, sums, number):  # type: ignore[no-untyped-def]
     """End the swath of a cell: compare its height with that of the swath before."""
     if count[k] >= MIN_SWATH_RETURNS:
@@ -114,7 +114,7 @@ def _close(k, count, total, before, sums, number):  # type: ignore[no-untyped-de
     count[k], total[k] = 0, 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _differences(cell, t_s, height_m, cells):  # type: ignore[no-untyped-def]
     """Sum and number (cells,) of the differences of each swath from the one before."""
     seen_s = np.full(cells, -np.inf, np.float32)

@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -20,6 +19,7 @@ from furrowmap.core.estimation.banded import huber_weight
 from furrowmap.core.estimation.inertial import Increments, cross_matrix
 from furrowmap.core.estimation.knots import KNOT_STEP_S
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.trajectory.heading_hints import DECISIVE, ChunkMotion, HeadingHint
 from furrowmap.core.values.inertial import InertialNoise
 
@@ -244,7 +244,7 @@ def _second_difference(values: FloatArray, middle: NDArray[np.intp], half: int) 
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def chained(turn):  # type: ignore[no-untyped-def]
     """(n + 1, 3, 3) rotations from each knot's axes to the first one's."""
     out = np.empty((len(turn) + 1, 3, 3))

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.trajectory import Trajectory
 
 STRIP_STEP_S: Final = 0.1
@@ -139,7 +139,7 @@ class _FlightPath:
         return joined
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def longest_within(values, reach):  # type: ignore[no-untyped-def]
     """First index and length of the longest run whose values differ by at most `reach`."""
     n = len(values)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Final, TypeVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.record_spool import square_keys
 
 Number = TypeVar("Number", np.float64, np.int32)
@@ -39,7 +39,7 @@ def cells_with_points(place_m: FloatArray, cell_m: float) -> NDArray[np.int64]:
     return square_keys(column + low[0], row + low[1])
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _bounds(place_m):  # type: ignore[no-untyped-def]
     low, high = place_m[0].copy(), place_m[0].copy()
     for i in range(len(place_m)):
@@ -49,7 +49,7 @@ def _bounds(place_m):  # type: ignore[no-untyped-def]
     return low, high
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _filled(place_m, cell_m, low, filled):  # type: ignore[no-untyped-def]
     for i in range(len(place_m)):
         filled[int(np.floor(place_m[i, 0] / cell_m)) - low[0], int(np.floor(place_m[i, 1] / cell_m)) - low[1]] = True

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from enum import IntEnum, StrEnum
 from typing import Any, Final, Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 MAX_LASERS: Final = 256
 """Lasers that a uint8 numbers."""
@@ -158,7 +158,7 @@ def shortened(
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _shortened(xyz_m, laser, sensor_m, offset_m):  # type: ignore[no-untyped-def]
     out = np.empty(xyz_m.shape, np.float32)
     for i in range(len(xyz_m)):

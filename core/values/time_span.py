@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final, Protocol, TypeVar
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.inertial import InertialTrack
@@ -82,7 +82,7 @@ def interval_numbers(intervals: Sequence[Interval], t_s: ArrayLike) -> NDArray[n
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _numbers(t_s, begin_s, end_s):  # type: ignore[no-untyped-def]
     """Kernel of :func:`interval_numbers`, which steps from the interval of one time to that of the next."""
     out = np.zeros(len(t_s), np.int64)

@@ -6,11 +6,11 @@ from array import array
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.work.model import CELL_X_M, CELL_Z_M, SeenImplement, fit_height
@@ -161,7 +161,7 @@ def _median(counts: NDArray[np.int64]) -> float:
     return float((k + within) * _SOIL_BIN_M - _SOIL_M)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _gather(  # type: ignore[no-untyped-def]
     xyz_m, laser, t_s, rotation, lever_m, columns, still_m, begin, split, clockwise, ground, box, grid, views, soil,
     times,

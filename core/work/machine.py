@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from furrowmap.core.pointclouds.placed import unclassified
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import PointClass, Scan
 from furrowmap.core.work.model import Plane, SeenImplement
@@ -50,7 +50,7 @@ def isolated(scan: Scan) -> NDArray[np.bool_]:
     return alone if np.count_nonzero(alone) <= MAX_ISOLATED_SHARE * len(scan) else np.zeros(len(scan), bool)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _alone(xyz_m, laser, column, image):  # type: ignore[no-untyped-def]
     """Kernel of :func:`isolated`; `image` comes empty."""
     n = len(xyz_m)
@@ -245,7 +245,7 @@ def _with_foot(voxels: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return grown
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _count(xyz_m, ground, lowered_m, number, last, count):  # type: ignore[no-untyped-def]
     """Count each voxel with points clear of the ground once per scan."""
     for i in range(len(xyz_m)):
@@ -260,7 +260,7 @@ def _count(xyz_m, ground, lowered_m, number, last, count):  # type: ignore[no-un
             count[a, b, c] += 1
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _look_up(xyz_m, to_voxels, classes):  # type: ignore[no-untyped-def]
     """Class of the voxel of each point in the lidar frame; OTHER outside."""
     n = len(xyz_m)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import Notice
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.tool_states import ToolState
 
 CELL_X_M: Final = 0.10
@@ -111,7 +111,7 @@ def vertex(scores: FloatArray, best: int) -> float:
     return float(np.clip(0.5 * (before - after) / bend, -0.5, 0.5)) if bend < 0.0 else 0.0
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _count(x_m, z_m, x0, z0, view):  # type: ignore[no-untyped-def]
     columns, rows = view.shape
     for i in range(len(x_m)):
@@ -126,7 +126,7 @@ def _count(x_m, z_m, x0, z0, view):  # type: ignore[no-untyped-def]
             view[column, row + 1] += share
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _scores(view, gain, odds, low, high):  # type: ignore[no-untyped-def]
     """Log-likelihood gain and points explained with the template lifted by `low` to `high` rows."""
     columns, rows = view.shape

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
 
@@ -16,7 +16,7 @@ IMAGE_COLUMNS: Final = 720
 """Columns of half a degree in order of azimuth from 0."""
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 def column_of(x, y):  # type: ignore[no-untyped-def]
     """Column of a point by its coordinates in the lidar frame; azimuth grows from x to −y.
 
@@ -146,7 +146,7 @@ class NearScans:
         return NearScan(self._count, *span_s, rising >= 0, first, xyz, distance, laser, column)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _near_points(xyz_m, laser, rotation, lever_m, near_m):  # type: ignore[no-untyped-def]
     """Points within `near_m`: vehicle coordinates, range, laser, column; and the total change of column."""
     n = len(xyz_m)

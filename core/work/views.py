@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.work.model import CELL_X_M, CELL_Z_M, Box, Plane, SideTemplate, SideViewGrid, fit_height
 from furrowmap.core.work.near_scans import NearScan
 
@@ -191,7 +191,7 @@ def ground_plane(scans: Sequence[NearScan]) -> Plane | None:
     return (a, b, c) if abs(a) < _GROUND_M and np.hypot(b, c) < _GROUND_SLOPE else None
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _select(xyz_m, range_m, laser, column, ground, box):  # type: ignore[no-untyped-def]
     n = len(xyz_m)
     kept = np.empty(n, np.int64)
@@ -211,7 +211,7 @@ def _select(xyz_m, range_m, laser, column, ground, box):  # type: ignore[no-unty
     return xyz, range_m[kept], laser[kept], column[kept]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _differs(image, laser, column, range_m, by_m):  # type: ignore[no-untyped-def]
     """Whether neither the pixel of a point nor its neighbours in azimuth have its range."""
     out = np.empty(len(range_m), np.bool_)
@@ -224,7 +224,7 @@ def _differs(image, laser, column, range_m, by_m):  # type: ignore[no-untyped-de
     return out
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _compare(image, laser, column, range_m, there, agree):  # type: ignore[no-untyped-def]
     """Count the points of a scan in each pixel, and those with the range of the image."""
     columns = image.shape[1]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.surfaces.grid import Grid
 
 AGAIN_M: Final = 2.0
@@ -64,7 +64,7 @@ def _smooth_pieces(path: FloatArray) -> list[FloatArray]:
     return [path[a : b + 1] for a, b in pairwise(ends) if b > a]
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _apart(x, y, step):  # type: ignore[no-untyped-def]
     """The places (n,) that are so far from the one kept before."""
     kept = np.zeros(len(x), np.bool_)
@@ -77,7 +77,7 @@ def _apart(x, y, step):  # type: ignore[no-untyped-def]
     return kept
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _roll(counts, last, edges, distance, cell, again):  # type: ignore[no-untyped-def]
     """Count the cells below strips between edges (wheels, 2, n, 2), in metres from the grid's north-west corner.
 

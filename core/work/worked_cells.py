@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 
 CELL_SIDE_M: Final = 0.1
 TILE_CELLS: Final = 64
@@ -118,7 +118,7 @@ class WorkedCells:
         return {tile}
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _sweep(state, way, corners, now_m, count):  # type: ignore[no-untyped-def]
     """Work the cells whose centre lies in a convex quadrangle (4, 2), in cells of the tile."""
     changed = False

@@ -24,7 +24,7 @@ from typing import Final
 import numba
 import numpy as np
 
-kernel: Final = partial(numba.njit, cache=True, nogil=True, _nrt=False)
+kernel: Final = partial(numba.njit, cache=True, nogil=True, no_cfunc_wrapper=True, _nrt=False)
 """Compiles without reference counting, which would take three quarters of the time: kernels may not create arrays."""
 inlined: Final = partial(kernel, forceinline=True)
 

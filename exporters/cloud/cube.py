@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.exporters.cloud.records import Records, rows_of
 
 DEPTH: Final = 7
@@ -89,7 +89,7 @@ def codes_of(records: Records, cube: Cube, depth: int) -> tuple[NDArray[np.uint3
     return codes, counts
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def locate(records, origin, bits, spread, codes, counts):  # type: ignore[no-untyped-def]
     """Kernel of :func:`codes_of`; a record begins with X, Y and Z as little-endian int32."""
     for i in range(len(records)):
@@ -115,7 +115,7 @@ def sorted_order(keys: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray
     return order
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def count_sort(keys, starts, order):  # type: ignore[no-untyped-def]
     """Kernel of :func:`sorted_order`; `starts` is overwritten."""
     for i in range(len(keys)):

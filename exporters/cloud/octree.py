@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.record_spool import RecordSpool
 from furrowmap.exporters.cloud.cube import DEPTH, Cube, codes_of, places, sorted_order
 from furrowmap.exporters.cloud.records import Chosen, Records, copy_records, gather_records
@@ -114,7 +114,7 @@ def draw_nodes(
     return nodes, counts
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def draw(codes, first, threshold, depth, state, nodes, counts):  # type: ignore[no-untyped-def]
     """Kernel of :func:`draw_nodes`: random numbers of SplitMix64 (Steele, Lea and Flood 2014)."""
     for i in range(len(codes)):

@@ -199,6 +199,7 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
     ),
     cache=True,
     nogil=True,
+    no_cfunc_wrapper=True,
 )
 def pack_points(  # type: ignore[no-untyped-def]
     xyz_m, steps_per_m, t_s, shift_s, return_number, returns, x, y, z, bit_fields, time, low, high, by_return, seconds

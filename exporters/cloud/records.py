@@ -10,6 +10,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.exporters.cloud.chunk import ChunkColumns
 
 Records = NDArray[np.void]
@@ -86,7 +87,7 @@ def select_columns(parts: Sequence[Chosen]) -> ChunkColumns:
     return ChunkColumns(x, y, z, intensity, returns, classification, point_source_id, gps_time, rgb, extra)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def gather(source, members, target):  # type: ignore[no-untyped-def]
     """Kernel of :func:`gather_records`; three times as fast as numpy's take."""
     for i in range(len(members)):
@@ -113,6 +114,7 @@ FIELD_TYPES: Final = (*(numba.int32,) * 3, numba.uint16, numba.uint8, numba.uint
     ),
     cache=True,
     nogil=True,
+    no_cfunc_wrapper=True,
 )
 def take(  # type: ignore[no-untyped-def]
     xs, ys, zs, intensities, all_returns, classes, sources, times, extras, members,

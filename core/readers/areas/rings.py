@@ -8,10 +8,10 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 
 _RING_CELL_M: Final = 0.5
 _MAX_RING_CELLS: Final = 1_000_000
@@ -76,7 +76,7 @@ def _corners(shape: shapely.Polygon) -> FloatArray:
     return np.concatenate([part for ring in rings for part in (gap, ring)][1:])
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _near_cells(low, high, rows, columns):  # type: ignore[no-untyped-def]
     """Starts and entries of the cells, from the first and last column and row of each polygon."""
     starts = np.zeros(rows * columns + 1, np.int64)
@@ -100,7 +100,7 @@ def _near_cells(low, high, rows, columns):  # type: ignore[no-untyped-def]
     return starts, near
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _rings_at(xs, ys, first, boxes, starts, near, grid, x_m, y_m, among, out):  # type: ignore[no-untyped-def]
     """The first polygon that each point lies in; -1 for none. Arrays one by one: passing them together costs more."""
     west, south, side, rows, columns = grid
@@ -148,7 +148,7 @@ def pixels_in(shape: shapely.Polygon, grid: PixelGrid) -> NDArray[np.bool_]:
     return inside
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _pixels_in(xs, ys, x_m, y_m, inside):  # type: ignore[no-untyped-def]
     """Row by row: an edge that the row crosses turns the pixels to the west of it inside out."""
     step = x_m[1] - x_m[0] if len(x_m) > 1 else 1.0

@@ -12,13 +12,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.isoxml.xml import parse_xml
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.clock import DAY_S
 
 EPOCH_S: Final = 315_532_800
@@ -187,7 +187,7 @@ def read_header(data: bytes, name: str) -> RecordLayout:
     return RecordLayout(open_letters, stated, tuple(channels))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _record_end(data: Any, at: int, width: int, offsets: Any, channels: int) -> Any:
     """End of the record at an offset; −1 if it is not plausible, −2 if the file ends within it."""
     size = len(data)
@@ -218,12 +218,12 @@ def _record_end(data: Any, at: int, width: int, offsets: Any, channels: int) -> 
     return end
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _day(data: Any, at: int) -> Any:
     return np.int64(data[at + 4]) + (np.int64(data[at + 5]) << 8)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _find_records(data: Any, width: int, offsets: Any, channels: int) -> Any:
     """Offset of each record (n,), number of bytes that are not records, and in how many places.
 
@@ -258,7 +258,7 @@ def _find_records(data: Any, width: int, offsets: Any, channels: int) -> Any:
     return starts[:n].copy(), lost, breaks
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _read_values(data: Any, starts: Any, width: int, count: int) -> Any:
     """(record, channel, value), each (count,), of all values in the records at the offsets `starts` (n,)."""
     record = np.empty(count, np.int64)

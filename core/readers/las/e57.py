@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.isoxml.xml import Element, parse_xml
@@ -18,6 +17,7 @@ from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.readers.las.tables import E57_SIGNATURE, PointTable, batch_of_rows
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.kernels import kernel
 
 _HEADER: Final = struct.Struct("<8sIIQQQQ")
 _CHECKSUM_BYTES: Final = 4
@@ -235,7 +235,7 @@ def _read(file: BinaryIO, page_bytes: int, at: int, size: int) -> bytes:
     return pages[:, :content].tobytes()[within : within + size]
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _crc32c(pages: Any, content: int) -> Any:
     """CRC-32C (Castagnoli) of the first bytes of rows (n, bytes)."""
     table = np.zeros(256, np.uint32)

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.las.header import MAX_COORDINATE
 from furrowmap.core.readers.las.points import CloudBatch
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.limits import expect_memory
 
 TABLE_SIGNATURES: Final = {
@@ -126,7 +126,7 @@ class PointTable:
         return rows
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _unpack(data: Any, out: Any) -> Any:
     """Decompress LZF (liblzf); number of bytes written, −1 if the data are damaged."""
     i: Any = 0

@@ -12,11 +12,11 @@ from enum import IntEnum
 from typing import Any, Final, Self
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.messages import MessageCounts, scan_stream
 from furrowmap.core.readers.source import Source
+from furrowmap.core.runtime.kernels import kernel
 
 MAX_SENTENCE_BYTES: Final = 512
 """Maximum distance in bytes from ``$`` to ``*``; the standard allows 82, proprietary sentences are longer."""
@@ -173,7 +173,7 @@ _FIELD_1, _FIELD_3, _FIELD_8 = np.int64(1), np.int64(3), np.int64(8)
 _SMALL_A, _SMALL_F = np.int64(ord("a")), np.int64(ord("f"))
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _scan(
     data: Any, last: Any, kind: Any, talker: Any, at: Any, values: Any, address: Any, counts: Any
 ) -> tuple[np.int64, int, int | np.int64]:
@@ -223,7 +223,7 @@ def _scan(
     return rows, sentences, size
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: Any, values: Any, row: int) -> int:
     """Read the sentence at `i` into `row` if it is of a known kind; number of rows (0, 1, or 2 of PUBX,00)."""
     if i + 7 > end:
@@ -340,7 +340,7 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
     return rows
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _number(data: Any, begin: int, end: int) -> Any:
     """The decimal number in ``data[begin:end]``, correctly rounded up to 15 digits; nan if it is invalid."""
     i = begin
@@ -368,7 +368,7 @@ def _number(data: Any, begin: int, end: int) -> Any:
     return sign * (mantissa / _TENS[max(decimals, 0)])
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _date(data: Any, begin: Any, k: int) -> Any:
     """The number yyyymmdd of the date in field `k`, written ddmmyy, of the years 1980 to 2079; nan if it is invalid."""
     date = _number(data, begin[k], begin[k + 1] - 1)
@@ -376,7 +376,7 @@ def _date(data: Any, begin: Any, k: int) -> Any:
     return (year + (1900.0 if year >= 80.0 else 2000.0)) * 10000.0 + (date // 100.0) % 100.0 * 100.0 + date // 10000.0
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _time_of_day(data: Any, begin: Any, k: int) -> Any:
     """Seconds of the day in field `k`, written hhmmss.sss, to the microsecond; nan if it is invalid."""
     value = _number(data, begin[k], begin[k + 1] - 1)
@@ -390,7 +390,7 @@ def _time_of_day(data: Any, begin: Any, k: int) -> Any:
     return np.rint((3600.0 * hours + 60.0 * minutes + seconds) * 1e6) / 1e6
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _angle(data: Any, begin: Any, k: int, positive: int, negative: int) -> Any:
     """Degrees in field `k`, written dddmm.mmm, with the hemisphere in the next field; nan if it is invalid."""
     value = _number(data, begin[k], begin[k + 1] - 1)
@@ -405,7 +405,7 @@ def _angle(data: Any, begin: Any, k: int, positive: int, negative: int) -> Any:
     return -angle if side == negative else np.nan
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _best_mode(data: Any, begin: int, end: int) -> Any:
     """Quality of a position whose constellations have the modes in ``data[begin:end]``; 0 if none has a position."""
     best = -1
@@ -416,7 +416,7 @@ def _best_mode(data: Any, begin: int, end: int) -> Any:
     return _QUALITIES[best] if best >= 0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _state_quality(data: Any, begin: int, end: int) -> Any:
     """The quality that GGA gives a navigation status of PUBX,00: G2, G3, D2, D3, RK (with dead reckoning), DR."""
     if end - begin != 2:
@@ -429,7 +429,7 @@ def _state_quality(data: Any, begin: int, end: int) -> Any:
     return 2.0 if a == _D else 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _hex(c: int) -> int | np.int64:
     """Value of a hexadecimal digit; −1 if it is not one."""
     if _0 <= c <= _9:
@@ -441,7 +441,7 @@ def _hex(c: int) -> int | np.int64:
     return -1
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _line_end(data: Any, i: int) -> int:
     """Number of line-end characters at `i`, at most 2."""
     n = 0
@@ -450,7 +450,7 @@ def _line_end(data: Any, i: int) -> int:
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _is_address(data: Any, begin: int, end: int) -> bool:
     """Whether there are three to eight capital letters or digits before a comma or the end."""
     i = begin
@@ -459,7 +459,7 @@ def _is_address(data: Any, begin: int, end: int) -> bool:
     return 3 <= i - begin <= 8 and (i == end or data[i] == _COMMA)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _take_address(data: Any, begin: int, end: int, out: Any) -> None:
     """The first eight characters before the comma."""
     for k in range(min(8, end - begin)):

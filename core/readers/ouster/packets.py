@@ -10,13 +10,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.ouster.clock import SensorTime, settle
 from furrowmap.core.readers.ouster.metadata import STAMP, Heads, Metadata
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
 from furrowmap.core.runtime.errors import InputError, Notice
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.scan import Clock, Scan
 
@@ -282,7 +282,7 @@ class OusterDecoder:
         return notices
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _number(data, at, size):  # type: ignore[no-untyped-def]
     value = np.int64(0)
     for k in range(size):
@@ -290,7 +290,7 @@ def _number(data, at, size):  # type: ignore[no-untyped-def]
     return value
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _decode(  # type: ignore[no-untyped-def]
     data, offset, shift_ns, columns, layout, beams, turned, origin_m,
     t_out, xyz, intensity, laser, column, return_number, returns, ends,

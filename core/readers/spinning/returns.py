@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from furrowmap.core.readers.spinning.model import ByteArray, Model
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.scan import Scan
 
 _FASTEST: Final = 1.5 * 720_000.0
@@ -62,7 +62,7 @@ def decode_returns(
     return every[:n], cut_at[:cuts], cut_by_wrap[:cuts]
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 def _decode(  # type: ignore[no-untyped-def]
     data, offset, t_s, returns_of, shape, packet_table, per_block, first_firing_s, cycle_s, resolution_m, lasers, order,
     state, t_out, xyz, intensity, laser, column, return_number, returns, cut_at, cut_by_wrap,
