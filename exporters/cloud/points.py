@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.errors import FurrowmapError
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.clock import utc_to_las_time
 from furrowmap.exporters.cloud.records import Records, field_type
 
@@ -183,7 +184,7 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
     return ValueError(f"PointBatch.return_number or .returns is beyond 1 to {RETURNS}")
 
 
-@numba.njit(
+@kernel(
     numba.int64(
         numba.float64[:, ::1],
         numba.float64,
@@ -197,9 +198,6 @@ def _refusal(batch: PointBatch, i: int, scale_m: float) -> Exception:
         *(numba.int64[::1],) * 3,
         numba.float64[::1],
     ),
-    cache=True,
-    nogil=True,
-    no_cfunc_wrapper=True,
 )
 def pack_points(  # type: ignore[no-untyped-def]
     xyz_m, steps_per_m, t_s, shift_s, return_number, returns, x, y, z, bit_fields, time, low, high, by_return, seconds

@@ -104,7 +104,7 @@ def field_type(dtype: Any) -> Any:
 FIELD_TYPES: Final = (*(numba.int32,) * 3, numba.uint16, numba.uint8, numba.uint8, numba.uint16, numba.float64)
 
 
-@numba.njit(
+@kernel(
     numba.void(
         *map(field_type, FIELD_TYPES),
         numba.uint8[:, :],
@@ -112,9 +112,6 @@ FIELD_TYPES: Final = (*(numba.int32,) * 3, numba.uint16, numba.uint8, numba.uint
         *(numba.types.Array(dtype, 1, "C") for dtype in FIELD_TYPES),
         numba.uint8[:, :],
     ),
-    cache=True,
-    nogil=True,
-    no_cfunc_wrapper=True,
 )
 def take(  # type: ignore[no-untyped-def]
     xs, ys, zs, intensities, all_returns, classes, sources, times, extras, members,
