@@ -111,7 +111,7 @@ class Sites(ast.NodeVisitor):
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
         outer = self._kernel
-        self._kernel = outer or any(ast.unparse(one).startswith("kernel(") for one in node.decorator_list)
+        self._kernel = outer or any(ast.unparse(one).startswith(("kernel(", "njit(")) for one in node.decorator_list)
         for default in [*node.args.defaults, *(one for one in node.args.kw_defaults if one is not None)]:
             self._constant("default", default)
         for statement in node.body:

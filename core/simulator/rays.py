@@ -17,10 +17,10 @@ from enum import IntEnum
 from typing import Final, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
-from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.simulator.noise import FloatArray, random_for
 from furrowmap.core.simulator.scenario import Scenario, ScenarioImplement
 from furrowmap.core.simulator.site import CELL_M as CELL
@@ -275,7 +275,7 @@ def cast(scene: Scene, optics: Optics, firings: Firings) -> Returns:
     return Returns(ticks, reflectivity, met, cell)
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def _mix(x):  # type: ignore[no-untyped-def]
     """The next value of SplitMix64 from the state `x`."""
     z = np.uint64(x)
@@ -284,14 +284,14 @@ def _mix(x):  # type: ignore[no-untyped-def]
     return z ^ (z >> np.uint64(31))
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def _chance(seed, ray, draw):  # type: ignore[no-untyped-def]
     """A number from (0, 1) for a ray and a purpose."""
     state = np.uint64(seed) + np.uint64(ray * 16 + draw + 1) * np.uint64(0x9E3779B97F4A7C15)
     return (np.float64(_mix(state) >> np.uint64(11)) + 0.5) * (1.0 / 9007199254740992.0)
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def _meet_box(x, y, z, dx, dy, dz, x0, x1, y0, y1, z0, z1):  # type: ignore[no-untyped-def]
     """(range, cosine of the incidence) at which a beam from outside enters a box; inf where it does not."""
     if (x > x1 and dx >= 0.0) or (x < x0 and dx <= 0.0) or (y > y1 and dy >= 0.0) or (y < y0 and dy <= 0.0):
@@ -323,7 +323,7 @@ def _meet_box(x, y, z, dx, dy, dz, x0, x1, y0, y1, z0, z1):  # type: ignore[no-u
     return enter, cosine
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def _meet_post(x, y, z, dx, dy, dz, post):  # type: ignore[no-untyped-def]
     """(range, cosine of the incidence) at which a beam meets the mantle of an upright post."""
     ex, ey = x - post[0], y - post[1]
@@ -339,13 +339,13 @@ def _meet_post(x, y, z, dx, dy, dz, post):  # type: ignore[no-untyped-def]
     return s, abs((ex + s * dx) * dx + (ey + s * dy) * dy) / post[2]
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def _wrap(i, n):  # type: ignore[no-untyped-def]
     """The row or column of the ground that stands for `i`, the ground repeating itself beyond its edges."""
     return i if 0 <= i < n else i % n
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore[no-untyped-def]
     """(range, what) at which a beam, above the mean plane by z and sinking by -dz, meets soil, straw or crop."""
     ground, straw, crop = scene.ground, scene.straw, scene.crop
@@ -408,7 +408,7 @@ def _meet_ground(scene, seed, ray, x, y, z, dx, dy, dz, t, far):  # type: ignore
     return math.inf, 0
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def _in_dust(x, y, z, dx, dy, dz, cloud):  # type: ignore[no-untyped-def]
     """(from, to) of a beam's way through the dust, inf where it passes by."""
     px, py, pz = (x - cloud[0]) / cloud[3], (y - cloud[1]) / cloud[4], (z - cloud[2]) / cloud[5]
@@ -422,7 +422,7 @@ def _in_dust(x, y, z, dx, dy, dz, cloud):  # type: ignore[no-untyped-def]
     return max(0.0, (-b - root) / a), (-b + root) / a
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def _record(optics, ray, slot, r, cosine, what, bright, laser, i, ticks, reflectivity, met):  # type: ignore[no-untyped-def]
     """Measure one return with its errors; whether it was measured at all."""
     if optics.noise[2] > 0.0:
@@ -444,7 +444,7 @@ def _record(optics, ray, slot, r, cosine, what, bright, laser, i, ticks, reflect
     return True
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def _cast(scene, optics, number, moving, xyz, rotation, mounts, ticks, reflectivity, met, cell):  # type: ignore[no-untyped-def]
     ground, mount, lasers = scene.ground, optics.mount, len(optics.lasers)
     rows, cols = ground.before.shape

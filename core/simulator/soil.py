@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.fft
+from numba import njit
 from numpy.typing import NDArray
 
-from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.simulator.drive import DRIVE_RATE_HZ, SimulatedTrack, drive_path
 from furrowmap.core.simulator.noise import Float32Array, FloatArray, random_for
 from furrowmap.core.simulator.path import plan_path
@@ -247,7 +247,7 @@ def ceiling_of(highest: Float32Array) -> Float32Array:
     )
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def relief_at(ground, e, n, t):  # type: ignore[no-untyped-def]
     """Relief above the mean plane at one local position and time, bilinear between the cells' middles."""
     rows, cols = ground.before.shape
@@ -270,7 +270,7 @@ def relief_at(ground, e, n, t):  # type: ignore[no-untyped-def]
     return out
 
 
-@kernel()
+@njit(cache=True, nogil=True)
 def _heights(ground, e_m, n_m, t_s, out):  # type: ignore[no-untyped-def]
     for i in range(len(e_m)):
         plane = ground.slope_e * e_m[i] + ground.slope_n * n_m[i]
