@@ -10,13 +10,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime import arrays
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.coverage import Coverage, coverage
 from furrowmap.core.surfaces.grid import Grid, Surface
@@ -271,7 +271,7 @@ class SoilSums:
         return Moved(cells * self._cell_m2, compared * self._cell_m2, mean)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def within(xyz_m, kept, reach_m):  # type: ignore[no-untyped-def]
     """Which of the kept points (n,) lie within reach of the sensor, in whose frame they are."""
     near = np.empty(len(xyz_m), np.bool_)
@@ -281,7 +281,7 @@ def within(xyz_m, kept, reach_m):  # type: ignore[no-untyped-def]
     return near
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def before_and_after(cell, t_s, tool_first_s, tool_last_s, near_first_s, near_last_s, settle_s):  # type: ignore[no-untyped-def]
     """Which points are after and which before the work; and which cells have both (cells,).
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
-import numba
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
@@ -155,7 +155,7 @@ def _outlines(shapes: Sequence[BaseGeometry]) -> tuple[IntArray, FloatArray, Flo
     return shape[piece[ring]], middle, normal
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel()
 def _add_correlated(shape, t_s, effect, correlation_s, variance):  # type: ignore[no-untyped-def]
     """Add Σᵢⱼ effectᵢ effectⱼ exp(−|tᵢ − tⱼ| / correlation) of each shape; sorted by shape, then time."""
     carried = 0.0
