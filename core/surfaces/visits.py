@@ -128,6 +128,6 @@ def _differences(cell, t_s, height_m, cells):  # type: ignore[no-untyped-def]
         seen_s[k] = t_s[i]
         count[k] += 1
         total[k] += height_m[i]
-    for k in range(cells):
-        _close(k, count, total, before, sums, number)
+    for last in range(cells):
+        _close(last, count, total, before, sums, number)
     return sums, number
