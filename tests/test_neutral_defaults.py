@@ -58,6 +58,9 @@ FACTORS: Final = {
     "core/geodesy/parameter_file.py ParameterFile.from_map": True,
     "core/values/margins.py margin(factor)": 1.0,
     "core/values/margins.py with_margin(factor)": 1.0,
+    "core/adjustment/consistency.py Seen.slow_times": 1.0,
+    "core/adjustment/problem.py SlowErrors.times[0]": 1.0,
+    "core/adjustment/problem.py SlowErrors.times[1]": 1.0,
 }
 """Factors and directions."""
 POINTS: Final = {
