@@ -219,11 +219,7 @@ class CsvFile(Source):
         return b"nan" * piece.startswith(mark) + piece + b"nan" * piece.endswith(mark)
 
     def _rows_by_field(self, piece: bytes, places: Mapping[str, int], line: int) -> Iterator[list[float]]:
-        """Rows of the numbers in some columns; nan where a field is empty or missing.
-
-        Raises:
-            InputError: with the line, if a field is no number.
-        """
+        """Rows of the numbers in some columns, nan where a field is empty or missing; InputError if it is no number."""
         for k, text in enumerate(piece.decode("latin-1").split("\n")):
             where = f"{self.path}, line {line + k}"
             try:

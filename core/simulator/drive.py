@@ -55,9 +55,8 @@ def drive_path(
     u, v, yaw = (np.interp(distance_m, path.distance_m, values) for values in (path.u_m, path.v_m, path.yaw_rad))
     gear = path.gear[np.clip(np.searchsorted(path.distance_m, distance_m, side="right") - 1, 0, len(path.gear) - 1)]
     lane = math.radians(90.0 - drive.lane_heading_deg)
-    tool_m = _tool_height(
-        t_s, [tuple(_time_at(m, knots_s, knots_m) for m in ends) for ends in path.passes], implement, rng
-    )
+    first_there_s = knots_s[np.searchsorted(knots_m, np.array(path.passes) - 1e-9)]
+    tool_m = _tool_height(t_s, first_there_s, implement, rng)
     return SimulatedTrack(
         t_s,
         drive.start_xy_m[0] + u * math.cos(lane) - v * math.sin(lane),
@@ -117,20 +116,15 @@ def _way_at(
     return way, np.where(moving, speeds[i] + acceleration * since, 0.0)
 
 
-def _time_at(distance_m: float, knots_s: FloatArray, knots_m: FloatArray) -> float:
-    """When the machine first reaches `distance_m`."""
-    return float(knots_s[np.searchsorted(knots_m, distance_m - 1e-9)])
-
-
 def _tool_height(
-    t_s: FloatArray, passes: list[tuple[float, ...]], implement: ScenarioImplement, rng: np.random.Generator
+    t_s: FloatArray, passes_s: FloatArray, implement: ScenarioImplement, rng: np.random.Generator
 ) -> FloatArray:
     def moved(since_s: FloatArray) -> FloatArray:
         x = np.clip(since_s / implement.move_s, 0.0, 1.0)
         return x * x * (3.0 - 2.0 * x)
 
     lifted = np.ones(len(t_s))
-    for lowered_s, lifted_s in passes:
+    for lowered_s, lifted_s in passes_s:
         lifted -= moved(t_s - lowered_s) - moved(t_s - lifted_s)
     jitter = band_noise(rng, len(t_s), DRIVE_RATE_HZ, 0.5, 3.0) * implement.jitter_m
     return implement.lift_m * lifted + (1.0 - np.clip(lifted, 0.0, 1.0)) * jitter

@@ -236,16 +236,9 @@ def trajectory_from_inertial(
 def _adjusted(
     positions: Positions, imu: MountedImu, site: Site, lever_m: FloatArray, hints: Hints, *, in_air: bool
 ) -> tuple[InertialAdjustment, MountedImu, float, list[Notice]]:
-    """The adjustment without what the IMU's clock and gyroscopes are certainly off.
+    """The adjustment, the IMU with clock rate and gyroscope scale corrected, the offset of its clock, and notices.
 
-    Clock rate and scale are only looked for in the air: a wheel that slips looks alike.
-
-    Returns:
-        the adjustment; the IMU with a clock and rates that run as they should; the offset of its clock that is
-        used; and notices.
-
-    Raises:
-        as :func:`trajectory_from_inertial`.
+    Rate and scale are only estimated in the air: a slipping wheel has the same effect.
     """
     found: list[tuple[InertialAdjustment, MountedImu, float, list[Notice]]] = []
     for _ in range(MENDING_ROUNDS):

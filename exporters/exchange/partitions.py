@@ -7,7 +7,7 @@ folders are named `date=2026-05-01` as those of Hive, which DuckDB, pyarrow and 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -158,11 +158,6 @@ def table_columns(schema: pa.Schema) -> list[dict[str, str]]:
     return [{"name": field.name, "type": _type_name(field.type)} for field in schema]
 
 
-def missing_text(values: Sequence[Any] | NDArray[Any]) -> Iterator[str | None]:
-    """Texts of a layer's field; None for an empty one."""
-    return (None if value is None or value != value else str(value) for value in values)
-
-
 def _type_name(kind: pa.DataType) -> str:
     if pa.types.is_dictionary(kind):
         return "string"
@@ -201,7 +196,8 @@ def _column(values: Any, kind: pa.DataType, rows: int) -> pa.Array:
         microseconds = np.rint(np.where(unknown, 0.0, values) * 1e6).astype(np.int64)
         return pa.array(microseconds, pa.int64(), mask=unknown).cast(_TIME_TYPE)
     if kind == _TEXT_TYPE:
-        texts, codes = np.unique([text or "" for text in missing_text(values)], return_inverse=True)
+        filled = ["" if value is None or value != value else str(value) for value in values]
+        texts, codes = np.unique(filled, return_inverse=True)
         empty = np.asarray(texts)[codes] == ""
         return pa.DictionaryArray.from_arrays(pa.array(codes.astype(np.int32), mask=empty), pa.array(texts.tolist()))
     return pa.array(values, kind, from_pandas=True)

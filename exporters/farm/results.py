@@ -33,7 +33,7 @@ from furrowmap.exporters.files.result_folder import (
     open_result,
     reading_result,
 )
-from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array
+from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, hull, track_lines
 from furrowmap.exporters.vectors.geopackage import read_layer
 
 SESSIONS: Final = "sessions"
@@ -47,8 +47,6 @@ _DRAWING_ORDER: Final = (
     "events", "tool_path", TRACKS, "misses", "unworked", "boundary", "overlaps", "passes", "coverage", "plants",
     "lines", "planes", "zones", FIELDS_LAYER, VISITS, SEASONS, SESSIONS, MACHINES,
 )  # fmt: skip
-_MAX_GAP_S: Final = 1.0
-"""A track is interrupted where positions are missing for longer."""
 _TRACK_TOLERANCE_M: Final = 0.02
 """Maximum distance of a simplified track from the positions."""
 _FIGURES: Final = (
@@ -160,16 +158,15 @@ def session_result(
     if covered is not None:
         layers["coverage"] = with_columns(covered, {"name": name, **span})
         shapes += covered.shapes.tolist()
-    hull = shapely.convex_hull(shapely.force_2d(shapely.GeometryCollection(shapes)))
-    hull = hull if hull.geom_type == "Polygon" else hull.buffer(1.0, quad_segs=2)
     row = {**key, "name": name, **span, "time_zone": zone.key, **facts}
     where = "Where each session took place: the hull of its trajectory and worked ground"
     versions = {"furrowmap": provenance["furrowmap"], "base_by": version("furrowmap")}
     added = {**identity, **versions, "added": np.datetime64("now", "ms"), **provenance}
     what = "The report of each session, and its session file with all defaults"
-    track = geometry_array([track_of(driven)])
+    xyz_m = shapely.get_coordinates(driven.shapes, include_z=True)
+    track = geometry_array([track_lines(xyz_m, driven.columns["t_s"], _TRACK_TOLERANCE_M)])
     own = (
-        Layer(SESSIONS, "Polygon", where, geometry_array([hull]), one_row(row)),
+        Layer(SESSIONS, "Polygon", where, geometry_array([hull(shapes)]), one_row(row)),
         Layer(PROVENANCE, "", what, geometry_array([None]), one_row(added)),
         Layer(TRACKS, "2.5D MultiLineString", "The path of the vehicle", track, one_row({**key, **span})),
     )
@@ -224,14 +221,6 @@ def _facts(result: ResultFolder) -> dict[str, Any]:
 
 def _number(value: Any, otherwise: float = np.nan) -> float:
     return float(value) if isinstance(value, int | float) else otherwise
-
-
-def track_of(driven: Layer) -> shapely.Geometry:
-    """The positions as lines with heights, interrupted where positions are missing."""
-    xyz = shapely.get_coordinates(driven.shapes, include_z=True)
-    parts = np.split(xyz, np.flatnonzero(np.diff(driven.columns["t_s"]) > _MAX_GAP_S) + 1)
-    lines = [shapely.LineString(part) for part in parts if len(part) > 1]
-    return shapely.MultiLineString(list(shapely.simplify(lines, _TRACK_TOLERANCE_M)))
 
 
 def zone_of(report: Mapping[str, Any], place: shapely.Point, crs: CRS) -> ZoneInfo:

@@ -22,13 +22,14 @@ class Origin:
     Attributes:
         inputs: name and SHA-256 of each input file.
         span_s: UTC of the first and the last measurement; None where unknown.
+        parameters: values that are None are left out.
     """
 
     title: str
     session: str = ""
     inputs: Sequence[tuple[str, str]] = ()
     span_s: tuple[float, float] | None = None
-    parameters: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def measured_epoch(self) -> str | None:
@@ -47,7 +48,7 @@ class Origin:
         if self.span_s is not None:
             known["TIME_START"], known["TIME_END"] = map(iso_utc, self.span_s)
             known["MEASURED_EPOCH"] = str(self.measured_epoch)
-        known |= {key.upper(): value for key, value in self.parameters.items()}
+        known |= {key.upper(): str(value) for key, value in self.parameters.items() if value is not None}
         known |= {f"INPUT_{number}": f"{name} sha256:{digest}" for number, (name, digest) in enumerate(self.inputs, 1)}
         return {name: printable(text) for name, text in known.items()}
 

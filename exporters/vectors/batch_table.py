@@ -16,7 +16,7 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.files.batch_state import SessionOutcome
 from furrowmap.exporters.files.csv_cells import cell
-from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, numbers, texts
+from furrowmap.exporters.vectors.field_layers import Columns, Layer, geometry_array, hull, numbers, texts, track_lines
 from furrowmap.exporters.vectors.geopackage import write_layer
 
 BATCH_TABLE: Final = "batch.csv"
@@ -30,8 +30,6 @@ BATCH_FIGURES: Final = (*_TEXT_FIGURES, *_NUMBER_FIGURES)
 """Figures of a report that the table has; those that a run does not give are empty."""
 _OUTLINE_TOLERANCE_M: Final = 0.5
 """Maximum distance of a simplified track from the positions."""
-_MAX_GAP_S: Final = 1.0
-"""A track is interrupted where positions are missing for longer."""
 _DEGREE_DIGITS: Final = 7
 """Of a degree: a centimetre."""
 
@@ -55,17 +53,13 @@ def outlines(layers: Mapping[str, Any], frame: MapFrame) -> tuple[str, str]:
     """Footprint (hull of trajectory and worked ground) and track of a result, in lon and lat as hexadecimal WKB."""
     driven = layers["trajectory"]
     xy_m = shapely.get_coordinates(driven.geometry.to_numpy())
-    cuts = np.flatnonzero(np.diff(driven["t_s"].to_numpy()) > _MAX_GAP_S) + 1
-    lines = [shapely.LineString(part) for part in np.split(xy_m, cuts) if len(part) > 1]
-    track = shapely.MultiLineString(list(shapely.simplify(lines, _OUTLINE_TOLERANCE_M)))
+    track = track_lines(xy_m, driven["t_s"].to_numpy(), _OUTLINE_TOLERANCE_M)
     ground = list(layers["coverage"].geometry) if "coverage" in layers else []
-    hull = shapely.convex_hull(shapely.force_2d(shapely.GeometryCollection([track, *ground])))
-    hull = hull if hull.geom_type == "Polygon" else hull.buffer(1.0, quad_segs=2)
 
     def lon_lat(xy: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.column_stack(frame.to_lon_lat(xy[:, 0], xy[:, 1])).round(_DEGREE_DIGITS)
 
-    footprint, path = shapely.transform(hull, lon_lat), shapely.transform(track, lon_lat)
+    footprint, path = (shapely.transform(shape, lon_lat) for shape in (hull([track, *ground]), track))
     return shapely.to_wkb(footprint, hex=True), shapely.to_wkb(path, hex=True)
 
 

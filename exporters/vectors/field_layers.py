@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.values.gnss import Fix
 from furrowmap.core.values.tool_states import ToolState
 from furrowmap.core.values.trajectory import SIGMA_NAMES, SOURCE_NAMES, Motion, ScanPoses
@@ -30,6 +31,8 @@ _TOOL_COLUMNS: Final = {
 """Names of the columns of a further tool in `trajectory`, by those of the first."""
 _SAME_SCAN_S: Final = 0.25
 """Largest distance in time between a pose and the scan that shows the tool, which may be of another scanner."""
+_MAX_GAP_S: Final = 1.0
+"""A track is interrupted where positions are missing for longer."""
 _TOOL_EVENTS: Final = ("down", "up")
 """Events of the tool; the others are of the vehicle."""
 
@@ -70,6 +73,19 @@ def geometry_array(shapes: Any) -> ObjectArray:
     out = np.empty(len(shapes), object)
     out[:] = shapes
     return out
+
+
+def track_lines(xyz_m: FloatArray, t_s: FloatArray, tolerance_m: float) -> shapely.MultiLineString:
+    """Positions (n, 2 or 3) as lines, simplified by `tolerance_m` at most, and interrupted where some are missing."""
+    parts = np.split(xyz_m, np.flatnonzero(np.diff(t_s) > _MAX_GAP_S) + 1)
+    lines = [shapely.LineString(part) for part in parts if len(part) > 1]
+    return shapely.MultiLineString(list(shapely.simplify(lines, tolerance_m)))
+
+
+def hull(shapes: Sequence[shapely.Geometry]) -> shapely.Polygon:
+    """The convex hull of shapes in two dimensions; that of a point or a line with a metre around it."""
+    found = shapely.convex_hull(shapely.force_2d(shapely.GeometryCollection(shapes)))
+    return found if found.geom_type == "Polygon" else found.buffer(1.0, quad_segs=2)
 
 
 def field_layers(poses: ScanPoses, work: FieldWork) -> list[Layer]:

@@ -120,12 +120,9 @@ def write_records(
             lost.add(records)
             writer.append(batch_of(records, (east, north, up), no_time, coloured=coloured))
         what, inputs, parameters = origin
-        described = Origin(
-            what,
-            inputs=[(record.name, record.sha256) for record in inputs],
-            span_s=None if clouds.week_times else lost.span_s,
-            parameters={name: str(value) for name, value in parameters.items() if value is not None},
-        )
+        digests = [(record.name, record.sha256) for record in inputs]
+        span_s = None if clouds.week_times else lost.span_s
+        described = Origin(what, inputs=digests, span_s=span_s, parameters=parameters)
         summary = writer.close(progress, description=described.text)
     return summary, list(lost.notices(clouds))
 

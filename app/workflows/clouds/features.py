@@ -70,11 +70,8 @@ def features(
             described = ("points of clouds with the classes of features", inputs, parameters)
             summary, lost = write_records(opened, points, staging / CLOUD, box, described, progress)
         layers, counts = found_layers(found)
-        origin = Origin(
-            "features of clouds",
-            inputs=[(record.name, record.sha256) for record in inputs],
-            parameters={name: str(value) for name, value in parameters.items() if value is not None},
-        )
+        digests = [(record.name, record.sha256) for record in inputs]
+        origin = Origin("features of clouds", inputs=digests, parameters=parameters)
         write_features(staging / FEATURES, layers, opened.crs, origin)
         by_kind = {f"points_{kind.label}": int(found.points[kind]) for kind in Feature if kind is not Feature.NONE}
         content = {

@@ -161,9 +161,8 @@ class CloudRasters:
     def _origin(self, title: str) -> Origin:
         """Provenance of a raster."""
         stated = {
-            name: (",".join(f"{part:.10g}" for part in value) if isinstance(value, list) else str(value))
+            name: ",".join(f"{part:.10g}" for part in value) if isinstance(value, list) else value
             for name, value in self.parameters.items()
-            if value is not None
         }
         statistic = self.settings.cell_statistic if title == SURFACE_TITLE or self.method == "none" else MEDIAN
         parameters = {**stated, "statistic": statistic.name, "heights_unit_m": f"{self.clouds.unit_m:.10g}"}

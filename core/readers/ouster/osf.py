@@ -193,11 +193,7 @@ def _part(file: BinaryIO, at: int, kind: bytes) -> bytes:
 
 
 def _header(file: BinaryIO, path: Path) -> tuple[int, int]:
-    """Where the chunks begin, and the metadata.
-
-    Raises:
-        InputError: if the header is damaged, or the file was not finished.
-    """
+    """Where the chunks begin, and the metadata; InputError if the header is damaged or the file was not finished."""
     header = _part(file, 0, _HEADER)
     begin = file.tell()
     if not header:
@@ -213,11 +209,7 @@ def _header(file: BinaryIO, path: Path) -> tuple[int, int]:
 
 
 def _streams(path: Path) -> list[_Stream]:
-    """The sensors of a file.
-
-    Raises:
-        InputError: if there are none, or it is damaged.
-    """
+    """The sensors of a file; InputError if there are none, or it is damaged."""
     with path.open("rb") as file:
         data = _part(file, _header(file, path)[1], _METADATA)
     try:
@@ -259,10 +251,9 @@ def _chunks(file: BinaryIO, path: Path) -> Iterator[bytes]:
 
 
 def _packets_of(message: _FlatTable, stream: _Stream) -> tuple[ByteArray, IntArray, FloatArray]:
-    """The data packets of a turn as (data, offsets, the recorder's times); those without a valid column are left out.
+    """The data packets of a turn that have a valid column, as (data, offsets, the recorder's times).
 
-    Raises:
-        one of `_OSF_FAULTS`: if it is damaged.
+    Raises one of `_OSF_FAULTS` if it is damaged.
     """
     m = stream.metadata
     turn = _FlatTable.root(message.vector(2, "u1").tobytes())
