@@ -186,7 +186,7 @@ def test_feed__follows_the_first_scanner_and_the_receiver_from_file_to_file(tmp_
                 piece.data.data[at : at + size].tobytes()
                 for at, size in zip(piece.data.offset.tolist(), piece.data.length.tolist(), strict=True)
             )
-        if log == b"before,":
+        if log == b"before," and not scans:  # once: the packet may come before the rest of the log
             write()
         if log.endswith(b"next file") and scans:
             (tmp_path / "status.json").write_text('{"state": "ended"}')
