@@ -7,12 +7,14 @@ import os
 import time
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from functools import reduce
 from multiprocessing import get_context
+from operator import xor
 from typing import Final
 
 import numpy as np
 
-from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.matching.returns import LEARN_SCANS
 from furrowmap.core.pipeline.live_poses import MAX_BRIDGED_S, MAX_CARRIED_S, LivePose, LivePoses
 from furrowmap.core.readers.arrived_positions import Kind, log_kind
@@ -22,7 +24,7 @@ from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan
-from furrowmap.core.values.session import Session
+from furrowmap.core.values.session import Crs, Implement, Recording, Session
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.heights import ToolHeightTracker
 from furrowmap.core.work.learning import learn_implement
@@ -77,7 +79,6 @@ class LiveSession:
 
     Attributes:
         cells: ground worked; None where the session states no implement.
-        dropped: scans that came too late to be looked at.
         learned_s: UTC since which the tool is observed; nan before.
     """
 
@@ -89,7 +90,6 @@ class LiveSession:
         self._gnss_s = self._scan_s = math.nan
         implement = session.implement
         self.cells = WorkedCells(implement.width_m) if implement is not None else None
-        self.dropped = 0
         self.learned_s = math.nan
         self._near: NearScans | None = NearScans(session.lidar.mounting) if implement is not None else None
         self._learning: Future[Learned] | None = None
@@ -112,23 +112,6 @@ class LiveSession:
     def utc_minus_recorder_s(self) -> float:
         """UTC minus the recorder's time, by the scanner's clock; nan before the first scan."""
         return self._scans.utc_minus_host_s
-
-    def warm_up(self) -> None:
-        """Load the compiled kernels, which takes a second: by scans of a plane that nothing is kept of."""
-        other = LiveSession(self._session, self._frame, self._seen)
-        mounting = self._session.lidar.mounting
-        column = np.arange(4000) % 2000
-        ray = np.column_stack([np.cos(column), np.sin(column), np.zeros(len(column))])
-        ground = (5.0 * ray - mounting.xyz_m) @ mounting.rotation
-        for number in range(LEARN_SCANS + 2):
-            t_s, lasers = (0.1 * number + 5e-5 * column).astype(np.float64), np.zeros(len(column), np.uint8)
-            ones = np.ones(len(column), np.uint8)
-            other.add_scan(
-                Scan(number, t_s, ground.astype(np.float32), ones, lasers, column.astype(np.uint16), ones, ones)
-            )
-        if other.cells is not None:
-            other.cells.add_line(np.zeros((2, 2)), np.ones((2, 2)), 0.0)
-        other.close()
 
     def close(self) -> None:
         """End the process that learns the implement."""
@@ -281,6 +264,21 @@ class LiveSession:
         ends = np.array([[x_m, y_m - 0.5 * implement.width_m, 0.0], [x_m, y_m + 0.5 * implement.width_m, 0.0]])
         line: FloatArray = (np.asarray(pose.xyz_m) + ends @ pose.rotation.T)[:, :2]
         return line
+
+
+def warm_up() -> None:
+    """Load the compiled kernels, which takes a second: by a drive over a plane that nothing is kept of."""
+    tool, crs = Implement(width_m=2.0, xy_m=(-1.5, 0.0)), Crs(map="EPSG:32631")
+    session = LiveSession(Session(furrowmap=1, recording=Recording(), crs=crs, implement=tool), map_frame(crs))
+    column = (np.arange(4000) % 2000).astype(np.uint16)
+    plane = np.column_stack([5.0 * np.cos(column), 5.0 * np.sin(column), np.full(len(column), -2.0)]).astype(np.float32)
+    lasers, ones = np.zeros(len(column), np.uint8), np.ones(len(column), np.uint8)
+    for number in range(LEARN_SCANS + 2):
+        session.add_scan(Scan(number, 0.1 * number + 5e-5 * column, plane, ones, lasers, column, ones, ones))
+        gga = f"GNGGA,0000{0.1 * number:05.2f},4500.{5 * number:05d},N,00300.0,E,4,12,0.9,99.0,M,40.0,M,,"
+        for body in (gga, "GNTHS,0.0,A"):
+            session.add_gnss(f"${body}*{reduce(xor, body.encode()):02X}\r\n".encode())
+    WorkedCells(2.0).add_line(np.zeros((2, 2)), np.ones((2, 2)), 0.0)
 
 
 def _give_way() -> None:

@@ -14,7 +14,7 @@ from threading import Event
 from typing import Any, Final
 
 from furrowmap.core.geodesy.projection import MapFrame
-from furrowmap.core.pipeline.live import LiveScan, LiveSession
+from furrowmap.core.pipeline.live import LiveScan, LiveSession, warm_up
 from furrowmap.core.readers.pcap import Datagrams
 from furrowmap.core.runtime.errors import FurrowmapError, UsageError
 from furrowmap.core.session.opened import OpenSession, open_session
@@ -115,6 +115,7 @@ def live(
                 closing.callback(serve_lines(host, nmea_port, lines).shutdown)
         except OSError as error:
             raise UsageError("usage.live-port", port=port, nmea_port=nmea_port, error=error.strerror) from None
+        warm_up()  # while the recorder waits for its sensors
         opened = open_session(file) if play else _opened(file, page, stop, on_scan)
         if opened is None:
             return LiveSummary()
@@ -122,7 +123,6 @@ def live(
         learned = load_implement(tools[0].learned) if tools and tools[0].learned is not None else None
         session = LiveSession(opened.session, opened.frame, learned)
         closing.callback(session.close)
-        session.warm_up()
         feed = PlayedFeed(opened, speed, stop) if play else FolderFeed(Path(recording), opened.session.recording, stop)
         watch = _Watch(session, opened.frame, page, lines, pictures, on_scan)
         for piece in feed.pieces():
