@@ -36,11 +36,7 @@ class CrsChange:
     transformer: Transformer
 
     def __call__(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Coordinates (n,) each in the target.
-
-        Raises:
-            RefusedError: if one of them lies outside the domain of the target.
-        """
+        """Coordinates (n,) each in the target; RefusedError if one of them lies outside its domain."""
         try:
             moved_x, moved_y = self.transformer.transform(x, y, errcheck=True)
         except ProjError as error:
@@ -108,11 +104,7 @@ def optional_crs(text: str | CRS | None) -> CRS | None:
 
 
 def crs_of(text: str | CRS) -> CRS:
-    """The horizontal CRS of a text in any form that PROJ reads.
-
-    Raises:
-        InputError: if it is none.
-    """
+    """The horizontal CRS of a text in any form that PROJ reads; InputError if it is none."""
     try:
         crs = CRS.from_user_input(text).to_2d()
     except CRSError as error:

@@ -87,11 +87,7 @@ class ParameterFile:
         return lon_deg + moved[:, 0], lat_deg + moved[:, 1], height_m + moved[:, 2]
 
     def backward(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
-        """The inverse of :meth:`forward` to 1e-13°, by fixed-point iteration.
-
-        Raises:
-            InputError: as :meth:`forward`.
-        """
+        """The inverse of :meth:`forward` to 1e-13°, by fixed-point iteration; InputError as there."""
         moved = np.median(self.corrections, axis=0)[None, :]
         for _ in range(_INVERSE_ROUNDS):
             moved = self._at(lon_deg - moved[:, 0], lat_deg - moved[:, 1])

@@ -253,11 +253,7 @@ def _by_view(camera: Camera, seen: FloatArray) -> FloatArray:
 
 
 def triangulate(poses: FramePoses, camera: Camera, ties: Ties) -> FloatArray:
-    """(p, 3) where the rays of each point meet best.
-
-    Args:
-        poses: of the optical frame for all images.
-    """
+    """(p, 3) where the rays of each point meet best; `poses` are of the optical frame for all images."""
     stretch = np.array([poses.scale, poses.scale, 1.0])
     view = unproject(camera, ties.pixel)
     view = np.where(np.isfinite(view), view, [0.0, 0.0, 1.0])

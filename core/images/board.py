@@ -162,11 +162,7 @@ class BoardPoses:
 
 
 def expect_opencv() -> None:
-    """Refuse to look for boards where OpenCV is not installed.
-
-    Raises:
-        InputError: if it is not.
-    """
+    """Raise InputError where OpenCV, which looks for boards, is not installed."""
     if find_spec("cv2") is None:
         raise InputError("extra-missing.expect-opencv")
 

@@ -100,11 +100,7 @@ POSE_SAMPLES: Final = 100
 
 
 def refuse_empty(placement: Placement, trajectory: Trajectory, session: Session) -> None:
-    """Refuse a cloud without points, with the reason.
-
-    Raises:
-        InputError: if no point was placed.
-    """
+    """Raise InputError, with the reason, for a cloud without points."""
     if placement.points:
         return
     if not placement.points_read:

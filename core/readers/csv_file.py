@@ -260,11 +260,7 @@ def names_a_position(name: str) -> bool:
 
 
 def unix_time(text: str) -> float:
-    """Seconds since 1970 of an ISO 8601 date and time; UTC without a zone.
-
-    Raises:
-        ValueError: if it is none.
-    """
+    """Seconds since 1970 of an ISO 8601 date and time, UTC without a zone; ValueError if it is none."""
     try:
         stamp = dt.datetime.fromisoformat(text.replace("/", "-"))
         return (stamp if stamp.tzinfo else stamp.replace(tzinfo=dt.UTC)).timestamp()

@@ -67,11 +67,7 @@ def utc_of(seconds: FloatArray, scale: str, name: str, options: ReadOptions) -> 
 
 
 def midnight_utc_s(date: str) -> float:
-    """UTC of the start of a day (YYYY-MM-DD).
-
-    Raises:
-        InputError: if `date` is not a date.
-    """
+    """UTC of the start of a day (YYYY-MM-DD); InputError if `date` is not a date."""
     try:
         return dt.datetime.fromisoformat(date).replace(tzinfo=dt.UTC, hour=0, minute=0, second=0).timestamp()
     except ValueError:

@@ -209,11 +209,7 @@ def _opened(path: ImageFile) -> Any:
 
 
 def expect_pillow() -> None:
-    """Refuse to read images where Pillow is not installed.
-
-    Raises:
-        InputError: if it is not.
-    """
+    """Raise InputError where Pillow, which reads images, is not installed."""
     if find_spec("PIL") is None:
         raise InputError("extra-missing.expect-pillow")
 

@@ -246,11 +246,7 @@ class Recognised:
 
     @classmethod
     def by_content(cls, path: Path) -> Self:
-        """The reader of a file.
-
-        Raises:
-            InputError: if no reader recognises the file.
-        """
+        """The reader of a file; InputError if no reader recognises it."""
         return cls.each_by_content(path)[0]
 
     @classmethod

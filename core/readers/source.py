@@ -185,11 +185,7 @@ class Piece(Source):
 
 
 def look(path: Path) -> Head:
-    """The head of a file or folder.
-
-    Raises:
-        InputError: if the file does not exist, is empty, or cannot be read.
-    """
+    """The head of a file or folder; InputError if the file does not exist, is empty, or cannot be read."""
     try:
         if path.is_dir():
             return Head(path, b"", "", path.suffix.lower())

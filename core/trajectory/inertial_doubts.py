@@ -51,11 +51,7 @@ class Explained:
     lever_off_m: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def notice(self, measured: InertialTrack) -> Notice | None:
-        """What it contradicts; None for nothing.
-
-        Args:
-            measured: by the IMU.
-        """
+        """What it contradicts, None for nothing; `measured` is by the IMU."""
         if self.cause == "lever-arm":
             place = ", ".join(f"{value:.3f}" for value in self.adjusted.problem.lever_m.tolist())
             margins = ", ".join(margin(sigma, " m") for sigma in self.adjusted.constants.lever.sigma)

@@ -55,11 +55,7 @@ def field_boundary(
 
 
 def ground_to_map(file: Path, frame: MapFrame) -> Area:
-    """All polygons of a file, or of task data, as an area of the map.
-
-    Raises:
-        InputError: as :func:`field_boundary`.
-    """
+    """All polygons of a file, or of task data, as an area of the map; errors as of :func:`field_boundary`."""
     shape = boundary_on_map(_union(read_fields(file)), frame)
     polygons = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
     return Area(file, tuple(polygons))

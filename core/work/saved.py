@@ -18,11 +18,7 @@ FILE_FORM: Final = 2
 
 
 def save_implement(path: Path, implement: SeenImplement) -> None:
-    """Write an implement as a NumPy archive.
-
-    Raises:
-        OSError: if it cannot be written there.
-    """
+    """Write an implement as a NumPy archive; OSError if it cannot be written there."""
     region, template, levels, images = implement.region, implement.template, implement.levels, implement.images
     grid = template.grid
     arrays: dict[str, Any] = {

@@ -158,11 +158,7 @@ class CopcFile:
         return chunk
 
     def finish(self, extent: Extent, cube: Cube, spacing_m: float) -> tuple[int, NDArray[np.int64]]:
-        """Write the remaining nodes, the hierarchy and the final header.
-
-        Returns:
-            Number of nodes, and points of each level.
-        """
+        """Write the remaining nodes, the hierarchy and the final header; number of nodes, and points of each level."""
         while self._coming:
             self._write_next()
         table = self._stream.tell()

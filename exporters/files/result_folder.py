@@ -241,11 +241,7 @@ class ResultFolder:
 
 
 def result_origin(report: dict[str, Any], name: str = "") -> Origin:
-    """Provenance of files made from the result of a run.
-
-    Args:
-        name: of the session, if another one than in the report.
-    """
+    """Provenance of files made from the result of a run; `name` is the session's, if not that in the report."""
     name = name or str(report["session"]["name"])
     first, last = (dt.datetime.fromisoformat(report["figures"][key]).timestamp() for key in ("start", "end"))
     stated = {**report["session"]["crs"], "frame": report["coordinates"]["frame"]}

@@ -33,11 +33,7 @@ def write_vector_layer(
     metadata: Mapping[str, str] | None = None,
     **options: Any,
 ) -> None:
-    """Write a layer into a new file, or a new layer of a GeoPackage.
-
-    Args:
-        driver: GDAL's name of the format.
-    """
+    """Write a layer into a new file, or a new layer of a GeoPackage; `driver` is GDAL's name of the format."""
     times = [column for column, values in layer.columns.items() if values.dtype == "datetime64[ms]"]
     pyogrio.raw.write(
         target,

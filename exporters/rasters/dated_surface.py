@@ -77,11 +77,7 @@ class DatedSurface:
 
 
 def dated_surface(result: ResultFolder) -> DatedSurface:
-    """The surfaces of a result.
-
-    Raises:
-        InputError: if it has none, or a file is damaged.
-    """
+    """The surfaces of a result; InputError if it has none, or a file is damaged."""
     if not (result.folder / DSM).is_file():
         raise InputError("tie-no-surface", folder=result.folder, dsm=DSM)
     after = surface_file(result.folder / DSM)

@@ -57,11 +57,7 @@ def plots_of(inner: Grid, plots: Grid, last: tuple[bool, bool]) -> Grid | None:
 
 
 def shared_cells(one: Grid, other: Grid) -> Grid | None:
-    """The cells that two grids share; None for no cell.
-
-    Raises:
-        ValueError: if their cells have different sizes.
-    """
+    """The cells that two grids share, None for no cell; ValueError if their cells have different sizes."""
     if one.cell_m != other.cell_m:
         raise ValueError(f"cells of {one.cell_m} m and cells of {other.cell_m} m")
     west, north = max(one.west, other.west), min(one.north, other.north)
@@ -71,11 +67,7 @@ def shared_cells(one: Grid, other: Grid) -> Grid | None:
 
 
 def enclosing(grids: Sequence[Grid]) -> Grid:
-    """The smallest grid that covers several with cells of one size.
-
-    Raises:
-        InputError: if it has too many cells.
-    """
+    """The smallest grid that covers several with cells of one size; InputError if it has too many cells."""
     west, north = min(grid.west for grid in grids), max(grid.north for grid in grids)
     rows = north - min(grid.north - grid.rows for grid in grids)
     return Grid(grids[0].cell_m, west, north, (rows, max(grid.west + grid.columns for grid in grids) - west))

@@ -25,11 +25,7 @@ _MARKED_FIGURE: Final = re.compile(r"⟦(\d+)⟧")
 
 
 def in_language(page: str, language: str) -> str:
-    """A page of ours in a language.
-
-    Raises:
-        ValueError: if there is no such language.
-    """
+    """A page of ours in a language; ValueError if there is no such language."""
     page = _english(page)
     if language == ENGLISH:
         return page

@@ -41,11 +41,7 @@ def browser() -> str | None:
 
 
 def write_pdf(path: Path, page: str) -> None:
-    """Print a page of ours to a PDF on A4.
-
-    Raises:
-        RefusedError: if no browser is installed, or it does not print.
-    """
+    """Print a page of ours to a PDF on A4; RefusedError if no browser is installed, or it does not print."""
     program = browser()
     if program is None:
         raise RefusedError("browser-missing")

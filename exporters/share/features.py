@@ -107,11 +107,7 @@ def _legend(style: LayerStyle, symbols: list[Symbol], layer: VectorLayer) -> lis
 
 
 def feature_rows(row: Mapping[str, Any], style: LayerStyle, zone: ZoneInfo) -> list[tuple[str, str]]:
-    """Name and value of what a feature's fields say, for people.
-
-    Args:
-        row: its fields, without those that are NULL.
-    """
+    """Name and value of what a feature's fields say, for people; `row` is without fields that are NULL."""
     rows: list[tuple[str, str]] = []
     for field, (label, text) in SHOWN_FIELDS.items():
         if field not in row:

@@ -57,11 +57,7 @@ COPIED_HEIGHTS: Final = frozenset({*RELIEFS, HEIGHT_ABOVE_GROUND, CHANGE})
 
 
 def write_field_project(staging: Path, result: ResultFolder, language: str, progress: Progress) -> list[str]:
-    """Write the project and its data.
-
-    Args:
-        language: of the names of layers and classes: "en" or "ja".
-    """
+    """Write the project and its data; names of layers and classes are in `language`, "en" or "ja"."""
     crs, bounds = _place(result)
     root = project_root(printable(result.name), crs)
     tree = ET.SubElement(root, "layer-tree-group")

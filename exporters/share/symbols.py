@@ -84,11 +84,7 @@ class LayerStyle:
 
 
 def layer_style(name: str, values: Mapping[str, Iterable[Any]]) -> LayerStyle:
-    """The style of a layer.
-
-    Args:
-        values: of its fields, for colours that depend on the least and the greatest.
-    """
+    """The style of a layer; colours may depend on the least and the greatest of the `values` of its fields."""
     if f"{name}.qml" not in packaged_styles():
         return LayerStyle()
     root = ET.fromstring(packaged_style(f"{name}.qml"))  # noqa: S314 - a file of this package

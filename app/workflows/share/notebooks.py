@@ -9,11 +9,7 @@ from furrowmap.exporters.files.atomic import refuse_existing
 
 
 def write_notebooks(folder: Path) -> list[Path]:
-    """Write the notebooks into a folder; their paths.
-
-    Raises:
-        RefusedError: if one of them is there.
-    """
+    """Write the notebooks into a folder; their paths. RefusedError if one of them is there."""
     bundled = files("furrowmap").joinpath("notebooks")
     sources = {folder / source.name: source for source in bundled.iterdir() if source.name.endswith(".ipynb")}
     for path in sources:

@@ -38,11 +38,7 @@ class TaskFiles:
         return f"{self.path}, {name}"
 
     def read(self, name: str) -> bytes:
-        """The content of a file.
-
-        Raises:
-            InputError: if it is missing, too large, or damaged.
-        """
+        """The content of a file; InputError if it is missing, too large, or damaged."""
         reader = self._readers.get(name.upper())
         if reader is None:
             raise InputError("task-data-incomplete", path=self.path, name=name)

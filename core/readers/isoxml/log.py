@@ -72,11 +72,7 @@ class TaskDataLog(FileReader):
         return GnssTrack(**columns, source=source, service="")
 
     def states(self) -> ToolStates:
-        """Whether the machine worked, over time.
-
-        Raises:
-            InputError: as :meth:`track`.
-        """
+        """Whether the machine worked, over time; errors as of :meth:`track`."""
         parts = [task.states for task in self._tasks()]
         names = ("begin_s", "end_s", "state", "confidence", "begin_sigma_s", "end_sigma_s")
         columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}

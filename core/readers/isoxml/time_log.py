@@ -160,11 +160,7 @@ def read_time_log(header: bytes, records: bytes, name: str) -> TimeLog:
 
 
 def read_header(data: bytes, name: str) -> RecordLayout:
-    """The header of a time log.
-
-    Raises:
-        InputError: if it is invalid.
-    """
+    """The header of a time log; InputError if it is invalid."""
     root = parse_xml(data, f"{name}.xml")
     position = next(root.all("PTN"), None)
     if root.tag != "TIM" or position is None:

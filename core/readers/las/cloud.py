@@ -130,11 +130,7 @@ class Survey:
 
 
 def survey(cloud: CloudFile) -> Survey:
-    """Statistics over all points of a cloud.
-
-    Raises:
-        InputError: if its points are damaged.
-    """
+    """Statistics over all points of a cloud; InputError if its points are damaged."""
     found = Survey(cloud)
     for batch in cloud.batches():
         found.add(batch)

@@ -155,11 +155,7 @@ class E57Points(PointTable):
 
 
 def read_e57(path: Path) -> E57Points:
-    """The scans of an E57 file.
-
-    Raises:
-        InputError: if its header or its XML is damaged, or it has no scans.
-    """
+    """The scans of an E57 file; InputError if its header or its XML is damaged, or it has no scans."""
     try:
         with path.open("rb") as file:
             signature, _, _, _, place, size, page_bytes = _HEADER.unpack(file.read(_HEADER.size))

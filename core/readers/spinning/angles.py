@@ -75,11 +75,7 @@ class AngleTable:
         return next(iter(own or found), None)
 
     def applied(self, model: Model) -> Model:
-        """The model with these angles.
-
-        Raises:
-            InputError: if they are those of another model.
-        """
+        """The model with these angles; InputError if they are those of another model."""
         lasers, same = len(self.elevation_deg), len(self.elevation_deg) == model.lasers
         apart_deg = float(np.abs(self.elevation_deg - model.elevation_deg).max()) if same else 0.0
         if not same or apart_deg > _APART_DEG:

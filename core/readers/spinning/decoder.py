@@ -126,11 +126,7 @@ class PacketCounts:
         self.host_most_s = max(self.host_most_s, float(ahead_s.max()))
 
     def notices(self, model: Model, *, stated: bool) -> list[Notice]:
-        """What is unusual.
-
-        Args:
-            stated: whether the session states it, rather than the packets.
-        """
+        """What is unusual; `stated` says whether the session states it, rather than the packets."""
         notices = []
         others = {product: n for product, n in self.products.items() if product != model.product}
         if others:

@@ -246,11 +246,7 @@ class Maker:
         return self.modes[mode][1] if mode in self.modes else f"unknown (0x{mode:02x})"
 
     def named(self, name: str) -> Model:
-        """The model with this name, ignoring case and punctuation.
-
-        Raises:
-            InputError: if it is not supported.
-        """
+        """The model with this name, ignoring case and punctuation; InputError if it is not supported."""
         by_name = {self._plain(model.name): model for model in self.models}
         by_name.update({self._plain(other): by_name[self._plain(to)] for other, to in self.other_names.items()})
         found = by_name.get(self._plain(name))
@@ -262,11 +258,7 @@ class Maker:
         return found
 
     def model_of(self, product: int, where: str = "") -> Model:
-        """The model with this product.
-
-        Raises:
-            InputError: if it is not supported.
-        """
+        """The model with this product; InputError if it is not supported."""
         for model in self.models:
             if model.product == product:
                 return model
