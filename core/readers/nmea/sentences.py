@@ -229,7 +229,8 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
     if i + 7 > end:
         return 0
     a, b, c = data[i + 3], data[i + 4], data[i + 5]
-    is_pubx = i + 9 <= end and data[i + 1] == _P and data[i + 2] == _U and a == _B and b == _X and c == _COMMA
+    is_pubx = data[i + 1] == _P and data[i + 2] == _U and a == _B and b == _X and c == _COMMA
+    is_pubx = is_pubx and i + 9 <= end and data[i + 8] == _COMMA
     is_pashr = data[i + 1] == _P and data[i + 2] == _A and a == _S and b == _H and c == _R
     if data[i + 6] != _COMMA and not is_pubx:
         return 0

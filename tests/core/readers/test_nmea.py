@@ -354,6 +354,9 @@ def test_pubx__is_the_position_where_there_is_no_other(tmp_path: Path) -> None:
     for status in ("NF", "TT", ""):
         with pytest.raises(InputError):
             track_of(write(tmp_path, date, sentence(position.decode().replace("G3", status))))
+    # The array of rows has room for two of each `$PUBX,00,`; of another address it would be written beyond its end.
+    damaged, _ = scan_bytes(sentence(position.decode().replace("PUBX,00,", "PUBX,00;,")), SentenceCounts())
+    assert len(damaged) == 0
 
 
 def test_pashr__has_heading_and_attitude(tmp_path: Path) -> None:
