@@ -271,10 +271,11 @@ def warm_up() -> None:
     tool, crs = Implement(width_m=2.0, xy_m=(-1.5, 0.0)), Crs(map="EPSG:32631")
     session = LiveSession(Session(furrowmap=1, recording=Recording(), crs=crs, implement=tool), map_frame(crs))
     column = (np.arange(4000) % 2000).astype(np.uint16)
+    t_s = 5e-5 * column.astype(np.float64)
     plane = np.column_stack([5.0 * np.cos(column), 5.0 * np.sin(column), np.full(len(column), -2.0)]).astype(np.float32)
     lasers, ones = np.zeros(len(column), np.uint8), np.ones(len(column), np.uint8)
     for number in range(LEARN_SCANS + 2):
-        session.add_scan(Scan(number, 0.1 * number + 5e-5 * column, plane, ones, lasers, column, ones, ones))
+        session.add_scan(Scan(number, t_s + 0.1 * number, plane, ones, lasers, column, ones, ones))
         gga = f"GNGGA,0000{0.1 * number:05.2f},4500.{5 * number:05d},N,00300.0,E,4,12,0.9,99.0,M,40.0,M,,"
         for body in (gga, "GNTHS,0.0,A"):
             session.add_gnss(f"${body}*{reduce(xor, body.encode()):02X}\r\n".encode())
