@@ -289,12 +289,7 @@ def enlarge_sigmas(
 
 
 def check_consistency(adjusted: Adjusted, ground: GroundTilt) -> Seen:
-    """What an adjusted trajectory shows.
-
-    Args:
-        adjusted: the solution.
-        ground: how it lies in the vehicle frame.
-    """
+    """What an adjusted trajectory shows; `ground` says how the ground lies in the vehicle frame."""
     knots, state, positions = adjusted.problem.knots, adjusted.state, adjusted.problem.positions
     linked = knots.linked
     steps = [

@@ -28,11 +28,7 @@ TOOL_CELL_M: Final = 0.1
 
 @dataclass(frozen=True)
 class Tool:
-    """The line at which an implement changes the soil.
-
-    Attributes:
-        xy_m: its middle in the vehicle frame.
-    """
+    """The line at which an implement changes the soil; `xy_m` is its middle in the vehicle frame."""
 
     xy_m: tuple[float, float]
     half_width_m: float

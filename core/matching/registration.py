@@ -43,12 +43,7 @@ _WallPart = tuple[SliceSums, Scatter, list[list[Patches]]]
 
 @dataclass(frozen=True)
 class GroundRegistration:
-    """Returns registered to the ground.
-
-    Attributes:
-        observation: what they add to the equations.
-        sums: over the returns.
-    """
+    """Returns registered to the ground: what they add to the equations, and sums over the returns."""
 
     observation: Registration
     sums: GroundSums

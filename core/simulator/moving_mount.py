@@ -15,11 +15,7 @@ from furrowmap.core.simulator.site import SimulatedSite
 
 @dataclass(frozen=True)
 class SimulatedMountMotion:
-    """Sines of roll, pitch and yaw of the mount against the vehicle.
-
-    Attributes:
-        phase_rad: (3,) at t0.
-    """
+    """Sines of roll, pitch and yaw of the mount against the vehicle; `phase_rad` (3,) is at t0."""
 
     mount: MovingMount
     phase_rad: FloatArray

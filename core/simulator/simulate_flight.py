@@ -27,11 +27,7 @@ from furrowmap.core.simulator.soil import make_ground
 
 @dataclass(frozen=True)
 class Written:
-    """A recording that was written.
-
-    Attributes:
-        recording: name of the capture or table of scans.
-    """
+    """A recording that was written; `recording` is the name of the capture or table of scans."""
 
     scenario: Scenario
     recording: str

@@ -167,11 +167,7 @@ NO_HINTS: Final = Hints()
 
 @dataclass(frozen=True)
 class InertialProblem:
-    """Input of the adjustment.
-
-    Attributes:
-        drift_s: correlation time of the slow error of the positions.
-    """
+    """Input of the adjustment; `drift_s` is the correlation time of the slow error of the positions."""
 
     positions: Positions
     links: InertialLinks

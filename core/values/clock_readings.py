@@ -25,11 +25,7 @@ _ENOUGH: Final = 0.5
 
 @dataclass(frozen=True)
 class ClockReading:
-    """The readings of one clock in a file.
-
-    Attributes:
-        note: its source, and its difference from other clocks.
-    """
+    """The readings of one clock in a file; `note` is its source, and its difference from other clocks."""
 
     clock: Clock
     first_s: float

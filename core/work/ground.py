@@ -403,11 +403,7 @@ class Overlap:
 
 @dataclass(frozen=True)
 class FieldPlace:
-    """A place of some kind.
-
-    Attributes:
-        kind: of a miss `between passes` or `boundary`, of a zone `headland` or `body`.
-    """
+    """A place; `kind` is `between passes` or `boundary` of a miss, `headland` or `body` of a zone."""
 
     kind: str
     ground: shapely.Polygon

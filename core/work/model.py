@@ -153,11 +153,7 @@ Plane = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Hint:
-    """The implement as stated in a session.
-
-    Attributes:
-        xy_m: middle of the line of the tool in the vehicle frame.
-    """
+    """The implement as stated in a session; `xy_m` is the middle of the tool's line in the vehicle frame."""
 
     xy_m: tuple[float, float]
     width_m: float

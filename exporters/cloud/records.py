@@ -29,11 +29,7 @@ def held_layout(las: np.dtype[np.void]) -> np.dtype[np.void]:
 
 @dataclass(frozen=True)
 class Chosen:
-    """A selection of records.
-
-    Attributes:
-        records: in the layout of :func:`held_layout`.
-    """
+    """A selection of records in the layout of :func:`held_layout`."""
 
     records: Records
     members: NDArray[np.uint32]

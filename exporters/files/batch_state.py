@@ -45,11 +45,7 @@ def same_files(some: Sequence[Stamp], others: Sequence[Stamp]) -> bool:
 
 @dataclass(frozen=True)
 class Failure:
-    """The error that ended a session.
-
-    Attributes:
-        exit_status: what `furrowmap run` would have ended with.
-    """
+    """The error that ended a session; `exit_status` is that of `furrowmap run`."""
 
     code: str
     lines: tuple[str, str, str]

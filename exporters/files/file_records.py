@@ -15,11 +15,7 @@ _HASHED_BYTES: Final = 4 << 20
 
 @dataclass(frozen=True)
 class FileRecord:
-    """An input file.
-
-    Attributes:
-        name: as the session has it.
-    """
+    """An input file; `name` is as in the session."""
 
     name: str
     bytes: int

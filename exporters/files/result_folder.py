@@ -197,11 +197,7 @@ def refuse_occupied(folder: Path, products: Iterable[str], shared: str, *, overw
 
 @dataclass(frozen=True)
 class ResultFolder:
-    """The result of a run.
-
-    Attributes:
-        layer_names: of `field.gpkg`, the topmost layer of a map first.
-    """
+    """The result of a run; `layer_names` are those of `field.gpkg`, the topmost layer of a map first."""
 
     folder: Path
     report: dict[str, Any]

@@ -28,11 +28,7 @@ DARKEST_GREY: Final = 150.0
 
 @dataclass(frozen=True)
 class ShadedRelief:
-    """Shaded relief of the ground.
-
-    Attributes:
-        pixels: (rows, columns, 2) uint8 grey and alpha, north on top.
-    """
+    """Shaded relief of the ground: `pixels` (rows, columns, 2) are uint8 grey and alpha, north on top."""
 
     pixels: NDArray[np.uint8]
     box_m: Box

@@ -70,12 +70,7 @@ def ground_pairs(one: OpenSurface, other: OpenSurface, touched: BaseGeometry) ->
 
 @dataclass(frozen=True)
 class Mover:
-    """A surface with its move.
-
-    Attributes:
-        move: (6,).
-        middle_m: (2,) that it is about.
-    """
+    """A surface with its move (6,) about `middle_m` (2,)."""
 
     surface: OpenSurface
     move: FloatArray

@@ -18,11 +18,7 @@ _LITERAL = re.compile(r"'[^'\n]*'")
 
 
 class NotSimpleError(Exception):
-    """The form cannot edit a line.
-
-    Attributes:
-        number: of the line, from 1.
-    """
+    """The form cannot edit the line of this number, counted from 1."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)

@@ -62,11 +62,7 @@ class StageFeedback(QgsProcessingFeedback):
 
 
 class RunTask(QgsProcessingAlgRunnerTask):
-    """Runs the algorithm `furrowmap:run`.
-
-    Args:
-        on_stage: is called with the name of each stage.
-    """
+    """Runs the algorithm `furrowmap:run`; `on_stage` is called with the name of each stage."""
 
     def __init__(self, parameters: dict[str, Any], on_stage: Any) -> None:
         self.context, self.feedback = QgsProcessingContext(), StageFeedback(logFeedback=False)

@@ -23,11 +23,7 @@ MANY_POLYGONS: Final = 50
 
 @dataclass(frozen=True)
 class Area:
-    """An area.
-
-    Attributes:
-        polygons: one or more, in map coordinates, with their holes; they may overlap.
-    """
+    """One or more polygons in map coordinates, with their holes; they may overlap."""
 
     path: Path
     polygons: tuple[shapely.Polygon, ...]

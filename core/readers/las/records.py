@@ -42,11 +42,7 @@ class LasRecord:
 
 @dataclass(frozen=True)
 class ExtraDimension:
-    """A dimension of the points that is not part of their format.
-
-    Attributes:
-        type: data type of its values.
-    """
+    """A dimension of the points that is not part of their format; `type` is the data type of its values."""
 
     name: str
     type: str

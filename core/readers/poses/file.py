@@ -121,11 +121,7 @@ class RawPoses:
 
 
 class PoseFile(FileReader, ABC):
-    """A reader of a trajectory from other software.
-
-    Args:
-        options: `time`, `week` and `near_s` are used.
-    """
+    """A reader of a trajectory from other software; of the options, `time`, `week` and `near_s` are used."""
 
     @abstractmethod
     def _read(self, path: Path) -> RawPoses:
