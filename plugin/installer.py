@@ -165,11 +165,7 @@ def check(program: Sequence[str], on_line: OnLine, is_cancelled: IsCancelled) ->
 
 
 def base_python(is_cancelled: IsCancelled) -> str:
-    """A Python that can create environments: QGIS's own, else one on the search path.
-
-    Raises:
-        InstallError: if there is none.
-    """
+    """A Python that can create environments: QGIS's own, else one on the search path; else InstallError."""
     candidates = python_candidates(sys.platform, Path(sys.executable or ""), Path(sys.base_prefix))
     if sys.platform == "win32" and (launcher := shutil.which("py")):
         with suppress(ProgramError):

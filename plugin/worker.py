@@ -85,11 +85,7 @@ def run_command(
 
 
 def greet(program: Sequence[str], is_cancelled: Callable[[], bool]) -> None:
-    """Start a worker, read its hello message, end it.
-
-    Raises:
-        WorkerError: if there is none, or it has another protocol version.
-    """
+    """Start a worker, read its hello message, end it; WorkerError for none, or another protocol version."""
     conversation = _Conversation(program, lambda _message: None, is_cancelled)
     try:
         conversation.greet()

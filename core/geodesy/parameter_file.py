@@ -78,11 +78,7 @@ class ParameterFile:
         return (self.backward if self.from_map else self.forward)(lon_deg, lat_deg, height_m)
 
     def forward(self, lon_deg: FloatArray, lat_deg: FloatArray, height_m: FloatArray) -> tuple[FloatArray, ...]:
-        """(longitude, latitude, height), each (n,), with the corrections added.
-
-        Raises:
-            InputError: if the file does not cover a position.
-        """
+        """Corrected (longitude, latitude, height), each (n,); InputError if the file does not cover a position."""
         moved = self._at(lon_deg, lat_deg)
         return lon_deg + moved[:, 0], lat_deg + moved[:, 1], height_m + moved[:, 2]
 
@@ -141,11 +137,7 @@ class ParameterFile:
 
 
 def read_parameters(path: Path) -> ParameterFile:
-    """The parameters in a .par file, whose format is detected from its layout.
-
-    Raises:
-        InputError: if it is no such file, or is damaged.
-    """
+    """The parameters in a .par file, by its layout; InputError if it is no such file, or is damaged."""
     try:
         if path.stat().st_size > MAX_PARAMETER_BYTES:
             raise _unreadable(path, f"it has {path.stat().st_size:,} bytes")

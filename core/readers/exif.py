@@ -165,11 +165,7 @@ def read_pixels(path: ImageFile, reduction: int) -> NDArray[np.uint8]:
 
 
 def image_size(path: ImageFile) -> tuple[int, int] | None:
-    """Width and height of an image by its header; None if it cannot be read.
-
-    Raises:
-        InputError: if Pillow is not installed.
-    """
+    """Width and height of an image, None if it cannot be read; InputError if Pillow is not installed."""
     expect_pillow()
     if isinstance(path, StoredImage) and path.layout is not None:
         return path.layout.width, path.layout.height

@@ -43,11 +43,7 @@ def demo_scenario(name: str = "demo") -> Scenario:
 
 
 def scenario_from(text: str, name: str) -> Scenario:
-    """The scenario in the TOML `text`; `name` is the file name in messages.
-
-    Raises:
-        InputError: as of :func:`load_scenario`.
-    """
+    """The scenario in the TOML `text`; `name` is the file name in messages, errors are as of :func:`load_scenario`."""
     try:
         return msgspec.convert(tomllib.loads(text), Scenario)
     except (tomllib.TOMLDecodeError, RecursionError) as error:

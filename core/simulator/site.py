@@ -161,11 +161,7 @@ def _to_degrees(crs: str) -> Transformer:
 
 
 def find_site(scenario: Scenario) -> SimulatedSite:
-    """The site of a scenario that is laid out.
-
-    Raises:
-        InputError: the CRS is unknown, not projected, or not good at the place.
-    """
+    """The site of a scenario; InputError if the CRS is unknown, not projected, or not good at the place."""
     from pyproj import CRS, Transformer
     from pyproj.exceptions import CRSError, ProjError
 

@@ -140,11 +140,7 @@ class E57Points(PointTable):
     scans: tuple[_Scan, ...]
 
     def batches(self, path: Path, points: int, batch_points: int) -> Iterator[CloudBatch]:  # noqa: ARG002
-        """The points in the order of the file, some millions of bytes at a time.
-
-        Raises:
-            InputError: if a page or a packet is damaged.
-        """
+        """The points in order, some millions of bytes at a time; InputError if a page or a packet is damaged."""
         with path.open("rb") as file:
             for scan in self.scans:
                 try:

@@ -285,11 +285,7 @@ def _survey(paths: Sequence[Path]) -> tuple[Counter[PacketSender], list[Datagram
 
 
 def chosen_by_source(sensors: list[OusterSensor], path: Path, source: str | None) -> list[OusterSensor]:
-    """The sensor that a session names by its source; all where it names none.
-
-    Raises:
-        InputError: if it is none of them.
-    """
+    """The sensor that a session names by its source, all without a name; InputError if it is none of them."""
     chosen = [sensor for sensor in sensors if source is None or source in sensor.names]
     if not chosen:
         there = "; ".join(sensor.name for sensor in sensors)

@@ -89,11 +89,7 @@ class ImuLog(_RowLog):
         return int(_is_turn(self._table[:, 7:11]).sum())
 
     def track(self, source: str, notices: list[Notice]) -> InertialTrack:
-        """All measurements in the order of recording.
-
-        Raises:
-            InputError: if the stamps do not increase, or no IMU measures such values.
-        """
+        """All measurements in order; InputError if the stamps do not increase, or no IMU measures such values."""
         table = self._table
         beyond = first_beyond(table[:, 1:7])
         if beyond is not None:

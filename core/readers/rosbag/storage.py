@@ -221,11 +221,7 @@ def inflate(data: bytes, method: str, size: int) -> tuple[bytes, str]:
 
 
 def decompress_message(data: bytes) -> bytes:
-    """A CDR message, decompressed if rosbag2 compressed it (mode "message").
-
-    Raises:
-        Damage: if it cannot be decompressed.
-    """
+    """A CDR message, decompressed if its bag is (mode "message"); Damage if it cannot be decompressed."""
     if not data.startswith(_ZSTD):
         return data
     decompressor = zstd.ZstdDecompressor()

@@ -228,11 +228,7 @@ class Maker:
         return np.where(found > 0, found, 1 + twice).astype(np.uint8)
 
     def layout_of(self, product: int) -> PacketLayout:
-        """The layout of packets with this product.
-
-        Raises:
-            InputError: if it is the product of packets that cannot be decoded.
-        """
+        """The layout of packets with this product; InputError if these cannot be decoded."""
         if any(product == other for _, other in self.other_packets):
             self.model_of(product)
         return next((m.layout for m in self.models if m.product == product), self.models[0].layout)
