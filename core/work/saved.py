@@ -42,7 +42,7 @@ def save_implement(path: Path, implement: SeenImplement) -> None:
 
 
 def load_implement(path: Path) -> SeenImplement:
-    """Read an implement of an earlier session; InputError if the file is unreadable or not of :func:`save_implement`."""
+    """An implement of an earlier session; InputError if the file is unreadable or not of :func:`save_implement`."""
     try:
         implement = _implement(read_npz(path))
     except (OSError, ValueError, KeyError) as error:
