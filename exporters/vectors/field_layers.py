@@ -85,7 +85,7 @@ def track_lines(xyz_m: FloatArray, t_s: FloatArray, tolerance_m: float) -> shape
 def hull(shapes: Sequence[shapely.Geometry]) -> shapely.Geometry:
     """The convex hull of shapes in two dimensions; that of a point or a line with a metre around it."""
     found = shapely.convex_hull(shapely.force_2d(shapely.GeometryCollection(shapes)))
-    return found if found.geom_type == "Polygon" else found.buffer(1.0, quad_segs=2)
+    return found if isinstance(found, shapely.Polygon) else found.buffer(1.0, quad_segs=2)
 
 
 def field_layers(poses: ScanPoses, work: FieldWork) -> list[Layer]:
