@@ -33,13 +33,8 @@ class KernelCacheLocator:
         """The locator of a kernel in a file; None if it is not of furrowmap, or where nothing can be written."""
         if not function.__module__.startswith(_PACKAGE):
             return None
-        folder = Path(os.environ[CACHE_VARIABLE], f"{Path(file).stem}-{sources_digest(function.__module__)[:16]}")
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=folder).close()
-        except OSError:
-            return None
-        return cls(function, folder)
+        folder = _writable_folder(Path(file).stem, function.__module__)
+        return cls(function, folder) if folder is not None else None
 
     def ensure_cache_path(self) -> None:
         """Make the folder if it has been removed."""
@@ -56,6 +51,18 @@ class KernelCacheLocator:
     def get_disambiguator(self) -> str:
         """What tells kernels of one name apart."""
         return str(self._line)
+
+
+@cache
+def _writable_folder(name: str, module: str) -> Path | None:
+    """The folder of a module's kernels, made where it is not there; None where nothing can be written."""
+    folder = Path(os.environ[CACHE_VARIABLE], f"{name}-{sources_digest(module)[:16]}")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return None
+    return folder
 
 
 @cache

@@ -137,8 +137,10 @@ class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
 
 @contextmanager
 def _watching(watch: _Compilations) -> Iterator[None]:
+    collections = gc.get_threshold()
     event.register("numba:compile", watch)
     try:
         yield
     finally:
         event.unregister("numba:compile", watch)
+        gc.set_threshold(*collections)
