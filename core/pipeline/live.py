@@ -1,4 +1,4 @@
-"""A session while it is recorded: datagrams and bytes of a receiver in; poses, tool states and ground worked out."""
+"""A session while it is recorded: scans and bytes of a receiver in; poses, tool states and ground worked out."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ from furrowmap.core.geodesy.projection import MapFrame, map_frame
 from furrowmap.core.matching.returns import LEARN_SCANS
 from furrowmap.core.pipeline.live_poses import MAX_BRIDGED_S, MAX_CARRIED_S, LivePose, LivePoses
 from furrowmap.core.readers.arrived_positions import Kind, log_kind
-from furrowmap.core.readers.pcap import Datagrams
-from furrowmap.core.readers.spinning.stream import ScanStream
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.rotation import wrap_deg
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs, Implement, Recording, Session
@@ -68,7 +67,7 @@ class LiveScan:
 
 
 class LiveSession:
-    """Takes what scanner and receiver send, in any pieces, and gives a :class:`LiveScan` for each scan.
+    """Takes scans, and what the receiver sends in any pieces, and gives a :class:`LiveScan` for each scan.
 
     Memory does not grow with time, but with the ground worked (5 bytes a cell of 0.1 m).
 
@@ -83,7 +82,7 @@ class LiveSession:
     """
 
     def __init__(self, session: Session, frame: MapFrame, learned: SeenImplement | None = None) -> None:
-        self._session, self._frame, self._scans = session, frame, ScanStream(session.lidar.model, session.lidar.source)
+        self._session, self._frame = session, frame
         self._poses = LivePoses(session, frame)
         self._tail = b""
         self._kind: Kind | None = None
@@ -103,28 +102,10 @@ class LiveSession:
         if learned is not None:
             self._use(learned, -math.inf)
 
-    @property
-    def lost_packets(self) -> int:
-        """Packets of the scanner that are missing between others."""
-        return self._scans.lost_packets
-
-    @property
-    def utc_minus_recorder_s(self) -> float:
-        """UTC minus the recorder's time, by the scanner's clock; nan before the first scan."""
-        return self._scans.utc_minus_host_s
-
     def close(self) -> None:
         """End the process that learns the implement."""
         if self._pool is not None:
             self._pool.shutdown(wait=False, cancel_futures=True)
-
-    def scans(self, datagrams: Datagrams) -> list[Scan]:
-        """The scans that some datagrams complete, by the clock of the positions.
-
-        Raises:
-            InputError: if the scanner is not supported.
-        """
-        return self._scans.push(datagrams)
 
     def add_gnss(self, data: bytes) -> None:
         """Add bytes of the receiver: NMEA, UBX or SBF. What cannot be read yet is kept until more comes."""
@@ -139,7 +120,10 @@ class LiveSession:
             return
         self._tail = self._tail[-GNSS_KEPT_BYTES:]
         # The first epoch may lack sentences that were cut off.
-        track = track[1:] if not math.isnan(self._gnss_s) else track
+        self.add_track(track[1:] if not math.isnan(self._gnss_s) else track)
+
+    def add_track(self, track: GnssTrack) -> None:
+        """Add positions; those of a time that is already known replace the earlier ones."""
         if len(track):
             self._gnss_s = float(track.t_s[-1])
             self._poses.add_track(track)

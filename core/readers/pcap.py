@@ -7,7 +7,7 @@ types as listed by the tcpdump group.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from ipaddress import IPv4Address
 from pathlib import Path
@@ -268,6 +268,15 @@ class Capture:
                 self._lost_bytes += len(self._data) - self._pos
                 self._pos = len(self._data)
                 return
+
+
+def datagrams_of(paths: Sequence[Path], skipped: Counter[str]) -> Iterator[Datagrams]:
+    """The datagrams of captures, block by block; frames without one are counted in `skipped`."""
+    for path in paths:
+        with Source(path) as source:
+            capture = Capture(source)
+            yield from capture
+            skipped.update(capture.skipped)
 
 
 def first_datagrams(head: Head) -> Datagrams | None:

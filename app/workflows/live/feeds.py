@@ -1,11 +1,11 @@
-"""Where a live session gets its datagrams and the receiver's bytes: a folder that grows, or a recording played."""
+"""Where a live session gets its scans and positions: a folder that grows, or a recording played."""
 
 from __future__ import annotations
 
 import json
 import math
-import re
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,11 +15,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from furrowmap.core.readers.pcap import Capture, Datagrams
+from furrowmap.core.readers.arrived_scans import ScanStream
+from furrowmap.core.readers.pcap import Capture, Datagrams, capture_format, datagrams_of
 from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.readers.source import Source
+from furrowmap.core.runtime.errors import InputError, UsageError
 from furrowmap.core.session.opened import OpenSession
-from furrowmap.core.values.clock import DAY_S, nearest_in_cycle, unroll
+from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Recording
 
 POLL_S: Final = 0.01
@@ -29,7 +32,6 @@ FEED_STEP_S: Final = 0.01
 GNSS_DELAY_S: Final = 0.05
 """A receiver sends an epoch so long after it."""
 QUEUED_INPUTS: Final = 256
-_GGA: Final = re.compile(rb"\$[A-Z]{2}GGA,(\d\d)(\d\d)(\d\d(?:\.\d+)?),")
 
 
 @dataclass(frozen=True)
@@ -37,11 +39,12 @@ class Input:
     """Some of the input.
 
     Attributes:
-        data: datagrams of the scanner, or bytes of the receiver.
+        data: scans that are complete, or positions as bytes of the receiver or as read; an error says what is missing
+            for scans.
         due_s: when it came, by this computer's clock.
     """
 
-    data: Datagrams | bytes
+    data: list[Scan] | bytes | GnssTrack | InputError
     due_s: float
 
 
@@ -68,18 +71,19 @@ class FolderFeed:
     Args:
         folder: the recording's.
         recording: of its session; of several scanners the first is followed.
+        scans: decodes its packets.
         stop: ends the feed.
 
     Attributes:
         status: what the recorder says of itself; empty where it says nothing.
     """
 
-    def __init__(self, folder: Path, recording: Recording, stop: Event) -> None:
-        self._folder, self._stop, self._over = folder, stop, Event()
+    def __init__(self, folder: Path, recording: Recording, scans: ScanStream, stop: Event) -> None:
+        self._folder, self._scans, self._stop, self._over = folder, scans, stop, Event()
         self._series = [
             (files[0].rpartition("-")[0], Path(files[0]).suffix) for files in (recording.lidar, recording.gnss)
         ]
-        self._queue: Queue[Input] = Queue(QUEUED_INPUTS)
+        self._queue: Queue[tuple[Datagrams | bytes, float]] = Queue(QUEUED_INPUTS)
         self._looked_s = -math.inf
         self.status: dict[str, Any] = {}
 
@@ -92,9 +96,13 @@ class FolderFeed:
         while any(thread.is_alive() for thread in threads) or not self._queue.empty():
             self._look()
             try:
-                yield self._queue.get(timeout=0.2)
+                data, due_s = self._queue.get(timeout=0.2)
             except Empty:
                 continue
+            try:
+                yield Input(data if isinstance(data, bytes) else self._scans.push(data), due_s)
+            except InputError as error:
+                yield Input(error, due_s)
 
     def _look(self) -> None:
         """Read the recorder's status now and then."""
@@ -131,7 +139,7 @@ class FolderFeed:
                     due_s = time.time() if isinstance(data, bytes) else float(data.time_s[-1])
                     # What was recorded before is not shown as now; the last seconds show what the clocks count from.
                     if not first or isinstance(data, bytes) or time.time() - due_s < 5.0:
-                        self._queue.put(Input(data, due_s))
+                        self._queue.put((data, due_s))
 
 
 def _chunks(source: Source) -> Iterator[bytes]:
@@ -144,63 +152,55 @@ class PlayedFeed:
 
     Args:
         opened: the session.
+        scans: decodes the packets of captures; other recordings are read as scans.
         speed: so many times as fast as it was recorded; infinite for as fast as it can be looked at.
         stop: ends the feed.
 
     Attributes:
         status: nothing, because no recorder is at work.
-        utc_minus_recorder_s: of the capture's clock; nan until the scanner's is known, and no positions come before.
 
     Raises:
-        InputError: if the positions cannot be read.
+        InputError: if the recording cannot be read.
+        UsageError: if the session has no scans or no positions.
     """
 
-    def __init__(self, opened: OpenSession, speed: float, stop: Event) -> None:
-        self._opened, self._speed, self._stop = opened, speed, stop
-        reader = opened.positions()
-        assert isinstance(reader, GivesTrack)
-        self._log = b"".join(path.read_bytes() for path in opened.inputs.positions)
-        t_s = reader.track().t_s
-        found = list(_GGA.finditer(self._log))
-        if found:  # each epoch begins with its sentence, or a moment before
-            tod_s = unroll(np.array([int(m[1]) * 3600 + int(m[2]) * 60 + float(m[3]) for m in found]), DAY_S)
-            self._epoch_s = tod_s + float(nearest_in_cycle(tod_s[0], t_s[0], DAY_S) - tod_s[0])
-            self._ends = np.append([m.start() for m in found[1:]], len(self._log))
-        else:  # receivers write epochs at an even pace
-            self._epoch_s = t_s
-            self._ends = np.linspace(0, len(self._log), len(t_s) + 1).astype(np.int64)[1:]
-        self.utc_minus_recorder_s = math.nan
+    def __init__(self, opened: OpenSession, scans: ScanStream, speed: float, stop: Event) -> None:
+        self._opened, self._scans, self._speed, self._stop = opened, scans, speed, stop
+        reader = opened.positions() if opened.inputs.positions else None
+        if not isinstance(reader, GivesTrack) or not opened.inputs.lidar:
+            raise UsageError("usage.live-recording", file=opened.file)
+        self._track = reader.track()
         self.status: dict[str, Any] = {}
 
     def pieces(self) -> Iterator[Input]:
-        """Datagrams by the time of their capture, and the receiver's bytes by the times of its positions."""
-        sent, begin_s, first_s = 0, time.time(), math.nan
-        for datagrams in self._batches():
-            last_s = float(datagrams.time_s[-1])
-            first_s = last_s if math.isnan(first_s) else first_s
-            due_s = begin_s + (last_s - first_s) / self._speed
+        """Scans by the times of their capture, each with the positions that came before."""
+        given, begin_s, first_s = 0, time.time(), math.nan
+        for now_s, utc_s, scans in self._batches():
+            first_s = now_s if math.isnan(first_s) else first_s
+            due_s = begin_s + (now_s - first_s) / self._speed
             if self._stop.wait(max(0.0, due_s - time.time())):
                 return
             due_s = due_s if math.isfinite(self._speed) else time.time()
-            utc_s = last_s + self.utc_minus_recorder_s
-            come = int(np.searchsorted(self._epoch_s, utc_s - GNSS_DELAY_S)) if math.isfinite(utc_s) else 0
-            upto = int(self._ends[come - 1]) if come else 0
-            if upto > sent:
-                yield Input(self._log[sent:upto], due_s)
-                sent = upto
-            yield Input(datagrams, due_s)
+            come = int(np.searchsorted(self._track.t_s, utc_s - GNSS_DELAY_S)) if math.isfinite(utc_s) else 0
+            if come > given:
+                yield Input(self._track[given:come], due_s)
+                given = come
+            yield Input(scans, due_s)
 
-    def _batches(self) -> Iterator[Datagrams]:
-        for path in self._opened.inputs.lidar:
-            with Source(path) as source:
-                for block in Capture(source):
-                    cuts = np.flatnonzero(np.diff(np.floor(block.time_s / FEED_STEP_S)) != 0) + 1
-                    for part in np.split(np.arange(len(block)), cuts):
-                        some = slice(int(part[0]), int(part[-1]) + 1)
-                        yield replace(
-                            block,
-                            offset=block.offset[some],
-                            length=block.length[some],
-                            time_s=block.time_s[some],
-                            sender=block.sender[some],
-                        )
+    def _batches(self) -> Iterator[tuple[float, float, list[Scan]]]:
+        """The recorder's time, UTC as far as it is known, and the scans that are complete."""
+        with Source(self._opened.inputs.lidar[0]) as source:
+            is_capture = capture_format(source.read(12))
+        if not is_capture:
+            offset_s = self._opened.session.recording.lidar_minus_gnss_s or 0.0
+            for scan in self._opened.lidar(float(self._track.t_s[0])).ahead_by(-offset_s).scans():
+                yield float(scan.t_s[-1]), float(scan.t_s[-1]) - offset_s, [scan]
+            return
+        for block in datagrams_of(self._opened.inputs.lidar, Counter()):
+            cuts = np.flatnonzero(np.diff(np.floor(block.time_s / FEED_STEP_S)) != 0) + 1
+            for part in np.split(np.arange(len(block)), cuts):
+                some = slice(int(part[0]), int(part[-1]) + 1)
+                last_s = float(block.time_s[some][-1])
+                utc_s = last_s + self._scans.utc_minus_host_s
+                cut = {name: getattr(block, name)[some] for name in ("offset", "length", "time_s", "sender")}
+                yield last_s, utc_s, self._scans.push(replace(block, **cut))

@@ -15,9 +15,11 @@ from typing import Any, Final
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.live import LiveScan, LiveSession, warm_up
-from furrowmap.core.readers.pcap import Datagrams
+from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import FurrowmapError, UsageError
 from furrowmap.core.session.opened import OpenSession, open_session
+from furrowmap.core.values.gnss import GnssTrack
+from furrowmap.core.values.scan import Scan
 from furrowmap.core.work.saved import load_implement
 from furrowmap.core.work.worked_cells import MISSED, OVERLAP, WORKED, Tile
 from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed
@@ -31,6 +33,8 @@ CELLS_EVERY_S: Final = 0.5
 FIGURES_EVERY_S: Final = 1.0
 RATE_OVER_S: Final = 120.0
 OPEN_EVERY_S: Final = 1.0
+EARLY_S: Final = 1.6
+"""A scan of before the scanner's clock was known is looked at if it came no longer ago."""
 
 
 @dataclass(frozen=True)
@@ -40,14 +44,16 @@ class LiveSummary:
     Attributes:
         scans: looked at.
         posed: of these with a pose.
+        early: came before the scanner's clock was known, or 0.3 s after; those of the last second are looked at then.
         dropped: not looked at, because newer ones were waiting.
         lost_packets: of the scanner.
         worked_m2, overlap_m2, missed_m2: in the map's plane.
-        delays_s: from the last packet of a scan to its pose: median, 99.9 %, the longest.
+        delays_s: from the last packet of a scan to its pose, without early ones: median, 99.9 %, the longest.
     """
 
     scans: int = 0
     posed: int = 0
+    early: int = 0
     dropped: int = 0
     lost_packets: int = 0
     worked_m2: float = 0.0
@@ -123,15 +129,23 @@ def live(
         learned = load_implement(tools[0].learned) if tools and tools[0].learned is not None else None
         session = LiveSession(opened.session, opened.frame, learned)
         closing.callback(session.close)
-        feed = PlayedFeed(opened, speed, stop) if play else FolderFeed(Path(recording), opened.session.recording, stop)
-        watch = _Watch(session, opened.frame, page, lines, pictures, on_scan)
+        scanner = opened.session.lidar
+        scans = ScanStream((*opened.inputs.lidar, file)[0], scanner.model, scanner.source)
+        feed: FolderFeed | PlayedFeed = (
+            PlayedFeed(opened, scans, speed, stop)
+            if play
+            else FolderFeed(Path(recording), opened.session.recording, scans, stop)
+        )
+        watch = _Watch(session, opened.frame, scans, page, lines, pictures, on_scan)
         for piece in feed.pieces():
             if isinstance(piece.data, bytes):
                 session.add_gnss(piece.data)
-                continue
-            if isinstance(feed, PlayedFeed):
-                feed.utc_minus_recorder_s = session.utc_minus_recorder_s
-            watch.take(piece.data, piece.due_s, feed)
+            elif isinstance(piece.data, GnssTrack):
+                session.add_track(piece.data)
+            elif isinstance(piece.data, list):
+                watch.take(piece.data, piece.due_s, feed.status)
+            else:
+                _say_waiting(piece.data, page, on_scan)
         return watch.summary()
 
 
@@ -141,12 +155,17 @@ def _opened(file: Path, page: Hub, stop: Event, on_scan: Callable[[dict[str, Any
         try:
             return open_session(file)
         except FurrowmapError as error:
-            waits = error.what
-        page.publish(partial(event, "waiting", waits))
-        if on_scan is not None:
-            on_scan({"waiting": waits})
+            _say_waiting(error, page, on_scan)
         stop.wait(OPEN_EVERY_S)
     return None
+
+
+def _say_waiting(error: FurrowmapError, page: Hub, on_scan: Callable[[dict[str, Any]], None] | None) -> None:
+    """Tell page and caller what is missing."""
+    waits = error.what
+    page.publish(partial(event, "waiting", waits))
+    if on_scan is not None:
+        on_scan({"waiting": waits})
 
 
 class _Watch:
@@ -156,47 +175,56 @@ class _Watch:
         self,
         session: LiveSession,
         frame: MapFrame,
+        stream: ScanStream,
         page: Hub,
         lines: Hub,
         pictures: Pictures,
         on_scan: Callable[[dict[str, Any]], None] | None,
     ) -> None:
-        self._session, self._frame, self._page, self._lines = session, frame, page, lines
+        self._session, self._frame, self._stream, self._page, self._lines = session, frame, stream, page, lines
         self._pictures, self._on_scan = pictures, on_scan
-        self._scans = self._posed = self._dropped = 0
+        self._scans = self._posed = self._early = self._dropped = 0
+        self._begun_s = math.nan
         self._delays = _Delays()
         self._changed: set[Tile] = set()
         self._told_s = {"pose": -math.inf, "cells": -math.inf, "figures": -math.inf}
         self._areas: deque[tuple[float, float]] = deque()
         self._origin: tuple[float, float] | None = None
 
-    def take(self, datagrams: Datagrams, due_s: float, feed: FolderFeed | PlayedFeed) -> None:
-        """Look at the scans that some datagrams complete, unless newer ones wait."""
-        scans = self._session.scans(datagrams)
-        for number, scan in enumerate(scans):
-            if number < len(scans) - 1 or time.time() - due_s > BACKLOG_S:
-                self._dropped += 1
+    def take(self, scans: list[Scan], due_s: float, status: dict[str, Any]) -> None:
+        """Look at scans, the last of which is complete since `due_s`, unless newer ones wait."""
+        if scans and math.isnan(self._begun_s):
+            self._begun_s = time.time()
+        for scan in scans:
+            scan_due_s = due_s - float(scans[-1].t_s[-1] - scan.t_s[-1])
+            late_s = time.time() - scan_due_s
+            early = scan_due_s < self._begun_s + BACKLOG_S  # while the first ones are looked at, others wait
+            self._early += early
+            if late_s > (EARLY_S if early else BACKLOG_S):
+                self._dropped += not early
                 continue
             seen = self._session.add_scan(scan)
             if seen is not None:
-                self._tell(seen, due_s, feed.status)
+                self._tell(seen, time.time() - scan_due_s, status)
+                if not early:
+                    self._delays.add(time.time() - scan_due_s)
 
     def summary(self) -> LiveSummary:
         """What was seen so far."""
         cells, delays = self._session.cells, self._delays
         worked, overlap, missed = (cells.area_m2(s) if cells is not None else 0.0 for s in (WORKED, OVERLAP, MISSED))
         lost, quantiles = (
-            self._session.lost_packets,
+            self._stream.lost_packets,
             (delays.quantile_s(0.5), delays.quantile_s(0.999), delays.quantile_s(1.0)),
         )
-        return LiveSummary(self._scans, self._posed, self._dropped, lost, worked, overlap, missed, quantiles)
+        return LiveSummary(
+            self._scans, self._posed, self._early, self._dropped, lost, worked, overlap, missed, quantiles
+        )
 
-    def _tell(self, seen: LiveScan, due_s: float, status: dict[str, Any]) -> None:
+    def _tell(self, seen: LiveScan, delay_s: float, status: dict[str, Any]) -> None:
         pose, now_s = seen.pose, time.time()
         self._scans += 1
         self._changed |= seen.changed
-        delay_s = now_s - due_s
-        self._delays.add(delay_s)
         if pose is not None:
             self._posed += 1
             if self._origin is None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.ouster.clock import PTP_PORT, SensorTime, announced_s, settle
 from furrowmap.core.readers.ouster.metadata import LEGACY, PROFILES, Metadata, heads, metadata_beside, packet_bytes
 from furrowmap.core.readers.ouster.packets import ByteArray, OusterDecoder
-from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, first_datagrams
+from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, datagrams_of, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
@@ -216,18 +216,10 @@ class OusterPcap(OusterReader):
 
     def __init__(self, paths: Sequence[Path], options: ReadOptions) -> None:
         super().__init__(paths, options)
-        found, first, tai_s = _survey(self.paths)
-        beside = metadata_beside(self.paths[0])
-        self._sensors, self._uncertain = sensors_of(self.paths[0], found, beside, options.model)
-        self._sensors = chosen_by_source(self._sensors, self.paths[0], options.source)
-        sender, metadata = self._sensors[0]
-        mine = [sender.sort(datagrams, metadata) for datagrams in first]
-        stamp_ns = np.concatenate(
-            [metadata.heads(d.data, d.offset[m]).stamp_ns for d, m in zip(first, mine, strict=True)]
+        skipped = Counter[str]()
+        self._sensors, self._time, self._uncertain = sensors_and_time(
+            self.paths[0], datagrams_of(self.paths, skipped), skipped, options.model, options.source
         )
-        host_s = np.concatenate([d.time_s[m] for d, m in zip(first, mine, strict=True)])
-        self._time, clock_notices = settle(stamp_ns, host_s, metadata, tai_s)
-        self._uncertain += clock_notices
 
     @classmethod
     def recognise(cls, head: Head) -> float:
@@ -258,30 +250,43 @@ def _beginnings(datagrams: Datagrams) -> Datagrams:
     return Datagrams(data.reshape(-1), offset, datagrams.length[kept], datagrams.time_s[kept], datagrams.sender[kept])
 
 
-def _survey(paths: Sequence[Path]) -> tuple[Counter[PacketSender], list[Datagrams], int | None]:
-    """What sends data packets, the beginnings of the first ones, and TAI minus UTC as PTP announced it among them."""
+def sensors_and_time(
+    path: Path, blocks: Iterable[Datagrams], skipped: Counter[str], model: str | None, source: str | None
+) -> tuple[list[OusterSensor], SensorTime, list[Notice]]:
+    """The sensors that send data packets, the clock of the first one, and what is uncertain about them.
+
+    Args:
+        path: the recording, with the metadata beside it.
+        blocks: its datagrams, of which as many are taken as it needs.
+        skipped: gets the frames that are no data packets, by kind.
+        model, source: choose among several sensors.
+
+    Raises:
+        InputError: if there are no packets of an Ouster, no metadata of their sensor, or no sensor of that name.
+    """
     found: Counter[PacketSender] = Counter()
-    first, skipped, tai_s = list[Datagrams](), Counter[str](), None
-    for path in paths:
-        with Source(path) as source:
-            capture = Capture(source)
-            for datagrams in capture:
-                first.append(_beginnings(datagrams))
-                skipped["other UDP datagrams"] += len(datagrams) - len(first[-1])
-                found.update(looks_like_data(datagrams))
-                for i in np.flatnonzero(datagrams.sender & np.uint64(0xFFFF) == PTP_PORT).tolist():
-                    at = int(datagrams.offset[i])
-                    payload = datagrams.data[at : at + int(datagrams.length[i])].tobytes()
-                    tai_s = tai_s if (said_s := announced_s(payload)) is None else said_s
-                if found.total() >= _FIRST_PACKETS:
-                    break
-            skipped.update(capture.skipped)
+    first, tai_s = list[Datagrams](), None
+    for datagrams in blocks:
+        first.append(_beginnings(datagrams))
+        skipped["other UDP datagrams"] += len(datagrams) - len(first[-1])
+        found.update(looks_like_data(datagrams))
+        for i in np.flatnonzero(datagrams.sender & np.uint64(0xFFFF) == PTP_PORT).tolist():
+            at = int(datagrams.offset[i])
+            payload = datagrams.data[at : at + int(datagrams.length[i])].tobytes()
+            tai_s = tai_s if (said_s := announced_s(payload)) is None else said_s
         if found.total() >= _FIRST_PACKETS:
             break
     if not found:
         frames = ", ".join(f"{n:,} {why}" for why, n in skipped.most_common() if n)
-        raise InputError("no-packets", paths=paths[0], frames=frames or "no packets at all")
-    return found, first, tai_s
+        raise InputError("no-packets", paths=path, frames=frames or "no packets at all")
+    sensors, uncertain = sensors_of(path, found, metadata_beside(path), model)
+    sensors = chosen_by_source(sensors, path, source)
+    sender, metadata = sensors[0]
+    mine = [sender.sort(datagrams, metadata) for datagrams in first]
+    stamp_ns = np.concatenate([metadata.heads(d.data, d.offset[m]).stamp_ns for d, m in zip(first, mine, strict=True)])
+    host_s = np.concatenate([d.time_s[m] for d, m in zip(first, mine, strict=True)])
+    time, clock_notices = settle(stamp_ns, host_s, metadata, tai_s)
+    return sensors, time, uncertain + clock_notices
 
 
 def chosen_by_source(sensors: list[OusterSensor], path: Path, source: str | None) -> list[OusterSensor]:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, first_datagrams
+from furrowmap.core.readers.pcap import Capture, Datagrams, address_of, datagrams_of, first_datagrams
 from furrowmap.core.readers.reader import FileReader, Inspection, ReadOptions
 from furrowmap.core.readers.source import Head, Source
 from furrowmap.core.readers.spinning.angles import AngleTable
@@ -222,7 +222,7 @@ class SpinningPcap(FileReader):
             self.maker.named(options.model)
         self._angles = AngleTable.beside(self.paths) if self.maker.calibrated else None
         skipped: Counter[str] = Counter()
-        blocks = _blocks(self.paths, skipped)
+        blocks = datagrams_of(self.paths, skipped)
         self._senders, self._first_packets = survey(self.maker, self.paths, options.source, blocks, skipped)
         self._sender = self._senders[0]
         self.clock: Clock = settle(*self._first_packets, options.near_s)[0].kind
@@ -328,14 +328,6 @@ def survey(
     mine = all_senders == np.uint64(sender)
     from_sensor = [p for from_, p in positions if from_ >> 16 == sender >> 16]
     return several, (np.concatenate(stamps)[mine], np.concatenate(times)[mine], from_sensor)
-
-
-def _blocks(paths: Sequence[Path], skipped: Counter[str]) -> Iterator[Datagrams]:
-    for path in paths:
-        with Source(path) as source:
-            capture = Capture(source)
-            yield from capture
-            skipped.update(capture.skipped)
 
 
 def _senders(paths: Sequence[Path], senders: NDArray[np.uint64], wanted: str | None) -> list[int]:

@@ -23,8 +23,12 @@ import furrowmap
 from furrowmap.cli.main import command_line
 from furrowmap.core.geodesy.projection import map_frame
 from furrowmap.core.pipeline.live_poses import LivePose
+from furrowmap.core.readers.arrived_scans import ScanStream
+from furrowmap.core.runtime.errors import InputError
+from furrowmap.core.session.opened import open_session
 from furrowmap.core.simulator.capture import frame_head
 from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs, Recording
 from furrowmap.core.work.worked_cells import TILE_CELLS, WORKED, WorkedCells
 from furrowmap.workflows.live.feeds import FolderFeed
@@ -155,42 +159,47 @@ def test_outlet__sends_sentences_that_another_reader_understands() -> None:
     assert vtg.sogk == pytest.approx(3.6, abs=0.01)
 
 
-def packet(content: bytes, source: str) -> bytes:
-    """A record of a capture, received now."""
+def packet(content: bytes, source: str, ago_s: float) -> bytes:
+    """A record of a capture, received so long ago."""
     head = frame_head((source, 2368), ("192.168.1.10", 2368), len(content))
     size = len(head) + len(content)
-    return PCAP_RECORD.pack(*divmod(time.time_ns(), 10**9), size, size) + head + content
+    return PCAP_RECORD.pack(*divmod(time.time_ns() - round(1e9 * ago_s), 10**9), size, size) + head + content
 
 
-def test_feed__follows_the_first_scanner_and_the_receiver_from_file_to_file(tmp_path: Path) -> None:
-    (tmp_path / "lidar-192.168.1.201-0001.pcap").write_bytes(PCAP_HEAD)
-    (tmp_path / "lidar-192.168.1.202-0001.pcap").write_bytes(
-        PCAP_HEAD + packet(b"of the other scanner", "192.168.1.202")
-    )
+def test_feed__follows_the_first_scanner_and_the_receiver_from_file_to_file(
+    simulated: furrowmap.Simulated, tmp_path: Path
+) -> None:
+    capture, own = simulated.folder / "recording.pcap", "lidar-192.168.1.201"
+    others = b"".join(packet(b"of no scanner", "192.168.1.201", ago_s) for ago_s in (2.0, 0.0))
+    (tmp_path / f"{own}-0001.pcap").write_bytes(PCAP_HEAD + others)
+    (tmp_path / "lidar-192.168.1.202-0001.pcap").write_bytes(capture.read_bytes())
     (tmp_path / "gnss-0001.log").write_bytes(b"before,")
-    recording = Recording(lidar=("lidar-192.168.1.201-0001.pcap",), gnss=("gnss-0001.log",))
-    feed = FolderFeed(tmp_path, recording, Event())
-    log, scans = b"", b""
+    recording = Recording(lidar=(f"{own}-0001.pcap",), gnss=("gnss-0001.log",))
+    feed = FolderFeed(tmp_path, recording, ScanStream(tmp_path / f"{own}-0001.pcap", "VLP-16"), Event())
+    log, waited, scans = b"", list[str](), list[Scan]()
 
     def write() -> None:
         with (tmp_path / "gnss-0001.log").open("ab") as file:
             file.write(b"more,")
         (tmp_path / "gnss-0002.log").write_bytes(b"the next file")
-        (tmp_path / "lidar-192.168.1.201-0002.pcap").write_bytes(PCAP_HEAD + packet(b"a packet", "192.168.1.201"))
+        (tmp_path / f"{own}-0002.pcap").write_bytes(capture.read_bytes())
 
     for piece in feed.pieces():
         if isinstance(piece.data, bytes):
             log += piece.data
-        else:
-            scans += b"".join(
-                piece.data.data[at : at + size].tobytes()
-                for at, size in zip(piece.data.offset.tolist(), piece.data.length.tolist(), strict=True)
-            )
-        if log == b"before," and not scans:  # once: the packet may come before the rest of the log
+        elif isinstance(piece.data, list):
+            scans += piece.data
+        elif isinstance(piece.data, InputError):
+            waited.append(piece.data.what)
+        if log == b"before," and waited and not (tmp_path / "gnss-0002.log").exists():
             write()
-        if log.endswith(b"next file") and scans:
+        if log.endswith(b"next file") and len(scans) > 40:
             (tmp_path / "status.json").write_text('{"state": "ended"}')
-    assert (log, scans) == (b"before,more,the next file", b"a packet")
+    assert log == b"before,more,the next file"
+    assert waited
+    assert "2 other UDP datagrams" in waited[0]
+    of_file = list(open_session(simulated.session).lidar(0.0).scans())
+    assert [len(scan) for scan in scans] == [len(scan) for scan in of_file][: len(scans)]
 
 
 def test_sources__that_cannot_be_used_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,50 @@
+"""Recordings of scanners of several kinds, played as they came in."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import furrowmap
+from furrowmap.core.readers.reader import GivesPoses, ReadOptions, open_recording
+from furrowmap.core.session.opened import open_session
+from furrowmap.core.trajectory.from_poses import trajectory_from_poses
+
+from ..conftest import SCENARIO
+
+
+@pytest.mark.parametrize("model", ["VLP-16", "OS1-32", "Mid-360"])
+def test_live__follows_the_recording_of_any_scanner(model: str, tmp_path: Path) -> None:
+    """Packets of a Velodyne and an Ouster, and messages in a bag of a Livox."""
+    (tmp_path / "scenario.toml").write_text(SCENARIO + f'[lidar]\nmodel = "{model}"\n')
+    simulated = furrowmap.simulate(tmp_path / "scenario.toml", tmp_path / "drive")
+    seen: list[dict[str, Any]] = []
+    options: dict[str, Any] = {"speed": math.inf, "port": None, "nmea_port": None}
+    summary = furrowmap.live(simulated.session, play=True, on_scan=seen.append, **options)
+    opened = open_session(simulated.session)
+    reader = open_recording([simulated.folder / "truth" / "trajectory.csv"], ReadOptions())
+    assert isinstance(reader, GivesPoses)
+    truth = trajectory_from_poses(reader.poses(), opened.frame)
+    recorded = sum(1 for _ in opened.lidar(truth.span_s[0]).scans())
+    assert (summary.dropped, summary.lost_packets) == (0, 0)
+    assert recorded - 2 <= summary.scans <= recorded  # the last revolution has no end
+    assert summary.early < 20
+    posed = [scan for scan in seen if "e_m" in scan]
+    assert len(posed) > 0.5 * recorded
+    true_m = truth.at(np.array([scan["t_s"] for scan in posed])).xyz_m
+    off_m = np.hypot(*(np.array([[scan["e_m"], scan["n_m"]] for scan in posed]) - true_m[:, :2]).T)
+    assert np.sqrt((off_m**2).mean()) < 0.07  # the errors of the positions counted in
+
+
+def test_live__needs_scans_and_positions(simulated: furrowmap.Simulated, tmp_path: Path) -> None:
+    session = tmp_path / "session.toml"
+    text = simulated.session.read_text().replace('lidar = ["recording.pcap"]', "")
+    session.write_text(text)
+    for name in ("gnss.nmea", "boundary.geojson"):
+        (tmp_path / name).write_bytes((simulated.folder / name).read_bytes())
+    with pytest.raises(furrowmap.UsageError, match="no recording of a scanner"):
+        furrowmap.live(session, play=True, port=None, nmea_port=None)
