@@ -50,7 +50,7 @@ class Sensor:
 
     def corrected(self, source: GroundReturns | UprightReturns, part: slice) -> NDArray[np.float32]:
         """(n, 3) some returns in the vehicle frame, by their constants and the mounting's turn."""
-        vehicle = np.array(source.xyz_m[part])
+        vehicle = arrays.taken(source.xyz_m, part)
         if self.ranges is not None:
             vehicle = shortened(vehicle, source.laser[part], self.xyz_m, self.ranges.offset_m)
         if not np.array_equal(self.turn, np.eye(3)):
@@ -105,7 +105,7 @@ class Placing:
 
     def _placed(self, chain: int, source: GroundReturns | UprightReturns, part: slice) -> tuple[FloatArray, FloatArray]:
         """Copies of the times, and the places in the map."""
-        c, t_s = self.knots.chains[chain], np.array(source.t_s[part])
+        c, t_s = self.knots.chains[chain], arrays.taken(source.t_s, part)
         vehicle = self.sensor.corrected(source, part)
         return t_s, place(t_s, vehicle, c.first, c.begin_s, KNOT_STEP_S, self.position_m, self.rotation, self.turn)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
 from furrowmap.core.matching.walls import UPRIGHT_RATE_HZ, UprightReturns, no_upright, select_upright
-from furrowmap.core.runtime.arrays import FloatArray, of_file, scratch_file, zeros
+from furrowmap.core.runtime.arrays import FloatArray, of_file, scratch_file, taken, zeros
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.scan import Scan
@@ -225,16 +225,15 @@ class _Scratch:
 
 def _without_body(found: _Fields, body: NDArray[np.bool_]) -> _Fields:
     """Those of the returns that are off the body, in the order of time."""
-    times, places, halves, lasers = found
     with _Scratch() as scratch:
-        for begin in range(0, len(times), STEP_RETURNS):
+        for begin in range(0, len(found[0]), STEP_RETURNS):
             part = slice(begin, begin + STEP_RETURNS)
-            t_s, xyz_m = np.asarray(times[part]), np.asarray(places[part])
+            t_s, xyz_m, half, laser = (taken(field, part) for field in found)
             kept = np.flatnonzero(~on_body(xyz_m, body))
             # Packets may come a little out of order; what follows relies on time.
             if np.any(np.diff(t_s) < 0):
                 kept = kept[np.argsort(t_s[kept], kind="stable")]
-            scratch.add(t_s[kept], xyz_m[kept], halves[part][kept], lasers[part][kept])
+            scratch.add(t_s[kept], xyz_m[kept], half[kept], laser[kept])
         return scratch.stored()
 
 

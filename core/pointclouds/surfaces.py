@@ -222,15 +222,14 @@ def _tile(
     if method == "none":
         return CloudTile(points.grid, dsm, None, None)
     if ground is None:
-        nothing = points.part(np.zeros(len(points.cell), bool))
-        return CloudTile(points.grid, dsm, nothing.surface(MEDIAN), np.full(points.grid.shape, np.nan, np.float32))
+        nothing = points.surface(MEDIAN, np.zeros(len(points.cell), bool))
+        return CloudTile(points.grid, dsm, nothing, np.full(points.grid.shape, np.nan, np.float32))
     height, limit, far = _over(points.grid, ground)
     if method == "class":
-        of_ground = ground_points.tile(key)
+        dtm = ground_points.tile(key).surface(MEDIAN)
     else:
         above = points.height_m + points.base_m - height.ravel()[points.cell]
-        of_ground = points.part(np.abs(above) <= limit.ravel()[points.cell])
-    dtm = of_ground.surface(MEDIAN)
+        dtm = points.surface(MEDIAN, np.abs(above) <= limit.ravel()[points.cell])
     below = np.where(np.isfinite(dtm.height_m), dtm.height_m, np.where(far, np.nan, height))
     return CloudTile(points.grid, dsm, dtm, (dsm.height_m - below).astype(np.float32))
 

@@ -63,6 +63,15 @@ def of_file(file: IO[bytes], shape: int | tuple[int, ...], dtype: DTypeLike) -> 
     return np.ndarray(shape, dtype, mapped)
 
 
+def taken(array: NDArray[Any], part: slice) -> NDArray[Any]:
+    """A copy of some rows, whose pages in a file no longer count as memory of the process."""
+    out = np.array(array[part])
+    if isinstance(array.base, mmap.mmap) and len(out) and sys.platform != "win32":
+        begin = part.start * array.strides[0] // mmap.PAGESIZE * mmap.PAGESIZE
+        array.base.madvise(mmap.MADV_DONTNEED, begin, min(part.stop, len(array)) * array.strides[0] - begin)
+    return out
+
+
 def full(shape: int | tuple[int, ...], value: float, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """An array of one value, as :func:`zeros`."""
     out = zeros(shape, dtype)

@@ -116,6 +116,20 @@ class RecordSpool:
             done += count
         return out
 
+    def read_fields(self, keys: ArrayLike) -> list[NDArray[Any]]:
+        """As :meth:`read`, but each field of the records in an array of its own."""
+        segments = self._segments_of(keys)
+        fields = {
+            name: np.empty(sum(count for _, count in segments), self.layout[name]) for name in self.layout.names or ()
+        }
+        done = 0
+        for start, count in segments:
+            self._read(start, records := np.empty(count, self.layout))
+            for name, field in fields.items():
+                field[done : done + count] = records[name]
+            done += count
+        return list(fields.values())
+
     def overwrite(self, keys: ArrayLike, records: RecordArray) -> None:
         """Replace the records that :meth:`read` returned for the same keys."""
         done = 0

@@ -21,7 +21,7 @@ from furrowmap.core.values.extents import bounds
 
 SPOOL_TILE: Final = 256
 """Cells a side, so that a cell index has 16 bits."""
-HELD: Final = 1 << 20
+HELD: Final = 1 << 19
 """Points collected in memory before they are sorted and written, while as many others are collected."""
 TILE_RECORD: Final = np.dtype([("cell", "<u2"), ("height_m", "<f4"), ("t_s", "<f4")])
 
@@ -50,9 +50,9 @@ class TilePoints:
         arrays = self.cell[kept], self.height_m[kept], self.t_s[kept]
         return TilePoints(self.grid, *arrays, self.base_m, self.begin_s)
 
-    def surface(self, statistic: Statistic) -> Surface:
-        """The surface of the tile."""
-        return cell_surface(self.grid, self.cell, self.height_m, self.base_m, statistic)
+    def surface(self, statistic: Statistic, kept: NDArray[np.bool_] | None = None) -> Surface:
+        """The surface of the tile, of all points or those kept (n,)."""
+        return cell_surface(self.grid, self.cell, self.height_m, self.base_m, statistic, kept)
 
 
 _Buffers = tuple[NDArray[np.int32], NDArray[np.uint16], NDArray[np.float32], NDArray[np.float32]]
@@ -66,7 +66,7 @@ def _buffers() -> _Buffers:
 class PointSpool:
     """Takes points in any order and returns them tile by tile: a context manager.
 
-    Memory is some 80 MB and that of the largest tile; the temporary file has 10 bytes a point. Full buffers are sorted
+    Memory is some 40 MB and that of the largest tile; the temporary file has 10 bytes a point. Full buffers are sorted
     and written by a thread.
 
     Args:
@@ -140,7 +140,7 @@ class PointSpool:
 
     def tile(self, key: Square) -> TilePoints:
         """The points of a tile. Threads may read several at once, after :attr:`tiles` has been read."""
-        cell, height_m, t_s = split(self._records.read([square_keys(*key)]))
+        cell, height_m, t_s = self._records.read_fields([square_keys(*key)])
         grid = Grid(self.cell_m, key[0] * SPOOL_TILE, (key[1] + 1) * SPOOL_TILE, (SPOOL_TILE, SPOOL_TILE))
         return TilePoints(grid, cell, height_m, t_s, self.base_m, self._begin_s or 0.0)
 
@@ -221,13 +221,3 @@ def sort_by_tile(tiles, cells, heights, times, low, columns, rows):  # type: ign
         place[tile[i]] += 1
         record.cell, record.height_m, record.t_s = cells[i], heights[i], times[i]
     return out, starts
-
-
-@kernel()
-def split(records):  # type: ignore[no-untyped-def]
-    """Cells, heights and times of records, each contiguous."""
-    n = len(records)
-    cell, height, time = np.empty(n, np.uint16), np.empty(n, np.float32), np.empty(n, np.float32)
-    for i in range(n):
-        cell[i], height[i], time[i] = records[i].cell, records[i].height_m, records[i].t_s
-    return cell, height, time

@@ -72,7 +72,12 @@ MEDIAN: Final = Statistic.parse("median")
 
 
 def cell_surface(
-    grid: Grid, cell: NDArray[np.uint16], height_m: NDArray[np.float32], base_m: float, statistic: Statistic
+    grid: Grid,
+    cell: NDArray[np.uint16],
+    height_m: NDArray[np.float32],
+    base_m: float,
+    statistic: Statistic,
+    kept: NDArray[np.bool_] | None = None,
 ) -> Surface:
     """The surface of a statistic on a grid of at most 65,536 cells.
 
@@ -83,14 +88,16 @@ def cell_surface(
         cell: (n,) flat index of the cell of each point.
         height_m: (n,) less `base_m`.
         base_m: added to all heights.
+        kept: (n,) which points take part; None for all.
     """
     cells = grid.rows * grid.columns
+    kept = np.ones(len(cell), np.bool_) if kept is None else kept
     if statistic.name not in _SUM_COLUMNS:
         trimmed = statistic.name == "trimmed"
         share = 0.5 if trimmed else 0.01 * statistic.percent
-        bands = rank(cell, height_m, cells, base_m, trimmed, share)
+        bands = rank(cell, height_m, kept, cells, base_m, trimmed, share)
     else:
-        bands = sum_up(cell, height_m, cells, base_m, _SUM_COLUMNS[statistic.name])
+        bands = sum_up(cell, height_m, kept, cells, base_m, _SUM_COLUMNS[statistic.name])
     height, count, spread, used = (band.reshape(grid.shape) for band in bands)
     factor = np.float32(statistic.error_factor)
     error = np.where(used > 0, factor * spread / np.sqrt(np.maximum(used, 1), dtype=np.float32), np.float32(np.nan))
@@ -98,13 +105,15 @@ def cell_surface(
 
 
 @kernel()
-def sum_up(cell, height_m, cells, base_m, column):  # type: ignore[no-untyped-def]
+def sum_up(cell, height_m, kept, cells, base_m, column):  # type: ignore[no-untyped-def]
     """Kernel of :func:`cell_surface` where no order is needed: height, count, spread and points used of each cell."""
     sums = np.zeros((cells, 5))
     sums[:, 3] = np.inf
     sums[:, 4] = -np.inf
     near = float(height_m[0]) if len(height_m) else 0.0  # differences from it keep their precision
     for i in range(len(cell)):
+        if not kept[i]:
+            continue
         k, z = cell[i], height_m[i] - near
         sums[k, 0] += 1.0
         sums[k, 1] += z
@@ -164,7 +173,7 @@ def median_deviation(z, middle):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def rank(cell, height_m, cells, base_m, trimmed, share):  # type: ignore[no-untyped-def]
+def rank(cell, height_m, kept, cells, base_m, trimmed, share):  # type: ignore[no-untyped-def]
     """Kernel of :func:`cell_surface` where order is needed: height, count, spread and points used of each cell.
 
     Counting sort by cell, then sorting within each; the median absolute deviation is found by stepping outward from the
@@ -174,14 +183,15 @@ def rank(cell, height_m, cells, base_m, trimmed, share):  # type: ignore[no-unty
     used = np.zeros(cells, np.uint32)
     count = np.zeros(cells, np.uint32)
     for i in range(len(cell)):
-        count[cell[i]] += np.uint32(1)
-    place = np.zeros(cells, np.int64)
-    for k in range(1, cells):
-        place[k] = place[k - 1] + count[k - 1]
-    ordered = np.empty(len(cell), np.float32)
+        count[cell[i]] += np.uint32(kept[i])
+    place = np.zeros(cells + 1, np.int64)
+    for k in range(cells):
+        place[k + 1] = place[k] + count[k]
+    ordered = np.empty(place[cells], np.float32)
     for i in range(len(cell)):
-        ordered[place[cell[i]]] = height_m[i]
-        place[cell[i]] += 1
+        if kept[i]:
+            ordered[place[cell[i]]] = height_m[i]
+            place[cell[i]] += 1
     for k in range(cells):
         n = int(count[k])
         if n == 0:

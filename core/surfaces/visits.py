@@ -86,14 +86,16 @@ class SwathSums:
         return SwathDifferences(self._count, self._area_m2, self._sum / self._count, rms_m, self._histogram.copy())
 
 
-def block_differences(points: TilePoints) -> NDArray[np.float32]:
+def block_differences(points: TilePoints, kept: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
     """Mean height difference of swaths, later less earlier, in each block (rows, columns); nan where unknown.
 
-    The points, in order of time, are of unchanged ground; cells are compared one by one, so that relief is excluded.
+    The points, or those kept (n,), in order of time, are of unchanged ground; cells are compared one by one, so that
+    relief is excluded.
     """
     grid = points.grid
+    kept = np.ones(len(points.cell), np.bool_) if kept is None else kept
     rows, columns = -(-grid.rows // SWATH_BLOCK), -(-grid.columns // SWATH_BLOCK)
-    total, cells = _differences(points.cell, points.t_s, points.height_m, grid.rows * grid.columns)
+    total, cells = _differences(points.cell, points.t_s, points.height_m, kept, grid.rows * grid.columns)
     whole = np.zeros((2, rows * SWATH_BLOCK, columns * SWATH_BLOCK))
     whole[0, : grid.rows, : grid.columns] = total.reshape(grid.shape)
     whole[1, : grid.rows, : grid.columns] = cells.reshape(grid.shape)
@@ -115,13 +117,15 @@ def _close(k, count, total, before, sums, number):  # type: ignore[no-untyped-de
 
 
 @kernel()
-def _differences(cell, t_s, height_m, cells):  # type: ignore[no-untyped-def]
+def _differences(cell, t_s, height_m, kept, cells):  # type: ignore[no-untyped-def]
     """Sum and number (cells,) of the differences of each swath from the one before."""
     seen_s = np.full(cells, -np.inf, np.float32)
     count, total = np.zeros(cells, np.int64), np.zeros(cells)
     before = np.full(cells, np.nan)
     sums, number = np.zeros(cells), np.zeros(cells, np.int64)
     for i in range(len(cell)):
+        if not kept[i]:
+            continue
         k = np.int64(cell[i])
         if t_s[i] - seen_s[k] > SWATH_PAUSE_S:
             _close(k, count, total, before, sums, number)

@@ -82,9 +82,9 @@ def places(depth: int, code: int) -> tuple[int, int, int]:
     return x, y, z
 
 
-def codes_of(records: Records, cube: Cube, depth: int) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
+def codes_of(records: Records, cube: Cube, depth: int) -> tuple[NDArray[np.uint32], NDArray[np.int32]]:
     """The cell of each record (n,), and the number of records in each cell (8^depth,)."""
-    codes, counts = np.empty(len(records), np.uint32), np.zeros(8**depth, np.int64)
+    codes, counts = np.empty(len(records), np.uint32), np.zeros(8**depth, np.int32)
     locate(rows_of(records), np.array(cube.origin, np.int64), cube.bits - depth, SPREAD, codes, counts)
     return codes, counts
 
@@ -108,17 +108,22 @@ def locate(records, origin, bits, spread, codes, counts):  # type: ignore[no-unt
         counts[code] += 1
 
 
-def sorted_order(keys: NDArray[np.uint32], counts: NDArray[np.int64]) -> NDArray[np.uint32]:
-    """The indices (n,) of a stable sort of `keys`, of which `counts` is the histogram."""
+def sorted_order(keys: NDArray[np.uint32], counts: NDArray[np.int32]) -> NDArray[np.uint32]:
+    """The indices (n,) of a stable sort of `keys`, whose histogram `counts` becomes the end of each key in them."""
     order = np.empty(len(keys), np.uint32)
-    count_sort(keys, np.cumsum(counts) - counts, order)
+    count_sort(keys, counts, order)
     return order
 
 
 @kernel()
-def count_sort(keys, starts, order):  # type: ignore[no-untyped-def]
-    """Kernel of :func:`sorted_order`; `starts` is overwritten."""
+def count_sort(keys, counts, order):  # type: ignore[no-untyped-def]
+    """Kernel of :func:`sorted_order`."""
+    done = 0
+    for key in range(len(counts)):
+        begin = done
+        done += counts[key]
+        counts[key] = begin
     for i in range(len(keys)):
         key = keys[i]
-        order[starts[key]] = i
-        starts[key] += 1
+        order[counts[key]] = i
+        counts[key] += 1

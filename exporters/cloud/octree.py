@@ -78,7 +78,7 @@ class Plan:
         return code << shift, (code + 1) << shift
 
 
-def plan_levels(counts: NDArray[np.int64], depth: int, node_points: int) -> Plan:
+def plan_levels(counts: NDArray[np.integer[Any]], depth: int, node_points: int) -> Plan:
     """The plan for a histogram of points by cell.
 
     From the root down, a node that receives more than `2 × node_points` points keeps a random `node_points` of them and
@@ -107,9 +107,9 @@ def plan_levels(counts: NDArray[np.int64], depth: int, node_points: int) -> Plan
 
 def draw_nodes(
     codes: NDArray[np.uint32], plan: Plan, random: np.random.Generator
-) -> tuple[NDArray[np.uint32], NDArray[np.int64]]:
+) -> tuple[NDArray[np.uint32], NDArray[np.int32]]:
     """The node of each point (n,) and the number of points in each node (nodes,)."""
-    nodes, counts = np.empty(len(codes), np.uint32), np.zeros(int(plan.first[-1]), np.int64)
+    nodes, counts = np.empty(len(codes), np.uint32), np.zeros(int(plan.first[-1]), np.int32)
     draw(codes, plan.first, plan.threshold, plan.depth, random.integers(1 << 63, dtype=np.uint64), nodes, counts)
     return nodes, counts
 
@@ -138,11 +138,11 @@ class Octree:
     """Sorts records into nodes.
 
     One cube is divided into at most 128³ cells (:mod:`~furrowmap.exporters.cloud.cube`). Where there are more than
-    `memory_points`, records go to a file, sorted by cell in blocks, and half of the memory is given back; the rest has
-    two halves, one of which a thread writes to the file while the other is filled. At the end, ranges of cells that fit
-    into a half are read back in the order of the cells' codes, into the halves by turns. A node is complete once its
-    last cell has been read, so that only one node of each level is waiting. A cell with too many records for a node
-    becomes the root of an octree of its own.
+    `memory_points`, records go to a file, sorted by cell in blocks, and three quarters of the memory are given back;
+    the rest has two halves, one of which a thread writes to the file while the other is filled. At the end, ranges of
+    cells that fit into a half are read back in the order of the cells' codes, into the halves by turns. A node is
+    complete once its last cell has been read, so that only one node of each level is waiting. A cell with too many
+    records for a node becomes the root of an octree of its own.
 
     Args:
         memory_points: maximum number of records in memory; others are kept in a file in `folder`.
@@ -179,7 +179,7 @@ class Octree:
     def room(self, wanted: int) -> Records:
         """Room for 1 to `wanted` records, to be filled before the next call."""
         if not len(self._buffer):
-            self._buffer = np.empty(4 * -(-self._memory_points // 4), self._buffer.dtype)
+            self._buffer = np.empty(8 * -(-self._memory_points // 8), self._buffer.dtype)
             self._end = len(self._buffer)
         elif self._held == self._end:
             self._make_room()
@@ -216,17 +216,17 @@ class Octree:
 
     def _make_room(self) -> None:
         """Write the full half to the file in a thread, and continue in the other half; at first write all."""
-        half = len(self._buffer) // 2
         self._await_spill()
         cube = self._enclose()
         if self._spool is None or self._thread is None:
             self._spool = RecordSpool(self._buffer.dtype, self._folder)
             self._thread = ThreadPoolExecutor(1, "spill")
-            for block in self._buffer.reshape(4, -1):  # blocks as long as the halves to come
+            for block in self._buffer.reshape(8, -1):  # blocks as long as the halves to come
                 self._spill(self._spool, cube, block)
-            self._buffer = np.empty(half, self._buffer.dtype)
-            self._first, self._held, self._end = 0, 0, half // 2
+            self._buffer = np.empty(len(self._buffer) // 4, self._buffer.dtype)
+            self._first, self._held, self._end = 0, 0, len(self._buffer) // 2
             return
+        half = len(self._buffer) // 2
         full = self._buffer[self._first : self._end]
         self._spilling = self._thread.submit(self._spill, self._spool, cube, full)
         self._first, self._end = (half, len(self._buffer)) if self._first == 0 else (0, half)
@@ -241,14 +241,14 @@ class Octree:
     def _spill(self, spool: RecordSpool, cube: Cube, records: Records) -> None:
         """Put records into the file."""
         codes, counts = codes_of(records, cube, self._depth)
-        order = sorted_order(codes, counts)
+        self._counts += counts
         there = np.flatnonzero(counts)
+        order = sorted_order(codes, counts)
         spool.append(
             (gather_records(records, order[start : start + SLICE]) for start in range(0, len(order), SLICE)),
             there,
-            np.concatenate([[0], np.cumsum(counts[there])]),
+            np.concatenate([[0], counts[there]]),
         )
-        self._counts += counts
 
     def _enclose(self) -> Cube:
         """The cube of all records so far, doubled as often as needed."""
@@ -290,10 +290,10 @@ class Octree:
     def _place(self, put: PutNode, records: Records, codes: NDArray[np.uint32], plan: Plan, end: int) -> None:
         """Sort records into nodes and output those whose cells, all before `end`, are complete."""
         nodes, counts = draw_nodes(codes, plan, self._random)
-        order = sorted_order(nodes, counts)
-        ends = np.cumsum(counts)
-        for node in sorted({*np.flatnonzero(counts).tolist(), *self._waiting, *self._within}):
-            members = order[ends[node] - counts[node] : ends[node]]
+        there = np.flatnonzero(counts).tolist()
+        order, ends = sorted_order(nodes, counts), counts
+        for node in sorted({*there, *self._waiting, *self._within}):
+            members = order[ends[node - 1] if node else 0 : ends[node]]
             complete = plan.codes_below(node)[1] <= end
             if plan.is_full(node) and self._depth < self._enclose().bits:
                 self._divide(put, node, plan, gather_records(records, members), complete=complete)
