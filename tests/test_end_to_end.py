@@ -258,6 +258,8 @@ def test_surfaces__show_the_tilled_soil_and_how_much_it_rose(judged: Callable[[s
     assert abs(change["mean_change_on_untilled_cells_m"]) <= 0.003
     moved = found.report["figures"]["soil_moved"]
     assert moved["volume_m3"] == pytest.approx(change["volume_true_m3"], rel=0.1)
+    assert abs(moved["volume_m3"] - change["volume_true_m3"]) <= 2.5 * moved["volume_sigma_m3"]
+    assert moved["volume_sigma_m3"] <= 0.15 * moved["volume_m3"]
     assert abs(moved["beside_passes"]["mean_change_m"]) <= 0.003
 
 

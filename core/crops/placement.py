@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -53,12 +54,9 @@ def parcel_shift(
         parcels: with crop on them.
         height_sigma_m: stated standard deviation of a parcel's mean height.
     """
-    known = np.isfinite(height_m)
-    if len(parcels) < MIN_SHIFTED_PARCELS or not known.any():
+    if len(parcels) < MIN_SHIFTED_PARCELS or not np.isfinite(height_m).any():
         return None
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    filled = np.asarray(height_m[tuple(nearest)], np.float64)
-    filled -= filled.mean()
+    filled = _filled(height_m)
     kernel = np.sum([_contrast_kernel(parcel, grid) for parcel in parcels], axis=0)
     # By hand: importing scipy.signal would take longer than a whole start.
     size = [next_fast_len(2 * side - 1, real=True) for side in grid.shape]
@@ -79,6 +77,32 @@ def parcel_shift(
     height_off_m = float(np.sqrt(np.mean(better**2)))
     matters = height_off_m > MIN_HEIGHT_SIGMAS * height_sigma_m
     return ParcelShift(east_m, north_m, height_off_m) if certain and matters else None
+
+
+def heights_by_place(
+    height_m: Float32Array, grid: Grid, parcels: Sequence[Parcel], place_sigma_m: tuple[float, float]
+) -> FloatArray:
+    """Standard deviations (n,) of the mean heights of parcels by that of the place of a surface, east and north.
+
+    Points at √2 standard deviations to each side have the covariance of the place (Julier and Uhlmann 1997, A new
+    extension of the Kalman filter to nonlinear systems).
+
+    Args:
+        height_m: (rows, columns) of a surface with the crop, nan where unknown.
+    """
+    filled = _filled(height_m)
+    east_m, north_m = (min(math.sqrt(2.0) * sigma_m, MAX_PARCEL_SHIFT_M) for sigma_m in place_sigma_m)
+    sides = ((east_m, 0.0), (-east_m, 0.0), (0.0, north_m), (0.0, -north_m))
+    off = np.array([_contrasts(filled, grid, parcels, by_m) for by_m in sides])
+    off = np.nan_to_num(off - _contrasts(filled, grid, parcels, (0.0, 0.0)))
+    return np.asarray(np.sqrt(np.mean(off**2, axis=0)), np.float64)
+
+
+def _filled(height_m: Float32Array) -> FloatArray:
+    """Heights about their mean, with the nearest where they are unknown; some are known."""
+    nearest = distance_transform_edt(~np.isfinite(height_m), return_distances=False, return_indices=True)
+    filled = np.asarray(height_m[tuple(nearest)], np.float64)
+    return filled - filled.mean()
 
 
 def _contrast_kernel(parcel: Parcel, grid: Grid) -> FloatArray:

@@ -20,6 +20,7 @@ from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.settings import threads
 from furrowmap.core.surfaces.coverage import Coverage, coverage
 from furrowmap.core.surfaces.grid import Grid, Surface
+from furrowmap.core.surfaces.mean_change import ChangeSums, MeanChange
 from furrowmap.core.surfaces.passage import LineTrack, Passages
 from furrowmap.core.surfaces.spool import PointSpool, TilePoints
 from furrowmap.core.surfaces.statistic import MEDIAN, Statistic, cell_surface
@@ -199,26 +200,6 @@ def _low(points: TilePoints, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 @dataclass(frozen=True)
-class Moved:
-    """The change of a piece of ground.
-
-    Attributes:
-        area_m2: of the cells in it.
-        compared_m2: of those that were seen before and after.
-        mean_m: mean change of these, upward positive; nan where there are none.
-    """
-
-    area_m2: float
-    compared_m2: float
-    mean_m: float
-
-    @property
-    def volume_m3(self) -> float:
-        """Volume of the change, with the mean for cells that were not compared."""
-        return self.area_m2 * self.mean_m
-
-
-@dataclass(frozen=True)
 class SoilMoved:
     """What the work changed.
 
@@ -228,45 +209,30 @@ class SoilMoved:
         beside: the ground beside the passes, as a measure of the error.
     """
 
-    worked: Moved
-    passes: dict[int, Moved]
-    beside: Moved
+    worked: MeanChange
+    passes: dict[int, MeanChange]
+    beside_m2: float
+    beside_m: float
 
 
-class SoilSums:
-    """Sums up the change over tiles."""
+class SoilSums(ChangeSums):
+    """Sums up the change over tiles, by pass."""
 
-    def __init__(self) -> None:
-        self._sums: NDArray[np.float64] = np.zeros((1, 3))
-        self._cell_m2 = math.nan
-
-    def add(self, tile: FieldTile) -> None:
+    def add_tile(self, tile: FieldTile) -> None:
         """Take a tile into account."""
-        self._cell_m2 = tile.grid.cell_area_m2
-        number = tile.number.ravel()
-        change = tile.change_m.ravel().astype(np.float64)
-        seen = np.isfinite(change)
-        passes = max(len(self._sums), int(number.max(initial=0)) + 1)
-        sums = np.zeros((passes, 3))
-        sums[: len(self._sums)] = self._sums
-        sums[:, 0] += np.bincount(number, minlength=passes)
-        sums[:, 1] += np.bincount(number[seen], minlength=passes)
-        sums[:, 2] += np.bincount(number[seen], weights=change[seen], minlength=passes)
-        self._sums = sums
+        spread_m = np.hypot(tile.after.spread_m, tile.before.spread_m)
+        before = tile.before
+        self.add(tile.number, tile.change_m, tile.change_error_m, spread_m, before.height_m, before.count)
 
-    def moved(self) -> SoilMoved | None:
+    def moved(self, cell_m2: float) -> SoilMoved | None:
         """What was moved; None where nothing was worked."""
-        if not self._sums[1:, 0].any():
+        if not self.sums[1:, 0].any():
             return None
-        beside = self._sums[0].copy()
-        beside[0] = beside[1]  # all else is land that was not compared
-        passes = {number: self._of(self._sums[number]) for number in range(1, len(self._sums))}
-        return SoilMoved(self._of(self._sums[1:].sum(axis=0)), passes, self._of(beside))
-
-    def _of(self, sums: NDArray[np.float64]) -> Moved:
-        cells, compared, total = sums.tolist()
-        mean = total / compared if compared else math.nan
-        return Moved(cells * self._cell_m2, compared * self._cell_m2, mean)
+        numbers = range(1, len(self.sums))
+        passes = {number: self.mean(cell_m2, (number,)) for number in numbers}
+        _, count, total = self.sums[0, :3].tolist()
+        beside_m = total / count if count else math.nan
+        return SoilMoved(self.mean(cell_m2, numbers), passes, count * cell_m2, beside_m)
 
 
 @kernel()

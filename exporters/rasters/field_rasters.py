@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,9 +14,10 @@ from furrowmap.core.pipeline.run_result import RunResult
 from furrowmap.core.pointclouds.surfaces import cloud_tiles
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.mean_change import MeanChange
 from furrowmap.core.surfaces.statistic import MEDIAN
 from furrowmap.core.surfaces.visits import SWATH_BLOCK, SwathDifferences, SwathSums
-from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, Moved, SoilMoved, SoilSums, tool_passages
+from furrowmap.core.work.field_surfaces import FieldPoints, FieldTile, SoilMoved, SoilSums, tool_passages
 from furrowmap.core.work.strip_outlines import StripGround, StripOutlines
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (
@@ -89,9 +91,8 @@ class RasterFigures:
         if self.moved is None:
             return figures
         passes = [{"pass": number, **_moved(moved)} for number, moved in self.moved.passes.items()]
-        beside = _moved(self.moved.beside)
-        shown = {name: beside[name] for name in ("area_m2", "mean_change_m")}
-        return figures | {"soil_moved": {**_moved(self.moved.worked), "beside_passes": shown, "passes": passes}}
+        beside = {"area_m2": round(self.moved.beside_m2, 2), "mean_change_m": _known(self.moved.beside_m)}
+        return figures | {"soil_moved": {**_moved(self.moved.worked), "beside_passes": beside, "passes": passes}}
 
 
 def write_rasters(
@@ -118,7 +119,7 @@ def write_rasters(
         for number, tile in enumerate(land.tiles(passages, MEDIAN, found.strips), start=1):
             for name, put in write.items():
                 put(*_arrays(tile, name))
-            sums.add(tile)
+            sums.add_tile(tile)
             swaths.add(tile.swaths_m, blocks.cell_area_m2)
             if tile.coverage is not None:
                 outlines.add(tile.coverage)
@@ -132,7 +133,7 @@ def write_rasters(
         del kinds[SWATHS]
     for name in (*kinds, *(_GROUND if found.strips else ())):
         write_raster_style(folder / name, STYLES[name])
-    moved = sums.moved() if passages else None
+    moved = sums.moved(grid.cell_area_m2) if passages else None
     grounds = tuple(outlines.grounds(found.strips))
     return RasterFigures(grid.cell_m, seen * grid.cell_area_m2, moved, differences, grounds)
 
@@ -169,10 +170,17 @@ def _raster_origin(origin: Origin, name: str) -> Origin:
     return replace(origin, title=_RASTER_TITLES[name], parameters={**origin.parameters, "statistic": statistic})
 
 
-def _moved(moved: Moved) -> dict[str, float | None]:
+def _moved(moved: MeanChange) -> dict[str, float | None]:
     return {
-        "volume_m3": round(moved.volume_m3, 4) if moved.volume_m3 == moved.volume_m3 else None,
-        "mean_change_m": round(moved.mean_m, 4) if moved.mean_m == moved.mean_m else None,
+        "volume_m3": _known(moved.mean_m * moved.area_m2),
+        "volume_sigma_m3": _known(moved.sigma_m * moved.area_m2),
+        "mean_change_m": _known(moved.mean_m),
+        "mean_change_sigma_m": _known(moved.sigma_m),
+        "shadow_share": _known(moved.shadow_share),
         "area_m2": round(moved.area_m2, 2),
         "compared_m2": round(moved.compared_m2, 2),
     }
+
+
+def _known(value: float) -> float | None:
+    return round(value, 4) if math.isfinite(value) else None

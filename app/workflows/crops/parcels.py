@@ -17,7 +17,7 @@ from pyproj import CRS
 from furrowmap.core.crops.measure import MeasuredParcel, measure_parcels
 from furrowmap.core.crops.parcel_points import PUBLISHED_STRIP_M, ParcelPoints
 from furrowmap.core.crops.parcels import elsewhere_error, read_parcels
-from furrowmap.core.crops.placement import MAX_PARCEL_SHIFT_M, ParcelShift, parcel_shift
+from furrowmap.core.crops.placement import MAX_PARCEL_SHIFT_M, ParcelShift, heights_by_place, parcel_shift
 from furrowmap.core.crops.response import Response, dose_name, dose_unit, fit_response, parcel_doses
 from furrowmap.core.crops.site_soil import SoilRaster, open_soil_raster, site_soil
 from furrowmap.core.crops.soil import SOIL_CELL_M
@@ -220,10 +220,11 @@ def write_parcels(
     return WrittenParcels(found, response, account, notices)
 
 
-def held_against_surface(written: WrittenParcels, folder: Path) -> WrittenParcels:
+def held_against_surface(written: WrittenParcels, folder: Path, place_sigma_m: tuple[float, float]) -> WrittenParcels:
     """The figures with larger standard deviations where the crop on the surface in a folder stands beside the parcels.
 
-    The tables in the folder are written anew then.
+    Or may do so, by the standard deviations of the surface's place, east and north. The tables in the folder are
+    written anew then.
     """
     parcels = [row.parcel for row in written.found]
     sigmas = np.array([row.figures.height_sigma_m for row in written.found])
@@ -235,21 +236,26 @@ def held_against_surface(written: WrittenParcels, folder: Path) -> WrittenParcel
     box_m = west, south, east, north
     surface, grid = cells_of(folder / DSM, box_m, max(SHIFT_CELL_M, max(east - west, north - south) / MAX_SHIFT_CELLS))
     shift = parcel_shift(surface, grid, parcels, float(np.nanmedian(sigmas)))
-    if shift is None:
+    doubted = max(place_sigma_m) > grid.cell_m and np.isfinite(surface).any()
+    if shift is None and not doubted:
         return written
+    off_m = heights_by_place(surface, grid, parcels, place_sigma_m) if doubted else np.zeros(len(parcels))
+    notices = list(written.notices)
+    if shift is not None:
+        off_m = np.hypot(off_m, shift.height_off_m)
+        shown = {"east_m": shift.east_m, "north_m": shift.north_m, "height_off_m": shift.height_off_m}
+        notices.append(Notice("parcels-beside-crop", **shown))
     found = []
-    for row in written.found:
-        sigma_m = math.hypot(row.figures.height_sigma_m, shift.height_off_m)
-        volume_m3 = math.hypot(row.figures.volume_sigma_m3, shift.height_off_m * row.figures.area_m2)
+    for row, off in zip(written.found, off_m.tolist(), strict=True):
+        sigma_m = math.hypot(row.figures.height_sigma_m, off)
+        volume_m3 = math.hypot(row.figures.volume_sigma_m3, off * row.figures.area_m2)
         figures = replace(row.figures, height_sigma_m=sigma_m, volume_sigma_m3=volume_m3)
         found.append(replace(row, figures=figures))
     layer = parcel_layer(found)
     write_parcel_table(folder / PARCEL_TABLE, layer)
     write_parcel_sheet(folder / PARCEL_SHEET, layer)
     rows = [{name: values[k] for name, values in layer.columns.items()} for k in range(len(found))]
-    notice = Notice("parcels-beside-crop", east_m=shift.east_m, north_m=shift.north_m, height_off_m=shift.height_off_m)
-    account, notices = written.account | {"parcels": rows}, [*written.notices, notice]
-    return replace(written, found=found, account=account, notices=notices, shift=shift)
+    return replace(written, found=found, account=written.account | {"parcels": rows}, notices=notices, shift=shift)
 
 
 def _response(found: Sequence[MeasuredParcel]) -> Response | None:

@@ -173,7 +173,8 @@ class RunProducts:
             notices += coloured.notices
         if parcels is not None:
             seconds["parcels"] = measured - written
-            made = replace(made, parcels=held_against_surface(parcels.result(), staging))
+            east_m, north_m = np.sqrt(np.mean(found.placement.poses.sigma[:, :2] ** 2, axis=0)).tolist()
+            made = replace(made, parcels=held_against_surface(parcels.result(), staging, (east_m, north_m)))
             assert made.parcels is not None
             notices += made.parcels.notices
             found = _with_shift(found, made.parcels.shift)

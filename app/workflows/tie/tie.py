@@ -391,18 +391,19 @@ def tie_rows(ties: Mapping[tuple[int, int], PairTie], net: Network, first: int) 
 def moved_figures(found: ChangeFigures, left: tuple[float, float]) -> dict[str, Any]:
     """Soil moved between two dates: the mean change of what both saw, for all ground worked."""
     off_m, sigma_m = left
-    mean, sigma = found.mean_m - off_m, math.hypot(sigma_m, found.noise_m, found.unseen_m, found.hidden_m)
+    moved = found.moved
+    mean, sigma = moved.mean_m - off_m, math.hypot(sigma_m, moved.sigma_m)
     still = found.untouched_m
     median = float(np.median(still)) if len(still) else math.nan
     spread = 1.4826 * float(np.median(np.abs(still - median))) if len(still) else math.nan
     figures = {
-        "worked_m2": found.worked_m2,
-        "compared_m2": found.compared_m2,
-        "shadow_share": found.shadow_share,
+        "worked_m2": moved.area_m2,
+        "compared_m2": moved.compared_m2,
+        "shadow_share": moved.shadow_share,
         "mean_change_m": mean,
         "mean_change_sigma_m": sigma,
-        "volume_m3": mean * found.worked_m2,
-        "volume_sigma_m3": sigma * found.worked_m2,
+        "volume_m3": mean * moved.area_m2,
+        "volume_sigma_m3": sigma * moved.area_m2,
         "bend_m": off_m,
         "untouched_median_m": median,
         "untouched_spread_m": spread,

@@ -20,6 +20,7 @@ from furrowmap.exporters.files.result_folder import DSM, PARCEL_TABLE
 from furrowmap.workflows.crops.parcels import WrittenParcels, held_against_surface
 
 WEST, SOUTH, CROP_M, SIGMA_M = 651_500.0, 6_133_880.0, 0.5, 0.005
+SURE_M = (0.005, 0.006)
 SOWN = [
     shapely.box(WEST + 10 + 6 * i, SOUTH + 10 + 3 * j, WEST + 15 + 6 * i, SOUTH + 12.4 + 3 * j)
     for i in range(3)
@@ -49,7 +50,7 @@ def written(east_m: float) -> WrittenParcels:
 
 
 def test_parcels_beside_the_crop__are_told_with_the_shift_and_state_what_it_costs(result: Path) -> None:
-    held = held_against_surface(written(1.0), result)
+    held = held_against_surface(written(1.0), result, SURE_M)
     (notice,) = held.notices
     assert notice.code == "parcels-beside-crop"
     assert held.shift is not None
@@ -61,5 +62,13 @@ def test_parcels_beside_the_crop__are_told_with_the_shift_and_state_what_it_cost
 
 def test_parcels_on_the_crop__stay_as_they_are(result: Path) -> None:
     right = written(0.0)
-    assert held_against_surface(right, result) == right
+    assert held_against_surface(right, result, SURE_M) == right
     assert not (result / PARCEL_TABLE).exists()
+
+
+def test_crop_whose_place_is_unsure__has_larger_sigmas(result: Path) -> None:
+    """Parcels 1.8 m wide, 0.3 m within their crop, miss half of it where they are 1.2 m off to the north."""
+    held = held_against_surface(written(0.0), result, (0.006, 0.85))
+    assert (held.notices, held.shift) == ([], None)
+    sigmas = [row.figures.height_sigma_m for row in held.found]
+    assert 0.2 * CROP_M < min(sigmas) < max(sigmas) < CROP_M

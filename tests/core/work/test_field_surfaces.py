@@ -80,15 +80,15 @@ def test_change__is_told_where_both_were_seen_and_beside_it_is_nothing() -> None
     assert np.allclose(change[half & WORKED], AFTER_M - BEFORE_M, atol=0.006)
     assert np.allclose(change[half & BESIDE], 0.0, atol=0.006)
     sums = SoilSums()
-    sums.add(found)
-    moved = sums.moved()
+    sums.add_tile(found)
+    moved = sums.moved(GRID.cell_area_m2)
     assert moved is not None
     area_m2 = float(WORKED.sum()) * GRID.cell_area_m2
     assert moved.worked.area_m2 == pytest.approx(area_m2)
     assert moved.worked.compared_m2 == pytest.approx(float((half & WORKED).sum()) * GRID.cell_area_m2)
-    assert moved.worked.volume_m3 == pytest.approx(area_m2 * (AFTER_M - BEFORE_M), rel=0.01)
+    assert moved.worked.mean_m == pytest.approx(AFTER_M - BEFORE_M, rel=0.01)
     assert moved.passes[1] == moved.worked
-    assert moved.beside.mean_m == pytest.approx(0.0, abs=1e-4)
+    assert moved.beside_m == pytest.approx(0.0, abs=1e-4)
 
 
 def test_worked_ground__that_was_not_seen_since_has_no_height() -> None:
@@ -120,5 +120,5 @@ def test_ground_without_work__is_the_same_before_and_after() -> None:
     found = field_tile(TilePoints(GRID, cell, height, t_s, 0.0, 0.0), Passages([]), MEDIAN)
     assert found.before is found.after
     sums = SoilSums()
-    sums.add(found)
-    assert sums.moved() is None
+    sums.add_tile(found)
+    assert sums.moved(GRID.cell_area_m2) is None
