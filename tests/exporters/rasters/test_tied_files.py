@@ -12,13 +12,13 @@ import rasterio
 import shapely
 
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.mean_change import HIDDEN_SHARE
 from furrowmap.exporters.farm.surface_file import surface_file
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters import tied_surfaces
 from furrowmap.exporters.rasters.cog import SURFACE_BANDS, with_heights
 from furrowmap.exporters.rasters.dated_surface import OpenSurface, open_surface
 from furrowmap.exporters.rasters.tied_surfaces import (
-    HIDDEN_SHARE,
     ChangedGround,
     Mover,
     ground_pairs,
@@ -159,12 +159,12 @@ def test_change__is_told_for_worked_and_for_untouched_ground(files: ExitStack, t
     assert change == pytest.approx(later - 0.3, abs=2.5e-4, nan_ok=True)
     assert (np.isfinite(error) == np.isfinite(later)).all()
     assert error[np.isfinite(error)] == pytest.approx(0.005, abs=1e-4)
-    assert (found.worked_m2, found.compared_m2) == (pytest.approx(50.0), pytest.approx(35.0))
-    assert found.mean_m == pytest.approx(0.6 * 0.040 + 0.4 * 0.010, abs=2e-4)
+    assert (found.moved.area_m2, found.moved.compared_m2) == (pytest.approx(50.0), pytest.approx(35.0))
+    assert found.moved.mean_m == pytest.approx(0.6 * 0.040 + 0.4 * 0.010, abs=2e-4)
     fresh, again = 15.0 / 0.0025, 20.0 / 0.0025
-    assert found.noise_m == pytest.approx(0.005 * np.hypot(0.6 / np.sqrt(fresh), 0.4 / np.sqrt(again)), rel=0.02)
-    assert found.unseen_m == pytest.approx(0.0, abs=1e-6)
-    assert found.hidden_m == pytest.approx(HIDDEN_SHARE * 0.010, rel=0.03)
+    assert found.moved.noise_m == pytest.approx(0.005 * np.hypot(0.6 / np.sqrt(fresh), 0.4 / np.sqrt(again)), rel=0.02)
+    assert found.moved.unseen_m == pytest.approx(0.0, abs=1e-6)
+    assert found.moved.hidden_m == pytest.approx(HIDDEN_SHARE * 0.010, rel=0.03)
     assert len(found.places_m) == -(-(fresh + again) // 20)
     assert found.places_m[:, 0].max() < 5.0
     assert not ((found.places_m[:, 0] < 3.0) & (found.places_m[:, 1] > 5.0)).any()
