@@ -38,6 +38,8 @@ def keep_kernels() -> None:
     """
     os.environ.setdefault(_LOCATORS_VARIABLE, _LOCATORS)
     os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")  # of calls tried: 4 % of a compilation
+    os.environ.setdefault("NUMBA_OPT", "2")  # with the next, 5 % of a compilation; a run takes as long
+    os.environ.setdefault("NUMBA_LOOP_VECTORIZE", "0")
     if CACHE_VARIABLE in os.environ:
         return
     folder = _caches() / "furrowmap" / "kernels"

@@ -28,7 +28,7 @@ from furrowmap.core.matching.placing import Sensor
 from furrowmap.core.matching.returns import GroundReturns
 from furrowmap.core.matching.walls import UprightReturns
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import count_until, kernel
 from furrowmap.core.values.clock import HOUR_S
 from furrowmap.core.values.trajectory import Trajectory
 
@@ -252,7 +252,7 @@ def agreement_at(t_s, place_m, height_m, half, motion, offsets, per_m, count, to
     out = np.empty(len(offsets))
     for number in range(len(offsets)):
         used = 0
-        k = min(max(np.searchsorted(knot_s, t_s[0] + offsets[number], side="right") - 1, 0), last)
+        k = min(max(count_until(knot_s, t_s[0] + offsets[number]) - 1, 0), last)
         for i in range(n):
             t = t_s[i] + offsets[number]
             while k < last and knot_s[k + 1] <= t:

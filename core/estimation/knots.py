@@ -226,19 +226,12 @@ def _guessed(trajectory: Trajectory, t: FloatArray) -> tuple[FloatArray, FloatAr
     return xyz, rotation.as_matrix()
 
 
-@kernel()
-def turns(rotation):  # type: ignore[no-untyped-def]
+def turns(rotation: FloatArray) -> FloatArray:
     """(n, 3) rotation vectors from each knot to the next in the earlier one's frame; the last is zero."""
-    n = len(rotation)
-    out = np.zeros((n, 3))
-    for k in range(n - 1):
-        d = rotation[k].T.copy() @ rotation[k + 1].copy()
-        cosine = min(1.0, max(-1.0, 0.5 * (d[0, 0] + d[1, 1] + d[2, 2] - 1.0)))
-        angle = np.arccos(cosine)
-        factor = 0.5 if angle < 1e-7 else 0.5 * angle / np.sin(angle)
-        out[k, 0] = factor * (d[2, 1] - d[1, 2])
-        out[k, 1] = factor * (d[0, 2] - d[2, 0])
-        out[k, 2] = factor * (d[1, 0] - d[0, 1])
+    d = np.swapaxes(rotation[:-1], 1, 2) @ rotation[1:]
+    angle = np.arccos(np.clip(0.5 * (np.trace(d, axis1=1, axis2=2) - 1.0), -1.0, 1.0))
+    out = np.zeros((len(rotation), 3))
+    out[:-1] = (d[:, [2, 0, 1], [1, 2, 0]] - d[:, [1, 2, 0], [2, 0, 1]]) * (0.5 / np.sinc(angle / np.pi))[:, np.newaxis]
     return out
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.values.extents import bounds
 
 TILE_BITS: Final = 5
 TILE_NODES: Final = 1 << TILE_BITS
@@ -82,15 +83,14 @@ class TilePassage:
 def tiles_over(en_m: FloatArray, cell_m: float) -> Tiles:
     """Tiles that hold the points (n, 2) and the nodes round them."""
     points = np.ascontiguousarray(en_m)
-    low, high = _bounds(points)
-    return _tiles(low, high, cell_m, lambda *grid: _touch(points, *grid))
+    return _tiles(*bounds(points), cell_m, lambda *grid: _touch(points, *grid))
 
 
 def tiles_around(path_m: FloatArray, aside_m: FloatArray, cell_m: float) -> Tiles:
     """Tiles that hold the points (m, 2) about each of those of a path (n, 2), and the nodes round them."""
     path, aside = np.ascontiguousarray(path_m), np.ascontiguousarray(aside_m)
-    bounds = np.array(_bounds(path)) + np.array(_bounds(aside))
-    return _tiles(bounds[0], bounds[1], cell_m, lambda *grid: _touch_around(path, aside, *grid))
+    low, high = np.array(bounds(path)) + np.array(bounds(aside))
+    return _tiles(low, high, cell_m, lambda *grid: _touch_around(path, aside, *grid))
 
 
 def _tiles(low_m: FloatArray, high_m: FloatArray, cell_m: float, touch: Callable[..., None]) -> Tiles:
@@ -218,17 +218,6 @@ def heights(surface: HeightGrid, en_m: FloatArray, layer: NDArray[np.int8]) -> F
         en_m, layer, tiles.cell_m, tiles.west, tiles.south, tiles.number, surface.height_m, surface.weight
     )
     return out
-
-
-@kernel()
-def _bounds(en_m):  # type: ignore[no-untyped-def]
-    """Least and greatest coordinates."""
-    low, high = np.full(2, np.inf), np.full(2, -np.inf)
-    for i in range(len(en_m)):
-        for a in range(2):
-            low[a] = min(low[a], en_m[i, a])
-            high[a] = max(high[a], en_m[i, a])
-    return low, high
 
 
 @kernel()

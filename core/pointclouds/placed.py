@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from furrowmap.core.readers.areas.area import Area
 from furrowmap.core.runtime.arrays import FloatArray
 from furrowmap.core.runtime.errors import InputError
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import count_until, kernel
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.rotation import Mounting, quaternion_to_matrix
 from furrowmap.core.values.scan import PointClass, Scan
@@ -87,7 +87,7 @@ def place_points(  # type: ignore[no-untyped-def]
             out[i] = np.nan
             continue
         if not (knot_s[k] <= t <= knot_s[k + 1]):
-            k = min(max(np.searchsorted(knot_s, t, side="right") - 1, 0), m - 2)
+            k = min(max(count_until(knot_s, t) - 1, 0), m - 2)
         step = knot_s[k + 1] - knot_s[k]
         share = (t - knot_s[k]) / step
         if step > max_gap_s and 0.0 < share < 1.0:

@@ -22,6 +22,9 @@ FLETCHER, CRC = 0, 1
 """Checksums: Fletcher's of 8 bits (RFC 1145), which ends a frame and covers all behind its synchronisation; CRC-CCITT
 (polynomial 1021 hexadecimal, initial value 0), which follows the synchronisation and covers all behind itself."""
 _POLYNOMIAL: Final = 0x1021
+_CRC_TABLE: Final = np.arange(256) << 8
+for _ in range(8):
+    _CRC_TABLE[:] = (_CRC_TABLE << 1 ^ (_CRC_TABLE >> 15) * _POLYNOMIAL) & 0xFFFF
 _MAX_CRC_BYTES: Final = 1 << 15
 """Bytes that a CRC covers at most, in any framing."""
 _RTCM: Final = 0xD3
@@ -113,9 +116,8 @@ def find_frames(data: NDArray[np.uint8], framing: Framing, *, last: bool = True)
 def _find(data: Any, framing: Any, last: Any, rows: Any) -> tuple[int, int, int, int]:
     """Fill `rows` with kind, offset and length; number of rows, bad frames, cut frames, and bytes done with."""
     size = len(data)
-    table = _crc_table()
-    running = _running_fletcher(data) if framing.checksum == FLETCHER else _running_crc(data, table)
-    shift = _crc_shift(table)
+    running = _running_fletcher(data) if framing.checksum == FLETCHER else _running_crc(data)
+    shift = _crc_shift()
     n = 0
     bad = 0
     cut = 0
@@ -206,34 +208,23 @@ def _fletcher(running: Any, begin: Any, stop: Any) -> Any:
 
 
 @kernel()
-def _crc_table() -> Any:
-    table = np.zeros(256, np.int64)
-    for value in range(256):
-        crc = value << 8
-        for _ in range(8):
-            crc = ((crc << 1) ^ _POLYNOMIAL) & 0xFFFF if crc & 0x8000 else crc << 1
-        table[value] = crc
-    return table
-
-
-@kernel()
-def _running_crc(data: Any, table: Any) -> Any:
+def _running_crc(data: Any) -> Any:
     """The CRC (k + 1,) over the first bytes, for each number of bytes."""
     running = np.zeros(len(data) + 1, np.uint16)
     crc = 0
     for k in range(len(data)):
-        crc = ((crc << 8) & 0xFFFF) ^ table[(crc >> 8) ^ np.int64(data[k])]
+        crc = ((crc << 8) & 0xFFFF) ^ _CRC_TABLE[(crc >> 8) ^ np.int64(data[k])]
         running[k + 1] = crc
     return running
 
 
 @kernel()
-def _crc_shift(table: Any) -> Any:
+def _crc_shift() -> Any:
     """X to the power of 8 n modulo the polynomial, for each n up to the longest frame: appends n bytes to a CRC."""
     shift = np.zeros(_MAX_CRC_BYTES + 1, np.int64)
     shift[0] = 1
     for n in range(_MAX_CRC_BYTES):
-        shift[n + 1] = ((shift[n] << 8) & 0xFFFF) ^ table[shift[n] >> 8]
+        shift[n + 1] = ((shift[n] << 8) & 0xFFFF) ^ _CRC_TABLE[shift[n] >> 8]
     return shift
 
 

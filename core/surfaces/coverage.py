@@ -72,8 +72,10 @@ def count_blocks(cell, t_s, ends_s, columns, blocks, block):  # type: ignore[no-
     k = 0
     for i in range(len(cell)):
         t = t_s[i]
-        if k == len(ends_s) or (k and t <= ends_s[k - 1, 1]) or t > ends_s[k, 1]:  # points come nearly in order of time
-            k = min(np.searchsorted(ends_s[:, 1], t), len(ends_s))
+        while k < len(ends_s) and t > ends_s[k, 1]:  # points come nearly in order of time
+            k += 1
+        while k and t <= ends_s[k - 1, 1]:
+            k -= 1
         row, column = cell[i] // columns, cell[i] % columns
         number = k + 1 if k < len(ends_s) and t >= ends_s[k, 0] else 0
         counts[number, row // block * across + column // block] += 1

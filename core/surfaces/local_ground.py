@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
-from furrowmap.core.runtime.kernels import kernel
+from furrowmap.core.runtime.kernels import count_until, kernel
 from furrowmap.core.surfaces.gaps import filled
 from furrowmap.core.surfaces.ground import Smrf, ground_cells
 from furrowmap.core.surfaces.statistic import sort_in_place
@@ -245,8 +245,8 @@ def _set_classes(x, y, z, step_m, tiles, height_m, classes):  # type: ignore[no-
         key = np.int64((column // TILE_CELLS + _KEY) << 32) + row // TILE_CELLS + _KEY
         if key != last_key:
             last_key = key
-            tile = np.int64(np.searchsorted(tiles, key))
-            if tile == len(tiles) or tiles[tile] != key:
+            tile = count_until(tiles, key) - 1
+            if tile >= 0 and tiles[tile] != key:
                 tile = np.int64(-1)
         if tile < 0:
             continue

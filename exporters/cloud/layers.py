@@ -317,41 +317,41 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
     for i in range(1, len(bits)):
         if time[i] == time[i - 1]:
             continue
-        value = bits[i]
+        value, first, begins = bits[i], step[now] == 0, False
         if not is_int32(value - last[now]):
             other = 1
             while other < SEQUENCES and not is_int32(value - last[(now + other) & 3]):
                 other += 1
             other &= 3
-            if step[now] == 0:
-                coder = encode(out, coder, table, FIRSTS_AT, FIRSTS, 1 + other)
-            else:
-                coder = encode(out, coder, table, ZERO, MULTIPLES, OTHER_SEQUENCE + other)
-            if other == 0:
-                error = (value >> 32) - (last[now] >> 32)
-                coder, _ = encode_integer(out, coder, table, STEPS_AT, BITS_32, T_CONTEXTS, EIGHT, error)
-                coder = write_bits(out, coder, BITS_16, value & 0xFFFF)
-                coder = write_bits(out, coder, BITS_16, (value >> 16) & 0xFFFF)
-                now = newest = (newest + 1) & 3
-                last[now], step[now], unsteady[now] = value, 0, 0
-                continue
+            begins = other == 0
+            symbol = other + (1 if first else OTHER_SEQUENCE)
+            coder = encode(out, coder, table, FIRSTS_AT if first else ZERO, FIRSTS if first else MULTIPLES, symbol)
             now = (now + other) & 3
+            first = step[now] == 0
         difference = value - last[now]
+        multiple = symbol = context = ZERO
+        error = difference
+        if begins:
+            context, error = EIGHT, (value >> 32) - (last[now] >> 32)
+        elif not first:
+            # In single precision, as every decoder has it.
+            ratio = np.float32(difference) / np.float32(step[now])
+            ratio += np.float32(0.5) if ratio >= 0 else np.float32(-0.5)
+            multiple = np.int64(max(min(ratio, np.float32(MAX_MULTIPLE)), np.float32(MIN_MULTIPLE)))
+            symbol = multiple if multiple >= 0 else MAX_MULTIPLE - multiple
+            context, error = np.int64(rest_context(multiple)), difference - multiple * step[now]
+        if not begins:
+            coder = encode(out, coder, table, FIRSTS_AT if first else ZERO, FIRSTS if first else MULTIPLES, symbol)
+        # Once for all cases, because it is inlined: to compile it three times took a second.
+        coder, _ = encode_integer(out, coder, table, STEPS_AT, BITS_32, T_CONTEXTS, context, error)
+        if begins:
+            for half_bits in range(0, 32, 16):
+                coder = write_bits(out, coder, BITS_16, (value >> half_bits) & 0xFFFF)
+            now = newest = (newest + 1) & 3
         last[now] = value
-        if step[now] == 0:
-            coder = encode(out, coder, table, FIRSTS_AT, FIRSTS, ZERO)
-            coder, _ = encode_integer(out, coder, table, STEPS_AT, BITS_32, T_CONTEXTS, ZERO, difference)
-            step[now], unsteady[now] = difference, 0
-            continue
-        # In single precision, as every decoder has it.
-        ratio = np.float32(difference) / np.float32(step[now])
-        ratio += np.float32(0.5) if ratio >= 0 else np.float32(-0.5)
-        multiple = np.int64(max(min(ratio, np.float32(MAX_MULTIPLE)), np.float32(MIN_MULTIPLE)))
-        symbol = multiple if multiple >= 0 else MAX_MULTIPLE - multiple
-        coder = encode(out, coder, table, ZERO, MULTIPLES, symbol)
-        error = difference - multiple * step[now]
-        coder, _ = encode_integer(out, coder, table, STEPS_AT, BITS_32, T_CONTEXTS, rest_context(multiple), error)
-        if multiple == 1:
+        if begins or first:
+            step[now], unsteady[now] = 0 if begins else difference, 0
+        elif multiple == 1:
             unsteady[now] = 0
         elif multiple in (0, MAX_MULTIPLE, MIN_MULTIPLE):
             unsteady[now] += 1

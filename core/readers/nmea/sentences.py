@@ -169,7 +169,22 @@ _MODES = np.frombuffer(b"SMEADPFR", np.uint8)
 """Mode indicators of GNS, the best last; N is no position."""
 _QUALITIES = np.array([8.0, 7.0, 6.0, 1.0, 2.0, 3.0, 5.0, 4.0])
 """The quality that GGA gives each of them."""
-_FIELD_1, _FIELD_3, _FIELD_8 = np.int64(1), np.int64(3), np.int64(8)
+_FIELD_1, _FIELD_8 = np.int64(1), np.int64(8)
+_ADDRESSES = np.frombuffer(b"GGARMCGSTVTGHDTZDAGNS", np.uint8).reshape(-1, 3)
+_NUMBERS = np.full((len(Kind), COLUMNS), -1)
+"""The field of the number in each column; -1 where it is not a number, or calculated."""
+for _kind, _columns, _fields in (
+    (Kind.GGA, [3, 4, 5, 6, 7, 8], [8, 10, 5, 6, 7, 12]),
+    (Kind.RMC, [3, 4], [6, 7]),
+    (Kind.GST, [1, 2, 3], [5, 6, 7]),
+    (Kind.VTG, [1, 2], [4, 0]),
+    (Kind.HDT, [1], [0]),
+    (Kind.GNS, [3, 4, 6, 7, 8], [8, 9, 6, 7, 10]),
+    (Kind.PUBX, [3, 6, 7, 8], [5, 16, 13, 12]),
+    (Kind.PUBX_MOTION, [1, 3, 4, 5], [7, 8, 9, 10]),
+    (Kind.PASHR, [1, 2, 3], [1, 3, 4]),
+):
+    _NUMBERS[_kind, _columns] = _fields
 _SMALL_A, _SMALL_F = np.int64(ord("a")), np.int64(ord("f"))
 
 
@@ -244,100 +259,66 @@ def _take(data: Any, i: int, end: int, begin: Any, kind: Any, talker: Any, at: A
             fields += 1
     for k in range(fields, _MOST_FIELDS + 1):
         begin[k] = end + 1
-    out = values[row]
-    rows = 1
-    if a == _G and b == _G and c == _A:
-        known = _GGA
-        out[0] = _time_of_day(data, begin, 0)
-        out[1] = _angle(data, begin, _FIELD_1, _N, _S)
-        out[2] = _angle(data, begin, _FIELD_3, _E, _W)
-        out[3] = _number(data, begin[8], begin[9] - 1)
-        out[4] = _number(data, begin[10], begin[11] - 1)
-        out[5] = _number(data, begin[5], begin[6] - 1)
-        out[6] = _number(data, begin[6], begin[7] - 1)
-        out[7] = _number(data, begin[7], begin[8] - 1)
-        out[8] = _number(data, begin[12], begin[13] - 1)
-    elif a == _G and b == _N and c == _S:
-        known = _GNS
-        out[0] = _time_of_day(data, begin, 0)
-        out[1] = _angle(data, begin, _FIELD_1, _N, _S)
-        out[2] = _angle(data, begin, _FIELD_3, _E, _W)
-        out[3] = _number(data, begin[8], begin[9] - 1)
-        out[4] = _number(data, begin[9], begin[10] - 1)
-        out[5] = _best_mode(data, begin[5], begin[6] - 1)
-        for k in range(2):
-            out[6 + k] = _number(data, begin[6 + k], begin[7 + k] - 1)
-        out[8] = _number(data, begin[10], begin[11] - 1)
-    elif a == _R and b == _M and c == _C:
-        known = _RMC
-        out[0] = _time_of_day(data, begin, 0)
-        out[1] = _date(data, begin, _FIELD_8)
-        out[2] = 1.0 if begin[2] - 1 > begin[1] and data[begin[1]] == _A else 0.0
-        out[3] = _number(data, begin[6], begin[7] - 1) * KNOT_MPS
-        out[4] = _number(data, begin[7], begin[8] - 1)
-    elif a == _G and b == _S and c == _T:
-        known = _GST
-        out[0] = _time_of_day(data, begin, 0)
-        for k in range(3):
-            out[1 + k] = _number(data, begin[5 + k], begin[6 + k] - 1)
-    elif a == _V and b == _T and c == _G:
-        known = _VTG
-        knots = _number(data, begin[4], begin[5] - 1)
-        kmh = _number(data, begin[6], begin[7] - 1)
-        out[1] = kmh / 3.6 if np.isnan(knots) else knots * KNOT_MPS
-        out[2] = _number(data, begin[0], begin[1] - 1)
-    elif (a == _H and b == _D and c == _T) or (a == _T and b == _H and c == _S):
+    known = -1
+    for k in range(len(_ADDRESSES)):
+        if a == _ADDRESSES[k, 0] and b == _ADDRESSES[k, 1] and c == _ADDRESSES[k, 2]:
+            known = k
+    if a == _T and b == _H and c == _S:
         known = _HDT
-        valid = a == _H or (begin[2] - 1 > begin[1] and data[begin[1]] != _V)
-        out[1] = _number(data, begin[0], begin[1] - 1) if valid else np.nan
-    elif a == _Z and b == _D and c == _A:
-        known = _ZDA
-        out[0] = _time_of_day(data, begin, 0)
-        out[1] = (
-            _number(data, begin[3], begin[4] - 1) * 10000.0
-            + _number(data, begin[2], begin[3] - 1) * 100.0
-            + _number(data, begin[1], begin[2] - 1)
-        )
     elif is_pashr:
-        # time, heading, T, roll, pitch, heave, three accuracies, quality of the position, state of the inertial system
         known = _PASHR
-        out[0] = _time_of_day(data, begin, 0)
-        if data[begin[10]] != _0 or begin[11] - 1 == begin[10]:
-            if data[begin[2]] == _T:
-                out[1] = _number(data, begin[1], begin[2] - 1)
-            out[2] = _number(data, begin[3], begin[4] - 1)
-            out[3] = _number(data, begin[4], begin[5] - 1)
-    elif is_pubx and data[i + 6] == _0 and data[i + 7] == _4:
-        known = _ZDA
-        out[0] = _time_of_day(data, begin, 0)
-        out[1] = _date(data, begin, _FIELD_1)
-    elif is_pubx and data[i + 6] == _0 and data[i + 7] == _0:
-        known = _PUBX
-        out[0] = _time_of_day(data, begin, 0)
-        out[1] = _angle(data, begin, _FIELD_1, _N, _S)
-        out[2] = _angle(data, begin, _FIELD_3, _E, _W)
-        out[3] = _number(data, begin[5], begin[6] - 1)
-        out[4] = 0.0
-        out[5] = _state_quality(data, begin[6], begin[7] - 1)
-        out[6] = _number(data, begin[16], begin[17] - 1)
-        out[7] = _number(data, begin[13], begin[14] - 1)
-        out[8] = _number(data, begin[12], begin[13] - 1)
-        motion = values[row + 1]
-        motion[0] = out[0]
-        motion[1] = _number(data, begin[7], begin[8] - 1) / np.sqrt(2.0)
-        motion[2] = motion[1]
-        motion[3] = _number(data, begin[8], begin[9] - 1)
-        motion[4] = _number(data, begin[9], begin[10] - 1) / 3.6
-        motion[5] = _number(data, begin[10], begin[11] - 1)
-        kind[row + 1] = _PUBX_MOTION
-        rows = 2
-    else:
+    elif is_pubx and data[i + 6] == _0:
+        known = _ZDA if data[i + 7] == _4 else _PUBX if data[i + 7] == _0 else -1
+    if known < 0:
         return 0
-    kind[row] = known
+    rows = 2 if known == _PUBX else 1
     for k in range(row, row + rows):
+        kind[k] = known if k == row else _PUBX_MOTION
         talker[k, 0] = data[i + 1]
         talker[k, 1] = data[i + 2]
         at[k] = i
+        for column in range(values.shape[1]):
+            field = _NUMBERS[kind[k], column]
+            if field >= 0:
+                values[k, column] = _number(data, begin[field], begin[field + 1] - 1)
+    out = values[row]
+    if known != _VTG and known != _HDT:
+        out[0] = _time_of_day(data, begin, 0)
+    if known in (_GGA, _GNS, _PUBX):
+        for k in range(2):
+            out[1 + k] = _angle(data, begin, 1 + 2 * k, _E if k else _N, _W if k else _S)
+    if known == _GNS:
+        out[5] = _best_mode(data, begin[5], begin[6] - 1)
+    elif known == _RMC:
+        out[1] = _date(data, begin, _FIELD_8)
+        out[2] = 1.0 if begin[2] - 1 > begin[1] and data[begin[1]] == _A else 0.0
+        out[3] *= KNOT_MPS
+    elif known == _VTG:
+        kmh = _number(data, begin[6], begin[7] - 1)
+        out[1] = kmh / 3.6 if np.isnan(out[1]) else out[1] * KNOT_MPS
+    elif known == _HDT and a == _T and (begin[2] - 1 <= begin[1] or data[begin[1]] == _V):
+        out[1] = np.nan
+    elif known == _ZDA and is_pubx:
+        out[1] = _date(data, begin, _FIELD_1)
+    elif known == _ZDA:
+        out[1] = 0.0
+        for k in range(3, 0, -1):
+            out[1] = 100.0 * out[1] + _number(data, begin[k], begin[k + 1] - 1)
+    elif is_pashr:
+        # time, heading, T, roll, pitch, heave, three accuracies, quality of the position, state of the inertial system
+        bad = data[begin[10]] == _0 and begin[11] - 1 != begin[10]
+        if bad or data[begin[2]] != _T:
+            out[1] = np.nan
+        if bad:
+            out[2] = out[3] = np.nan
+    elif known == _PUBX:
+        out[4] = 0.0
+        out[5] = _state_quality(data, begin[6], begin[7] - 1)
+        motion = values[row + 1]
+        motion[0] = out[0]
+        motion[1] /= np.sqrt(2.0)
+        motion[2] = motion[1]
+        motion[4] /= 3.6
     return rows
 
 
