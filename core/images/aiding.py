@@ -21,7 +21,7 @@ from furrowmap.core.images.block_adjustment import (
     triangulate,
 )
 from furrowmap.core.images.control_points import ControlPoints, control_views, join_views
-from furrowmap.core.images.features import feature_store
+from furrowmap.core.images.features import find_features
 from furrowmap.core.images.frames import frame_poses
 from furrowmap.core.images.ties import Ties, overlapping, thin_ties, tracks
 from furrowmap.core.readers.exif import image_size
@@ -260,25 +260,25 @@ def _ties(block: ImageBlock, images: Images, progress: Progress) -> Ties | Notic
     """Ties of the images, spread evenly over them; why there are none."""
     poses = frame_poses(block.trajectory, block.camera, block.t_s, block.scale)
     size = block.camera.width, block.camera.height
-    with feature_store(images.paths, block.camera) as store:
-        store.extract(progress)
-        # Of images that follow each other, or the next but one.
-        following = [(k, k + step) for k in range(len(images)) for step in (1, 2) if k + step < len(images)]
-        store.match(following, progress)
-        first = _well_met(block, tracks(*store.found()))
-        if first.points < MIN_TIE_POINTS:
-            return unused(f"images that follow each other have {first.points} points in common")
-        depth = np.einsum(
-            "oi,oi->o",
-            poses.rotation[first.frame][:, :, 2],
-            triangulate(poses, block.camera, first)[first.point] - poses.xyz_m[first.frame],
-        )
-        ahead = depth[depth > 0.0]
-        if len(ahead) < MIN_TIE_POINTS:
-            return contradicting("the points that they have in common are behind the camera. Check [camera] rpy_deg")
-        near = overlapping(poses, block.camera, float(np.median(ahead)))
-        store.match(sorted(set(near) - set(following)), progress)
-        ties = thin_ties(_well_met(block, tracks(*store.found())), size)
+    features = find_features(images.paths, progress)
+    keypoints = dict(enumerate(features.places))
+    # Of images that follow each other, or the next but one.
+    following = [(k, k + step) for k in range(len(images)) for step in (1, 2) if k + step < len(images)]
+    matches = features.match(following, progress)
+    first = _well_met(block, tracks(keypoints, matches))
+    if first.points < MIN_TIE_POINTS:
+        return unused(f"images that follow each other have {first.points} points in common")
+    depth = np.einsum(
+        "oi,oi->o",
+        poses.rotation[first.frame][:, :, 2],
+        triangulate(poses, block.camera, first)[first.point] - poses.xyz_m[first.frame],
+    )
+    ahead = depth[depth > 0.0]
+    if len(ahead) < MIN_TIE_POINTS:
+        return contradicting("the points that they have in common are behind the camera. Check [camera] rpy_deg")
+    near = overlapping(poses, block.camera, float(np.median(ahead)))
+    matches |= features.match(sorted(set(near) - set(following)), progress)
+    ties = thin_ties(_well_met(block, tracks(keypoints, matches)), size)
     if ties.points < MIN_TIE_POINTS:
         return unused(f"they have {ties.points} points in common")
     return ties

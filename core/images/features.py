@@ -1,149 +1,129 @@
-"""Features of images and their matches, by COLMAP on the processor.
+"""Features of images and their matches, by OpenCV.
 
-SIFT (Lowe 2004), matched both ways, the matches of two images checked by their epipolar geometry.
+SIFT (Lowe 2004), compared by the square roots of its descriptors (Arandjelović and Zisserman 2012) both ways, the
+matches of two images checked by their epipolar geometry.
 """
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from pathlib import Path
-from typing import Any, Final
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from furrowmap.core.readers.exif import write_image
+from furrowmap.core.readers.exif import read_pixels
+from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray, IntArray
+from furrowmap.core.runtime.background import in_turn
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.runtime.settings import threads
-from furrowmap.core.values.camera import COLMAP_MIDDLE, Camera
-from furrowmap.core.values.images import RAW, ImageFile, StoredImage
+from furrowmap.core.values.images import ImageFile
 
 Pair = tuple[int, int]
 
-MAX_IMAGE_FEATURES: Final = 2000
-"""Of an image; those of the largest scales are kept."""
-MIN_CONTRAST: Final = 0.0083
-"""COLMAP's `peak_threshold`, 1.25 times its own: a quarter fewer features to match, the poses as accurate."""
+MAX_IMAGE_FEATURES: Final = 1600
+"""Of an image; those of the greatest contrast are kept."""
+REDUCED: Final = 0.75
+"""OpenCV enlarges an image twice before it looks for features: reduced first, half of the time, poses as accurate."""
+MAX_SIDE_PX: Final = 1600
+"""Of a reduced image."""
+DESCRIPTOR: Final = 128
+"""Numbers of a descriptor."""
+MAX_RATIO: Final = 0.8
+"""Largest distance of the best match's descriptor in distances of the second best's (Lowe 2004)."""
+MAX_EPIPOLAR_PX: Final = 1.0
 MIN_MATCHES: Final = 15
 """Two images with fewer are not linked."""
 OF_SCALE: Final = 0.06
 """Standard deviation of a feature's place in units of its scale, before residuals show it."""
-BATCH: Final = 8
-"""Images, and pairs for each image of these, between two calls of `progress`."""
 
 
-class FeatureStore:
-    """Features and matches of some images, in a database in a folder."""
+@dataclass(frozen=True)
+class Features:
+    """Features of some images.
 
-    def __init__(self, folder: Path, paths: Sequence[ImageFile], camera: Camera) -> None:
-        import pycolmap
+    Attributes:
+        places: of each image (k, 3) column, row and standard deviation of both.
+        descriptors: (n, MAX_IMAGE_FEATURES, DESCRIPTOR) uint8: SIFT's own, k of each image.
+    """
 
-        # What is wrong with an image shows in its features; errors are raised.
-        pycolmap.logging.minloglevel = int(pycolmap.logging.FATAL)
-        self._colmap: Any = pycolmap
-        self._folder, self._camera = folder, camera
-        self._database = folder / "features.db"
-        self._images = folder / "images"
-        self._images.mkdir()
-        # COLMAP's lists of pairs have no names with spaces.
-        self._names = [f"{k:07d}{'.tif' if path.suffix == RAW else path.suffix}" for k, path in enumerate(paths)]
-        self._paths = paths
+    places: tuple[FloatArray, ...]
+    descriptors: NDArray[np.uint8]
 
-    def extract(self, progress: Progress) -> None:
-        """Find the features of all images; reports the stage "finding features"."""
-        options = self._colmap.FeatureExtractionOptions()
-        options.use_gpu, options.num_threads = False, threads()
-        options.sift.max_num_features, options.sift.first_octave = MAX_IMAGE_FEATURES, 0
-        options.sift.peak_threshold = MIN_CONTRAST
-        c = self._camera
-        reader = self._colmap.ImageReaderOptions()
-        reader.camera_model = "FULL_OPENCV"
-        params = (
-            c.fx, c.fy, c.cx + COLMAP_MIDDLE, c.cy + COLMAP_MIDDLE, c.k1, c.k2, c.p1, c.p2, c.k3, 0.0, 0.0, 0.0
-        )  # fmt: skip
-        reader.camera_params = ",".join(map(repr, params))
-        for begin in range(0, len(self._names), BATCH):
-            progress("finding features", begin / len(self._names))
-            names = self._names[begin : begin + BATCH]
-            for name, path in zip(names, self._paths[begin : begin + BATCH], strict=True):
-                _put(path, self._images / name)
-            self._colmap.extract_features(
-                self._database,
-                self._images,
-                image_names=names,
-                camera_mode=self._colmap.CameraMode.SINGLE if begin == 0 else self._colmap.CameraMode.AUTO,
-                reader_options=reader,
-                extraction_options=options,
-                device=self._colmap.Device.cpu,
-            )
-            for name in names:
-                (self._images / name).unlink()
-        progress("finding features", 1.0)
+    def match(self, pairs: Sequence[Pair], progress: Progress) -> dict[Pair, IntArray]:
+        """Numbers (m, 2) of the features that match, by pair of images; reports the stage "matching images"."""
+        found = {}
+        with ThreadPoolExecutor(threads()) as pool:
+            for k, matches in enumerate(in_turn(pool, lambda pair: self._matches(*pair), pairs, 2 * threads())):
+                if len(matches) >= MIN_MATCHES:
+                    found[pairs[k]] = matches
+                progress("matching images", (k + 1) / len(pairs))
+        return found
 
-    def match(self, pairs: Sequence[Pair], progress: Progress) -> None:
-        """Match pairs of images; reports the stage "matching images"."""
-        options = self._colmap.FeatureMatchingOptions()
-        options.use_gpu, options.num_threads = False, threads()
-        checking = self._colmap.TwoViewGeometryOptions()
-        checking.ransac.random_seed = 0
-        pairing = self._colmap.ImportedPairingOptions()
-        pairing.match_list_path = self._folder / "pairs.txt"
-        for begin in range(0, len(pairs), BATCH * BATCH):
-            progress("matching images", begin / len(pairs))
-            batch = pairs[begin : begin + BATCH * BATCH]
-            lines = [f"{self._names[a]} {self._names[b]}\n" for a, b in batch]
-            pairing.match_list_path.write_text("".join(lines), encoding="ascii")
-            self._colmap.match_image_pairs(
-                self._database,
-                matching_options=options,
-                pairing_options=pairing,
-                verification_options=checking,
-                device=self._colmap.Device.cpu,
-            )
-        progress("matching images", 1.0)
+    def _matches(self, a: int, b: int) -> IntArray:
+        import cv2
 
-    def found(self) -> tuple[dict[int, FloatArray], dict[Pair, IntArray]]:
-        """Column, row and standard deviation of both (k, 3) of the features by image; matches (m, 2) by two images."""
-        database = self._colmap.Database.open(self._database)
-        try:
-            number = {image.image_id: int(Path(image.name).stem) for image in database.read_all_images()}
-            keypoints = {number[k]: _places_and_sigmas(database.read_keypoints(k)) for k in number}
-            matches = {}
-            for key, geometry in zip(*database.read_two_view_geometries(), strict=True):
-                a, b = (number[k] for k in self._colmap.pair_id_to_image_pair(key))
-                if len(geometry.inlier_matches) >= MIN_MATCHES:
-                    matches[a, b] = geometry.inlier_matches.astype(np.int64)
-        finally:
-            database.close()
-        return keypoints, matches
+        alike = self._roots(a) @ self._roots(b).T
+        if min(alike.shape) < MIN_MATCHES:
+            return np.zeros((0, 2), np.int64)
+        # Of descriptors of length 1 the square of the distance is 2 − 2 times their product.
+        rows, best, most = np.arange(len(alike)), alike.argmax(axis=1), alike.max(axis=0)
+        product = alike[rows, best]
+        alike[rows, best] = -1.0
+        clear = 1.0 - product < MAX_RATIO**2 * (1.0 - alike.max(axis=1))
+        chosen = np.flatnonzero(clear & (product == most[best]))
+        out = np.column_stack([chosen, best[chosen]]).astype(np.int64)
+        if len(out) < MIN_MATCHES:
+            return out
+        ends = (self.places[image][out[:, side], :2] for side, image in enumerate((a, b)))
+        _, fits = cv2.findFundamentalMat(*ends, cv2.USAC_FAST, MAX_EPIPOLAR_PX, 0.999, 2000)
+        return out[:0] if fits is None else out[fits.ravel() > 0]
+
+    def _roots(self, k: int) -> NDArray[np.float32]:
+        """Square roots (k, DESCRIPTOR) of an image's descriptors, of length 1."""
+        own = self.descriptors[k, : len(self.places[k])].astype(np.float32)
+        out: NDArray[np.float32] = np.sqrt(own / np.maximum(own.sum(axis=1, keepdims=True), 1.0))
+        return out
 
 
-@contextmanager
-def feature_store(paths: Sequence[ImageFile], camera: Camera) -> Iterator[FeatureStore]:
-    """A store in a temporary folder."""
-    with tempfile.TemporaryDirectory(prefix="furrowmap-") as folder:
-        yield FeatureStore(Path(folder), paths, camera)
+def find_features(paths: Sequence[ImageFile], progress: Progress) -> Features:
+    """The features of all images, none of one that cannot be read; reports the stage "finding features"."""
+    import cv2
+
+    # Each thread has an image of its own.
+    cv2.setNumThreads(1)
+    places = []
+    descriptors = arrays.zeros((len(paths), MAX_IMAGE_FEATURES, DESCRIPTOR), np.uint8)
+    with ThreadPoolExecutor(threads()) as pool:
+        for k, (place, own) in enumerate(in_turn(pool, _found, paths, 2 * threads())):
+            places.append(place)
+            descriptors[k, : len(own)] = own
+            progress("finding features", (k + 1) / len(paths))
+    return Features(tuple(places), descriptors)
 
 
-def _put(image: ImageFile, name: Path) -> None:
-    """Make a link to a file, or a copy where the system allows no links; write an image of a recording."""
-    if isinstance(image, StoredImage):
-        write_image(image, name)
-        return
+def _found(path: ImageFile) -> tuple[FloatArray, NDArray[np.uint8]]:
+    """Places and descriptors of the features of an image."""
+    import cv2
+
+    nothing = np.zeros((0, 3)), np.zeros((0, DESCRIPTOR), np.uint8)
     try:
-        name.symlink_to(image.resolve())
-    except OSError:
-        shutil.copyfile(image, name)
-
-
-def _places_and_sigmas(keypoints: NDArray[np.float32]) -> FloatArray:
-    """(k, 3) of COLMAP's keypoints: a place and a 2 × 2 shape each."""
-    out = np.empty((len(keypoints), 3))
-    if len(keypoints):
-        out[:, :2] = keypoints[:, :2] - COLMAP_MIDDLE
-        out[:, 2] = OF_SCALE * np.maximum(np.hypot(keypoints[:, 2], keypoints[:, 4]), 1.0)
-    return out
+        grey = cv2.cvtColor(read_pixels(path, 1), cv2.COLOR_RGB2GRAY)
+    except ValueError:
+        return nothing
+    whole = np.array(grey.shape[::-1])
+    size = np.maximum(np.rint(whole * min(REDUCED, MAX_SIDE_PX / whole.max())), 1).astype(int)
+    small = cv2.resize(grey, size.tolist(), interpolation=cv2.INTER_AREA)
+    sift = cv2.SIFT_create(MAX_IMAGE_FEATURES, enable_precise_upscale=True)
+    keypoints, descriptors = sift.detectAndCompute(small, None)
+    if not keypoints:
+        return nothing
+    # Features of equal contrast may be more than asked for.
+    found = np.array([(*point.pt, 0.5 * point.size) for point in keypoints])[:MAX_IMAGE_FEATURES]
+    stretch = whole / size
+    found[:, :2] = (found[:, :2] + 0.5) * stretch - 0.5
+    found[:, 2] = OF_SCALE * np.maximum(found[:, 2] * stretch.max(), 1.0)
+    return found, descriptors[:MAX_IMAGE_FEATURES].astype(np.uint8)

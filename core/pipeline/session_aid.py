@@ -18,7 +18,7 @@ from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.trajectory.located import Located
 
-EXTRA: Final = ("pycolmap", "cv2", "PIL")
+EXTRA: Final = ("cv2", "PIL")
 _COLUMNS: Final = ("file", "name", "u", "v")
 
 

@@ -178,21 +178,6 @@ def image_size(path: ImageFile) -> tuple[int, int] | None:
         return None
 
 
-def write_image(image: StoredImage, path: Path) -> None:
-    """Write an image of a recording as a file: JPEG and PNG as they are, others as TIFF.
-
-    Raises:
-        ValueError: if it is damaged.
-        OSError: if it cannot be written.
-    """
-    if image.layout is None:
-        path.write_bytes(image.data)
-        return
-    from PIL import Image
-
-    Image.fromarray(_raw_pixels(image.data, image.layout)).save(path, "TIFF")
-
-
 def _opened(path: ImageFile) -> Any:
     """An image by Pillow, to be used in a `with`."""
     from PIL import Image

@@ -13,8 +13,6 @@ from furrowmap.core.runtime.arrays import FloatArray
 
 CONTRADICTING: Final = "images-contradict"
 """Code of the notice of images that are used for nothing."""
-RAW: Final = ".raw"
-"""End of the names of raw images."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +33,6 @@ class StoredImage:
     name: str
     data: memoryview
     layout: RawLayout | None = None
-
-    @property
-    def suffix(self) -> str:
-        """The end of the name, from the dot."""
-        return Path(self.name).suffix
 
     def __str__(self) -> str:
         return self.name

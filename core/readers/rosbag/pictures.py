@@ -19,7 +19,7 @@ from furrowmap.core.readers.rosbag.messages import stamp_s
 from furrowmap.core.readers.rosbag.storage import BagMessage, Damage
 from furrowmap.core.runtime.arrays import scratch_file
 from furrowmap.core.values.camera import Camera
-from furrowmap.core.values.images import RAW, Images, RawLayout, StoredImage
+from furrowmap.core.values.images import Images, RawLayout, StoredImage
 
 _SUFFIXES: Final = {b"\xff\xd8\xff": ".jpg", b"\x89PNG": ".png"}
 """By the first bytes of the formats of CompressedImage that are read."""
@@ -54,7 +54,7 @@ class ImageLog:
             self.left_out += 1
             return
         data = np.asarray(content.data, np.uint8).tobytes()
-        layout, suffix = None, RAW
+        layout, suffix = None, ".raw"
         if hasattr(content, "encoding"):
             step, big_endian = int(content.step), bool(content.is_bigendian)
             layout = RawLayout(int(content.width), int(content.height), step, str(content.encoding), big_endian)

@@ -25,7 +25,6 @@ from furrowmap.core.values.margins import with_margin
 from furrowmap.exporters.reports.pages import render
 from tests.core.images.test_block_adjustment import DELAY_S, NODES_S, SCALE, STATED, TRUE_TURN, Flight, true_camera
 
-pytest.importorskip("pycolmap")
 pytest.importorskip("cv2")
 PIL = pytest.importorskip("PIL.Image")
 

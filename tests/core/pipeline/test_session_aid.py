@@ -39,7 +39,7 @@ from furrowmap.core.values.camera import Camera
 from furrowmap.core.values.images import Images
 from tests.core.images.test_block_adjustment import NODES_S, SCALE, STATED, T_S, Flight, flown, true_camera
 
-pytest.importorskip("pycolmap")
+pytest.importorskip("cv2")
 PIL = pytest.importorskip("PIL.Image")
 
 
@@ -186,7 +186,7 @@ def test_mounting_and_intrinsics_that_are_off__are_told() -> None:
 
 def test_session__without_the_extra_goes_on_without_images(monkeypatch: pytest.MonkeyPatch, shared_data: Path) -> None:
     opened = open_session(shared_data / "uav_wheat" / "session.toml")
-    monkeypatch.setattr(session_aid, "find_spec", lambda name: None if name == "pycolmap" else name)
+    monkeypatch.setattr(session_aid, "find_spec", lambda name: None if name == "cv2" else name)
     notices: list[Notice] = []
     place = located()
     assert session_aid.aid_session(opened, place, SCALE, notices, silent) == (place, None)

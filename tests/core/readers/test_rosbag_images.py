@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from furrowmap.core.readers.exif import image_size, read_pixels, write_image
+from furrowmap.core.readers.exif import image_size, read_pixels
 from furrowmap.core.readers.reader import Reader, ReadOptions
 from furrowmap.core.readers.rosbag.bags import RosBag1, RosBag2
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.opened import open_session
-from furrowmap.core.values.images import StoredImage
 from tests.core.readers.image_bags import HEIGHT, WIDTH, compressed, filmed, gradient, image
 from tests.core.readers.small_bags import ROS1, ROS2, T0_NS, nav_sat_fix, write_bag1, write_bag2
 
@@ -58,14 +57,6 @@ def test_images__are_what_was_recorded(tmp_path: Path, encoding: str, ros: int) 
         assert int(off.max()) <= tolerance
         assert read_pixels(stored, 2).shape == (HEIGHT // 2, WIDTH // 2, 3)
     assert reader.notices == []
-
-
-@pytest.mark.parametrize("encoding", ["bayer_rggb8", "png"])
-def test_image__is_written_as_a_file_with_the_same_pixels(tmp_path: Path, encoding: str) -> None:
-    stored = bag(tmp_path, filmed(encoding)).images().paths[0]
-    assert isinstance(stored, StoredImage)
-    write_image(stored, tmp_path / "x.any")
-    np.testing.assert_array_equal(read_pixels(tmp_path / "x.any", 1), read_pixels(stored, 1))
 
 
 def test_inspect__names_the_images_and_their_camera(tmp_path: Path) -> None:
