@@ -111,32 +111,45 @@ def main() -> int:
         for what in ("", *(w for w, keys in table["misstated"].items() if scene in keys["on"]))
     ]
     print(f"{'':30}{'error / sigma: place':>22}" + "".join(f"{key:>16}" for key in HEAD) + f"{'worst':>8}", flush=True)
-    found = {}
+    found = finished(options, Judged)
     for name, scene, what in cases:
         if options.only and not any(word in name for word in options.only):
             continue
-        recording = simulated(f"misstated_{scene}", table["scenes"][scene])
-        found[name] = case(recording, table["misstated"].get(what, {}), table["faulty"].get(scene, ()))
+        if name not in found:
+            recording = simulated(f"misstated_{scene}", table["scenes"][scene])
+            found[name] = case(recording, table["misstated"].get(what, {}), table["faulty"].get(scene, ()))
+            keep(found, options.json)
         print(line(name, found[name]), flush=True)
-    return conclude(found, "warning", options.json)
+    return conclude(found, "warning")
 
 
-def conclude(found: Mapping[str, Any], said: str, json_file: Path | None) -> int:
+def finished(options: argparse.Namespace, kind: type) -> dict[str, Any]:
+    """The cases in the file of figures, by name, with --resume."""
+    if not (options.resume and options.json and options.json.exists()):
+        return {}
+    found: dict[str, Any] = msgspec.json.decode(options.json.read_bytes(), type=dict[str, kind])
+    return found
+
+
+def keep(found: Mapping[str, Any], json_file: Path | None) -> None:
+    """Write the figures of all cases judged to a file."""
+    if json_file:
+        rows = {name: {**dataclasses.asdict(one), "worst": one.worst} for name, one in found.items()}
+        json_file.write_bytes(msgspec.json.format(msgspec.json.encode(rows), indent=1) + b"\n")
+
+
+def conclude(found: Mapping[str, Any], said: str) -> int:
     """Print the worst case that nothing names and those that are not well; exit status.
 
     Args:
         found: cases judged, by name.
         said: what names a cause.
-        json_file: of the figures as well.
     """
     unnamed = {name: one.worst for name, one in found.items() if not one.named and not one.refused}
     worst = max(unnamed, key=lambda name: unnamed[name], default="")
     print(f"\nworst without a {said} that names the cause: {unnamed.get(worst, 0.0):.1f} ({worst})")
     failed = [name for name, one in found.items() if not one.well]
     print(f"{len(found)} cases, not well: {', '.join(failed) or 'none'}")
-    if json_file:
-        rows = {name: {**dataclasses.asdict(one), "worst": one.worst} for name, one in found.items()}
-        json_file.write_bytes(msgspec.json.format(msgspec.json.encode(rows), indent=1) + b"\n")
     return int(bool(failed))
 
 
@@ -286,7 +299,8 @@ def options_of(text: str | None) -> argparse.ArgumentParser:
     """The options of a table of cases, described by a text."""
     parser = argparse.ArgumentParser(description=text, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", default=[], metavar="WORD", help="cases whose name contains a word")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE as well")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures to FILE as well, after each case")
+    parser.add_argument("--resume", action="store_true", help="do not run the cases again that are in FILE")
     return parser
 
 

@@ -1,6 +1,6 @@
 """A flight misstated by one thing at a time: true errors against stated sigmas, and what the verdict says.
 
-    python benchmarks/misstated_flights.py SESSION [--only WORD ...] [--images] [--json FILE]
+    python benchmarks/misstated_flights.py SESSION [--only WORD ...] [--images] [--json FILE [--resume]]
 
 The session is a flight with truth/ beside it (trajectory.csv, and parcels_truth.csv where it has parcels), as the
 sample uav_wheat. misstated_flights.toml beside this file holds what is misstated. The figure of merit is the worst
@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 import pyogrio
 import tomli_w
-from misstated import LARGEST, conclude, options_of, sentence
+from misstated import LARGEST, conclude, finished, keep, options_of, sentence
 from numpy.typing import NDArray
 from trajectory_error import Poses, load_trajectory, rms
 
@@ -87,14 +87,16 @@ def main() -> int:
     parser.add_argument("--images", action="store_true", help="with the session's images")
     options = parser.parse_args()
     table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
-    found = {}
+    found = finished(options, Judged)
     print(f"{'':26}" + "".join(f"{key:>15}" for key in QUANTITIES) + f"{'worst':>8}  verdict", flush=True)
     for name, misstated in table.items():
         if options.only and not any(word in name for word in options.only):
             continue
-        found[name] = case(options.session, misstated, with_images=options.images)
+        if name not in found:
+            found[name] = case(options.session, misstated, with_images=options.images)
+            keep(found, options.json)
         print(line(name, found[name]), flush=True)
-    return conclude(found, "verdict", options.json)
+    return conclude(found, "verdict")
 
 
 def case(session: Path, misstated: Mapping[str, Any], *, with_images: bool) -> Judged:
