@@ -9,8 +9,8 @@ TESTS ?= tests
 TWO_WORKERS := -n 2 --dist loadfile --no-loadscope-reorder
 OTHER_KILLS := tests/exporters/farm/test_farm_postgis.py::test_kill__leaves_the_old_base_or_the_new_one \
   tests/exporters/files/test_two_hosts.py
-SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/misstated.py benchmarks/flights.py benchmarks/dates.py \
-  benchmarks/outages.py
+SESSIONS := benchmarks/sessions.py benchmarks/trajectory_error.py benchmarks/flights.py benchmarks/dates.py benchmarks/outages.py \
+  $(wildcard benchmarks/misstated*.py)
 
 # Python keeps what it compiles: tests start it a thousand times, and setup.py leaves compilation to the first import.
 unexport PYTHONDONTWRITEBYTECODE
@@ -109,9 +109,11 @@ bench-dates: $(INSTALLED)  ## ties of dates on three simulated fields against th
 bench-flights: $(INSTALLED)  ## trajectories and boresights of ten simulated flights against their truth
 	$(BIN)/python benchmarks/flights.py
 
-bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions and flights: stated sigmas against true errors
-	$(BIN)/python benchmarks/misstated.py
-	$(BIN)/python benchmarks/misstated_flights.py ../shared/data/uav_wheat/session.toml
+bench-misstated: $(INSTALLED)  ## degenerate scenes and misstated sessions and flights: stated sigmas against true errors; RESUME=--resume goes on
+	@mkdir -p build
+	$(BIN)/python benchmarks/misstated.py --json build/misstated.json $(RESUME); drives=$$?; \
+	$(BIN)/python benchmarks/misstated_flights.py ../shared/data/uav_wheat/session.toml --json build/misstated_flights.json $(RESUME) \
+	&& exit $$drives
 
 bench-outages: $(INSTALLED)  ## random outages of GNSS and pauses of the scanner: stated sigmas against true errors
 	$(BIN)/python benchmarks/outages.py

@@ -55,6 +55,7 @@ class Judged:
         boresight_deg: (3,) error of the mounting about the vehicle's axes.
         boresight_sigma_deg: (3,) its standard deviations; inf where the mounting was not found.
         seconds: that the run took.
+        verdict: likely cause of a contradiction, which a right flight does not have; empty without one.
     """
 
     error: FloatArray
@@ -62,6 +63,7 @@ class Judged:
     boresight_deg: FloatArray
     boresight_sigma_deg: FloatArray
     seconds: float
+    verdict: str
 
 
 def main() -> int:
@@ -139,6 +141,7 @@ def judge(recording: Path) -> Judged:
         np.degrees(off.as_rotvec()),
         np.array(lidar.get("sigma_deg", (np.inf, np.inf, np.inf)), np.float64),
         seconds,
+        "" if report["verdict"]["consistent"] is not False else report["verdict"].get("cause", "unknown"),
     )
 
 
@@ -155,7 +158,8 @@ def line(name: str, judged: Judged) -> str:
         f"{off:+.4f} ({sigma:.4f})" for off, sigma in zip(judged.boresight_deg, judged.boresight_sigma_deg, strict=True)
     )
     places = "".join(f"{1000 * value:6.1f}" for value in error[:3])
-    return f"{name:14}{places}   {error[3]:8.4f}{error[4]:8.4f}{error[5]:9.4f}       {angles}   {judged.seconds:.0f} s"
+    turns = f"{error[3]:8.4f}{error[4]:8.4f}{error[5]:9.4f}"
+    return f"{name:14}{places}   {turns}       {angles}   {judged.seconds:.0f} s  {judged.verdict}"
 
 
 def print_pooled(judged: list[Judged]) -> None:

@@ -25,6 +25,7 @@ import msgspec
 import numpy as np
 import tomli_w
 from numpy.typing import NDArray
+from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 from sessions import simulated
 from trajectory_error import Poses, load_simulation, load_trajectory, rms
@@ -40,6 +41,8 @@ LARGEST = 5.0
 """Of error over sigma without a warning."""
 ROUND_M = (3.0, 6.0, 9.0)
 """Distances of the points on the ground that stand for a cloud."""
+PART_M = 3.0
+SQUARE = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
 QUANTITIES = ("place", "height", "heading", "cloud", "cloud_h")
 HEAD = ("height", "heading", "cloud", "its height")
 HARMLESS = frozenset(
@@ -123,12 +126,11 @@ def main() -> int:
     return conclude(found, "warning")
 
 
-def finished(options: argparse.Namespace, kind: type) -> dict[str, Any]:
+def finished(options: argparse.Namespace, kind: type[Any]) -> dict[str, Any]:
     """The cases in the file of figures, by name, with --resume."""
     if not (options.resume and options.json and options.json.exists()):
         return {}
-    found: dict[str, Any] = msgspec.json.decode(options.json.read_bytes(), type=dict[str, kind])
-    return found
+    return {name: msgspec.convert(row, kind) for name, row in msgspec.json.decode(options.json.read_bytes()).items()}
 
 
 def keep(found: Mapping[str, Any], json_file: Path | None) -> None:
@@ -245,9 +247,27 @@ def _session(recording: Path, folder: Path, misstated: Mapping[str, Any]) -> Pat
     (folder / "gnss.nmea").write_text(_damaged(log, misstated.get("positions", {})), encoding="ascii", newline="")
     for path in (recording / keys["recording"]["lidar"][0], recording / "boundary.geojson"):
         os.link(path, folder / path.name)
+    truth = load_simulation(recording).truth.xyz_m
+    part_of_ground(keys, folder, truth[len(truth) // 2, :2])
     session = folder / "session.toml"
     session.write_text(tomli_w.dumps(keys), encoding="utf-8")
     return session
+
+
+def part_of_ground(keys: dict[str, Any], folder: Path, middle_m: FloatArray) -> None:
+    """Let a session map a small square alone: poses do not depend on it, and cloud and surfaces take half of the time.
+
+    Args:
+        keys: of the session, which get a file of `folder`.
+        middle_m: (2,) of the square, in the session's map.
+    """
+    to_wgs84 = Transformer.from_crs(keys["crs"]["map"], "EPSG:4326", always_xy=True)
+    ring = [to_wgs84.transform(*(middle_m + np.array(corner) * PART_M)) for corner in SQUARE]
+    shape = {"type": "Polygon", "coordinates": [ring]}
+    feature = {"type": "Feature", "properties": {}, "geometry": shape}
+    layer = {"type": "FeatureCollection", "features": [feature]}
+    (folder / "part.geojson").write_text(json.dumps(layer), encoding="utf-8")
+    keys.setdefault("field", {})["within"] = "part.geojson"
 
 
 def _damaged(log: str, what: Mapping[str, Any]) -> str:

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 import pyogrio
 import tomli_w
-from misstated import LARGEST, conclude, finished, keep, options_of, sentence
+from misstated import LARGEST, conclude, finished, keep, options_of, part_of_ground, sentence
 from numpy.typing import NDArray
 from trajectory_error import Poses, load_trajectory, rms
 
@@ -143,7 +143,10 @@ def judged(truth: Path, field: Path) -> tuple[dict[str, float], dict[str, float]
 
 
 def misstate(session: Path, folder: Path, misstated: Mapping[str, Any], *, with_images: bool) -> Path:
-    """The session in a folder with what is misstated, and its files beside it."""
+    """The session in a folder with what is misstated, and its files beside it.
+
+    Where neither positions, parcels nor check points are concerned, a part of the ground is mapped alone.
+    """
     keys = tomllib.loads(session.read_text(encoding="utf-8"))
     for table in (*misstated.get("without", ()), *(() if with_images else ("camera",))):
         keys.pop(table, None)
@@ -158,6 +161,10 @@ def misstate(session: Path, folder: Path, misstated: Mapping[str, Any], *, with_
     for name, change in (("gnss", _positions), ("imu", _inertial), ("parcels", _parcels)):
         if name in misstated:
             change(folder, keys, misstated[name])
+    if not (misstated.keys() & {"gnss", "parcels"}) and misstated and "check_points" not in keys.get("field", {}):
+        keys.pop("parcels", None)
+        truth = np.loadtxt(session.parent / "truth" / "trajectory.csv", delimiter=",", skiprows=1, usecols=(1, 2))
+        part_of_ground(keys, folder, np.median(truth, axis=0))
     out = folder / "misstated.toml"
     out.write_text(tomli_w.dumps(keys), encoding="utf-8")
     return out

@@ -55,24 +55,26 @@ def search_imu_clock(imu: InertialTrack, positions: Positions, arm_m: FloatArray
     """Time by which the IMU's clock is clearly ahead of the positions'; 0 where it is not by more than MIN_OFFSET_S.
 
     Args:
-        imu: in axes that keep to the vehicle; on wheels in the vehicle's.
+        imu: in axes that keep to the vehicle; on wheels in the vehicle's. Without wheels the direction of the nose only
+            counts where positions hide accelerations, and from APART_S on: an aircraft may turn before or after it.
         positions: of the antenna.
         arm_m: (3,) from the IMU to the antenna in these axes. Where it turns off, an antenna ahead is early.
     """
     if len(imu) < 2 or len(positions.t_s) < 2:
         return 0.0
     half = _half(positions)
+    least_s = MIN_OFFSET_S if on_wheels else APART_S
     t_s = np.arange(imu.t_s[0], imu.t_s[-1], STEP_S)
     rate, force = (_means(imu.t_s, values, t_s) for values in (imu.rate_radps, imu.force_mps2))
     if len(rate) > 1:
         force += np.cross(np.gradient(rate, STEP_S, axis=0), arm_m) + np.cross(rate, np.cross(rate, arm_m))
     # The bias that gravity shows is that of the gyroscopes, or of few and long accelerations.
     for turned in (_turned(rate - _rate_bias(_turned(rate), force)), _turned(rate)):
-        for of_nose in (False, True) if on_wheels else (False,):
+        for of_nose in (False, True) if on_wheels or half == MOTION_HALVES[-1] else (False,):
             motion = _Motion(imu, t_s, turned, force, of_nose)
             found_s = _clearly_best(*_unexplained(motion, positions, half), half)
             if found_s is not None:  # a motion of later is that of the positions at the IMU's true time
-                return -found_s if abs(found_s) > MIN_OFFSET_S else 0.0
+                return -found_s if abs(found_s) > (least_s if of_nose else MIN_OFFSET_S) else 0.0
     return 0.0
 
 

@@ -41,6 +41,11 @@ def test_offset__is_found_by_the_direction_of_the_nose() -> None:
         assert abs(search_imu_clock(*drive(off_s, 0.15), on_wheels=True) - off_s) < 0.3
 
 
+def test_offset_without_wheels__is_found_by_the_nose_where_positions_hide_accelerations() -> None:
+    assert search_imu_clock(*drive(-4.0, 0.5), on_wheels=False) == pytest.approx(-4.0, abs=0.3)
+    assert search_imu_clock(*drive(1.5, 0.5), on_wheels=False) == 0.0  # the nose of an aircraft may lag
+
+
 def test_right_clock_and_hidden_motion__are_left_alone() -> None:
     assert search_imu_clock(*drive(0.0, 0.15), on_wheels=True) == 0.0
     assert search_imu_clock(*drive(5.0, 50.0), on_wheels=True) == 0.0
