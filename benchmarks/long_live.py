@@ -25,7 +25,7 @@ from furrowmap.core.readers.reader import GivesTrack
 from furrowmap.core.session.opened import open_session
 from furrowmap.core.work.saved import load_implement
 from furrowmap.core.work.worked_cells import WORKED
-from furrowmap.workflows.live.live import _Watch
+from furrowmap.workflows.live.live import LiveWatch, Outlets
 from furrowmap.workflows.live.server import Hub, Pictures
 
 LOOP_S = 90.0
@@ -61,7 +61,7 @@ def main() -> None:
     stream = ScanStream(opened.inputs.lidar[0], opened.session.lidar.model)
     pictures = Pictures()
     page, lines = Hub(pictures.whole), Hub()
-    watch = _Watch(session, opened.frame, stream, page, lines, pictures, None)
+    watch = LiveWatch(session, opened.frame, stream, Outlets(pictures, page, lines, None, None, None))
     joined = page.join(), page.join(), lines.join()
     taken: Queue[bytes] = joined[0][1] if joined[0] is not None else Queue()
     told_s = 0.0

@@ -28,6 +28,8 @@ from furrowmap.core.runtime.errors import UsageError
 @option("--speed", "N", "Play N times as fast as it was recorded [default: 1; 0: as fast as possible].")
 @option("--port", "N", "Port of the page in the local network [default: 8080; 0: no page].")
 @option("--nmea-port", "N", "TCP port at which GGA, VTG and HDT are sent [default: 10110; 0: none].")
+@option("--mqtt", "URL", "Broker that messages are sent to: mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], or mqtts://.")
+@option("--map", "FILE", "Background of the page: raster tiles in a PMTiles or MBTiles file.", "background")
 @flag("--local", "Serve on this computer only, not in the local network.")
 def live(
     console: Console,
@@ -36,6 +38,8 @@ def live(
     speed: int | None,
     port: int | None,
     nmea_port: int | None,
+    mqtt: str | None,
+    background: Path | None,
     *,
     local: bool,
 ) -> None:
@@ -53,11 +57,12 @@ def live(
         console.say(f"http://{'localhost' if local else gethostname()}:{port}/")
     summary = furrowmap.live(
         recording,
-        play=played is not None,
-        speed=math.inf if speed == 0 else float(speed or 1),
+        play=0.0 if played is None else math.inf if speed == 0 else float(speed or 1),
         host="127.0.0.1" if local else "0.0.0.0",  # noqa: S104 (tablets on the local network look at it)
         port=port or None,
         nmea_port=10110 if nmea_port is None else nmea_port or None,
+        mqtt=mqtt,
+        background=background,
         on_scan=_put_line if console.as_json else None,
     )
     console.answer(asdict(summary), table(figures(asdict(summary))))

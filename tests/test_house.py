@@ -95,7 +95,8 @@ BOUNDARIES = {
     "gzip": [],
     "tarfile": [],
     "pickle": [],
-    "sqlite3": ["core.readers.rosbag.db3"],
+    "sqlite3": ["core.readers.rosbag.db3", "workflows.live.background"],
+    "pmtiles": ["workflows.live.background"],
     "zipfile": [
         "workflows.share.qgis_plugin",  # writes alone
         "core.readers.isoxml.files",

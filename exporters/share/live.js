@@ -31,7 +31,7 @@ for (const name of ["worked", "rate", "speed", "fix", "overlap", "missed", "sigm
 $("tool").textContent = words.unknown;
 
 // Cells: a canvas for each tile, drawn again only where cells changed.
-const map = { origin: null, cell: 0.1, side: 64, tiles: new Map() };
+const map = { origin: null, background: null, cell: 0.1, side: 64, tiles: new Map() };
 let pose = null, poseAt = 0, heardAt = 0, waiting = words.starting, connected = false;
 let metres = 30, northUp = false;
 const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -88,11 +88,16 @@ async function takePicture(picture) {
   const bytes = Uint8Array.from(atob(picture.cells), (c) => c.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   const cells = new Uint8Array(await new Response(stream).arrayBuffer());
-  map.origin = picture.origin_m || null;
+  takePlace(picture);
   map.cell = picture.cell_m; map.side = picture.tile;
   map.tiles.clear();
   const size = map.side * map.side;
   picture.tiles.forEach(([x, y], i) => tileAt(x, y).state.set(cells.subarray(i * size, (i + 1) * size)));
+}
+function takePlace(place) {
+  map.origin = place.origin_m || null;
+  map.background = place.background || null;
+  $("source").textContent = map.background ? map.background.attribution : "";
 }
 function takeCells(tiles) {
   for (const [x, y, runs] of tiles) {
@@ -100,6 +105,44 @@ function takeCells(tiles) {
     for (let i = 0; i < runs.length; i += 3) tile.state.fill(runs[i + 2], runs[i], runs[i] + runs[i + 1]);
     tile.stale = true;
   }
+}
+
+// The background: images of the tiles around, and those of two zooms less until they are here.
+const images = new Map();
+function imageOf(path) {
+  let image = images.get(path);
+  if (!image) {
+    image = new Image();
+    image.src = path;
+    images.set(path, image);
+    if (images.size > 300) images.delete(images.keys().next().value);
+  }
+  return image.complete && image.naturalWidth ? image : null;
+}
+function drawBackground(east, north, reach, pixelsPerMetre) {
+  const { at, en_m: [e0, n0], to_m: [[a, b], [c, d]], zooms } = map.background;
+  const unit = Math.hypot(a, c), det = a * d - b * c, de = east - e0, dn = north - n0;
+  const x = at[0] + (d * de - b * dn) / det, y = at[1] + (a * dn - c * de) / det;
+  const best = Math.min(zooms[1], Math.max(zooms[0], Math.round(Math.log2(unit * pixelsPerMetre / 256))));
+  pen.save();
+  pen.imageSmoothingEnabled = true;
+  pen.globalAlpha = night ? 0.35 : 0.8;
+  for (const zoom of new Set([Math.max(zooms[0], best - 2), best])) {
+    const count = 2 ** zoom, around = reach / unit * count;
+    if (around > 8) continue;  // a map of small tiles only, seen from far
+    for (let row = Math.max(0, Math.floor(y * count - around)); row <= Math.min(count - 1, y * count + around); row++) {
+      for (let column = Math.max(0, Math.floor(x * count - around)); column <= Math.min(count - 1, x * count + around); column++) {
+        const image = imageOf(`tiles/${zoom}/${column}/${row}`);
+        if (!image) continue;
+        const dx = column / count - at[0], dy = row / count - at[1];
+        pen.save();
+        pen.transform(a / count, -c / count, b / count, -d / count, a * dx + b * dy - de, dn - c * dx - d * dy);
+        pen.drawImage(image, 0, 0, 1.003, 1.003);
+        pen.restore();
+      }
+    }
+  }
+  pen.restore();
 }
 
 // Events are taken in their order, the picture included, which is unpacked asynchronously.
@@ -114,6 +157,7 @@ function connect() {
     order = order.then(() => take(content)).catch((error) => console.error(error));
   });
   on("picture", takePicture);
+  on("place", takePlace);
   on("cells", takeCells);
   on("pose", (p) => {
     waiting = "";
@@ -162,8 +206,9 @@ function draw() {
   pen.translate(width / 2, height * (northUp ? 0.5 : 0.62));
   if (!northUp) pen.rotate(-heading);
   pen.scale(scale, scale);
-  pen.imageSmoothingEnabled = false;
   const side = map.cell * map.side, reach = 0.75 * Math.hypot(width, height) / scale + side;
+  if (map.background) drawBackground(east, north, reach, scale * ratio);
+  pen.imageSmoothingEnabled = false;
   for (const tile of map.tiles.values()) {
     const x = tile.x * side - east, y = tile.y * side - north;
     if (Math.hypot(x, y) > reach) continue;

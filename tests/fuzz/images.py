@@ -12,6 +12,9 @@ from furrowmap.core.readers.exif import exif_images, image_size, read_pixels
 from furrowmap.core.readers.image_table import is_image_table, read_image_table
 from furrowmap.core.readers.reader import Recognised
 from furrowmap.core.runtime.errors import InputError
+from furrowmap.workflows.live.background import open_background
+from furrowmap.workflows.live.server import tile_of
+from tests.app.live.map_tiles import TILE, mbtiles, pmtiles
 from tests.core.readers.image_bags import filmed
 from tests.core.readers.small_bags import ROS1, write_bag1, write_bag2
 from tests.fuzz.trials import Entry
@@ -66,8 +69,20 @@ def read_bag(path: Path) -> None:
     reader.camera()
 
 
+def maps(folder: Path) -> list[dict[str, bytes]]:
+    """Background maps of a live page."""
+    paths = mbtiles(folder / "map.mbtiles"), pmtiles(folder / "map.pmtiles")
+    return [{path.name: path.read_bytes()} for path in paths]
+
+
+def read_map(path: Path) -> None:
+    """As the server of the page does, which answers with nothing where a tile cannot be read."""
+    tile_of(open_background(path), *TILE)
+
+
 IMAGES: Final = (
     Entry("rosbag-images", bags, read_bag, trials=60),
+    Entry("map-tiles", maps, read_map, trials=60),
     Entry("image-table", lambda _: [{"images.csv": table()}], read_table, trials=50),
     Entry("exif-jpeg", lambda _: [{"a.jpg": photo("JPEG")}], read_photo, trials=50),
     Entry("exif-tiff", lambda _: [{"a.tif": photo("TIFF")}], read_photo, trials=50),

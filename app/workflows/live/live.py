@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import Any, Final
@@ -17,12 +16,15 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.live import LiveScan, LiveSession, warm_up
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import FurrowmapError, UsageError
+from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.session.opened import OpenSession, open_session
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.work.saved import load_implement
 from furrowmap.core.work.worked_cells import MISSED, OVERLAP, WORKED, Tile
+from furrowmap.workflows.live.background import BackgroundMap, open_background
 from furrowmap.workflows.live.feeds import FolderFeed, PlayedFeed
+from furrowmap.workflows.live.mqtt import MqttOutlet
 from furrowmap.workflows.live.nmea import sentences
 from furrowmap.workflows.live.server import Hub, Pictures, event, serve_lines, serve_page
 
@@ -33,6 +35,7 @@ CELLS_EVERY_S: Final = 0.5
 FIGURES_EVERY_S: Final = 1.0
 RATE_OVER_S: Final = 120.0
 OPEN_EVERY_S: Final = 1.0
+PLACED_WITHIN_M: Final = 1000.0
 EARLY_S: Final = 1.6
 """A scan of before the scanner's clock was known is looked at if it came no longer ago."""
 
@@ -83,11 +86,12 @@ class _Delays:
 def live(
     recording: str | Path,
     *,
-    play: bool = False,
-    speed: float = 1.0,
+    play: float = 0.0,
     host: str = "0.0.0.0",  # noqa: S104 (tablets on the local network look at it)
     port: int | None = 8080,
     nmea_port: int | None = 10110,
+    mqtt: str | None = None,
+    background: str | Path | None = None,
     language: str | None = None,
     on_scan: Callable[[dict[str, Any]], None] | None = None,
     stop: Event | None = None,
@@ -96,11 +100,12 @@ def live(
 
     Args:
         recording: the folder that `furrowmap record` writes; with `play` the session file of an earlier recording.
-        play: play the recording as it came in.
-        speed: of playing: so many times as fast; infinite for as fast as it can be looked at.
+        play: play the recording as it came in, so many times as fast; infinite for as fast as it can be looked at.
         host: address of this computer at which page and outlet are served.
         port: of the page; None for no page, 0 for any that is free.
         nmea_port: of the outlet of NMEA sentences over TCP; None for none.
+        mqtt: broker that messages are sent to: mqtt://[USER:PASSWORD@]HOST[:PORT][/TOPIC], or mqtts://.
+        background: PMTiles or MBTiles file of raster tiles that are drawn below the ground worked.
         language: "en" or "ja", in which the page begins; by default that of its reader.
         on_scan: gets what is known with each scan, as values of JSON; before the first one what is waited for.
 
@@ -112,17 +117,27 @@ def live(
     if not play and not Path(recording).is_dir():
         raise UsageError("usage.live-folder", recording=recording)
     pictures = Pictures()
-    page, lines = Hub(pictures.whole), Hub()
+    outlets = Outlets(
+        pictures,
+        Hub(pictures.whole),
+        Hub(),
+        MqttOutlet(mqtt) if mqtt is not None else None,
+        open_background(Path(background)) if background is not None else None,
+        on_scan,
+    )
     with ExitStack() as closing:
+        if outlets.mqtt is not None:
+            closing.callback(outlets.mqtt.close)
         try:
             if port is not None:
-                closing.callback(serve_page(host, port, page, language or "").shutdown)
+                served = serve_page(host, port, outlets.page, language or "", outlets.background)
+                closing.callback(served.shutdown)
             if nmea_port is not None:
-                closing.callback(serve_lines(host, nmea_port, lines).shutdown)
+                closing.callback(serve_lines(host, nmea_port, outlets.lines).shutdown)
         except OSError as error:
             raise UsageError("usage.live-port", port=port, nmea_port=nmea_port, error=error.strerror) from None
         warm_up()  # while the recorder waits for its sensors
-        opened = open_session(file) if play else _opened(file, page, stop, on_scan)
+        opened = open_session(file) if play else _opened(file, outlets, stop)
         if opened is None:
             return LiveSummary()
         tools = opened.inputs.tools
@@ -132,11 +147,11 @@ def live(
         scanner = opened.session.lidar
         scans = ScanStream((*opened.inputs.lidar, file)[0], scanner.model, scanner.source)
         feed: FolderFeed | PlayedFeed = (
-            PlayedFeed(opened, scans, speed, stop)
+            PlayedFeed(opened, scans, play, stop)
             if play
             else FolderFeed(Path(recording), opened.session.recording, scans, stop)
         )
-        watch = _Watch(session, opened.frame, scans, page, lines, pictures, on_scan)
+        watch = LiveWatch(session, opened.frame, scans, outlets)
         for piece in feed.pieces():
             if isinstance(piece.data, bytes):
                 session.add_gnss(piece.data)
@@ -145,51 +160,57 @@ def live(
             elif isinstance(piece.data, list):
                 watch.take(piece.data, piece.due_s, feed.status)
             else:
-                _say_waiting(piece.data, page, on_scan)
+                outlets.wait_for(piece.data)
         return watch.summary()
 
 
-def _opened(file: Path, page: Hub, stop: Event, on_scan: Callable[[dict[str, Any]], None] | None) -> OpenSession | None:
+def _opened(file: Path, outlets: Outlets, stop: Event) -> OpenSession | None:
     """The session, as soon as the recorder has written it and knows where it is; None if stopped before."""
     while not stop.is_set():
         try:
             return open_session(file)
         except FurrowmapError as error:
-            _say_waiting(error, page, on_scan)
+            outlets.wait_for(error)
         stop.wait(OPEN_EVERY_S)
     return None
 
 
-def _say_waiting(error: FurrowmapError, page: Hub, on_scan: Callable[[dict[str, Any]], None] | None) -> None:
-    """Tell page and caller what is missing."""
-    waits = error.what
-    page.publish(partial(event, "waiting", waits))
-    if on_scan is not None:
-        on_scan({"waiting": waits})
+@dataclass(frozen=True)
+class Outlets:
+    """What learns of a live session, and the background of its page."""
+
+    pictures: Pictures
+    page: Hub
+    lines: Hub
+    mqtt: MqttOutlet | None
+    background: BackgroundMap | None
+    on_scan: Callable[[dict[str, Any]], None] | None
+
+    def say(self, name: str, content: dict[str, Any]) -> None:
+        """Tell page and broker."""
+        self.page.publish(lambda: event(name, content))
+        if self.mqtt is not None:
+            self.mqtt.publish(name, content)
+
+    def wait_for(self, error: FurrowmapError) -> None:
+        """Tell page and caller what is missing."""
+        self.page.publish(lambda: event("waiting", error.what))
+        if self.on_scan is not None:
+            self.on_scan({"waiting": error.what})
 
 
-class _Watch:
-    """Takes datagrams to scans, looks at those that are new, and tells the readers."""
+class LiveWatch:
+    """Takes scans, looks at those that are new, and tells the readers."""
 
-    def __init__(
-        self,
-        session: LiveSession,
-        frame: MapFrame,
-        stream: ScanStream,
-        page: Hub,
-        lines: Hub,
-        pictures: Pictures,
-        on_scan: Callable[[dict[str, Any]], None] | None,
-    ) -> None:
-        self._session, self._frame, self._stream, self._page, self._lines = session, frame, stream, page, lines
-        self._pictures, self._on_scan = pictures, on_scan
+    def __init__(self, session: LiveSession, frame: MapFrame, stream: ScanStream, outlets: Outlets) -> None:
+        self._session, self._frame, self._stream, self._to = session, frame, stream, outlets
         self._scans = self._posed = self._early = self._dropped = 0
         self._begun_s = math.nan
         self._delays = _Delays()
         self._changed: set[Tile] = set()
         self._told_s = {"pose": -math.inf, "cells": -math.inf, "figures": -math.inf}
         self._areas: deque[tuple[float, float]] = deque()
-        self._origin: tuple[float, float] | None = None
+        self._placed_m: tuple[float, float] | None = None
 
     def take(self, scans: list[Scan], due_s: float, status: dict[str, Any]) -> None:
         """Look at scans, the last of which is complete since `due_s`, unless newer ones wait."""
@@ -227,22 +248,27 @@ class _Watch:
         self._changed |= seen.changed
         if pose is not None:
             self._posed += 1
-            if self._origin is None:
-                self._origin = round(pose.xyz_m[0]), round(pose.xyz_m[1])
-                self._pictures.about = {"origin_m": self._origin}
-                self._page.publish(self._pictures.whole)
-            self._lines.publish(lambda: sentences(pose, self._frame))
-        if self._on_scan is not None:
-            self._on_scan(as_json(seen) | {"delay_s": round(delay_s, 3), "dropped": self._dropped})
+            self._place(pose.xyz_m[0], pose.xyz_m[1])
+            self._to.lines.publish(lambda: sentences(pose, self._frame))
+        if self._to.on_scan is not None:
+            self._to.on_scan(as_json(seen) | {"delay_s": round(delay_s, 3), "dropped": self._dropped})
         if self._is_due("pose", POSE_EVERY_S, now_s):
-            self._page.publish(lambda: event("pose", as_json(seen) | {"delay_s": round(delay_s, 3)}))
+            self._to.say("pose", as_json(seen) | {"delay_s": round(delay_s, 3)})
         cells = self._session.cells
         if cells is not None and self._changed and self._is_due("cells", CELLS_EVERY_S, now_s):
             changed, self._changed = self._changed, set()
-            self._page.publish(lambda: self._pictures.changes(cells, changed))
+            self._to.page.publish(lambda: self._to.pictures.changes(cells, changed))
         if self._is_due("figures", FIGURES_EVERY_S, now_s):
-            figures = self._figures(seen, status)
-            self._page.publish(lambda: event("figures", figures))
+            self._to.say("figures", self._figures(seen, status))
+
+    def _place(self, e_m: float, n_m: float) -> None:
+        """Tell where the map is, at first and where the background is not linear any more."""
+        if self._placed_m is not None and math.dist(self._placed_m, (e_m, n_m)) < PLACED_WITHIN_M:
+            return
+        self._placed_m = round(e_m), round(n_m)
+        background, pictures = self._to.background, self._to.pictures
+        place = background.place(self._frame, *self._placed_m) if background is not None else None
+        self._to.page.publish(lambda: pictures.placed({"origin_m": self._placed_m, "background": place}))
 
     def _is_due(self, what: str, every_s: float, now_s: float) -> bool:
         due = now_s - self._told_s[what] >= every_s - 0.02
@@ -256,6 +282,8 @@ class _Watch:
         self._areas.append((seen.t_s, said.worked_m2))
         while self._areas[0][0] < seen.t_s - RATE_OVER_S:
             self._areas.popleft()
+        fault = self._to.mqtt.fault if self._to.mqtt is not None else None
+        faults = [fault.text_in(language_of_user())] if fault is not None else []
         first_s, first_m2 = self._areas[0]
         over_s = seen.t_s - first_s
         return {
@@ -265,7 +293,7 @@ class _Watch:
             "rate_m2ps": round((said.worked_m2 - first_m2) / over_s, 3) if over_s > 5.0 else None,
             "dropped": said.dropped,
             "lost_packets": said.lost_packets,
-            "warnings": [str(warning.get("text", "")) for warning in status.get("warnings", ())][:5],
+            "warnings": [*faults, *(str(warning.get("text", "")) for warning in status.get("warnings", ()))][:5],
         }
 
 

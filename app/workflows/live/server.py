@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
@@ -19,11 +21,13 @@ from numpy.typing import NDArray
 
 from furrowmap.core.work.worked_cells import CELL_SIDE_M, TILE_CELLS, Tile, WorkedCells
 from furrowmap.exporters.reports.pages import render
+from furrowmap.workflows.live.background import BackgroundMap, kind_of
 
 QUEUED_MESSAGES: Final = 64
 """Messages that wait for a reader; one that falls further behind begins anew with a whole picture."""
 MAX_READERS: Final = 50
 KEEP_ALIVE_S: Final = 5.0
+TILE: Final = re.compile(r"/tiles/(\d{1,2})/(\d{1,8})/(\d{1,8})")
 
 
 class Hub:
@@ -80,14 +84,19 @@ class Pictures:
     def __init__(self) -> None:
         self._sent: dict[Tile, NDArray[np.uint8]] = {}
         self._whole: bytes | None = None
-        self.about: dict[str, Any] = {}
+        self._about: dict[str, Any] = {}
+
+    def placed(self, about: dict[str, Any]) -> bytes:
+        """Remember where the map is, and say it as a message of its own."""
+        self._about, self._whole = about, None
+        return event("place", about)
 
     def whole(self) -> bytes:
         """What was sent so far, as one message."""
         if self._whole is None:
             tiles = list(self._sent)
             cells = b"".join(self._sent[tile].tobytes() for tile in tiles)
-            picture = self.about | {
+            picture = self._about | {
                 "cell_m": CELL_SIDE_M,
                 "tile": TILE_CELLS,
                 "tiles": tiles,
@@ -119,38 +128,46 @@ def event(name: str, content: Any) -> bytes:
     return f"event: {name}\ndata: {json.dumps(content, separators=(',', ':'), allow_nan=False)}\n\n".encode("ascii")
 
 
-def serve_page(host: str, port: int, hub: Hub, language: str) -> ThreadingHTTPServer:
-    """Serve the page and its stream in threads; nothing that a reader sends changes anything.
+def serve_page(
+    host: str, port: int, hub: Hub, language: str, background: BackgroundMap | None = None
+) -> ThreadingHTTPServer:
+    """Serve the page, its stream and the tiles below in threads; nothing that a reader sends changes anything.
 
     Raises:
         OSError: if the port cannot be used.
     """
-    page = render("live.html", "script-src 'self'", "connect-src 'self'", language=language).encode()
+    page = render(
+        "live.html", "script-src 'self'", "connect-src 'self'", "img-src 'self' data:", language=language
+    ).encode()
     script = files("furrowmap.exporters.share").joinpath("live.js").read_bytes()
     served = {"/": ("text/html; charset=utf-8", page), "/live.js": ("text/javascript; charset=utf-8", script)}
 
     class LivePage(BaseHTTPRequestHandler):
-        """GET of the page, its script and its stream."""
+        """GET of the page, its script, its stream, and tiles."""
 
         protocol_version = "HTTP/1.1"
         timeout = 30.0
 
         def do_GET(self) -> None:
-            """One of the three."""
+            """One of the four."""
             path = self.path.partition("?")[0]
+            named = TILE.fullmatch(path)
             if path == "/events":
                 self._stream()
             elif path in served:
                 kind, content = served[path]
                 self._head(HTTPStatus.OK, kind, len(content))
                 self.wfile.write(content)
+            elif named is not None and (tile := tile_of(background, *map(int, named.groups()))):
+                self._head(HTTPStatus.OK, kind_of(tile), len(tile), "max-age=86400")
+                self.wfile.write(tile)
             else:
                 self._head(HTTPStatus.NOT_FOUND, "text/plain", 0)
 
-        def _head(self, status: HTTPStatus, kind: str, length: int | None) -> None:
+        def _head(self, status: HTTPStatus, kind: str, length: int | None, kept: str = "no-store") -> None:
             self.send_response(status)
             self.send_header("Content-Type", kind)
-            self.send_header("Cache-Control", "no-store")
+            self.send_header("Cache-Control", kept)
             self.send_header("X-Content-Type-Options", "nosniff")
             if length is None:
                 self.send_header("Connection", "close")
@@ -185,6 +202,16 @@ def serve_page(host: str, port: int, hub: Hub, language: str) -> ThreadingHTTPSe
     server.daemon_threads = True
     Thread(target=server.serve_forever, daemon=True).start()
     return server
+
+
+def tile_of(background: BackgroundMap | None, zoom: int, column: int, row: int) -> bytes:
+    """An image; empty where there is none, or it cannot be read."""
+    if background is None or zoom > background.zooms[1] or max(column, row) >= 1 << zoom:
+        return b""
+    with suppress(Exception):  # whatever the packages raise on damaged files
+        tile = background.tile(zoom, column, row) or b""
+        return tile if kind_of(tile) else b""
+    return b""
 
 
 def serve_lines(host: str, port: int, hub: Hub) -> ThreadingTCPServer:

@@ -24,8 +24,8 @@ def test_live__follows_the_recording_of_any_scanner(model: str, tmp_path: Path) 
     (tmp_path / "scenario.toml").write_text(SCENARIO + f'[lidar]\nmodel = "{model}"\n')
     simulated = furrowmap.simulate(tmp_path / "scenario.toml", tmp_path / "drive")
     seen: list[dict[str, Any]] = []
-    options: dict[str, Any] = {"speed": math.inf, "port": None, "nmea_port": None}
-    summary = furrowmap.live(simulated.session, play=True, on_scan=seen.append, **options)
+    options: dict[str, Any] = {"play": math.inf, "port": None, "nmea_port": None}
+    summary = furrowmap.live(simulated.session, on_scan=seen.append, **options)
     opened = open_session(simulated.session)
     reader = open_recording([simulated.folder / "truth" / "trajectory.csv"], ReadOptions())
     assert isinstance(reader, GivesPoses)
@@ -47,4 +47,4 @@ def test_live__needs_scans_and_positions(simulated: furrowmap.Simulated, tmp_pat
     session.write_text(text + '[trajectory]\nfiles = ["truth/trajectory.csv"]\ntime = "utc"\n')
     shutil.copytree(simulated.folder, tmp_path, dirs_exist_ok=True, ignore=shutil.ignore_patterns("session.toml"))
     with pytest.raises(furrowmap.UsageError, match="no recording of a scanner"):
-        furrowmap.live(session, play=True, port=None, nmea_port=None)
+        furrowmap.live(session, play=math.inf, port=None, nmea_port=None)
