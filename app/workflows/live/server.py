@@ -158,8 +158,10 @@ def serve_page(
                 kind, content = served[path]
                 self._head(HTTPStatus.OK, kind, len(content))
                 self.wfile.write(content)
-            elif named is not None and (tile := tile_of(background, *map(int, named.groups()))):
-                self._head(HTTPStatus.OK, kind_of(tile), len(tile), "max-age=86400")
+            elif named is not None:  # of a map, most places have no tile: that is no error
+                tile = tile_of(background, *map(int, named.groups()))
+                status = HTTPStatus.OK if tile else HTTPStatus.NO_CONTENT
+                self._head(status, kind_of(tile) or "text/plain", len(tile), "max-age=86400")
                 self.wfile.write(tile)
             else:
                 self._head(HTTPStatus.NOT_FOUND, "text/plain", 0)
@@ -198,8 +200,17 @@ def serve_page(
         def log_message(self, *_: object) -> None:
             """Requests are not logged."""
 
-    server = ThreadingHTTPServer((host, port), LivePage)
-    server.daemon_threads = True
+    class PageServer(ThreadingHTTPServer):
+        """Threads that end with the process."""
+
+        daemon_threads = True
+        request_queue_size = 128
+        """Each of fifty readers asks for several tiles at once."""
+
+        def handle_error(self, *_: object) -> None:
+            """A reader that is gone is none."""
+
+    server = PageServer((host, port), LivePage)
     Thread(target=server.serve_forever, daemon=True).start()
     return server
 
