@@ -15,6 +15,7 @@ from furrowmap.core.adjustment.boresight import Boresight
 from furrowmap.core.adjustment.strip_adjustment import StripAdjustment
 from furrowmap.core.geodesy.local_time import zone_at
 from furrowmap.core.geodesy.projection import MapFrame
+from furrowmap.core.pipeline.live_difference import LiveDifference
 from furrowmap.core.pointclouds.placed import Placement
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.trajectory.located import Located
@@ -50,6 +51,7 @@ class RunResult:
         strip_adjustment: of the poses by the strips; None where these were not adjusted.
         image_aid: of the poses by images; None where these took no part.
         further_scanners: mounting of each scanner but the first, by the name of the scanner.
+        live: by how much a live session of the recording differed; None without one.
     """
 
     session: Session
@@ -68,6 +70,7 @@ class RunResult:
     strip_adjustment: StripAdjustment | None = None
     image_aid: ImageAid | None = None
     further_scanners: Mapping[str, RelativeMounting] = field(default_factory=dict)
+    live: LiveDifference | None = None
 
     @cached_property
     def unconfirmed(self) -> tuple[str, ...]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
@@ -14,6 +15,7 @@ from typing import Any, Final
 
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.live import LiveScan, LiveSession, warm_up
+from furrowmap.core.pipeline.live_difference import LIVE_LOG, LOGGED
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import FurrowmapError, UsageError
 from furrowmap.core.runtime.settings import language_of_user
@@ -151,7 +153,7 @@ def live(
             if play
             else FolderFeed(Path(recording), opened.session.recording, scans, stop)
         )
-        watch = LiveWatch(session, opened.frame, scans, outlets)
+        watch = LiveWatch(session, opened.frame, scans, outlets, None if play else Path(recording))
         for piece in feed.pieces():
             if isinstance(piece.data, bytes):
                 session.add_gnss(piece.data)
@@ -202,7 +204,9 @@ class Outlets:
 class LiveWatch:
     """Takes scans, looks at those that are new, and tells the readers."""
 
-    def __init__(self, session: LiveSession, frame: MapFrame, stream: ScanStream, outlets: Outlets) -> None:
+    def __init__(
+        self, session: LiveSession, frame: MapFrame, stream: ScanStream, outlets: Outlets, folder: Path | None = None
+    ) -> None:
         self._session, self._frame, self._stream, self._to = session, frame, stream, outlets
         self._scans = self._posed = self._early = self._dropped = 0
         self._begun_s = math.nan
@@ -211,6 +215,14 @@ class LiveWatch:
         self._told_s = {"pose": -math.inf, "cells": -math.inf, "figures": -math.inf}
         self._areas: deque[tuple[float, float]] = deque()
         self._placed_m: tuple[float, float] | None = None
+        self._log = folder / LIVE_LOG if folder is not None else None
+        self._write({"crs": frame.name}, "w")
+
+    def _write(self, line: dict[str, Any], mode: str = "a") -> None:
+        """Keep what was shown, by which a run says how much it differed; on a full disk it is left out."""
+        if self._log is not None:
+            with suppress(OSError), self._log.open(mode, encoding="utf-8") as file:
+                file.write(json.dumps(line, separators=(",", ":")) + "\n")
 
     def take(self, scans: list[Scan], due_s: float, status: dict[str, Any]) -> None:
         """Look at scans, the last of which is complete since `due_s`, unless newer ones wait."""
@@ -259,7 +271,10 @@ class LiveWatch:
             changed, self._changed = self._changed, set()
             self._to.page.publish(lambda: self._to.pictures.changes(cells, changed))
         if self._is_due("figures", FIGURES_EVERY_S, now_s):
-            self._to.say("figures", self._figures(seen, status))
+            figures = self._figures(seen, status)
+            self._to.say("figures", figures)
+            if pose is not None:
+                self._write({name: (figures | as_json(seen))[name] for name in LOGGED})
 
     def _place(self, e_m: float, n_m: float) -> None:
         """Tell where the map is, at first and where the background is not linear any more."""

@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path, PurePosixPath
@@ -20,6 +21,7 @@ import numpy as np
 from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.images.frames import Frames
 from furrowmap.core.pipeline import pipeline
+from furrowmap.core.pipeline.live_difference import live_difference
 from furrowmap.core.pointclouds.placed import PlacedScan
 from furrowmap.core.readers.surveyed_points import read_points
 from furrowmap.core.runtime.arrays import release
@@ -127,6 +129,9 @@ def run_opened(
 
             checkpoint = KeptMatching(kept(staging), opened, inputs)
             found = pipeline.run(opened, open_sink, progress, checkpoint)
+            worked_m2 = found.work.ground.figures.worked.grid_m2 if found.work.ground is not None else None
+            shown = live_difference(opened.file.parent, found.frame.name, found.placement.poses, worked_m2)
+            found = replace(found, live=shown)
             from furrowmap.workflows.run.products import Made, write_products
 
             made = products[0].finish(found, inputs, progress) if products else Made(found, inputs)
