@@ -166,9 +166,11 @@ class PlayedFeed:
 
     def __init__(self, opened: OpenSession, scans: ScanStream, speed: float, stop: Event) -> None:
         self._opened, self._scans, self._speed, self._stop = opened, scans, speed, stop
-        reader = opened.positions() if opened.inputs.positions else None
-        if not isinstance(reader, GivesTrack) or not opened.inputs.lidar:
+        inputs = opened.inputs
+        if opened.session.trajectory is not None or not inputs.lidar or not inputs.positions:
             raise UsageError("usage.live-recording", file=opened.file)
+        reader = opened.positions()
+        assert isinstance(reader, GivesTrack)
         self._track = reader.track()
         self.status: dict[str, Any] = {}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+import sys
 import zlib
 from collections.abc import Callable
 from contextlib import suppress
@@ -128,6 +129,19 @@ def event(name: str, content: Any) -> bytes:
     return f"event: {name}\ndata: {json.dumps(content, separators=(',', ':'), allow_nan=False)}\n\n".encode("ascii")
 
 
+class PageServer(ThreadingHTTPServer):
+    """Threads that end with the process."""
+
+    daemon_threads = True
+    request_queue_size = 128
+    """Each of fifty readers asks for several tiles at once."""
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say what failed, unless a reader only disconnected."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
+
+
 def serve_page(
     host: str, port: int, hub: Hub, language: str, background: BackgroundMap | None = None
 ) -> ThreadingHTTPServer:
@@ -199,16 +213,6 @@ def serve_page(
 
         def log_message(self, *_: object) -> None:
             """Requests are not logged."""
-
-    class PageServer(ThreadingHTTPServer):
-        """Threads that end with the process."""
-
-        daemon_threads = True
-        request_queue_size = 128
-        """Each of fifty readers asks for several tiles at once."""
-
-        def handle_error(self, *_: object) -> None:
-            """A reader that is gone is none."""
 
     server = PageServer((host, port), LivePage)
     Thread(target=server.serve_forever, daemon=True).start()
