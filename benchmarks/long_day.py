@@ -10,7 +10,7 @@ kept, so that eight hours are gigabytes and still show the ground well enough to
     long_day.py FOLDER --runs 50        runs of one turn after another in one process, as a program of the user has them
 
 Each length is a process of its own, whose resident memory is read ten times a second: anonymous memory, which it
-needs, and mapped files, which the system takes back at will.
+needs, mapped files, which the system takes back at will, and both at one moment, as a monitor shows it.
 """
 
 from __future__ import annotations
@@ -50,16 +50,16 @@ def main() -> None:
         repeated(folder, int(sys.argv[3]))
         return
     minutes = [float(word) for word in sys.argv[2:]]
-    print(f"{'minutes':>8} {'stage':24}{'anonymous MB':>14}{'files MB':>10}{'seconds':>9}")
+    print(f"{'minutes':>8} {'stage':24}{'anonymous MB':>14}{'files MB':>10}{'resident MB':>13}{'seconds':>9}")
     for length in minutes:
         with tempfile.TemporaryDirectory(prefix="long-day-") as made:
             session = spliced(folder, Path(made), round(60.0 * length / PERIOD_S))
             with multiprocessing.get_context("spawn").Pool(1) as pool:
                 peaks, timings = pool.apply(measured, (str(session), f"{made}/out"))
             for stage, peak in peaks.items():
-                print(f"{length:8g} {stage:24}{peak.anonymous_mb:14.0f}{peak.files_mb:10.0f}{peak.seconds:9.1f}")
-            whole = [max(getattr(p, name) for p in peaks.values()) for name in ("anonymous_mb", "files_mb")]
-            print(f"{length:8g} {'whole':24}{whole[0]:14.0f}{whole[1]:10.0f}   {timings}", flush=True)
+                print(f"{length:8g} {stage:24}{peak.figures()}{peak.seconds:9.1f}")
+            whole = Peak(*(max(getattr(peak, name) for peak in peaks.values()) for name in vars(Peak())))
+            print(f"{length:8g} {'whole':24}{whole.figures()}   {timings}", flush=True)
 
 
 def repeated(folder: Path, runs: int) -> None:
@@ -86,7 +86,12 @@ class Peak:
 
     anonymous_mb: float = 0.0
     files_mb: float = 0.0
+    resident_mb: float = 0.0
     seconds: float = 0.0
+
+    def figures(self) -> str:
+        """As a line of the table."""
+        return f"{self.anonymous_mb:14.0f}{self.files_mb:10.0f}{self.resident_mb:13.0f}"
 
 
 @dataclass
@@ -104,6 +109,7 @@ class Watch:
             anonymous_mb, files_mb = resident_mb()
             now, peak = perf_counter(), self.peaks.setdefault(self.stage, Peak())
             peak.anonymous_mb, peak.files_mb = max(peak.anonymous_mb, anonymous_mb), max(peak.files_mb, files_mb)
+            peak.resident_mb = max(peak.resident_mb, anonymous_mb + files_mb)
             peak.seconds, last = peak.seconds + now - last, now
 
 
