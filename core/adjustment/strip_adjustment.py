@@ -43,7 +43,7 @@ from furrowmap.core.adjustment.cell_heights import (
 )
 from furrowmap.core.adjustment.strips import LASER_GROUPS, STRIP_CELL_M, StripReturns, at_shifted_times
 from furrowmap.core.estimation.banded import huber_weight
-from furrowmap.core.estimation.correlated_prior import root_of, solved
+from furrowmap.core.estimation.correlated_prior import covariance_after, root_of, solved
 from furrowmap.core.estimation.knots import POSE, ROTATION
 from furrowmap.core.runtime.arrays import FloatArray, three
 from furrowmap.core.runtime.background import beside
@@ -318,14 +318,14 @@ def _solved(
         weight = independent * robust
         normal, right = _normal_equations(ends, height_m, weight, design, first, len(root))
         normal += np.tril(normal, -1).T
-        z, covariance, _ = solved(normal, right, root, np.zeros(root.shape[1]))
+        z, factor = solved(normal, right, root, np.zeros(root.shape[1]))
         off = root @ z
         columns = first[:, None] + np.arange(2 * POSE)
         left = height_m - design[:, :FIXED] @ off[:FIXED] - np.einsum("gc,gc->g", design[:, FIXED:], off[columns])
         middle = np.add.reduceat(weight * left, begin) / np.add.reduceat(weight, begin)
         residual = left - np.repeat(middle, np.diff(ends))
         robust = huber_weight(np.abs(residual) * np.sqrt(independent))
-    return off, covariance
+    return off, covariance_after(factor, root)[0]
 
 
 @kernel()

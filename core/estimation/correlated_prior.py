@@ -30,19 +30,14 @@ def root_of(spread: FloatArray, covariance: FloatArray) -> FloatArray:
     return out
 
 
-def solved(
-    normal: FloatArray, right: FloatArray, root: FloatArray, at: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The step of the unknowns in units of the root, their covariance, and how much of each axis is still open.
+def solved(normal: FloatArray, right: FloatArray, root: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The step (v,) of the unknowns in units of the root, and the Cholesky factor (v, v) of its equations.
 
     Args:
         normal: (u, u) normal matrix of the observations.
         right: (u,) right side: what the observations want beyond `root @ at`.
         root: (u, v) of the covariance before, times its transpose; see :func:`root_of`.
         at: (v,) unknowns in units of the root, at which the observations are linearised.
-
-    Returns:
-        The step (v,), the covariance (u, u) of `root @ z`, and the variances (v,) after, 1 before.
 
     Raises:
         LinAlgError: if the equations are singular.
@@ -51,7 +46,11 @@ def solved(
     whole = 0.5 * (whole + whole.T)
     whole[np.diag_indices(len(whole))] += 1.0
     factor = np.linalg.cholesky(whole)
-    step = scipy.linalg.cho_solve((factor, True), root.T @ right - at)
+    return scipy.linalg.cho_solve((factor, True), root.T @ right - at), factor
+
+
+def covariance_after(factor: FloatArray, root: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The covariance (u, u) of `root @ z` by the factor of :func:`solved`, and the variances (v,) of z, 1 before."""
     inverse = scipy.linalg.solve_triangular(factor, np.eye(len(factor)), lower=True)
     half = inverse @ root.T
-    return step, half.T @ half, (inverse**2).sum(axis=0)
+    return half.T @ half, (inverse**2).sum(axis=0)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from furrowmap.core.estimation.banded import huber_weight
-from furrowmap.core.estimation.correlated_prior import root_of, solved
+from furrowmap.core.estimation.correlated_prior import covariance_after, root_of, solved
 from furrowmap.core.estimation.inertial import cross_matrix
 from furrowmap.core.estimation.knots import POSE, ROTATION
 from furrowmap.core.images.frames import FramePoses
@@ -140,18 +140,17 @@ def adjust_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) ->
     start = _BlockState(unknowns[:CAMERA_UNKNOWNS], unknowns[CAMERA_UNKNOWNS:], np.zeros((ties.points, 3)), unknowns)
     places = triangulate(_poses(block, start), block.camera, ties)
     places[known.point] = known.xyz_m
-    start = replace(start, xyz_m=places)
-    state, factor = start, 1.0
+    state, factor = replace(start, xyz_m=places), 1.0
     before, held = np.zeros(len(ties)), np.isin(ties.point, known.point)
+    rows = _rows(block, state, ties)
     for number in range(BLOCK_ROUNDS):
         loose = LOOSE[number] if number < len(LOOSE) else 1.0
-        rows = _rows(block, state, ties)
         sigma_px = ties.sigma_px * np.where(held, 1.0, factor)
         length = np.hypot(*rows.residual.T) / sigma_px
         robust = huber_weight(length / loose)
         trusted = rows.usable * ((length < MAX_RESIDUAL_SIGMAS) | held | (number <= len(LOOSE) + 1))
         weight = trusted * robust / sigma_px**2
-        state, covariance, left = _step(state, ties, rows, weight, root, known)
+        state, factorised = _step(state, ties, rows, weight, root, known)
         rows = _rows(block, state, ties)
         if number >= len(LOOSE):
             factor = _noise(rows, ties, known)
@@ -159,6 +158,7 @@ def adjust_block(block: ImageBlock, ties: Ties, known: Known = NOTHING_KNOWN) ->
         before = np.hypot(*rows.residual.T)
         if number > len(LOOSE) + 2 and float(np.quantile(moved, 0.9)) < CONVERGED_PX:
             break
+    covariance, left = covariance_after(factorised, root)
     determined = float((1.0 - left).sum())
     tension = float(np.sqrt((state.z**2).sum() / max(determined, 1.0)))
     return _result(block, state, covariance, ties, rows, weight, (float(np.median(sigma_px)), tension))
@@ -298,8 +298,8 @@ def _poses(block: ImageBlock, state: _BlockState) -> FramePoses:
 
 def _step(
     state: _BlockState, ties: Ties, rows: _Rows, weight: FloatArray, root: FloatArray, known: Known
-) -> tuple[_BlockState, FloatArray, FloatArray]:
-    """The state after a round, the covariance of boresight, delay and errors, and how much of each axis is open."""
+) -> tuple[_BlockState, FloatArray]:
+    """The state after a round, and the Cholesky factor of its equations."""
     ends = np.append(np.flatnonzero(np.diff(ties.point, prepend=-1)), len(ties))
     held, pull = np.zeros((ties.points, 3)), np.zeros((ties.points, 3))
     held[known.point] = 1.0 / known.sigma_m**2
@@ -311,11 +311,11 @@ def _step(
     observed = ends, rows.residual, weight, rows.design, rows.first, rows.by_point
     normal, right, inverse = _reduce(*observed, held, pull, len(root))
     normal += np.tril(normal, -1).T
-    step, covariance, left = solved(normal, right, root, state.z)
+    step, factorised = solved(normal, right, root, state.z)
     moved = _move_points(*observed, inverse, pull, root @ step)
     z = state.z + step
     unknowns = root @ z
-    return _BlockState(unknowns[:CAMERA_UNKNOWNS], unknowns[CAMERA_UNKNOWNS:], state.xyz_m + moved, z), covariance, left
+    return _BlockState(unknowns[:CAMERA_UNKNOWNS], unknowns[CAMERA_UNKNOWNS:], state.xyz_m + moved, z), factorised
 
 
 @kernel()

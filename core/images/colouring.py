@@ -152,8 +152,6 @@ TO_16_BIT: Final = 257.0
 """255 becomes 65535."""
 SHARPNESS: Final = 8
 """Weights of blended frames fall with this power of their distance: a seam is soft where both are nearly as good."""
-MAX_COST_RATIO: Final = 1.8
-"""To the best frame met so far, beyond which a frame would have less than a hundredth of its weight."""
 NO_FRAME: Final = -1
 
 
@@ -313,25 +311,21 @@ def blended_colours(  # type: ignore[no-untyped-def]
         if not np.isfinite(xyz[i, 2]):
             continue
         cell = cell_of(xyz[i], corner, cell_m, columns, len(start) - 1)
-        total, least = 0.0, np.inf
+        total = 0.0
         for at in range(start[cell], start[cell + 1]):
             k = listed[at]
             if not usable[k]:
                 continue
             x, y, z = direction(xyz[i], centre, matrix, k)
             square = x * x + y * y
-            cost = z * (1.0 + OFF_AXIS * square)
-            if not (z > MIN_DISTANCE_M and square <= widest * widest and cost < MAX_COST_RATIO * least):
+            if not (z > MIN_DISTANCE_M and square <= widest * widest):
                 continue
             u, v = pixel_of(intrinsics, x, y)
             if not is_seen(u, v, z, size, depth, slack, cell_px, k):
                 continue
             # It fades out towards the border of the image, where a frame begins or ends.
             edge = min(min(u, size[0] - 1.0 - u) / size[0], min(v, size[1] - 1.0 - v) / size[1])
-            inner = min(1.0, 20.0 * edge)
-            weight = inner / cost**SHARPNESS
-            if inner == 1.0:
-                least = min(least, cost)
+            weight = min(1.0, 20.0 * edge) / (z * (1.0 + OFF_AXIS * square)) ** SHARPNESS
             bright = weight * np.exp(-darkening(u, v, size, vignetting))
             for channel in range(3):
                 out[channel, i] += np.float32(level(pixels, k, u, v, reduction, channel) * bright * factor[k, channel])

@@ -209,6 +209,7 @@ def splat(  # type: ignore[no-untyped-def]
 ):
     """Kernel of :meth:`VisibilityMaker.add`."""
     axis_sine = np.sqrt(1.0 - axis_cosine * axis_cosine)
+    cell = np.empty(PIECE, np.int64)
     for begin in range(0, len(xyz), PIECE):
         end = min(begin + PIECE, len(xyz))
         low, high = np.full(3, np.inf), np.full(3, -np.inf)
@@ -216,6 +217,9 @@ def splat(  # type: ignore[no-untyped-def]
             for j in range(3):
                 low[j] = min(low[j], xyz[i, j])
                 high[j] = max(high[j], xyz[i, j])
+            at_row = min(max(int((xyz[i, 1] - corner[1]) / cell_m), 0), shape[0] - 1)
+            at_column = min(max(int((xyz[i, 0] - corner[0]) / cell_m), 0), shape[1] - 1)
+            cell[i - begin] = at_row * shape[1] + at_column
         middle = 0.5 * (low + high)
         radius = 0.5 * np.sqrt(((high - low) ** 2).sum())
         for k in range(len(centre)):
@@ -245,6 +249,4 @@ def splat(  # type: ignore[no-untyped-def]
                 if z < depth[k, row, column]:
                     depth[k, row, column] = z
                 points[k] += 1
-                at_row = min(max(int((xyz[i, 1] - corner[1]) / cell_m), 0), shape[0] - 1)
-                at_column = min(max(int((xyz[i, 0] - corner[0]) / cell_m), 0), shape[1] - 1)
-                seen[at_row * shape[1] + at_column, k >> 3] |= np.uint8(1 << (k & 7))
+                seen[cell[i - begin], k >> 3] |= np.uint8(1 << (k & 7))
