@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -12,7 +15,7 @@ import click
 
 import furrowmap
 from furrowmap.cli.console import CLEARED_LINE, Console
-from furrowmap.cli.options import command, numbers, option, output
+from furrowmap.cli.options import command, flag, numbers, option, output
 from furrowmap.cli.tables import table
 from furrowmap.core.runtime.errors import UsageError, printable
 from furrowmap.core.runtime.languages.catalogue import translated
@@ -27,7 +30,7 @@ STATUS_SHOWN_S: Final = 60.0
 
 @command(
     "Record scanners and GNSS receivers in the cab.",
-    "furrowmap record -o monday --machine 'Tractor 1, tiller'",
+    "furrowmap record -o monday --machine 'Tractor 1, tiller' --live",
     "furrowmap record -o monday --gnss /dev/ttyACM0:115200",
     "furrowmap record -o monday --gnss tcp://192.168.1.30:5017 --ports 2368,8308",
 )
@@ -48,6 +51,7 @@ STATUS_SHOWN_S: Final = 60.0
 )
 @option("--roll-minutes", "N", "Begin the next capture after this many minutes.", default=15, minimum=1)
 @option("--roll-megabytes", "N", "Begin the next file after this many megabytes.", default=1024, minimum=1)
+@flag("--live", "Show the page of furrowmap live as well, in a process of its own.")
 @option("--duration", "SECONDS", "End after this time [default: on Ctrl-C or SIGTERM].", above=0.0)
 def record(
     console: Console,
@@ -58,6 +62,8 @@ def record(
     roll_minutes: int,
     roll_megabytes: int,
     duration: float | None,
+    *,
+    live: bool,
 ) -> None:
     """Record the UDP packets of scanners and the bytes of GNSS receivers until Ctrl-C.
 
@@ -80,7 +86,7 @@ def record(
             shown_s = time.monotonic()
             console.say(line)
 
-    with console.work():  # reports that kernels are compiled
+    with console.work(), _viewer(output) if live else nullcontext():  # reports that kernels are compiled
         recorded = furrowmap.record(
             output,
             machine=machine,
@@ -101,6 +107,19 @@ def record(
     ]
     session = printable(str(recorded.session))
     console.answer({"session": recorded.session, **status}, f"{table(rows)}\nNext: furrowmap run {session}")
+
+
+@contextmanager
+def _viewer(folder: Path) -> Iterator[None]:
+    """Run `furrowmap live` beside; recording goes on whatever becomes of it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "furrowmap", "live", folder]
+    viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 (this interpreter)
+    try:
+        yield
+    finally:
+        viewer.terminate()
+        viewer.wait()
 
 
 def _numbers(text: str) -> tuple[int, ...]:

@@ -23,7 +23,14 @@ const WORDS = {
   },
 };
 const asked = document.documentElement.dataset.language || navigator.language || "en";
-const language = asked.startsWith("ja") ? "ja" : "en";
+// Without a Japanese font all its letters are the same box: then English is more use.
+function drawn(letter) {
+  const pen = Object.assign(document.createElement("canvas"), { width: 24, height: 24 }).getContext("2d");
+  pen.font = getComputedStyle(document.body).font;
+  pen.fillText(letter, 2, 20);
+  return pen.canvas.toDataURL();
+}
+const language = asked.startsWith("ja") && drawn("作") !== drawn("業") ? "ja" : "en";
 const words = WORDS[language];
 document.documentElement.lang = language;
 const $ = (id) => document.getElementById(id);

@@ -21,7 +21,6 @@ FLAGS = {
     "field_history": {"overwrite"},
     "write_report_page": {"pdf"},
     "share": {"overwrite", "qfield"},
-    "live": {"play"},
     "tie": {"overwrite"},
     **{
         name: {"overwrite"}
