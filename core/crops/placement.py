@@ -85,10 +85,7 @@ def heights_by_place(
     """Standard deviations (n,) of the mean heights of parcels by that of the place of a surface, east and north.
 
     Points at √2 standard deviations to each side have the covariance of the place (Julier and Uhlmann 1997, A new
-    extension of the Kalman filter to nonlinear systems).
-
-    Args:
-        height_m: (rows, columns) of a surface with the crop, nan where unknown.
+    extension of the Kalman filter to nonlinear systems). Heights (rows, columns) are nan where unknown.
     """
     filled = _filled(height_m)
     east_m, north_m = (min(math.sqrt(2.0) * sigma_m, MAX_PARCEL_SHIFT_M) for sigma_m in place_sigma_m)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -206,7 +206,8 @@ class SoilMoved:
     Attributes:
         worked: all ground that was worked.
         passes: by number, the ground that each pass worked last.
-        beside: the ground beside the passes, as a measure of the error.
+        beside_m2, beside_m: ground compared beside the passes, and its mean change: a measure of the error, and in the
+            standard deviations.
     """
 
     worked: MeanChange
@@ -220,19 +221,22 @@ class SoilSums(ChangeSums):
 
     def add_tile(self, tile: FieldTile) -> None:
         """Take a tile into account."""
-        spread_m = np.hypot(tile.after.spread_m, tile.before.spread_m)
-        before = tile.before
+        before, spread_m = tile.before, np.hypot(tile.after.spread_m, tile.before.spread_m)
         self.add(tile.number, tile.change_m, tile.change_error_m, spread_m, before.height_m, before.count)
 
     def moved(self, cell_m2: float) -> SoilMoved | None:
         """What was moved; None where nothing was worked."""
         if not self.sums[1:, 0].any():
             return None
-        numbers = range(1, len(self.sums))
-        passes = {number: self.mean(cell_m2, (number,)) for number in numbers}
         _, count, total = self.sums[0, :3].tolist()
         beside_m = total / count if count else math.nan
-        return SoilMoved(self.mean(cell_m2, numbers), passes, count * cell_m2, beside_m)
+
+        def changed(*numbers: int) -> MeanChange:
+            found = self.mean(cell_m2, numbers)
+            return replace(found, sigma_m=math.hypot(found.sigma_m, beside_m if count else 0.0))
+
+        numbers = range(1, len(self.sums))
+        return SoilMoved(changed(*numbers), {k: changed(k) for k in numbers}, count * cell_m2, beside_m)
 
 
 @kernel()

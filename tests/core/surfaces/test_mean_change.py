@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from furrowmap.core.surfaces.mean_change import HIDDEN_SHARE, ChangeSums, MeanChange
+from furrowmap.core.surfaces.mean_change import HIDDEN_SHARE, SAMPLE_M2, ChangeSums, MeanChange
 
 
 def sums(cells: int, changes: np.ndarray, error_m: float, spread_m: float = 0.0) -> list[float]:
@@ -33,25 +33,24 @@ def test_mean__is_that_of_all_ground_though_less_of_one_kind_was_seen() -> None:
     found = mean_of(sums(800, fresh, 0.01, 0.01), sums(800, again, 0.02, 0.03))
     assert (found.area_m2, found.compared_m2) == pytest.approx((4.0, 3.0))
     assert found.mean_m == pytest.approx(0.020)
-    assert found.noise_m == pytest.approx(0.5 * np.hypot(0.01 / np.sqrt(400), 0.02 / np.sqrt(800)))
-    assert found.unseen_m == pytest.approx(0.0, abs=1e-9)
+    noise = 0.5 * np.hypot(0.01 / np.sqrt(400), 0.02 / np.sqrt(800))
+    hidden = HIDDEN_SHARE * np.sqrt((0.01**2 + 0.03**2) / 2)
+    assert found.sigma_m == pytest.approx(np.hypot(noise, hidden))
     assert found.shadow_share == 0.0
-    assert found.hidden_m == pytest.approx(HIDDEN_SHARE * np.sqrt((0.01**2 + 0.03**2) / 2))
-    assert found.sigma_m == pytest.approx(np.hypot(found.noise_m, found.hidden_m))
 
 
 def test_mean__of_what_was_not_seen_is_as_uncertain_as_the_seen_differs() -> None:
     changes = np.tile([0.02, 0.06], 1000)
     found = mean_of(sums(2500, changes, 0.0), sums(0, np.zeros(0), 0.0))
     assert found.mean_m == pytest.approx(0.04)
-    assert found.unseen_m == pytest.approx(0.2 * 0.02 / np.sqrt(5.0))
+    assert found.sigma_m == pytest.approx(0.2 * 0.02 / np.sqrt(5.0 / SAMPLE_M2))
 
 
 def test_mean__of_a_kind_that_nobody_saw_is_that_of_the_others_and_less_sure() -> None:
     seen = sums(2000, np.tile([0.02, 0.06], 1000), 0.0)
     found = mean_of(seen, sums(2000, np.zeros(0), 0.0))
     assert (found.area_m2, found.mean_m) == pytest.approx((10.0, 0.04))
-    assert found.unseen_m == pytest.approx(0.5 * 0.02 / np.sqrt(5.0))
+    assert found.sigma_m == pytest.approx(0.5 * 0.02 / np.sqrt(5.0 / SAMPLE_M2))
     assert np.isnan(mean_of(sums(100, np.zeros(0), 0.0), sums(0, np.zeros(0), 0.0)).mean_m)
 
 
