@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import subprocess
 import sys
 import tomllib
@@ -21,12 +22,17 @@ from numba.core.errors import NumbaError
 from furrowmap.core.runtime.languages.catalogue import translated
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.runtime.settings import language_of_user, threads
-from furrowmap.process import prepare_process
+from furrowmap.process import CACHE_VARIABLE, prepare_process
 
 LIST: Final = Path(__file__).with_name("kernels.toml")
 """Kernels by the first command that calls them, in the order of their calls, with the types of the arguments."""
 MOST_KERNELS: Final = "run"
 """The command with the most kernels; commands without any of their own call some of them."""
+FIRST_SHARE: Final = 1 / 3
+"""A command that is helped compiles so many of its kernels itself. The other process then stays ahead of it. If it
+began with the last ones, nothing would be left to compile while the command calculates, and a core would be idle."""
+LAST_SHARE: Final = 1 / 6
+"""Of the last kernels the other process begins with the last one: a command that has caught up compiles the others."""
 KERNELS_A_SECOND: Final = 1
 """Compiled by one process, what they call included, on a slow computer; for an estimate."""
 
@@ -78,8 +84,11 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             )  # fmt: skip
 
+    watch = _Compilations(begun)
     try:
-        with _watching(_Compilations(begun)):
+        with _watching(watch):
+            if command and not any(Path(os.environ[CACHE_VARIABLE]).glob("*")) and _listed([command]):
+                watch.on_start(None)  # the other process starts while this one imports
             yield
     finally:
         if helper is not None:
@@ -90,11 +99,15 @@ def reporting_compilation(say: Callable[[str], None], command: str | None) -> It
 def _listed(commands: Collection[str]) -> dict[str, list[tuple[str, str]]]:
     """Name and types of the arguments of the listed kernels of these commands, or of all, by module.
 
-    The last ones of each command come first: a command that is helped compiles its first ones itself in the meantime.
+    They are in the order for a process that helps a command.
     """
     modules: dict[str, list[tuple[str, str]]] = {}
     for command, kernels in tomllib.loads(LIST.read_text(encoding="utf-8")).items():
-        for name, signatures in reversed(kernels.items()) if not commands or command in commands else ():
+        if commands and command not in commands:
+            continue
+        every = [*kernels.items()]
+        first, last = round(FIRST_SHARE * len(every)), round((1.0 - LAST_SHARE) * len(every))
+        for name, signatures in every[first:last] + every[last:][::-1] + every[:first]:
             module, _, kernel = name.rpartition(".")
             modules.setdefault(module, []).extend((kernel, signature) for signature in signatures)
     return modules

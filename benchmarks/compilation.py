@@ -62,6 +62,8 @@ def main() -> None:
             ("parcels", crops, DATA / "uav_wheat" / "parcels.geojson", "-o", out / "parcels"),
             ("tie", out / "tractor", out / "tractor", "-o", out / "season"),
             ("simulate", "flight", "-o", out / "simulated"),
+            ("calibrate", tractor),
+            ("live", "--from", tractor, "--speed", "10", "--port", "0", "--nmea-port", "0"),
             ("fields", DATA / "isoxml" / "field_days" / "tillage_two_fields_holes.zip"),
         ):
             seconds, lines = run(warm, *arguments, "--quiet")

@@ -168,6 +168,10 @@ class _Batch:
         with Workforce(self.settings.workers, self.settings.scheduler, self.say) as force:
             plan = self._plan(sources, state, outcomes, force, dry_run=False)
             items = [(name, plan.jobs[name]) for name in sorted(plan.due, key=lambda name: -plan.bytes_due[name])]
+            if items and self.settings.scheduler is None and force.workers > 1:
+                from furrowmap.warm_up import MOST_KERNELS, warm_up  # it imports numba
+
+                warm_up([MOST_KERNELS], self.progress)  # once: each worker would compile them all
             for name, found in force.each(run_job, items, "running sessions", self.progress):
                 outcomes[name] = found if isinstance(found, SessionOutcome) else SessionOutcome("", failure=_lost(name))
                 state.keep(name, outcomes[name])
