@@ -78,9 +78,12 @@ class Features:
         out = np.column_stack([chosen, best[chosen]]).astype(np.int64)
         if len(out) < MIN_MATCHES:
             return out
-        ends = (self.places[image][out[:, side], :2] for side, image in enumerate((a, b)))
-        _, fits = cv2.findFundamentalMat(*ends, cv2.USAC_FAST, MAX_EPIPOLAR_PX, 0.999, 2000)
-        return out[:0] if fits is None else out[fits.ravel() > 0]
+        first, second = self.places[a][out[:, 0], :2], self.places[b][out[:, 1], :2]
+        try:
+            _, fits = cv2.findFundamentalMat(first, second, cv2.USAC_FAST, MAX_EPIPOLAR_PX, 0.999, 2000)
+        except cv2.error:  # where no sample of the matches gives a geometry
+            return out[:0]
+        return out[:0] if fits is None else out[np.asarray(fits).ravel() > 0]
 
     def _roots(self, k: int) -> NDArray[np.float32]:
         """Square roots (k, DESCRIPTOR) of an image's descriptors, of length 1."""
@@ -116,8 +119,10 @@ def _found(path: ImageFile) -> tuple[FloatArray, NDArray[np.uint8]]:
         return nothing
     whole = np.array(grey.shape[::-1])
     size = np.maximum(np.rint(whole * min(REDUCED, MAX_SIDE_PX / whole.max())), 1).astype(int)
-    small = cv2.resize(grey, size.tolist(), interpolation=cv2.INTER_AREA)
-    sift = cv2.SIFT_create(MAX_IMAGE_FEATURES, enable_precise_upscale=True)
+    # Means of areas that are no whole pixels displace what they show by up to 0.08 pixel; more is lost without them.
+    interpolation = cv2.INTER_AREA if 2 * size[0] < whole[0] else cv2.INTER_LINEAR
+    small = cv2.resize(grey, size.tolist(), interpolation=interpolation)
+    sift = cv2.SIFT.create(MAX_IMAGE_FEATURES, enable_precise_upscale=True)
     keypoints, descriptors = sift.detectAndCompute(small, None)
     if not keypoints:
         return nothing
