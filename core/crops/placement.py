@@ -98,8 +98,9 @@ def heights_by_place(
 def _filled(height_m: Float32Array) -> FloatArray:
     """Heights about their mean, with the nearest where they are unknown; some are known."""
     nearest = distance_transform_edt(~np.isfinite(height_m), return_distances=False, return_indices=True)
-    filled = np.asarray(height_m[tuple(nearest)], np.float64)
-    return filled - filled.mean()
+    filled: FloatArray = height_m[tuple(nearest)].astype(np.float64)
+    filled -= filled.mean()
+    return filled
 
 
 def _contrast_kernel(parcel: Parcel, grid: Grid) -> FloatArray:
