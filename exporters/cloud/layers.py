@@ -324,8 +324,8 @@ def encode_times(out, at, table, memory, time, bits):  # type: ignore[no-untyped
                 other += 1
             other &= 3
             begins = other == 0
-            symbol = other + (1 if first else OTHER_SEQUENCE)
-            coder = encode(out, coder, table, FIRSTS_AT if first else ZERO, FIRSTS if first else MULTIPLES, symbol)
+            change = other + (1 if first else OTHER_SEQUENCE)
+            coder = encode(out, coder, table, FIRSTS_AT if first else ZERO, FIRSTS if first else MULTIPLES, change)
             now = (now + other) & 3
             first = step[now] == 0
         difference = value - last[now]
