@@ -45,7 +45,7 @@ def solved(normal: FloatArray, right: FloatArray, root: FloatArray, at: FloatArr
     whole = root.T @ normal @ root
     whole = 0.5 * (whole + whole.T)
     whole[np.diag_indices(len(whole))] += 1.0
-    factor = np.linalg.cholesky(whole)
+    factor = np.asarray(np.linalg.cholesky(whole), np.float64)
     return scipy.linalg.cho_solve((factor, True), root.T @ right - at), factor
 
 
