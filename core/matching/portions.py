@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.estimation.knots import Knots
-from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.arrays import FloatArray
 
 Found = TypeVar("Found")
@@ -22,8 +21,6 @@ Portion = tuple[int, slice]
 MATCH_WINDOW_S: Final = 3.0
 BLOCK_S: Final = 20.0
 THREADS: Final = 2
-MAX_RESIDENT_RETURNS: Final = 8 << 20
-"""After so many returns a thread lets the system take back the pages of scratch files: 200 MB, ten minutes or so."""
 
 
 @dataclass(frozen=True)
@@ -94,17 +91,7 @@ def in_threads(work: Callable[[Iterable[Portion]], Found], portions: Sequence[Po
 
     The kernels release the interpreter's lock.
     """
-
-    def release(share: Sequence[Portion]) -> Iterator[Portion]:
-        passed = 0
-        for portion in share:
-            yield portion
-            passed += portion[1].stop - portion[1].start
-            if passed > MAX_RESIDENT_RETURNS:
-                arrays.release_files()
-                passed = 0
-
     cuts = np.linspace(0, len(portions), THREADS + 1).astype(int)
     shares = [portions[a:b] for a, b in pairwise(cuts.tolist()) if b > a]
     with ThreadPoolExecutor(THREADS) as pool:
-        return list(pool.map(work, map(release, shares)))
+        return list(pool.map(work, shares))

@@ -366,7 +366,8 @@ def _match(
     if kept is not None:
         located, matched = replace(guess, trajectory=kept.trajectory, notices=kept.notices), kept.matched
     elif guess.antenna is not None:
-        located, matched = match_to_ground(guess, lidar, session, implement.add_scan, progress)
+        with arrays.keeping_files_out():
+            located, matched = match_to_ground(guess, lidar, session, implement.add_scan, progress)
         if checkpoint is not None:
             checkpoint.save(MatchedSession(located.trajectory, located.notices, matched))
     # The yaw ambiguity of the mounting may be resolved otherwise than stated.

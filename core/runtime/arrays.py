@@ -11,9 +11,11 @@ import mmap
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from math import prod
+from pathlib import Path
 from typing import IO, Any, Final, Literal, TypeAlias
 from weakref import WeakSet
 
@@ -30,6 +32,9 @@ LARGE: Final = 8 << 20
 """Arrays of fewer bytes stay in memory."""
 ROWS_AT_ONCE: Final = 1 << 15
 """Rows that are computed together where intermediate results would be large."""
+RESIDENT_FILES: Final = 400 << 20
+"""Bytes of mapped files in memory while matching, half of which are libraries."""
+RELEASE_S: Final = 0.5
 _mapped: WeakSet[mmap.mmap] = WeakSet()
 """Files of arrays in use."""
 
@@ -66,7 +71,7 @@ def of_file(file: IO[bytes], shape: int | tuple[int, ...], dtype: DTypeLike) -> 
 def taken(array: NDArray[Any], part: slice) -> NDArray[Any]:
     """A copy of some rows, whose pages in a file no longer count as memory of the process."""
     out = np.array(array[part])
-    if isinstance(array.base, mmap.mmap) and len(out) and sys.platform != "win32":
+    if sys.platform != "win32" and isinstance(array.base, mmap.mmap) and len(out):
         begin = part.start * array.strides[0] // mmap.PAGESIZE * mmap.PAGESIZE
         array.base.madvise(mmap.MADV_DONTNEED, begin, min(part.stop, len(array)) * array.strides[0] - begin)
     return out
@@ -114,6 +119,27 @@ def release_files() -> None:
     if sys.platform != "win32":
         for mapped in list(_mapped):
             mapped.madvise(mmap.MADV_DONTNEED)
+
+
+@contextmanager
+def keeping_files_out() -> Iterator[None]:
+    """Within it a thread calls :func:`release_files` whenever mapped files take more than :data:`RESIDENT_FILES`."""
+    ended = threading.Event()
+
+    def watch() -> None:
+        pages = Path("/proc/self/statm")  # of Linux alone
+        while pages.exists() and not ended.wait(RELEASE_S):
+            if int(pages.read_text(encoding="ascii").split()[2]) * mmap.PAGESIZE > RESIDENT_FILES:
+                with suppress(RuntimeError):  # another array is being made: next time
+                    release_files()
+
+    thread = threading.Thread(target=watch, name="keeping files out", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def release() -> None:

@@ -48,6 +48,18 @@ def test_large_arrays_take_no_memory_of_the_process() -> None:
     assert made.sum() == len(made)
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_keeping_files_out__lets_their_pages_go_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(arrays, "RESIDENT_FILES", 0)
+    monkeypatch.setattr(arrays, "RELEASE_S", 0.01)
+    made = arrays.full(4 * arrays.LARGE // 8, 1.0)
+    mapped = memory("RssFile")
+    with arrays.keeping_files_out():
+        while mapped - memory("RssFile") < made.nbytes // 2:
+            pass
+    assert made.sum() == len(made)
+
+
 def test_no_room_is_an_error_when_the_array_is_made() -> None:
     """Else the process would end by a signal when it writes to the array."""
     had = resource.getrlimit(resource.RLIMIT_FSIZE)
