@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from furrowmap.core.adjustment.antenna_sway import LEVER_CERTAIN_SIGMAS, AntennaSway
-from furrowmap.core.adjustment.clock_offset import MIN_OFFSET_GAIN, AntennaConstants
+from furrowmap.core.adjustment.clock_offset import CAUSE_CLEAR_RATIO, MIN_OFFSET_GAIN, AntennaConstants
 from furrowmap.core.adjustment.problem import Adjusted
 from furrowmap.core.estimation.knots import GNSS_DRIFT, KNOT_STEP_S
 from furrowmap.core.estimation.vehicle import SLIP, SLIP_EVERY_S, AxleSteps
@@ -128,6 +128,7 @@ class Seen:
         sway: what the sway shows of the antenna.
         lever_m: lever arm with which the scans agree better; None where no other was found.
         slow_times: slow errors of the positions, over what the receiver states, as scans show them; 1 where as stated.
+        slow_gain: by how much larger slow errors would make −2 log likelihood fall.
     """
 
     slip: float = 0.0
@@ -137,6 +138,7 @@ class Seen:
     sway: AntennaSway = field(default_factory=AntennaSway)
     lever_m: tuple[float, float, float] | None = None
     slow_times: float = 1.0
+    slow_gain: float = 0.0
 
     @property
     def factor(self) -> float:
@@ -177,7 +179,7 @@ class Seen:
             return Cause.LEVER_ARM
         if self.slow_times > 1.0:
             return Cause.POSITIONS
-        if c.off:
+        if c.off and self.slow_gain < CAUSE_CLEAR_RATIO * max(c.clock_gain, c.lever_gain):
             return Cause.CLOCK if c.clock_off else Cause.LEVER_ARM if c.lever_off else Cause.CLOCK_OR_LEVER_ARM
         return Cause.UNKNOWN
 
@@ -305,8 +307,9 @@ def check_consistency(adjusted: Adjusted, ground: GroundTilt) -> Seen:
     knot, _, inside = knots.at(positions.t_s)
     drift = state[GNSS_DRIFT][knot[inside]] / positions.drift_m[inside]
     slip = _rms(sideways / stated)
+    slow = adjusted.slow_errors
     return Seen(
-        slip, _rms(drift), adjusted.constants, ground, adjusted.sway, slow_times=max(adjusted.slow_errors.times)
+        slip, _rms(drift), adjusted.constants, ground, adjusted.sway, slow_times=max(slow.times), slow_gain=slow.gain
     )
 
 

@@ -17,7 +17,7 @@ from furrowmap.core.adjustment.clock_offset import ClockCandidate, search_clock_
 from furrowmap.core.adjustment.consistency import LEVEL_GROUND, GroundTilt, Seen, check_consistency
 from furrowmap.core.adjustment.laser_ranges import range_bow, range_bow_sigma
 from furrowmap.core.adjustment.match_report import match_figures, match_notices
-from furrowmap.core.adjustment.mounting_calibration import STATED_SIGMA_DEG, MountingCalibration
+from furrowmap.core.adjustment.mounting_calibration import MountingCalibration
 from furrowmap.core.adjustment.problem import Adjusted, Iterate, Linearised, Problem
 from furrowmap.core.adjustment.solve import resolve_yaw_ambiguity, solve
 from furrowmap.core.estimation.aiding import Aid
@@ -179,11 +179,7 @@ def _trajectory(adjusted: Adjusted, start: Trajectory) -> Trajectory:
     sway_m2 = np.median(np.maximum(white**2 - (WHITE_SHARE * np.hypot(white, drift)) ** 2, 0.0))
     sigma[:, :2] = np.hypot(sigma[:, :2], np.sqrt(sway_m2))
     sigma[:, 2] = np.hypot(sigma[:, 2], CONSTANT_HEIGHT_SHARE * np.median(problem.positions.drift_m[:, 2]))
-    if not np.array_equal(adjusted.sensor.turn, np.eye(3)):
-        # What is less certain than a stated mounting is corrected less; what is not shown at all stays as stated.
-        turned_deg = np.array(adjusted.calibration.sigma_deg)
-        turned_deg = np.where(np.isfinite(turned_deg), np.minimum(turned_deg, STATED_SIGMA_DEG), 0.0)
-        sigma[:, 3:] = np.hypot(sigma[:, 3:], turned_deg)
+    sigma[:, 3:] = np.hypot(sigma[:, 3:], adjusted.calibration.left_deg)
     if not adjusted.facing.shown:
         sigma = as_by_positions(sigma, knots.t_s, start, problem.lever_m)
     sigma = with_vague_headings(sigma, problem.lever_m)

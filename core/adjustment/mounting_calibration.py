@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.spatial.transform import Rotation
-from scipy.special import ndtr, stdtrit
+from scipy.special import ndtr, softmax, stdtrit
 
 from furrowmap.core.estimation.knots import KNOT_STEP_S, Knots, State
 from furrowmap.core.matching.surface import HeightGrid, TilePassage, heights, layers
@@ -32,14 +31,16 @@ MIN_BATCH_TIMES: Final = 4
 """In a batch."""
 MIN_BATCHES: Final = 3
 MIN_STANCE_MPS: Final = 0.2
-MOUNTING_CERTAIN_SIGMAS: Final = 2.5
-MIN_MOUNTING_DEG: Final = 0.2
-"""A mounting is off by more than MOUNTING_CERTAIN_SIGMAS standard deviations and by more than MIN_MOUNTING_DEG."""
+FEW_BATCHES_SIGMAS: Final = 2.5
+"""Standard deviations at which Student's distribution of few batches is as wide as the normal one that is used."""
 MAX_STANCE_HEIGHT_M: Final = 0.15
 """A vehicle that seems to float or sink by more has its origin elsewhere: what lies under it is then not what carries
 it."""
-STATED_SIGMA_DEG: Final = 0.3
-"""Of a stated mounting that is off, about each axis: what is less certain than that is corrected less."""
+OFF_DEG: Final = 0.15 * 2.0 ** np.arange(5)
+"""Of a stated mounting that is off, about each axis: standard deviations that are as likely as each other. Before the
+scans it is as likely right as off."""
+MIN_TURN_DEG: Final = 0.05
+"""A correction that is smaller than ruts and tyres is not made, but counts in the standard deviations."""
 RUTS_SIGMA: Final = np.radians(0.05)
 """Ruts and tyres leave a vehicle this much off the ground's level, on the mean of a session."""
 HEIGHT_SIGMA_M: Final = 0.01
@@ -55,6 +56,8 @@ class MountingCalibration:
         yaw_deg: of the vehicle's x axis against the way it goes, counter-clockwise.
         height_m: of the vehicle's origin above the ground.
         sigma_deg: (3,) standard deviations of roll, pitch, yaw; inf where the scans do not show it.
+        corrected_deg: (3,) by how much the stated mounting was turned about these axes before.
+        yaw_off: whether the stated yaw is known to be wrong, so that another one took its place.
     """
 
     roll_deg: float
@@ -63,17 +66,43 @@ class MountingCalibration:
     height_m: float
     sigma_deg: tuple[float, float, float]
     sigma_height_m: float
+    corrected_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    yaw_off: bool = False
 
     @property
-    def turn(self) -> FloatArray | None:
-        """(3, 3) rotation that the mounting's takes on its left to be right; None where it is not certainly off."""
-        angles, sigma = np.array([self.roll_deg, self.pitch_deg, self.yaw_deg]), np.array(self.sigma_deg)
-        certain = np.abs(angles) > np.maximum(MOUNTING_CERTAIN_SIGMAS * sigma, MIN_MOUNTING_DEG)
-        if not certain.any() or abs(self.height_m) > MAX_STANCE_HEIGHT_M:
-            return None
-        roll, pitch, yaw = angles / (1.0 + (sigma / STATED_SIGMA_DEG) ** 2)
-        matrix: FloatArray = Rotation.from_euler("ZYX", [yaw, -pitch, roll], degrees=True).as_matrix()
-        return matrix
+    def turn_deg(self) -> FloatArray:
+        """(3,) angles, roll, pitch and yaw, about which the mounting is to be turned further; see :meth:`_expected`."""
+        return self._expected()[0] - np.array(self.corrected_deg)
+
+    @property
+    def left_deg(self) -> FloatArray:
+        """(3,) standard deviations of roll, pitch and yaw of the mounting as it is now."""
+        out: FloatArray = np.hypot(self._expected()[1], self.turn_deg)
+        return out
+
+    def _expected(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and standard deviation (3,) of the angles by which the stated mounting is off, given the scans.
+
+        A mounting that was measured is right, one from a drawing is off by one of OFF_DEG about each axis. How likely
+        each is follows from all three axes (spike and slab; Mitchell and Beauchamp 1988, JASA 83, 1023-1032). So ruts
+        do not spoil a mounting that is right, and one that is off is corrected by the weighted mean, without a limit.
+        """
+        shown = abs(self.height_m) < MAX_STANCE_HEIGHT_M
+        sigma = np.where(shown, self.sigma_deg, np.inf)
+        off = np.array([self.roll_deg, self.pitch_deg, self.yaw_deg]) + self.corrected_deg
+        prior = np.repeat(np.append(0.0, OFF_DEG)[:, None], 3, axis=1)
+        if self.yaw_off:
+            prior[:, 2] = OFF_DEG[-1]
+        # What the scans do not show is hardly doubted: else every short session was.
+        prior = np.where(np.isfinite(sigma), prior, np.minimum(prior, OFF_DEG[0]))
+        by_scans = (prior / sigma) ** 2
+        share = by_scans / (1.0 + by_scans)
+        logs = 0.5 * (share * (off / sigma) ** 2 - np.log1p(by_scans)).sum(axis=1)
+        logs[1:] -= np.log(len(OFF_DEG))
+        likely = softmax(logs)
+        mean = likely @ (share * off)
+        square = likely @ ((share * off) ** 2 + prior**2 * (1.0 - share))
+        return mean, np.sqrt(square - mean**2)
 
 
 def mounting_calibration(
@@ -158,6 +187,6 @@ def _mean_of_batches(t_s: FloatArray, values: FloatArray) -> tuple[float, float]
     each = (np.bincount(batch, values[known]) / np.maximum(count, 1))[count >= MIN_BATCH_TIMES]
     if len(each) < MIN_BATCHES:
         return 0.0, np.inf
-    # The scatter of few batches is uncertain itself: Student's distribution widens MOUNTING_CERTAIN_SIGMAS.
-    few = stdtrit(len(each) - 1, ndtr(MOUNTING_CERTAIN_SIGMAS)) / MOUNTING_CERTAIN_SIGMAS
+    # The scatter of few batches is uncertain itself: Student's distribution widens it.
+    few = stdtrit(len(each) - 1, ndtr(FEW_BATCHES_SIGMAS)) / FEW_BATCHES_SIGMAS
     return float(np.median(each)), float(few * np.std(each, ddof=1) / np.sqrt(len(each)))

@@ -7,6 +7,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from furrowmap.core.adjustment.antenna_sway import AntennaSway, antenna_sway
 from furrowmap.core.adjustment.clock_offset import AntennaConstants, antenna_constants
@@ -173,9 +174,10 @@ class Iterate:
         p = problem
         return placing_of(p.returns, self.return_weight, self.sensor, p.knots, self.state, self.unused, p.tool)
 
-    def turned(self, turn: FloatArray) -> Iterate:
-        """The sensor turned on the vehicle by (3, 3): it stays where it is in the map, the vehicle turns under it."""
-        state, sensor = self.state, self.sensor
+    def turned(self, turn_deg: FloatArray) -> Iterate:
+        """The sensor turned on the vehicle by roll, pitch and yaw: it stays as it is, the vehicle turns under it."""
+        state, sensor, (roll, pitch, yaw) = self.state, self.sensor, turn_deg.tolist()
+        turn = Rotation.from_euler("ZYX", [yaw, -pitch, roll], degrees=True).as_matrix()
         rotation = state.rotation @ turn.T
         xyz = state.xyz_m + (state.rotation - rotation) @ sensor.xyz_m
         return replace(
@@ -193,10 +195,12 @@ class SlowErrors:
         times: of the stated ones, on the map's axes and in height.
         checked: whether scans would show errors of decimetres on the map. Where they do not show which way the scanner
             faces, what they say of the way is as likely a pattern that moves with the vehicle.
+        gain: by how much −2 log likelihood falls with them, also where another cause is assumed.
     """
 
     times: tuple[float, float] = (1.0, 1.0)
     checked: bool = False
+    gain: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from furrowmap.core.adjustment.bridging import bridge_gaps, gaps_between
 from furrowmap.core.adjustment.consistency import LEVEL_GROUND, MAX_SLIP, check_consistency
 from furrowmap.core.adjustment.laser_ranges import laser_ranges
-from furrowmap.core.adjustment.mounting_calibration import mounting_calibration
+from furrowmap.core.adjustment.mounting_calibration import MIN_TURN_DEG, mounting_calibration
 from furrowmap.core.adjustment.problem import Adjusted, Iterate, Problem, SlowErrors
 from furrowmap.core.adjustment.steps import session_step, window_step
 from furrowmap.core.adjustment.yaw_ambiguity import facing
@@ -93,7 +93,7 @@ def solve(problem: Problem, first: Iterate, progress: Callable[[float], None]) -
     for _ in range(MAX_SLOW_SEARCHES if problem.lever_m.any() and not seen.sway.off else 0):
         before, shown = times, shown_slow_errors(problem, adjusted)
         if otherwise and shown.times[1] == 1.0:
-            shown = SlowErrors(checked=shown.checked)
+            shown = replace(shown, times=(1.0, 1.0))
         adjusted, times = replace(adjusted, slow_errors=shown), shown.times
         if np.allclose(times, before, rtol=SETTLED_TIMES):
             break
@@ -110,11 +110,11 @@ def match_and_calibrate(problem: Problem, it: Iterate, steps: _Steps) -> Adjuste
     it = match_session(problem, it, SESSION_ROUNDS, steps)
     it = calibrate_mounting(problem, it)
     for _ in range(MAX_REMOUNTS):
-        turn = it.calibration.turn if it.calibration is not None else None
-        if turn is None:
+        turn_deg = it.calibration.turn_deg if it.calibration is not None else np.zeros(3)
+        if np.abs(turn_deg).max() < MIN_TURN_DEG:
             break
         steps.expect(2 * len(REMOUNT_ROUNDS))
-        it = match_session(problem, it.turned(turn), REMOUNT_ROUNDS, steps)
+        it = match_session(problem, it.turned(turn_deg), REMOUNT_ROUNDS, steps)
         it = calibrate_mounting(problem, it)
     return Adjusted.from_iterate(problem, it)
 
@@ -168,6 +168,10 @@ def calibrate_mounting(problem: Problem, it: Iterate) -> Iterate:
     # Headings that no relief shows say nothing of the yaw.
     crab_rad = it.crab_rad if it.facing.shown else (0.0, np.inf)
     found = mounting_calibration(problem.knots, it.state, surface, placing.passage, GUARD_S, crab_rad)
+    stated = Rotation.from_euler("z", it.facing.offset_deg, degrees=True)
+    turned = Rotation.from_matrix(it.sensor.turn) * stated.inv()
+    yaw, pitch, roll = turned.as_euler("ZYX", degrees=True).tolist()
+    found = replace(found, corrected_deg=(roll, -pitch, yaw), yaw_off=bool(it.facing.offset_deg))
     return replace(it, calibration=found)
 
 
@@ -242,7 +246,7 @@ def shown_slow_errors(stated: Problem, adjusted: Adjusted) -> SlowErrors:
     if horizontal == 1.0 < vertical:
         horizontal = likeliest(lambda times: deviance(times, vertical), MIN_GAIN_TOO)
         horizontal = vertical if horizontal == 1.0 and not checked else horizontal
-    return SlowErrors((horizontal, vertical), checked)
+    return SlowErrors((horizontal, vertical), checked, deviance(1.0, 1.0) - deviance(horizontal, vertical))
 
 
 class _Steps:

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from scipy.special import expit
 
 from furrowmap.core.estimation.banded import Solution
 from furrowmap.core.estimation.inertial import RATE_BIAS, InertialLinks, predicted
@@ -27,7 +28,8 @@ ROUNDING: Final = np.array([1e-8, 1e-6, 1e-6, 1e-6, 1e-8, 1e-8])
 """Shares of the information on each constant, all states held, that are left by rounding alone."""
 IMU_CLOCK_FLOOR_S: Final = 0.0003
 """No offset is known better: a vehicle's frame bends, a receiver's filter lags."""
-CERTAIN_SIGMAS: Final = 5.0
+CERTAIN_SIGMAS: Final = 3.5
+"""A constant that seems off by so much is as likely right: few are off, and by much more."""
 MIN_IMU_CLOCK_S: Final = 0.002
 MIN_LEVER_M: Final = 0.03
 MIN_CLOCK_RATE: Final = 5e-5
@@ -94,6 +96,14 @@ class ImuConstants:
         matters = abs(self.clock.value[0]) > max(MIN_IMU_CLOCK_S, CERTAIN_SIGMAS * self.clock.sigma[0])
         return matters and self.clock.gain > CAUSE_CLEAR_RATIO * self.lever.gain
 
+    def clock_left_s(self, used_s: float) -> float:
+        """Standard deviation of the offset if `used_s` of it is used: there may be one, or none at all."""
+        (left,), (sigma,) = self.clock.value, self.clock.sigma
+        if not self.clock_shown:
+            return sigma if used_s else 0.0
+        likely = expit(0.5 * (((used_s + left) / sigma) ** 2 - CERTAIN_SIGMAS**2))
+        return float(np.sqrt(likely * (sigma**2 + left**2) + (1.0 - likely) * used_s**2))
+
     @property
     def lever_off(self) -> bool:
         """Whether the antenna is certainly elsewhere, which explains the residuals better than clocks do."""
@@ -135,7 +145,8 @@ def imu_constants(
         variance_factor: squared residuals over their expected ones, by which standard deviations grow.
 
     Returns:
-        The constants, and (n, size) by how much the states move if the IMU's clock is ahead by a second.
+        The constants, and (n, size) by how much the states, at times of the positions' clock, move if the IMU's clock
+        is ahead by a second.
     """
     k, design, residual, sigma = antenna.linearised(knots, state)
     size = state.layout.size
@@ -156,13 +167,14 @@ def imu_constants(
     for part in arrays.parts(len(knots.linked), arrays.ROWS_AT_ONCE // 2):
         _add_turns(links, knots, state, knots.linked[part], (link[4:], alone[4:, 4:], pull[4:]))
     flat = link.reshape(len(link), -1)
-    by_clock = -solution.by(flat[0])
+    by_clock = -solution.by(flat[0]).reshape(len(knots), size)
+    by_clock[:, :POSE] += _pose_rates(knots, state)
     normal = alone - np.array([flat @ solution.by(row) for row in flat])
     pull -= flat @ solution.values
     # Rounding may leave less than nothing where the motion shows nothing, as an antenna's height on level ground.
     normal = 0.5 * (normal + normal.T) + np.diag(ROUNDING * np.diag(alone))
     if np.linalg.eigvalsh(normal[:4, :4])[0] <= 0.0 or np.diag(normal).min() <= 0.0:
-        return ImuConstants(), by_clock.reshape(len(knots), size)
+        return ImuConstants(), by_clock
     spread = float(np.sqrt(max(1.0, variance_factor)))
 
     def constant(chosen: slice) -> Constant:
@@ -174,7 +186,19 @@ def imu_constants(
     clock_sigma_s = float(np.hypot(spread * np.sqrt(together[0, 0]), IMU_CLOCK_FLOOR_S))
     clock = Constant((float(together[0] @ pull[:4]),), (clock_sigma_s,), constant(slice(0, 1)).gain)
     constants = ImuConstants(clock, constant(slice(1, 4)), constant(slice(4, 5)), constant(slice(5, 6)))
-    return constants, by_clock.reshape(len(knots), size)
+    return constants, by_clock
+
+
+def _pose_rates(knots: Knots, state: State) -> FloatArray:
+    """(n, 6) velocities and angular rates at the knots, in the map's axes."""
+    out = arrays.zeros((len(knots), POSE))
+    for part in arrays.parts(len(knots.linked)):
+        k = knots.linked[part]
+        turn = Rotation.from_matrix(state.rotation[k + 1] @ state.rotation[k].transpose(0, 2, 1)).as_rotvec()
+        out[k] = np.column_stack([state.xyz_m[k + 1] - state.xyz_m[k], turn]) / KNOT_STEP_S
+    last = np.array([chain.first + chain.count - 1 for chain in knots.chains])
+    out[last] = out[last - 1]
+    return out
 
 
 def _add_turns(

@@ -193,9 +193,9 @@ def trajectory_from_inertial(
     notices += left_out
     if np.degrees(np.median(adjusted.sigma[:, ROTATION + 2])) > UNKNOWN_HEADING_DEG:
         raise heading_unknown(adjusted.problem)
-    clocked, clock_sigma_s = imu.earlier_by(clock_s), adjusted.constants.clock.sigma[0]
+    clocked, clock_sigma_s = imu.earlier_by(clock_s), adjusted.constants.clock_left_s(clock_s)
+    clock_sigma_s = clock_sigma_s if np.isfinite(clock_sigma_s) else MIN_OFFSET_S
     if clock_s:
-        clock_sigma_s = clock_sigma_s if np.isfinite(clock_sigma_s) else MIN_OFFSET_S
         notices.append(
             Notice(
                 "imu-clock-off",
@@ -217,7 +217,7 @@ def trajectory_from_inertial(
         misfit = float(np.sqrt(adjusted.variance_factor))
         raise InputError("imu-contradicts", source=source, misfit=misfit, better_other=mistake)
     found = explained(adjusted, by_noise_alone=by_noise_alone)
-    adjusted = found.adjusted.with_clock_sigma(clock_sigma_s) if clock_s else found.adjusted
+    adjusted = found.adjusted.with_clock_sigma(clock_sigma_s) if clock_sigma_s else found.adjusted
     trajectory = _trajectory(adjusted)
     turned = check_mounting(trajectory, imu.mounting, source, on_wheels=hints.on_wheels)
     contradiction = found.notice(imu.track)

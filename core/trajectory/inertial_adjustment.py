@@ -49,8 +49,8 @@ class InertialAdjustment(Fitted):
     Attributes:
         sigma: (n, size) standard deviations of the states; of the rotation vector in the map's axes.
         constants: what the residuals show of clock and lever arm.
-        by_clock: (n, size) by how much the states move if the IMU's clock is ahead by a second.
-        clock_sigma_s: standard deviation of an offset of the IMU's clock that is in use; 0 without one.
+        by_clock: see :func:`~furrowmap.core.estimation.imu_constants.imu_constants`.
+        clock_sigma_s: standard deviation of the offset of the IMU's clock.
     """
 
     sigma: FloatArray

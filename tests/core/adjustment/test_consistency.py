@@ -37,6 +37,9 @@ SWAY_ALONE = AntennaSway(lever_m=(0.0, 0.0, 0.5), sigma_m=(0.1, 0.1, 0.01), unre
         (Seen(slow_times=12.2, sway=SWAY), Cause.LEVER_ARM, ("lever arm of the antenna",)),
         (Seen(constants=CLOCK), Cause.CLOCK, ("+0.400 s apart", "lidar_minus_gnss_s")),
         (Seen(constants=LEVER), Cause.LEVER_ARM, ("-0.60 m", "+0.80 m", "lever arm of the antenna")),
+        # Errors of the positions on the map's axes alone look like either, but explain the residuals much better.
+        (Seen(constants=LEVER, slow_gain=1e6), Cause.UNKNOWN, ("-0.60 m", "the positions themselves may be wrong")),
+        (Seen(constants=LEVER, slow_gain=1e5), Cause.LEVER_ARM, ("lever arm of the antenna",)),
         (Seen(constants=EITHER), Cause.CLOCK_OR_LEVER_ARM, ("does not separate",)),
         (Seen(ground=GroundTilt(178.0, upside_down=True)), Cause.UPSIDE_DOWN, ("178°", "upside down")),
         (Seen(ground=GroundTilt(60.0)), Cause.MOUNTING, ("60°", "mounting of the scanner")),

@@ -18,6 +18,7 @@ from furrowmap.core.estimation.banded import NormalEquations
 from furrowmap.core.estimation.knots import VEHICLE, Knots, State, knots_over, normal_equations
 from furrowmap.core.estimation.vehicle import wheeled_vehicle
 from furrowmap.core.matching.surface import HeightGrid, add_returns, empty_surface, heights, tiles_over
+from furrowmap.core.runtime.arrays import three
 from furrowmap.core.values.gnss import Positions
 from furrowmap.core.values.rotation import Mounting
 
@@ -109,31 +110,58 @@ def test_a_vehicle_on_ground_that_was_not_seen_says_nothing() -> None:
     knots, state = on_wheels(0.7, 2.0, 0.3, Rotation.identity())
     found = mounting_calibration(knots, state, ground(100.0, 110.0), None, 0.3, (0.0, np.inf))
     assert not np.isfinite(found.sigma_deg).any()
-    assert found.turn is None
+    assert not found.turn_deg.any()
+    assert (found.left_deg < 0.11).all()
 
 
 @pytest.mark.parametrize(
-    ("angles_deg", "sigma_deg", "height_m", "turned"),
+    ("angles_deg", "sigma_deg", "height_m", "turned_deg"),
     [
-        ((0.0, 0.5, 0.0), (0.1, 0.1, 0.1), 0.0, True),
-        ((0.0, 0.15, 0.0), (0.05, 0.05, 0.05), 0.0, False),
-        ((0.0, 0.5, 0.0), (0.1, 0.3, 0.1), 0.0, False),
-        ((0.0, 0.5, 0.0), (0.1, 0.1, 0.1), 0.4, False),
+        ((0.0, 0.5, 0.0), (0.06, 0.06, 0.06), 0.0, (0.0, 0.478, 0.0)),
+        ((0.06, -0.05, 0.05), (0.06, 0.06, 0.06), 0.0, (0.0, 0.0, 0.0)),
+        ((0.5, 0.1, 0.4), (0.05, np.inf, 0.3), 0.0, (0.495, 0.0, 0.291)),
+        ((0.0, 0.5, 0.0), (0.06, 0.06, 0.06), 0.4, (0.0, 0.0, 0.0)),
+        ((0.3, 0.3, 0.3), (np.inf, np.inf, np.inf), 0.0, (0.0, 0.0, 0.0)),
     ],
 )
-def test_a_mounting_is_turned_where_it_is_certainly_off(
-    angles_deg: tuple[float, float, float], sigma_deg: tuple[float, float, float], height_m: float, turned: bool
+def test_a_mounting_that_is_off_is_turned_by_the_weighted_mean_and_one_that_is_right_is_not(
+    angles_deg: tuple[float, float, float],
+    sigma_deg: tuple[float, float, float],
+    height_m: float,
+    turned_deg: tuple[float, float, float],
 ) -> None:
-    assert (MountingCalibration(*angles_deg, height_m, sigma_deg, 0.01).turn is not None) == turned
+    found = MountingCalibration(*angles_deg, height_m, sigma_deg, 0.01)
+    np.testing.assert_allclose(found.turn_deg, turned_deg, atol=0.006)
 
 
-def test_of_a_mounting_that_is_off_what_is_unknown_stays_as_stated() -> None:
-    turn = MountingCalibration(0.5, 0.1, 0.4, 0.0, (0.05, np.inf, 0.3), 0.01).turn
-    assert turn is not None
-    yaw, pitch, roll = Rotation.from_matrix(turn).as_euler("ZYX", degrees=True)
-    assert roll == pytest.approx(0.5, abs=0.02)
-    assert pitch == pytest.approx(0.0, abs=1e-6)
-    assert yaw == pytest.approx(0.2, abs=1e-3)
+def _less(one: MountingCalibration) -> dict[str, float]:
+    """What is seen after the mounting was turned."""
+    angles = np.array([one.roll_deg, one.pitch_deg, one.yaw_deg]) - one.turn_deg
+    return dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), angles.tolist(), strict=True))
+
+
+def test_what_is_left_of_a_mounting_is_as_large_as_stated_where_half_of_all_are_off() -> None:
+    rng = np.random.default_rng(3)
+    sigma = (0.05, 0.08, 0.2)
+    size = rng.choice([0.15, 0.3, 0.6, 1.2, 2.4], 4000) * (rng.random(4000) < 0.5)
+    off = rng.normal(0.0, size[:, None], (4000, 3))
+    seen = off + rng.normal(0.0, sigma, off.shape)
+    found = [MountingCalibration(*angles, 0.0, sigma, 0.01) for angles in seen.tolist()]
+    error = np.array([one.turn_deg for one in found]) - off
+    as_it_is = np.array([one.left_deg for one in found])
+    turned = np.array([replace(one, corrected_deg=three(one.turn_deg), **_less(one)).left_deg for one in found])
+    np.testing.assert_allclose((off**2).mean(axis=0), (as_it_is**2).mean(axis=0), rtol=0.06)
+    np.testing.assert_allclose((error**2).mean(axis=0), (turned**2).mean(axis=0), rtol=0.1)
+    # Better than the mounting as stated, and than what is seen.
+    assert ((error**2).mean(axis=0) < (off**2).mean(axis=0)).all()
+    assert ((error**2).mean(axis=0) < ((seen - off) ** 2).mean(axis=0)).all()
+
+
+def test_of_a_yaw_that_is_known_to_be_wrong_only_the_scans_tell() -> None:
+    found = MountingCalibration(0.02, 0.0, 0.05, 0.0, (0.06, 0.06, 0.08), 0.01, (0.0, 0.0, 0.0), yaw_off=True)
+    assert found.turn_deg[2] == pytest.approx(0.05, rel=0.01)
+    assert found.left_deg[2] == pytest.approx(np.hypot(0.08, 0.05), rel=0.01)
+    assert abs(found.turn_deg[:2]).max() < 0.002
 
 
 def test_heights_are_those_of_the_plane_through_the_returns() -> None:

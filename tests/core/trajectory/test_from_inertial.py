@@ -100,6 +100,20 @@ def test_clock_of_the_imu__is_found_and_used(off_s: float) -> None:
     assert errors(by_imu.trajectory, flight)[:, :3].std(axis=0).max() < 0.02
 
 
+def test_a_clock_that_is_off_by_less_than_is_corrected__is_in_the_sigmas_of_attitudes_alone() -> None:
+    """Poses of another time have another attitude; but the antenna is where the positions are."""
+    flight, off_s = Flight(40.0, seed=3), 0.0018
+    imu = flight.noisy_imu(rate_hz=100.0)
+    right, late = (found(flight.noisy_track(), replace(imu, t_s=imu.t_s + by_s)) for by_s in (0.0, off_s))
+    assert (late.notices, late.figures.minus_gnss_s) == ((), 0.0)
+    assert late.adjusted.clock_sigma_s == pytest.approx(off_s, rel=0.3)
+    now, before = (np.median(one.trajectory.sigma, axis=0) for one in (late, right))
+    np.testing.assert_allclose(now[:3], before[:3], rtol=0.05)
+    assert (now[3:5] > 1.5 * before[3:5]).all()
+    ratio = errors(late.trajectory, flight) / late.trajectory.sigma
+    assert (np.sqrt((ratio**2).mean(axis=0)) < 2.0).all()
+
+
 @pytest.mark.parametrize(("gains", "times", "key"), [(1.5e-3, 1.0, "imu-clock-off.runs"), (0.0, 1.03, "imu-scale-off")])
 def test_clock_that_runs_or_gyroscopes_of_a_wrong_scale__are_told_apart_and_corrected(
     gains: float, times: float, key: str
