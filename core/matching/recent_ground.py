@@ -34,9 +34,10 @@ TRIED: Final = 3
 TRIED_RAD: Final = np.radians(0.8)
 """So many turns to either side are tried, so far apart: on the wrong one relief does not show the way."""
 CLEARLY: Final = 0.85
-CLIPPED_M: Final = 0.05
+CLIPPED_M: Final = 0.04
 MIN_MATCHED: Final = 300
 ADD_SHIFT: Final = np.array([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+"""Scans are added where positions have them: where they are matched they would pull towards no motion."""
 
 
 @dataclass(frozen=True)
@@ -44,25 +45,25 @@ class ScanTurn:
     """A scan's place on the recent ground, against the place where it was expected.
 
     Attributes:
-        shift_m: (2,) along the axes of the map.
-        turn_rad: counter-clockwise.
-        sigma_rad: standard deviation of the turn.
+        shift_m: (3,) along the axes of the map.
+        turn_rad: (3,) about them, counter-clockwise.
+        sigma_rad: standard deviation of the last of the turns.
         residual_m: RMS of the heights on the ground before.
     """
 
     shift_m: FloatArray
-    turn_rad: float
+    turn_rad: FloatArray
     sigma_rad: float
     residual_m: float
 
 
 class RecentGround:
-    """Mean heights in cells around the vehicle, in a frame of their own that is level with the ground under it."""
+    """Mean heights in cells around the vehicle, in a frame of their own."""
 
     def __init__(self, rotation: FloatArray, sensor_m: FloatArray) -> None:
         self._rotation, self._sensor_m = rotation, sensor_m
         self._cells = np.zeros((SIDE_CELLS, SIDE_CELLS, 2))
-        self._expected = np.zeros(6)
+        self._last_s = -np.inf
         self._keys = np.full((SIDE_CELLS, SIDE_CELLS, 2), np.iinfo(np.int32).min, np.int32)
 
     def move(
@@ -71,7 +72,7 @@ class RecentGround:
         """Find a scan on the ground so far, and add it there.
 
         Args:
-            place_m: (2,) where the vehicle is expected in the middle of the scan.
+            place_m: (3,) where the vehicle is expected in the middle of the scan.
             rotation: (3, 3) vehicle to map, expected then.
             velocity: (3,) along the map's axes, and the rate of turn in rad/s.
             sigma: (6,) standard deviations of what is expected: place, height, turns about the three axes.
@@ -79,7 +80,7 @@ class RecentGround:
         Returns:
             None while too little of the ground was seen before.
         """
-        middle_s = 0.5 * (scan.t_s[0] + scan.t_s[-1])
+        middle_s = 0.5 * float(scan.t_s[0] + scan.t_s[-1])
         points = _around(
             np.ascontiguousarray(scan.xyz_m, np.float32),
             scan.t_s - middle_s,
@@ -87,24 +88,25 @@ class RecentGround:
             self._sensor_m,
             rotation,
             velocity,
+            middle_s - self._last_s,
             max(1, len(scan) // SCAN_RETURNS),
         )
-        found, normal, used, squares = _matched(
-            points, place_m, self._cells, self._keys, self._expected, 1.0 / sigma**2
-        )
-        self._expected[2:5] = 0.95 * found[2:5]
+        self._last_s = middle_s
+        found, normal, used, squares = _matched(points, place_m, self._cells, self._keys, 1.0 / sigma**2)
         _add(points, place_m, found * ADD_SHIFT, self._cells, self._keys)
         if used < MIN_MATCHED:
             return None
-        return ScanTurn(
-            found[:2], float(found[5]), float(np.sqrt(np.linalg.inv(normal)[5, 5])), float(np.sqrt(squares / used))
-        )
+        sigma_rad = float(np.sqrt(np.linalg.inv(normal)[5, 5]))
+        return ScanTurn(found[:3], found[3:], sigma_rad, float(np.sqrt(squares / used)))
 
 
 @kernel()
-def _around(xyz_m, t_s, mounting, sensor_m, rotation, velocity, step):  # type: ignore[no-untyped-def]
-    """(n, 3) returns of the ground around the vehicle, in the map's axes, as of the middle of the scan."""
-    out = np.empty((len(xyz_m) // step + 1, 3))
+def _around(xyz_m, t_s, mounting, sensor_m, rotation, velocity, since_s, step):  # type: ignore[no-untyped-def]
+    """(n, 4) returns of the ground around the vehicle, in the map's axes, as of the middle of the scan.
+
+    The last column is the share of what is found since the scan before that had happened by then: vehicles sway.
+    """
+    out = np.empty((len(xyz_m) // step + 1, 4))
     count = 0
     w, v = np.empty(3), np.empty(3)
     for i in range(0, len(xyz_m), step):
@@ -122,6 +124,7 @@ def _around(xyz_m, t_s, mounting, sensor_m, rotation, velocity, step):  # type: 
         out[count, 0] = c * v[0] - s * v[1] + velocity[0] * t_s[i]
         out[count, 1] = s * v[0] + c * v[1] + velocity[1] * t_s[i]
         out[count, 2] = v[2]
+        out[count, 3] = 1.0 + t_s[i] / since_s
         count += 1
     return out[:count]
 
@@ -129,9 +132,9 @@ def _around(xyz_m, t_s, mounting, sensor_m, rotation, velocity, step):  # type: 
 @kernel()
 def _moved(point, found):  # type: ignore[no-untyped-def]
     """A return with the turns and shifts that were found."""
-    c, s = np.cos(found[5]), np.sin(found[5])
+    c, s = np.cos(point[3] * found[5]), np.sin(point[3] * found[5])
     x, y = c * point[0] - s * point[1] + found[0], s * point[0] + c * point[1] + found[1]
-    return x, y, point[2] + found[2] + found[3] * y - found[4] * x
+    return x, y, point[2] + point[3] * (found[2] + found[3] * y - found[4] * x)
 
 
 @kernel()
@@ -157,16 +160,16 @@ def _off(x, y, z, cells, keys):  # type: ignore[no-untyped-def]
 
 
 @kernel()
-def _likely_turn(points, place_m, cells, keys, expected):  # type: ignore[no-untyped-def]
+def _likely_turn(points, place_m, cells, keys):  # type: ignore[no-untyped-def]
     """The turn of those tried at which heights fit best; the expected one unless another is clearly better."""
-    found = expected.copy()
+    found = np.zeros(6)
     best, turn = np.inf, 0.0
     for k in range(2 * TRIED + 1):
         found[5] = TRIED_RAD * ((k + 1) // 2) * (1 - 2 * (k & 1))
         squares, used = 0.0, 0
         for i in range(0, len(points), 4):
             x, y, z = _moved(points[i], found)
-            off, _, _ = _off(x + place_m[0], y + place_m[1], z, cells, keys)
+            off, _, _ = _off(x + place_m[0], y + place_m[1], z + place_m[2], cells, keys)
             if np.isfinite(off):
                 squares += min(off * off, CLIPPED_M**2)
                 used += 1
@@ -178,22 +181,24 @@ def _likely_turn(points, place_m, cells, keys, expected):  # type: ignore[no-unt
 
 
 @kernel()
-def _matched(points, place_m, cells, keys, expected, prior):  # type: ignore[no-untyped-def]
+def _matched(points, place_m, cells, keys, prior):  # type: ignore[no-untyped-def]
     """Shifts and turns (6,) by Gauss and Newton, their normal equations, and how many returns lie on known ground."""
-    found, row = expected.copy(), np.zeros(6)
+    found, row = np.zeros(6), np.zeros(6)
     normal = np.diag(prior)
     used, squares = 0, 0.0
-    found[5] = _likely_turn(points, place_m, cells, keys, expected)
+    found[5] = _likely_turn(points, place_m, cells, keys)
     for _ in range(TURN_ROUNDS):
-        normal, right, used, squares = np.diag(prior), prior * (expected - found), 0, 0.0
+        normal, right, used, squares = np.diag(prior), -prior * found, 0, 0.0
         for i in range(len(points)):
             x, y, z = _moved(points[i], found)
-            off, slope_x, slope_y = _off(x + place_m[0], y + place_m[1], z, cells, keys)
+            off, slope_x, slope_y = _off(x + place_m[0], y + place_m[1], z + place_m[2], cells, keys)
             if not abs(off) <= GATE_M:
                 continue
             weight = 1.0 / (SHARED * NOISE_M**2 * max(1.0, abs(off) / (2.0 * NOISE_M)))
             weight /= max(1.0, (slope_x * slope_x + slope_y * slope_y) / STEEPEST**2)
-            row[0], row[1], row[2], row[3], row[4], row[5] = -slope_x, -slope_y, 1.0, y, -x, slope_x * y - slope_y * x
+            part = points[i, 3]
+            row[0], row[1], row[2], row[3], row[4] = -slope_x, -slope_y, part, part * y, -part * x
+            row[5] = part * (slope_x * y - slope_y * x)
             for p in range(6):
                 right[p] += weight * row[p] * off
                 for q in range(6):
@@ -206,7 +211,7 @@ def _matched(points, place_m, cells, keys, expected, prior):  # type: ignore[no-
         found += step
         if np.abs(step).max() < 3e-4:
             break
-    return (found if used >= MIN_MATCHED else expected.copy()), normal, used, squares
+    return (found if used >= MIN_MATCHED else np.zeros(6)), normal, used, squares
 
 
 @kernel()
@@ -217,10 +222,13 @@ def _add(points, place_m, found, cells, keys):  # type: ignore[no-untyped-def]
         x, y, z = _moved(points[i], found)
         column, line = int(np.floor((x + place_m[0]) / RECENT_CELL_M)), int(np.floor((y + place_m[1]) / RECENT_CELL_M))
         cell, key = cells[line % side, column % side], keys[line % side, column % side]
-        if key[0] != column or key[1] != line:
+        z += place_m[2]
+        off = z - cell[0]
+        if key[0] != column or key[1] != line or cell[1] < 0.5 or (off < -CLIPPED_M and cell[1] <= MIN_IN_CELL):
+            # Dust and straw come before the ground below them.
             key[0], key[1], cell[0], cell[1] = column, line, z, 1.0
-        elif abs(z - cell[0]) > GATE_M and cell[1] > MIN_IN_CELL:
+        elif abs(off) > GATE_M:
             cell[1] *= 0.7  # what stands there has changed, or is above the ground
         else:
             cell[1] = min(cell[1] + 1.0, MEMORY)
-            cell[0] += (z - cell[0]) / cell[1]
+            cell[0] += min(max(off, -CLIPPED_M), CLIPPED_M) / cell[1]

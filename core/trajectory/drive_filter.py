@@ -1,4 +1,4 @@
-"""Place, heading and speed of a wheeled vehicle while positions come in, where scans show how it turns."""
+"""Place, heading, tilt and speed of a wheeled vehicle while positions come in, where scans show how it turns."""
 
 from __future__ import annotations
 
@@ -13,86 +13,105 @@ from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 
 DRIVE_ACCELERATION: Final = 0.2
 """Change of the speed after a second (m/s, one standard deviation)."""
+BRAKES_MPS2: Final = 0.25
+MAY_BRAKE_AFTER_S: Final = 0.5
+"""Between positions further apart than this the vehicle may have accelerated or braked all the time."""
 START_SIGMA: Final = (0.5, np.radians(8.0), 0.5)
 """Of place, heading and speed at the first position that is used."""
+START_SLOPE: Final = 0.025
+"""How far from level the ground is that the scans' turns count from: slope of a field, and its waves."""
+SLOPE_WALK: Final = 5e-4
+"""Change of that slope after a metre: errors of the scans' turns add up."""
+CLIMB_M: Final = 0.002
+"""Error after a metre of the height by which the scans show the vehicle to climb."""
 JUMP_SQUARES: Final = 30.0
 JUMPS_IN_A_ROW: Final = 5
 """A position whose squared deviation is larger is left out, unless so many follow one another."""
 
 
 class DriveFilter:
-    """Kalman filter of easting, northing, yaw less the sum of the scans' turns, speed, the receiver's error in e and n.
+    """Kalman filter of ten values, see `mean`.
 
     Args:
         t_s: time at which it begins.
-        mean: (6,) what is assumed then.
+        mean: (10,) what is assumed then.
         turned: sum of the scans' turns until then, in rad.
         variance: of that sum; only its growth counts.
 
     Attributes:
-        mean: (6,) in the order above.
-        covariance: (6, 6).
+        mean: (10,) easting, northing and height of the vehicle's origin, yaw less the sum of the scans' turns, speed,
+            slopes to the east and the north of the plane that the scans take for level, the receiver's error (3,).
+        covariance: (10, 10).
     """
 
     def __init__(self, t_s: float, mean: FloatArray, turned: float, variance: float) -> None:
         self.mean = mean
         place, yaw, speed = START_SIGMA
-        self.covariance = np.diag(np.square([place, place, yaw, speed, 0.0, 0.0]))
-        self._t_s, self._turned, self._variance = t_s, turned, variance
-        self._fix, self._jumps, self._drift_m = -1, 0, 0.0
+        self.covariance = np.diag(np.square([place, place, place, yaw, speed, START_SLOPE, START_SLOPE, 0.0, 0.0, 0.0]))
+        self._t_s, self._turned, self._variance, self._climbed_m = t_s, turned, variance, 0.0
+        self._fix, self._jumps, self._drift_m = -1, 0, np.zeros(3)
 
-    def predict(self, t_s: float, turned: float, variance: float) -> None:
-        """Go on to a time, at which the scans have turned by so much, with such a variance."""
+    def predict(self, t_s: float, turned: float, variance: float, climbed_m: float) -> None:
+        """Go on to a time, at which the scans have turned and climbed by so much, the turns with such a variance."""
         step_s = t_s - self._t_s
-        yaw, speed = 0.5 * (turned + self._turned) + float(self.mean[2]), float(self.mean[3])
+        yaw, speed = 0.5 * (turned + self._turned) + float(self.mean[3]), float(self.mean[4])
         ahead = np.array([np.cos(yaw), np.sin(yaw)])
         left = np.array([-ahead[1], ahead[0]])
+        way_m = abs(speed) * step_s
         kept = np.exp(-step_s / DRIFT_CORRELATION_S)
-        design = np.diag([1.0, 1.0, 1.0, 1.0, kept, kept])
-        design[:2, 2], design[:2, 3] = speed * step_s * left, step_s * ahead
-        self.mean[:2] += speed * step_s * ahead
-        self.mean[4:] *= kept
-        noise = np.zeros((6, 6))
+        design = np.diag([*np.ones(7), kept, kept, kept])
+        design[:2, 3], design[:2, 4], design[2, 5:7] = speed * step_s * left, step_s * ahead, speed * step_s * ahead
+        self.mean = design @ self.mean
+        self.mean[:2] -= design[:2, 3] * self.mean[3]
+        self.mean[2] += climbed_m - self._climbed_m
+        noise = np.zeros((10, 10))
         noise[:2, :2] = (SLIP * speed) ** 2 * SLIP_EVERY_S * step_s * np.outer(left, left)
-        noise[2, 2] = max(0.0, variance - self._variance)
-        noise[3, 3] = DRIVE_ACCELERATION**2 * step_s
-        noise[4, 4] = noise[5, 5] = self._drift_m**2 * (1.0 - kept**2)
+        noise[2, 2] = CLIMB_M**2 * way_m
+        noise[3, 3] = max(0.0, variance - self._variance)
+        noise[4, 4] = DRIVE_ACCELERATION**2 * step_s
+        if step_s > MAY_BRAKE_AFTER_S:
+            braking = np.array([*(0.5 * step_s**2 * ahead), 0.0, 0.0, step_s, *np.zeros(5)])
+            noise += BRAKES_MPS2**2 * np.outer(braking, braking)
+        noise[5, 5] = noise[6, 6] = SLOPE_WALK**2 * way_m
+        noise[7:, 7:] = np.diag(self._drift_m**2 * (1.0 - kept**2))
         self.covariance = design @ self.covariance @ design.T + noise
-        self._t_s, self._turned, self._variance = t_s, turned, variance
+        self._t_s, self._turned, self._variance, self._climbed_m = t_s, turned, variance, climbed_m
 
-    def take(self, en_m: FloatArray, arm_m: FloatArray, white_m: float, drift_m: float, fix: int) -> None:
-        """Take a position of the antenna, which the arm (3,) leads to from the origin."""
+    def take(self, xyz_m: FloatArray, arm_m: FloatArray, white_m: FloatArray, drift_m: FloatArray, fix: int) -> None:
+        """Take a position (3,) of the antenna, which the arm (3,) leads to from the origin, with errors (3,)."""
         self._drift_m = drift_m
         if fix != self._fix:
             self._fix = fix
             self._forget_error(drift_m)
-        design = np.zeros((2, 6))
-        design[0, 0] = design[1, 1] = design[0, 4] = design[1, 5] = 1.0
-        design[0, 2], design[1, 2] = -arm_m[1], arm_m[0]
-        off = en_m - self.mean[:2] - arm_m[:2] - self.mean[4:]
-        spread = design @ self.covariance @ design.T + white_m**2 * np.eye(2)
+        design = np.zeros((3, 10))
+        design[:, :3] = design[:, 7:] = np.eye(3)
+        design[:2, 3] = -arm_m[1], arm_m[0]
+        design[:, 5], design[:, 6] = (-arm_m[2], 0.0, arm_m[0]), (0.0, -arm_m[2], arm_m[1])
+        off = xyz_m - self.mean[:3] - arm_m - self.mean[7:]
+        noise = np.diag(white_m**2)
+        spread = design @ self.covariance @ design.T + noise
         if float(off @ np.linalg.solve(spread, off)) > JUMP_SQUARES:
             self._jumps += 1
             if self._jumps < JUMPS_IN_A_ROW:
                 return
             self._forget_error(drift_m)
-            self.covariance[:3, :3] += np.diag([off @ off, off @ off, START_SIGMA[1] ** 2])
-            spread = design @ self.covariance @ design.T + white_m**2 * np.eye(2)
+            self.covariance[:5, :5] += np.diag([*off**2, START_SIGMA[1] ** 2, START_SIGMA[2] ** 2])
+            spread = design @ self.covariance @ design.T + noise
         self._jumps = 0
         self._update(design, spread, off)
 
     def take_yaw(self, off_rad: float) -> None:
         """Take a heading that two antennas showed, less the sum of the scans' turns."""
-        design = np.zeros((1, 6))
-        design[0, 2] = 1.0
-        off = (off_rad - float(self.mean[2]) + np.pi) % (2.0 * np.pi) - np.pi
+        design = np.zeros((1, 10))
+        design[0, 3] = 1.0
+        off = (off_rad - float(self.mean[3]) + np.pi) % (2.0 * np.pi) - np.pi
         self._update(design, design @ self.covariance @ design.T + ANTENNA_HEADING_SIGMA_RAD**2, np.array([off]))
 
-    def _forget_error(self, sigma_m: float) -> None:
+    def _forget_error(self, sigma_m: FloatArray) -> None:
         """The receiver's error begins anew."""
-        self.mean[4:] = 0.0
-        self.covariance[4:], self.covariance[:, 4:] = 0.0, 0.0
-        self.covariance[4, 4] = self.covariance[5, 5] = sigma_m**2
+        self.mean[7:] = 0.0
+        self.covariance[7:], self.covariance[:, 7:] = 0.0, 0.0
+        self.covariance[7:, 7:] = np.diag(sigma_m**2)
 
     def _update(self, design: FloatArray, spread: FloatArray, off: FloatArray) -> None:
         gain = np.linalg.solve(spread, design @ self.covariance).T

@@ -74,6 +74,15 @@ def test_headings__hold_in_turns_and_in_reverse(shared_data: Path) -> None:
     assert np.sqrt((off**2).mean()) < 0.3
     assert np.sqrt((off[reverse] ** 2).mean()) < 0.3
     assert (np.abs(off) < [3.0 * pose.sigma[5] for pose in poses]).mean() > 0.99
+    # From the first turn on it is known what is level: until then nothing shows the slope across.
+    late = [pose for pose in poses if pose.t_s > begin_s + 12.0]
+    true = truth.at(np.array([pose.t_s for pose in late]))
+    off_m = np.array([pose.xyz_m for pose in late]) - true.xyz_m
+    assert np.sqrt((off_m[:, :2] ** 2).sum(axis=1).mean()) < 0.03
+    off_deg_of = np.array([pose.attitude_deg for pose in late]).T - np.array(true.attitude_deg())
+    assert np.sqrt((off_deg_of[:2] ** 2).mean()) < 0.25
+    for k in (3, 4):
+        assert (np.abs(off_deg_of[k - 3]) < [3.0 * pose.sigma[k] for pose in late]).mean() > 0.97
 
 
 def test_poses__without_positions_say_so(straight: Recording) -> None:
