@@ -72,7 +72,8 @@ class MountingCalibration:
     @property
     def turn_deg(self) -> FloatArray:
         """(3,) angles, roll, pitch and yaw, about which the mounting is to be turned further; see :meth:`_expected`."""
-        return self._expected()[0] - np.array(self.corrected_deg)
+        further: FloatArray = self._expected()[0] - np.array(self.corrected_deg)
+        return further
 
     @property
     def left_deg(self) -> FloatArray:
@@ -91,8 +92,7 @@ class MountingCalibration:
         sigma = np.where(shown, self.sigma_deg, np.inf)
         off = np.array([self.roll_deg, self.pitch_deg, self.yaw_deg]) + self.corrected_deg
         prior = np.repeat(np.append(0.0, OFF_DEG)[:, None], 3, axis=1)
-        if self.yaw_off:
-            prior[:, 2] = OFF_DEG[-1]
+        prior[:, 2] = OFF_DEG[-1] if self.yaw_off else prior[:, 2]
         # What the scans do not show is hardly doubted: else every short session was.
         prior = np.where(np.isfinite(sigma), prior, np.minimum(prior, OFF_DEG[0]))
         by_scans = (prior / sigma) ** 2
