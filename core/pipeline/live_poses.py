@@ -403,7 +403,7 @@ class _Drive:
 
 def _upright_on(scans: list[Scan], rotation: FloatArray, sensor_m: FloatArray) -> FloatArray:
     """(2,) x and y of the normal, whose z is 1, of the plane of the ground in some scans; 0 where they show none."""
-    xyz_m = np.concatenate([scan.xyz_m[::7] for scan in scans] or [np.zeros((0, 3))]) @ rotation.T + sensor_m
+    xyz_m = np.concatenate([np.zeros((0, 3)), *(scan.xyz_m[::7] for scan in scans)]) @ rotation.T + sensor_m
     distance_m = np.hypot(xyz_m[:, 0], xyz_m[:, 1])
     xyz_m = xyz_m[(distance_m > PLANE_RANGE_M[0]) & (distance_m < PLANE_RANGE_M[1])]
     design = np.column_stack([np.ones(len(xyz_m)), xyz_m[:, :2]])
