@@ -109,6 +109,7 @@ class Checkpoint(Protocol):
         ...
 
 
+@arrays.keeping_files_out()
 def run(
     opened: OpenSession,
     open_sink: OpenSink,
@@ -366,8 +367,7 @@ def _match(
     if kept is not None:
         located, matched = replace(guess, trajectory=kept.trajectory, notices=kept.notices), kept.matched
     elif guess.antenna is not None:
-        with arrays.keeping_files_out():
-            located, matched = match_to_ground(guess, lidar, session, implement.add_scan, progress)
+        located, matched = match_to_ground(guess, lidar, session, implement.add_scan, progress)
         if checkpoint is not None:
             checkpoint.save(MatchedSession(located.trajectory, located.notices, matched))
     # The yaw ambiguity of the mounting may be resolved otherwise than stated.

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from math import prod
 from pathlib import Path
-from typing import IO, Any, Final, Literal, TypeAlias
+from typing import IO, Any, Final, Literal, TypeAlias, cast
 from weakref import WeakSet
 
 import numpy as np
@@ -33,7 +33,7 @@ LARGE: Final = 8 << 20
 ROWS_AT_ONCE: Final = 1 << 15
 """Rows that are computed together where intermediate results would be large."""
 RESIDENT_FILES: Final = 400 << 20
-"""Bytes of mapped files in memory while matching, half of which are libraries."""
+"""Bytes of mapped files in memory during a run, half of which are libraries."""
 RELEASE_S: Final = 0.5
 _mapped: WeakSet[mmap.mmap] = WeakSet()
 """Files of arrays in use."""
@@ -70,10 +70,10 @@ def of_file(file: IO[bytes], shape: int | tuple[int, ...], dtype: DTypeLike) -> 
 
 def taken(array: NDArray[Any], part: slice) -> NDArray[Any]:
     """A copy of some rows, whose pages in a file no longer count as memory of the process."""
-    out = np.array(array[part])
-    if sys.platform != "win32" and isinstance(array.base, mmap.mmap) and len(out):
+    out, base = np.array(array[part]), cast("Any", array.base)
+    if sys.platform != "win32" and isinstance(base, mmap.mmap) and len(out):
         begin = part.start * array.strides[0] // mmap.PAGESIZE * mmap.PAGESIZE
-        array.base.madvise(mmap.MADV_DONTNEED, begin, min(part.stop, len(array)) * array.strides[0] - begin)
+        base.madvise(mmap.MADV_DONTNEED, begin, min(part.stop, len(array)) * array.strides[0] - begin)
     return out
 
 
