@@ -113,7 +113,7 @@ def record(
 def _viewer(folder: Path) -> Iterator[None]:
     """Run `furrowmap live` beside; recording goes on whatever becomes of it."""
     folder.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "furrowmap", "live", folder]
+    command = [sys.executable, "-m", "furrowmap", "live", str(folder)]
     viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL)  # noqa: S603 (this interpreter)
     try:
         yield
