@@ -33,7 +33,6 @@ def test_live__follows_the_recording_of_any_scanner(model: str, tmp_path: Path) 
     recorded = sum(1 for _ in opened.lidar(truth.span_s[0]).scans())
     assert (summary.dropped, summary.lost_packets) == (0, 0)
     assert recorded - 2 <= summary.scans <= recorded  # the last revolution has no end
-    assert summary.early < 20
     posed = [scan for scan in seen if "e_m" in scan]
     assert len(posed) > 0.5 * recorded
     true_m = truth.at(np.array([scan["t_s"] for scan in posed])).xyz_m
