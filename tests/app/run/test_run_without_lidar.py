@@ -69,7 +69,7 @@ def test_products__are_those_of_a_run_but_the_cloud(folder: Path) -> None:
     assert list(report) == [
         "furrowmap", "schema", "session_file", "verdict", "session", "inputs", "figures", "coordinates", "accuracy",
         "observability", "inertial", "calibration", "strips", "strip_differences", "image_adjustment",
-        "strip_adjustment", "clocks", "warnings", "timings", "products", "colours",
+        "strip_adjustment", "live", "clocks", "warnings", "timings", "products", "colours",
     ]  # fmt: skip
     layers = dict(pyogrio.list_layers(folder / "result" / "field.gpkg"))
     assert {"trajectory", "passes", "coverage", "overlaps", "misses", "tool_path", "events"} <= layers.keys()
