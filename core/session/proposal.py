@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import re
@@ -29,6 +28,7 @@ from furrowmap.core.readers.reader import (
 from furrowmap.core.runtime.errors import InputError, Notice, printable
 from furrowmap.core.session.examination import Examined, time_matches
 from furrowmap.core.session.flight import FlownMounting, flight_of
+from furrowmap.core.session.machine import toml_value
 from furrowmap.core.session.proposed_places import (
     antenna_table,
     camera_comment,
@@ -525,9 +525,9 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _quoted(text: str) -> str:
-    """`text` as a TOML basic string: JSON's escapes are valid in TOML, and JSON leaves only DEL unescaped."""
+    """`text` as a TOML basic string. Raises InputError if it cannot be written."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError:
         raise InputError("name-not-text", text=printable(text)) from None
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return toml_value(text)

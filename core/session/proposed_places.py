@@ -102,7 +102,7 @@ def implement_table(machine: Machine, more: str = "") -> str:
         return _IMPLEMENT
     head = "# Working width of the implement, and the middle of its working line in the vehicle frame.\n"
     header = "[[implement]]\n" if machine.further_implements else "[implement]\n"
-    keys = ("name", "kind", "width_m", "xy_m", "working_depth_m", "lift_m", "moves_soil")
+    keys = ("name", "kind", "width_m", "xy_m", "working_depth_m", "lift_m", "learned", "moves_soil")
     tables = [header + _lines(tool, *keys) for tool in machine.implements]
     return head + "\n".join([tables[0] + more, *tables[1:]])
 

@@ -33,6 +33,7 @@ class MachineImplement(TomlTable, frozen=True):
     """`[implement]`: the implement, as in a session.
 
     Attributes:
+        learned: the `implement.npz` of an earlier result: a file beside the profile.
         name: of one of several.
         moves_soil: of several, the one whose passes change the soil; default: the rearmost.
     """
@@ -42,6 +43,7 @@ class MachineImplement(TomlTable, frozen=True):
     kind: str = ""
     working_depth_m: float | None = None
     lift_m: Annotated[float, Meta(ge=0.1, le=1.2)] | None = None
+    learned: str | None = None
     name: str = ""
     moves_soil: bool = False
 

@@ -32,6 +32,7 @@ PLACES = (
 )
 """What the form of a session has of a machine: table and key."""
 _SCHEMA = re.compile(r"^furrowmap_machine\s*=", re.MULTILINE)
+_LEARNED = re.compile(r'^learned = "([^"/\\]+\.npz)"', re.MULTILINE)
 
 
 def machines_folder() -> Path:
@@ -70,7 +71,9 @@ def read_places(path: Path) -> Places:
 
 
 def add_machine(path: Path) -> str:
-    """Copy a profile among the saved machines; returns its name. A machine of this name is not replaced.
+    """Copy a profile, with what was learned of its implements, among the saved machines; returns its name.
+
+    A machine of this name is not replaced.
 
     Raises:
         OSError: if it cannot be written, or there is another machine of this name.
@@ -81,4 +84,7 @@ def add_machine(path: Path) -> str:
     target.parent.mkdir(parents=True, exist_ok=True)
     if not target.exists():
         shutil.copyfile(path, target)
+        for name in _LEARNED.findall(path.read_text(encoding="utf-8")):
+            if path.with_name(name).is_file():
+                shutil.copyfile(path.with_name(name), target.with_name(name))
     return path.stem

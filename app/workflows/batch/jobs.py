@@ -37,6 +37,7 @@ from furrowmap.exporters.files.batch_state import Failure, Stamp
 from furrowmap.workflows.batch.places import fetch_session, scratch
 from furrowmap.workflows.batch.sources import BatchSource
 from furrowmap.workflows.session.init import proposed
+from furrowmap.workflows.session.machines import machine_for
 
 OUTLINES_FOLDER: Final = ".batch-fields"
 """Folder of the outlines that runs take as the boundary of their field."""
@@ -124,7 +125,7 @@ def prepare(source: BatchSource, machine: str, boundaries: str) -> PreparedSourc
             if source.url:
                 file = fetch_session(source.url, source.stamps, Path(stack.enter_context(scratch())))
             text = (
-                proposed([file.parent], file.parent, machine or None)[0].text
+                proposed([file.parent], file.parent, machine_for(machine, None)[0])[0].text
                 if source.made
                 else file.read_text(encoding="utf-8")
             )

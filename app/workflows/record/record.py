@@ -20,7 +20,6 @@ from furrowmap.core.readers.ouster.metadata import Metadata
 from furrowmap.core.runtime.errors import Notice, RefusedError
 from furrowmap.core.runtime.json_text import json_text
 from furrowmap.core.runtime.settings import language_of_user
-from furrowmap.core.session.machine import load_machine
 from furrowmap.core.session.proposal import recorded_session, with_recorded
 from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.machine import Machine, MachineRecord
@@ -28,7 +27,7 @@ from furrowmap.workflows.record.network import BUFFER_BYTES, PCAP_HEAD, USUAL_PO
 from furrowmap.workflows.record.receivers import GnssReceiver, GnssSource
 from furrowmap.workflows.record.storage import Series, Storage
 from furrowmap.workflows.record.watch import Status, Watch
-from furrowmap.workflows.session.machines import machine_file
+from furrowmap.workflows.session.machines import machine_for
 
 SESSION: Final = "session.toml"
 MAX_SCANNERS: Final = 4
@@ -82,8 +81,8 @@ def record(
     with the KeyboardInterrupt of the main thread.
 
     Args:
-        machine: name or file of the profile of the machine: its places go into the session, its `[record]` states
-            ports and receivers where the arguments do not.
+        machine: name or file of the profile of the machine: its places and learned implements go into the session,
+            its `[record]` states ports and receivers where the arguments do not.
         gnss: sources of receivers: DEVICE, DEVICE:BAUD, tcp://HOST:PORT or udp://:PORT.
         ports: UDP ports of each scanner; by default one list with the usual ports. Scanners of different addresses
             are told apart without it.
@@ -98,13 +97,13 @@ def record(
         UsageError: if a source is none.
     """
     folder = Path(folder)
-    profile = load_machine(machine_file(machine)) if machine is not None else Machine()
+    profile, lacking = machine_for(machine, folder) if machine is not None else (Machine(), [])
     stated = profile.record or MachineRecord()
     gnss, ports = gnss or stated.gnss, ports or (stated.ports,)
     for source in gnss:
         GnssSource.parse(source)
     interval_s = _prepare()
-    lasting = [] if gnss else [Notice("record-no-gnss")]
+    lasting = [*lacking, *([] if gnss else [Notice("record-no-gnss")])]
     opened = open_ports(ports, lasting)
     folder.mkdir(parents=True, exist_ok=True)
     storage = Storage(folder)

@@ -10,20 +10,18 @@ from typing import Final
 from furrowmap.core.runtime.errors import InputError, Notice, RefusedError, printable
 from furrowmap.core.runtime.progress import Progress, silent
 from furrowmap.core.session.examination import Examined
-from furrowmap.core.session.machine import load_machine
 from furrowmap.core.session.proposal import Proposal, common_folder
 from furrowmap.core.session.proposal import propose_session as proposal_of
 from furrowmap.core.session.trial_files import TrialFiles
+from furrowmap.core.values.machine import Machine
 from furrowmap.exporters.files.atomic import atomic_output
-from furrowmap.workflows.session.machines import machine_file
+from furrowmap.workflows.session.machines import machine_for
 
 NOT_RECORDED: Final = frozenset(
     {".toml", ".geojson", ".gpkg", ".kml", ".shp", ".shx", ".dbf", ".prj", ".cpg", ".jpg", ".jpeg", ".png", ".tif"}
-    | {".html", ".md", ".pdf", ".qgz", ".qml"}
+    | {".html", ".md", ".npz", ".pdf", ".qgz", ".qml"}
 )
 """Suffixes of what else is in a folder of recordings."""
-
-
 NAMED_FILES: Final = 5
 """Files of a folder without recordings that an error names."""
 
@@ -56,34 +54,30 @@ def propose_session(
         recordings: LiDAR captures, GNSS logs, IMU logs, trajectories, task data; or a folder of these. A table of
             images, parcels of a trial and their treatments may be among them, and are found beside them.
         session_file: the file to write; `session.toml` in their common folder by default.
-        machine: name or file of the profile of the machine that made the recordings; its places are copied.
+        machine: name or file of the profile of the machine that made the recordings; its places are copied, and
+            the files of `[implement] learned`.
 
     Raises:
         InputError: if a recording cannot be read, a folder has none, or no folder holds them all.
         RefusedError: if the file exists.
     """
     paths = [Path(path) for path in recordings]
-    target = (
-        Path(session_file)
-        if session_file is not None
-        else common_folder(
-            [(path if not path.is_dir() or is_recording(path) else path / "session.toml") for path in paths]
-        )
-        / "session.toml"
-    )
+    inside = [path / "session.toml" if path.is_dir() and not is_recording(path) else path for path in paths]
+    target = Path(session_file) if session_file is not None else common_folder(inside) / "session.toml"
     if target.exists() and not overwrite:
         raise RefusedError("exists", target=target)
-    proposal, skipped = proposed(paths, target.parent, machine, progress)
+    folder = target.parent if target.parent.is_dir() else None
+    profile, lacking = machine_for(machine, folder) if machine is not None else (None, [])
+    proposal, skipped = proposed(paths, target.parent, profile, progress)
     with atomic_output(target) as unfinished:
         unfinished.write_text(proposal.text, encoding="utf-8")
-    return ProposedSession(target, proposal.found, (*proposal.missing, *skipped))
+    return ProposedSession(target, proposal.found, (*proposal.missing, *lacking, *skipped))
 
 
 def proposed(
-    paths: Sequence[Path], folder: Path, machine: str | Path | None, progress: Progress = silent
+    paths: Sequence[Path], folder: Path, machine: Machine | None, progress: Progress = silent
 ) -> tuple[Proposal, list[Notice]]:
     """The proposal of a session file in `folder`, which is not written, and what is not used in it."""
-    profile = load_machine(machine_file(machine)) if machine is not None else None
     beside = TrialFiles.among([*paths, *sorted(folder.iterdir() if folder.is_dir() else [])])
     others = {file.resolve() for _, file in beside.titled}
     examined, skipped = [], list[Notice]()
@@ -93,7 +87,7 @@ def proposed(
             examined += _examined(path, others, skipped)
     if not examined:
         raise InputError("no-recording", path=paths[0], names=", ".join(printable(path.name) for path in paths))
-    return proposal_of(examined, folder, profile, beside), skipped
+    return proposal_of(examined, folder, machine, beside), skipped
 
 
 def _examined(path: Path, others: Set[Path], skipped: list[Notice]) -> list[Examined]:

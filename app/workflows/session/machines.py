@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
+import re
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from furrowmap.core.runtime.errors import InputError, UsageError
+import msgspec
+
+from furrowmap.core.runtime.errors import InputError, Notice, UsageError
 from furrowmap.core.runtime.file_names import is_file_name, is_portable_name
 from furrowmap.core.session.file import load_session
 from furrowmap.core.session.machine import load_machine, machine_of, machine_text
-from furrowmap.core.values.machine import Machine
+from furrowmap.core.session.opened import resolve
+from furrowmap.core.values.machine import Machine, MachineImplement
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
 from furrowmap.workflows.share.qgis_plugin import user_data
 
@@ -64,14 +69,48 @@ def machine_file(machine: str | Path) -> Path:
     raise InputError("no-machine", machine=machine, names=names or None)
 
 
+def machine_for(machine: str | Path, folder: Path | None) -> tuple[Machine, list[Notice]]:
+    """The machine for a session in a folder, into which files of `[implement] learned` are copied, and what is missing.
+
+    Without a folder, or if a file is missing, it names none. Raises InputError if there is no such machine.
+    """
+    path = machine_file(machine)
+    profile = load_machine(path)
+    try:
+        return _with_copies(profile, path, folder / path.name if folder is not None else None, Machine()), []
+    except InputError as error:
+        return _with_copies(profile, path, None, Machine()), [Notice("machine-no-learned", what=error.what)]
+
+
+def _with_copies(machine: Machine, source: Path, target: Path | None, before: Machine) -> Machine:
+    """The machine with copies beside `target`, and named after it, of the files that `source` names as learned.
+
+    Implements without one have that of `before`. Raises InputError if a file is missing, or not in the source's folder.
+    """
+    kept = {(tool.name, tool.kind): tool.learned for tool in before.implements}
+    tools = list[MachineImplement]()
+    for tool in machine.implements:
+        learned = kept.get((tool.name, tool.kind))
+        if tool.learned is not None and target is not None:
+            content = resolve(source, tool.learned).read_bytes()
+            learned = re.sub(r'[<>:"/\\|?*]', "_", f"{target.stem}{tool.name and ', '}{tool.name}.npz")
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with atomic_output(target.with_name(learned)) as unfinished:
+                unfinished.write_bytes(content)
+        tools.append(msgspec.structs.replace(tool, learned=learned))
+    return msgspec.structs.replace(machine, implement=next(iter(tools), None), further_implements=tuple(tools[1:]))
+
+
 def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = False) -> KnownMachine:
-    """Save what a session states of its machine as a profile.
+    """Save what a session states of its machine as a profile, with the file of `[implement] learned` beside it.
+
+    A profile that is replaced keeps its `[record]`, and what was learned of implements that the session has as well.
 
     Args:
         machine: a name, or a file that ends with .toml.
 
     Raises:
-        InputError: if the session cannot be read, or states nothing of the machine.
+        InputError: if the session cannot be read, names a file that is missing, or states nothing of the machine.
         RefusedError: if the profile exists.
         UsageError: if the name cannot be that of a file.
     """
@@ -84,6 +123,10 @@ def save_machine(session: str | Path, machine: str | Path, *, overwrite: bool = 
     if found == Machine(name=target.stem):
         raise InputError("machine-empty", session=session)
     refuse_existing(target, overwrite=overwrite)
+    before = Machine()
+    with suppress(InputError):  # there is none, or it is damaged
+        before = load_machine(target)
+    found = msgspec.structs.replace(_with_copies(found, Path(session), target, before), record=before.record)
     target.parent.mkdir(parents=True, exist_ok=True)
     write_machine(target, found)
     return KnownMachine(target.stem, target, found)

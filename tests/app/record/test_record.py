@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import signal
 import socket
 import struct
 import subprocess
@@ -17,6 +18,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from itertools import islice
 from operator import xor
 from pathlib import Path
+from urllib.request import urlopen
 
 import pytest
 
@@ -273,6 +275,41 @@ def test_promise_26__faults_are_named_within_three_seconds_and_end(
 
 def _sentence(content: bytes) -> bytes:
     return b"$%b*%02X\r\n" % (content, reduce(xor, content))
+
+
+def page_answers() -> bool:
+    try:
+        with urlopen("http://127.0.0.1:8080/", timeout=5.0) as answer:
+            return b"<canvas" in answer.read()
+    except OSError:
+        return False
+
+
+def test_live__shows_its_page_while_it_is_recorded(
+    shared_data: Path, tmp_path: Path, ports: tuple[int, int, int]
+) -> None:
+    """One command, from a profile with the implement as it was learned: its session has what live needs."""
+    if page_answers():
+        pytest.skip("another page is at port 8080")
+    session = tmp_path / "session.toml"
+    text = (shared_data / "tractor_loop" / "session.toml").read_text(encoding="utf-8")
+    session.write_text(text.replace("width_m", 'learned = "implement.npz"\nwidth_m'), encoding="utf-8")
+    (tmp_path / "implement.npz").write_bytes(b"learned")
+    furrowmap.save_machine(session, tmp_path / "tractor.toml")
+    words = ["--machine", tmp_path / "tractor.toml", "--live", "--gnss", f"udp://127.0.0.1:{ports[2]}"]
+    command = [sys.executable, "-m", "furrowmap", "record", "-o", tmp_path / "rec", "--ports", str(ports[0]), *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as recorder:
+        seen = any(page_answers() or time.sleep(0.2) for _ in range(300) if recorder.poll() is None)
+        while not (tmp_path / "rec" / "session.toml").exists() and recorder.poll() is None:
+            time.sleep(0.2)
+        recorder.send_signal(signal.SIGINT)
+        told = recorder.communicate()[1]
+    assert seen, told
+    assert recorder.returncode == 0, told
+    assert not page_answers()
+    text = (tmp_path / "rec" / "session.toml").read_text(encoding="utf-8")
+    assert 'learned = "tractor.npz"' in text
+    assert (tmp_path / "rec" / "tractor.npz").read_bytes() == b"learned"
 
 
 def test_watch__names_what_is_wrong(tmp_path: Path, ports: tuple[int, int, int]) -> None:

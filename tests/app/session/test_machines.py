@@ -16,6 +16,7 @@ from furrowmap.cli.main import command_line
 from furrowmap.core.runtime.errors import InputError, RefusedError, UsageError
 from furrowmap.core.session.file import load_session
 from furrowmap.core.session.machine import LearnedMounting, learned, load_machine, machine_text, parse_machine
+from furrowmap.core.session.opened import resolve
 from furrowmap.core.values.machine import (
     NOT_SHOWN_DEG,
     Calibrated,
@@ -23,6 +24,7 @@ from furrowmap.core.values.machine import (
     MachineCamera,
     MachineImplement,
     MachineImu,
+    MachineRecord,
 )
 from furrowmap.core.values.rotation import Mounting
 from furrowmap.core.values.session import Antenna, Lidar
@@ -88,6 +90,62 @@ def test_profile_as_a_file__is_passed_on(drive: Path, tmp_path: Path) -> None:
     (tmp_path / "gnss.nmea").write_bytes((drive / "gnss.nmea").read_bytes()[:20_000])
     made = furrowmap.propose_session([tmp_path / "gnss.nmea"], machine=file)
     assert load_session(made.path).antenna == load_session(drive / "session.toml").antenna
+
+
+def session_with_tools(drive: Path, folder: Path, *tools: str) -> Path:
+    """The session of the drive with other tools, and files of what was learned of them."""
+    text = (drive / "session.toml").read_text(encoding="utf-8").partition("[implement]")[0]
+    folder.mkdir()
+    for name in ("recording.pcap.gz", "gnss.nmea"):
+        (folder / name).symlink_to(drive / name)
+    for name in ("implement.npz", "roller.npz"):
+        (folder / name).write_bytes(name.encode())
+    (folder / "session.toml").write_text("\n".join([text, *tools]), encoding="utf-8")
+    return folder / "session.toml"
+
+
+def test_learned_implement__goes_with_the_profile_into_the_next_session(
+    drive: Path, machines: Path, tmp_path: Path
+) -> None:
+    tool = '[implement]\nwidth_m = 1.7\nxy_m = [-1.6, 0.0]\nkind = "rotary tiller"\n'
+    stated = session_with_tools(drive, tmp_path / "monday", tool + 'learned = "implement.npz"\n')
+    saved = furrowmap.save_machine(stated, "Tractor 1, tiller")
+    assert (machines / "Tractor 1, tiller.npz").read_bytes() == b"implement.npz"
+    with saved.path.open("a", encoding="utf-8") as profile:
+        profile.write("\n[record]\nports = [2368]\n")
+    again = session_with_tools(drive, tmp_path / "tuesday", tool)
+    furrowmap.save_machine(again, "Tractor 1, tiller", overwrite=True)
+    machine = load_machine(saved.path)
+    assert machine.implement is not None
+    assert machine.implement.learned == "Tractor 1, tiller.npz", "a session without one does not lose it"
+    assert machine.record == MachineRecord(ports=(2368,))
+    (tmp_path / "gnss.nmea").write_bytes((drive / "gnss.nmea").read_bytes()[:20_000])
+    made = furrowmap.propose_session([tmp_path / "gnss.nmea"], machine="Tractor 1, tiller")
+    (implement,) = load_session(made.path).implements
+    assert resolve(made.path, str(implement.learned)).read_bytes() == b"implement.npz"
+    (machines / "Tractor 1, tiller.npz").unlink()
+    made = furrowmap.propose_session([tmp_path / "gnss.nmea"], machine="Tractor 1, tiller", overwrite=True)
+    assert "machine-no-learned" in [notice.code for notice in made.missing]
+    (implement,) = load_session(made.path).implements
+    assert implement.learned is None
+    (stated.parent / "implement.npz").unlink()
+    with pytest.raises(InputError, match=r"'implement\.npz' does not exist"):
+        furrowmap.save_machine(stated, "Tractor 2")
+    assert not (machines / "Tractor 2.toml").exists()
+
+
+def test_learned_implements__of_several_are_told_apart_by_their_names(
+    drive: Path, machines: Path, tmp_path: Path
+) -> None:
+    place = "[[implement]]\nwidth_m = 2.0\nxy_m = [{}, 0.0]\nname = {!r}\nlearned = {!r}\n"
+    tools = [place.format(-1.6, "tiller", "implement.npz"), place.format(2.5, "roller 1/2", "roller.npz")]
+    furrowmap.save_machine(session_with_tools(drive, tmp_path / "monday", *tools), "T1")
+    assert (machines / "T1, tiller.npz").read_bytes() == b"implement.npz"
+    assert (machines / "T1, roller 1_2.npz").read_bytes() == b"roller.npz"
+    (tmp_path / "gnss.nmea").write_bytes((drive / "gnss.nmea").read_bytes()[:20_000])
+    made = furrowmap.propose_session([tmp_path / "gnss.nmea"], machine="T1")
+    found = [resolve(made.path, str(tool.learned)).read_bytes() for tool in load_session(made.path).implements]
+    assert found == [b"implement.npz", b"roller.npz"]
 
 
 def test_profile_of_other_parts__is_copied_where_they_were_recorded(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from furrowmap.core.session.examination import Examined
 from furrowmap.core.session.proposal import propose_session
+from furrowmap.plugin.dock.machines import add_machine
 
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=12)
 NUMBER = st.integers(-(10**9), 10**9) | st.floats(allow_nan=False, allow_infinity=False)
@@ -147,3 +148,19 @@ def test_several_tables_of_one_name__the_first_is_edited_and_the_others_stay(ses
     assert tomllib.loads(lines.text)["implement"] == [rear]
     assert lines.get("implement", "name") == "rear tiller"
     assert lines.get("field", "name") == "North"
+
+
+def test_profile_that_is_added__brings_its_learned_implement_and_no_other_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FURROWMAP_MACHINES", str(tmp_path / "machines"))
+    implements = '[[implement]]\nlearned = "T 1, tiller.npz"\n[[implement]]\nlearned = "../secret.npz"\n'
+    (tmp_path / "passed on").mkdir()
+    profile = tmp_path / "passed on" / "T 1.toml"
+    profile.write_text(f"furrowmap_machine = 1\n{implements}", encoding="utf-8")
+    (tmp_path / "passed on" / "T 1, tiller.npz").write_bytes(b"learned")
+    (tmp_path / "secret.npz").write_bytes(b"secret")
+    assert add_machine(profile) == "T 1"
+    added = sorted((tmp_path / "machines").iterdir())
+    assert [path.name for path in added] == ["T 1, tiller.npz", "T 1.toml"]
+    assert added[0].read_bytes() == b"learned"
