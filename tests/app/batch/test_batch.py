@@ -129,6 +129,11 @@ def test_recordings_of_a_machine__get_a_session_and_are_split_by_fields(shared_d
     for name in ("gnss.nmea", "recording.pcap.gz"):
         shutil.copy(drive / name, home)
     furrowmap.save_machine(drive / "session.toml", tmp_path / "machine.toml")
+    text = (tmp_path / "machine.toml").read_text(encoding="utf-8")
+    (tmp_path / "machine.toml").write_text(
+        text.replace("width_m", 'learned = "machine.npz"\nwidth_m'), encoding="utf-8"
+    )
+    (tmp_path / "machine.npz").touch()  # nothing is copied into the folder of the recordings
     outline = gpd.read_file(drive / "boundary.geojson").geometry[0]
     west, south, east, north = outline.bounds
     halves = [
@@ -140,7 +145,7 @@ def test_recordings_of_a_machine__get_a_session_and_are_split_by_fields(shared_d
     source = BatchSource(home / "session.toml", ("card",), made=True, stamps=())
     found = prepare(source, str(tmp_path / "machine.toml"), str(fields))
     assert found.failure is None
-    assert not (home / "session.toml").exists()
+    assert sorted(path.name for path in home.iterdir()) == ["gnss.nmea", "recording.pcap.gz"]
     assert {visit.name.partition(" (")[0] for visit in found.visits} == {"West"}
     opened = open_job(
         Job(
