@@ -140,16 +140,15 @@ def _moved(point, found):  # type: ignore[no-untyped-def]
 @kernel()
 def _off(x, y, z, cells, keys):  # type: ignore[no-untyped-def]
     """Height of the known ground above a point, and its slopes; nan where it is not known."""
-    side = len(keys)
     u, v = x / RECENT_CELL_M - 0.5, y / RECENT_CELL_M - 0.5
     column, line = int(np.floor(u)), int(np.floor(v))
     for k in range(4):
         c, r = column + (k & 1), line + (k >> 1)
-        key = keys[r % side, c % side]
-        if key[0] != c or key[1] != r or cells[r % side, c % side, 1] < MIN_IN_CELL:
+        key = keys[r % SIDE_CELLS, c % SIDE_CELLS]
+        if key[0] != c or key[1] != r or cells[r % SIDE_CELLS, c % SIDE_CELLS, 1] < MIN_IN_CELL:
             return np.nan, 0.0, 0.0
-    a, b, u, v = column % side, line % side, u - column, v - line
-    a1, b1 = (column + 1) % side, (line + 1) % side
+    a, b, u, v = column % SIDE_CELLS, line % SIDE_CELLS, u - column, v - line
+    a1, b1 = (column + 1) % SIDE_CELLS, (line + 1) % SIDE_CELLS
     h00, h01, h10, h11 = cells[b, a, 0], cells[b, a1, 0], cells[b1, a, 0], cells[b1, a1, 0]
     off = (h00 * (1 - u) + h01 * u) * (1 - v) + (h10 * (1 - u) + h11 * u) * v - z
     return (
@@ -201,12 +200,13 @@ def _matched(points, place_m, cells, keys, prior):  # type: ignore[no-untyped-de
             row[5] = part * (slope_x * y - slope_y * x)
             for p in range(6):
                 right[p] += weight * row[p] * off
-                for q in range(6):
+                for q in range(p + 1):
                     normal[p, q] += weight * row[p] * row[q]
             used += 1
             squares += off * off
         if used < MIN_MATCHED:
             break
+        normal = normal + normal.T - np.diag(np.diag(normal))
         step = np.linalg.solve(normal, right)
         found += step
         if np.abs(step).max() < 3e-4:
@@ -217,11 +217,11 @@ def _matched(points, place_m, cells, keys, prior):  # type: ignore[no-untyped-de
 @kernel()
 def _add(points, place_m, found, cells, keys):  # type: ignore[no-untyped-def]
     """Add returns to the means of their cells."""
-    side = len(keys)
     for i in range(len(points)):
         x, y, z = _moved(points[i], found)
         column, line = int(np.floor((x + place_m[0]) / RECENT_CELL_M)), int(np.floor((y + place_m[1]) / RECENT_CELL_M))
-        cell, key = cells[line % side, column % side], keys[line % side, column % side]
+        r, c = line % SIDE_CELLS, column % SIDE_CELLS
+        cell, key = cells[r, c], keys[r, c]
         z += place_m[2]
         off = z - cell[0]
         if key[0] != column or key[1] != line or cell[1] < 0.5 or (off < -CLIPPED_M and cell[1] <= MIN_IN_CELL):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -155,7 +154,8 @@ def _states(
         begin = _End(float(t[known[0]]), float("nan"))
     rows: list[_Interval] = []
     first = int(known[0])
-    for a, b in pairwise(known.tolist()):
+    ends = np.flatnonzero((np.diff(beyond[known]) != 0) | (np.diff(t[known]) > _GAP_S))
+    for a, b in zip(known[ends].tolist(), known[ends + 1].tolist(), strict=True):
         seen = np.isfinite(height[a : b + 1]) | (beyond[a : b + 1] != ToolState.UNKNOWN)
         lost = float(np.diff(t[a : b + 1][seen]).max()) > _GAP_S
         if beyond[a] == beyond[b] and not lost:

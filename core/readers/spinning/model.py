@@ -208,7 +208,7 @@ class Maker:
             products[_signed(data, offset, length, signature)] = product
         for model in self.models:
             layout = model.layout
-            mine = np.isin(length, layout.lengths)
+            mine = (length[:, None] == layout.lengths).any(axis=1)
             mine[mine] = _signed(data, offset[mine], length[mine], layout.signature)
             products[mine] = model.product if layout.product is None else data[offset[mine] + layout.product]
         return products
