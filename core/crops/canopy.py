@@ -77,7 +77,7 @@ def canopy_top(
     """
     column, row = xy_m[:, 0] / grid.cell_m - grid.west, grid.north - xy_m[:, 1] / grid.cell_m
     first = _drawn(xy_m, 0) < 0.5
-    returns, *parts = pixel_halves(column, row, height_m, first, grid)
+    returns = pixel_returns(column, row, height_m, grid, first)
     whole = _estimate_top(returns, grid, net, noise_m)
     bare_m = BARE_SIGMAS * noise_m
     soil = np.zeros(len(height_m), np.bool_)
@@ -91,11 +91,11 @@ def canopy_top(
         if whole.penetration is None:
             break
         height_m = _extend_below(whole, height_m, soil, bare_m, chance)
-        returns, *parts = pixel_halves(column, row, height_m, first, grid)
+        returns = pixel_returns(column, row, height_m, grid, first)
         whole = _estimate_top(returns, grid, net, noise_m)
     if whole.penetration is None:
         return whole
-    halves = [_estimate_top(part, grid, net, noise_m) for part in parts]
+    halves = [_estimate_top(part, grid, net, noise_m) for part in pixel_halves(returns)]
     if any(half.penetration is None for half in halves):
         return whole
     mean = float(whole.top_m[net].mean())

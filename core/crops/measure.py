@@ -14,7 +14,7 @@ from scipy.special import ndtri
 
 from furrowmap.core.crops.canopy import CROP_PIXEL_M, Canopy, canopy_top
 from furrowmap.core.crops.parcel_points import ParcelPoints
-from furrowmap.core.crops.penetration import MODEL_SHARE
+from furrowmap.core.crops.penetration import MODEL_SHARE, penetration_table
 from furrowmap.core.crops.published import christiansen2017
 from furrowmap.core.crops.soil import SoilPatch
 from furrowmap.core.readers.areas.rings import pixels_in
@@ -137,6 +137,7 @@ def measure_parcels(
             figures = replace(figures, height_sigma_m=math.nan, volume_sigma_m3=math.nan)
         return MeasuredParcel(parcel, figures, height, volume), canopy
 
+    penetration_table()  # once, not in each thread
     for begin in range(0, len(points.parcels), TOGETHER):
         numbers = range(begin, min(begin + TOGETHER, len(points.parcels)))
         yield from chain.from_iterable(in_threads(lambda some: [measure(number) for number in some], numbers))

@@ -53,12 +53,12 @@ class Penetration:
 
     def top_above_highest_m(self) -> FloatArray:
         """(MAX_RANK + 1,) mean height of the top above the highest of n returns, for each n; nan for none."""
-        highest = _table().at(_table().highest, self.shape, self.noise_m / self.scale_m)
+        highest = penetration_table().at(penetration_table().highest, self.shape, self.noise_m / self.scale_m)
         return np.append(np.nan, -self.scale_m * highest)
 
     def spread_of_highest_m(self) -> FloatArray:
         """(MAX_RANK + 1,) standard deviation of the highest of n returns, for each n; nan for none."""
-        variance = _table().at(_table().variance, self.shape, self.noise_m / self.scale_m)
+        variance = penetration_table().at(penetration_table().variance, self.shape, self.noise_m / self.scale_m)
         return np.append(np.nan, self.scale_m * np.sqrt(np.maximum(variance, 0.0)))
 
 
@@ -71,7 +71,7 @@ def estimate_penetration(second_m: float, third_m: float, noise_m: float) -> Pen
         second_m: second L-moment, half the mean distance of two returns.
         third_m: third L-moment; negative where the deep returns lie farther from the others.
     """
-    table, noise = _table(), max(noise_m, 1e-4)
+    table, noise = penetration_table(), max(noise_m, 1e-4)
     wanted, skewness = math.log(max(second_m / noise, 1e-6)), third_m / second_m
     # By shape: the second L-moment over the noise falls with the noise, and the skewness grows with the shape.
     ratios = [np.interp(-wanted, -second, table.noises) for second in table.second]
@@ -108,7 +108,8 @@ def _place(grid: FloatArray, value: float) -> tuple[int, float]:
 
 
 @lru_cache(maxsize=1)
-def _table() -> _Table:
+def penetration_table() -> _Table:
+    """The table, which takes 0.3 s; threads that need it first at the same time would each calculate it."""
     from scipy.special import gammainc, ndtr
 
     shapes, noises = np.geomspace(*SHAPES, _STEPS[0]), np.geomspace(0.02, 1.0, _STEPS[1])

@@ -16,6 +16,7 @@ MAX_RANK: Final = 8
 """Of more returns in a pixel, the mean highest of any eight of them is used."""
 _INSERTED: Final = 48
 """Heights of a pixel that are sorted by insertion, which is faster for few."""
+_UNMARKED: Final = np.zeros(0, np.bool_)
 
 
 @dataclass(frozen=True)
@@ -51,32 +52,30 @@ class PixelReturns:
         return out
 
 
-def pixel_returns(column: FloatArray, row: FloatArray, height_m: FloatArray, grid: Grid) -> PixelReturns:
+def pixel_returns(
+    column: FloatArray, row: FloatArray, height_m: FloatArray, grid: Grid, first: NDArray[np.bool_] = _UNMARKED
+) -> PixelReturns:
     """Returns by pixel; those outside the grid are left out.
 
     Args:
         column: (n,) float64 place in pixels from the western edge of the grid.
         row: (n,) float64 likewise from its northern edge.
         height_m: (n,) float64 heights, such as above the soil.
+        first: (n,) the returns of the first of the :func:`pixel_halves`.
     """
-    unmarked = np.zeros(0, np.bool_)
-    heights, part, starts = _sorted_by_pixel(column, row, np.ascontiguousarray(height_m), unmarked, *grid.shape)
-    return _of_part(heights, part, starts, -1, grid)
+    ordered = _sorted_by_pixel(column, row, np.ascontiguousarray(height_m), first, *grid.shape)
+    return _of_part(*ordered, -1, grid.shape)
 
 
-def pixel_halves(
-    column: FloatArray, row: FloatArray, height_m: FloatArray, first: NDArray[np.bool_], grid: Grid
-) -> tuple[PixelReturns, PixelReturns, PixelReturns]:
-    """Returns by pixel: of all, of those marked by `first` (n,), and of the others; see :func:`pixel_returns`."""
-    heights, part, starts = _sorted_by_pixel(column, row, np.ascontiguousarray(height_m), first, *grid.shape)
-    whole, half, other = (_of_part(heights, part, starts, which, grid) for which in (-1, 1, 0))
-    return whole, half, other
+def pixel_halves(whole: PixelReturns) -> list[PixelReturns]:
+    """Of all returns by pixel, those that were marked as the first part, and the others."""
+    return [_of_part(whole.heights_m, whole.part, whole.starts, which, whole.count.shape) for which in (1, 0)]
 
 
 def _of_part(
-    heights: FloatArray, part: NDArray[np.int8], starts: NDArray[np.int64], which: int, grid: Grid
+    heights: FloatArray, part: NDArray[np.int8], starts: NDArray[np.int64], which: int, shape: tuple[int, ...]
 ) -> PixelReturns:
-    count, highest = np.empty(grid.shape, np.int32), np.empty(grid.shape)
+    count, highest = np.empty(shape, np.int32), np.empty(shape)
     _by_pixel(heights, part, starts, which, count.ravel(), highest.ravel(), MAX_RANK)
     return PixelReturns(count, highest, heights, part, starts, which)
 

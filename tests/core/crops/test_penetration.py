@@ -99,7 +99,8 @@ def test_pixel_halves__are_the_returns_of_each_part() -> None:
     row[:300], column[:300] = 2.5, 3.5  # a pixel with many
     height, first = rng.random(900), rng.random(900) < 0.5
     parts = [np.ones(900, np.bool_), first, ~first]
-    for found, part in zip(pixel_halves(column, row, height, first, grid), parts, strict=True):
+    whole = pixel_returns(column, row, height, grid, first)
+    for found, part in zip([whole, *pixel_halves(whole)], parts, strict=True):
         alone = pixel_returns(column[part], row[part], height[part], grid)
         assert (found.count == alone.count).all()
         assert found.highest_m == pytest.approx(alone.highest_m, nan_ok=True)
