@@ -296,8 +296,8 @@ def test_live__shows_its_page_while_it_is_recorded(
     session.write_text(text.replace("width_m", 'learned = "implement.npz"\nwidth_m'), encoding="utf-8")
     (tmp_path / "implement.npz").write_bytes(b"learned")
     furrowmap.save_machine(session, tmp_path / "tractor.toml")
-    words = ["--machine", tmp_path / "tractor.toml", "--live", "--gnss", f"udp://127.0.0.1:{ports[2]}"]
-    command = [sys.executable, "-m", "furrowmap", "record", "-o", tmp_path / "rec", "--ports", str(ports[0]), *words]
+    words = f"--machine {tmp_path}/tractor.toml --live --gnss udp://127.0.0.1:{ports[2]} --ports {ports[0]}".split()
+    command = [sys.executable, "-m", "furrowmap", "record", "-o", str(tmp_path / "rec"), *words]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as recorder:
         seen = any(page_answers() or time.sleep(0.2) for _ in range(300) if recorder.poll() is None)
         while not (tmp_path / "rec" / "session.toml").exists() and recorder.poll() is None:
