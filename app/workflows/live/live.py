@@ -17,9 +17,10 @@ from furrowmap.core.geodesy.projection import MapFrame
 from furrowmap.core.pipeline.live import LiveScan, LiveSession, warm_up
 from furrowmap.core.pipeline.live_difference import LIVE_LOG, LOGGED
 from furrowmap.core.readers.arrived_scans import ScanStream
-from furrowmap.core.runtime.errors import FurrowmapError, UsageError
+from furrowmap.core.runtime.errors import FurrowmapError, InputError, UsageError
 from furrowmap.core.runtime.settings import language_of_user
 from furrowmap.core.session.opened import OpenSession, open_session
+from furrowmap.core.session.proposal import FILL_IN
 from furrowmap.core.values.gnss import GnssTrack
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.work.saved import load_implement
@@ -172,7 +173,8 @@ def _opened(file: Path, outlets: Outlets, stop: Event) -> OpenSession | None:
         try:
             return open_session(file)
         except FurrowmapError as error:
-            outlets.wait_for(error)
+            begun = file.exists() and FILL_IN not in error.what
+            outlets.wait_for(error if begun else InputError("live-nothing-yet"))
         stop.wait(OPEN_EVERY_S)
     return None
 

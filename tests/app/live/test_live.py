@@ -26,8 +26,10 @@ from furrowmap.core.pipeline.live_poses import LivePose
 from furrowmap.core.readers.arrived_scans import ScanStream
 from furrowmap.core.runtime.errors import InputError
 from furrowmap.core.session.opened import open_session
+from furrowmap.core.session.proposal import recorded_session
 from furrowmap.core.simulator.capture import frame_head
 from furrowmap.core.values.gnss import Fix
+from furrowmap.core.values.machine import Machine
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Crs, Recording
 from furrowmap.core.work.worked_cells import TILE_CELLS, WORKED, WorkedCells
@@ -200,6 +202,22 @@ def test_feed__follows_the_first_scanner_and_the_receiver_from_file_to_file(
     assert "2 other UDP datagrams" in waited[0]
     of_file = list(open_session(simulated.session).lidar(0.0).scans())
     assert [len(scan) for scan in scans] == [len(scan) for scan in of_file][: len(scans)]
+
+
+def test_folder__whose_recorder_waits_for_its_sensors_is_waited_for(tmp_path: Path) -> None:
+    said, stop = list[dict[str, Any]](), Event()
+
+    def hear(what: dict[str, Any]) -> None:
+        said.append(what)
+        if len(said) == 1:
+            (tmp_path / "session.toml").write_text(recorded_session("Monday", Machine()), encoding="utf-8")
+        else:
+            stop.set()
+
+    furrowmap.live(tmp_path, port=None, nmea_port=None, stop=stop, on_scan=hear)
+    waits = InputError("live-nothing-yet")
+    assert "packets of the scanner" in waits.what
+    assert said == [{"waiting": waits.what}] * 2
 
 
 def test_sources__that_cannot_be_used_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
