@@ -128,7 +128,8 @@ def boresight(
         return None
     carrier = trajectory if carrier is None else carrier
     begin = _State(stated.rotation, np.asarray(stated.xyz_m, np.float64), 0.0)
-    settled = _settle(returns, carrier, begin, np.arange(PARAMETERS) < CLOCK_COLUMN)
+    observed = _observe(returns, carrier, begin)
+    settled = observed and _settle(returns, carrier, begin, observed, np.arange(PARAMETERS) < CLOCK_COLUMN)
     if settled is None:
         return None
     first_m, off = settled.first_m, np.abs(settled.free.values)
@@ -136,7 +137,7 @@ def boresight(
     freed = (off > CERTAINLY_OFF_SIGMAS * np.sqrt(np.diag(settled.free.covariance))) & (off > MIN_OFF)
     freed[:CLOCK_COLUMN] = True
     if freed[CLOCK_COLUMN:].any():
-        settled = _settle(returns, carrier, settled.state, freed) or settled
+        settled = _settle(returns, carrier, settled.state, settled.observed, freed) or settled
     state, fitted, free = settled.state, settled.fitted, settled.free
     own = np.degrees(np.sqrt(np.diag(fitted.covariance)))
     inside = (trajectory.t_s >= returns.t_s[0]) & (trajectory.t_s <= returns.t_s[-1])
@@ -153,7 +154,7 @@ def boresight(
         three(sigma),
         (state.clock_s + float(fitted.values[CLOCK_COLUMN]), clock_sigma_s),
         (first_m, fitted.apart_m),
-        settled.cells,
+        int(settled.observed[0].cell.max()) + 1,
         bool((sigma < MAX_BORESIGHT_SIGMA_DEG).all()),
         FreeFit(value, free_sigma, free.covariance / np.outer(spread, spread)),
         state.clock_s,
@@ -178,19 +179,19 @@ class _Fit:
     apart_m: float
 
 
+_Observed = tuple[GroupHeights, NDArray[np.int64], int]
+"""Heights of smooth cells at several times, their numbers of returns, and the number of windows of time."""
+
+
 @dataclass(frozen=True)
 class _Settled:
-    """Scatter at the begin; the state at which the corrections vanish, its fit, one with all free; number of cells."""
+    """Scatter at the begin; the state at which the corrections vanish, its fit, one with all free; heights there."""
 
     first_m: float
     state: _State
     fitted: _Fit
     free: _Fit
-    cells: int
-
-
-_Observed = tuple[GroupHeights, NDArray[np.int64], int]
-"""Heights of smooth cells at several times, their numbers of returns, and the number of windows of time."""
+    observed: _Observed
 
 
 def _observe(returns: StripReturns, carrier: Trajectory, state: _State) -> _Observed | None:
@@ -211,12 +212,11 @@ def _observe(returns: StripReturns, carrier: Trajectory, state: _State) -> _Obse
     return groups, count, int(heights.window.max()) + 1
 
 
-def _settle(returns: StripReturns, carrier: Trajectory, begin: _State, corrected: NDArray[np.bool_]) -> _Settled | None:
+def _settle(
+    returns: StripReturns, carrier: Trajectory, state: _State, observed: _Observed, corrected: NDArray[np.bool_]
+) -> _Settled | None:
     """Correct some parameters, leave the others nearly as they are; None where too little ground is seen."""
     prior = np.where(corrected, FREE_PRIOR, STATED_PRIOR)
-    state, observed = begin, _observe(returns, carrier, begin)
-    if observed is None:
-        return None
     fitted = _fit(observed, prior)
     first_m = fitted.apart_m
     for _ in range(MAX_BORESIGHT_ROUNDS):
@@ -226,11 +226,10 @@ def _settle(returns: StripReturns, carrier: Trajectory, begin: _State, corrected
         rotation = Rotation.from_rotvec(values[:3]).as_matrix() @ state.rotation
         clock_s = state.clock_s + float(values[CLOCK_COLUMN])
         state = _State(rotation, state.place_m + values[PLACE_COLUMNS], clock_s)
-        observed = _observe(returns, carrier, state)
-        if observed is None:
+        if (seen := _observe(returns, carrier, state)) is None:
             return None
-        fitted = _fit(observed, prior)
-    return _Settled(first_m, state, fitted, _fit(observed, FREE_PRIOR), int(observed[0].cell.max()) + 1)
+        observed, fitted = seen, _fit(seen, prior)
+    return _Settled(first_m, state, fitted, _fit(observed, FREE_PRIOR), observed)
 
 
 def _fit(observed: _Observed, prior: FloatArray) -> _Fit:
