@@ -174,8 +174,6 @@ def _likely_turn(points, place_m, cells, keys):  # type: ignore[no-untyped-def]
                 used += 1
         if used >= MIN_MATCHED // 4 and squares / used < (best if turn else CLEARLY * best):
             best, turn = squares / used, found[5]
-            if not k:
-                best, turn = squares / used, 0.0
     return turn
 
 

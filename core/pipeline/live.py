@@ -28,7 +28,7 @@ from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.heights import ToolHeightTracker
 from furrowmap.core.work.learning import learn_implement
 from furrowmap.core.work.model import Hint, Learned, SeenImplement
-from furrowmap.core.work.near_scans import NearScans
+from furrowmap.core.work.near_scans import NearScan, NearScans
 from furrowmap.core.work.states import tool_history
 from furrowmap.core.work.worked_cells import Tile, WorkedCells
 
@@ -41,6 +41,8 @@ SETTLED_S: Final = 0.35
 LINE_STEP_S: Final = 0.2
 """Longest time between two places of the tool's line."""
 LEARN_EVERY_S: Final = 30.0
+SENT_SCANS: Final = 8
+"""Sent at a time to the process that learns: while all of them are pickled, new scans would wait for 0.1 s."""
 STRAIGHT_DEG: Final = 20.0
 """A gap between positions is worked if the tool stayed down in it and the heading changed by less."""
 
@@ -203,7 +205,9 @@ class LiveSession:
             if self._pool is None:
                 self._pool = ProcessPoolExecutor(1, get_context("spawn"), _give_way)
             hint = Hint(implement.xy_m, implement.width_m, implement.region_m, implement.lift_m)
-            self._learning = self._pool.submit(learn_implement, list(self._near.scans), hint)
+            for first in range(0, len(self._near.scans), SENT_SCANS):
+                self._pool.submit(_keep, self._near.scans[first : first + SENT_SCANS])
+            self._learning = self._pool.submit(_learn_kept, hint)
 
     def _work(self, to_s: float, states: ToolStates) -> set[Tile]:
         """Work the ground up to a time; gives the tiles that changed."""
@@ -264,6 +268,18 @@ def warm_up() -> None:
         for body in (gga, "GNTHS,0.0,A"):
             session.add_gnss(f"${body}*{reduce(xor, body.encode()):02X}\r\n".encode())
     WorkedCells(2.0).add_line(np.zeros((2, 2)), np.ones((2, 2)), 0.0)
+
+
+_kept: Final[list[NearScan]] = []  # by the process that learns
+
+
+def _keep(scans: list[NearScan]) -> None:
+    _kept.extend(scans)
+
+
+def _learn_kept(hint: Hint) -> Learned:
+    scans, _kept[:] = _kept[:], []
+    return learn_implement(scans, hint)
 
 
 def _give_way() -> None:

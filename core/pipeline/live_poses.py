@@ -34,7 +34,6 @@ from furrowmap.core.values.gnss import Fix, GnssTrack, Positions
 from furrowmap.core.values.rotation import quaternion_to_attitude
 from furrowmap.core.values.scan import Scan
 from furrowmap.core.values.session import Session
-from furrowmap.core.values.trajectory import Motion
 
 PATH_S: Final = 15.0
 """Time over which poses are kept, and over which the noise of positions is estimated."""
@@ -111,11 +110,6 @@ class LivePose:
         roll, pitch, heading = quaternion_to_attitude(quaternion)
         return float(roll[0]), float(pitch[0]), float(heading[0])
 
-    @property
-    def motion(self) -> Motion:
-        """Forward, reverse or standing."""
-        return Motion(int(np.sign(self.speed_mps))) if abs(self.speed_mps) > STANDING_MPS else Motion.STANDING
-
 
 class LivePoses:
     """Takes positions and scans as they come and gives the pose in the middle of each scan.
@@ -169,7 +163,9 @@ class LivePoses:
         new, _ = transform_track(track, self._frame)
         old = self._track
         if old is not None:
-            new = _joined(old[old.t_s < new.t_s[0]], new)
+            old = old[old.t_s < new.t_s[0]]
+            columns = {name: np.concatenate([getattr(old, name), getattr(new, name)]) for name in GnssTrack.columns()}
+            new = GnssTrack(**columns, source=new.source, service=new.service)
         self._track = new[new.t_s > new.t_s[-1] - PATH_S]
 
     def add_scan(self, scan: Scan) -> LivePose | None:
@@ -440,8 +436,3 @@ def _upright(level: FloatArray) -> FloatArray:
             [x, y, z],
         ]
     )
-
-
-def _joined(one: GnssTrack, two: GnssTrack) -> GnssTrack:
-    columns = {name: np.concatenate([getattr(one, name), getattr(two, name)]) for name in GnssTrack.columns()}
-    return GnssTrack(**columns, source=two.source, service=two.service)

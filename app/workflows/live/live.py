@@ -248,13 +248,9 @@ class LiveWatch:
         """What was seen so far."""
         cells, delays = self._session.cells, self._delays
         worked, overlap, missed = (cells.area_m2(s) if cells is not None else 0.0 for s in (WORKED, OVERLAP, MISSED))
-        lost, quantiles = (
-            self._stream.lost_packets,
-            (delays.quantile_s(0.5), delays.quantile_s(0.999), delays.quantile_s(1.0)),
-        )
-        return LiveSummary(
-            self._scans, self._posed, self._early, self._dropped, lost, worked, overlap, missed, quantiles
-        )
+        quantiles = (delays.quantile_s(0.5), delays.quantile_s(0.999), delays.quantile_s(1.0))
+        counts = (self._scans, self._posed, self._early, self._dropped, self._stream.lost_packets)
+        return LiveSummary(*counts, worked, overlap, missed, quantiles)
 
     def _tell(self, seen: LiveScan, delay_s: float, status: dict[str, Any]) -> None:
         pose, now_s = seen.pose, time.time()
