@@ -202,8 +202,7 @@ class LiveSession:
             self._learn_after_s = now_s + LEARN_EVERY_S
         if self._learning is None and now_s > self._learn_after_s:
             self._learn_after_s = now_s + LEARN_EVERY_S
-            if self._pool is None:
-                self._pool = ProcessPoolExecutor(1, get_context("spawn"), _give_way)
+            self._pool = self._pool or ProcessPoolExecutor(1, get_context("spawn"), _give_way)
             hint = Hint(implement.xy_m, implement.width_m, implement.region_m, implement.lift_m)
             for first in range(0, len(self._near.scans), SENT_SCANS):
                 self._pool.submit(_keep, self._near.scans[first : first + SENT_SCANS])
