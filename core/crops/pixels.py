@@ -63,8 +63,8 @@ def pixel_returns(
         height_m: (n,) float64 heights, such as above the soil.
         first: (n,) the returns of the first of the :func:`pixel_halves`.
     """
-    ordered = _sorted_by_pixel(column, row, np.ascontiguousarray(height_m), first, *grid.shape)
-    return _of_part(*ordered, -1, grid.shape)
+    heights, part, starts = _sorted_by_pixel(column, row, np.ascontiguousarray(height_m), first, *grid.shape)
+    return _of_part(heights, part, starts, -1, grid.shape)
 
 
 def pixel_halves(whole: PixelReturns) -> list[PixelReturns]:
