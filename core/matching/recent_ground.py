@@ -160,7 +160,10 @@ def _off(x, y, z, cells, keys):  # type: ignore[no-untyped-def]
 
 @kernel()
 def _likely_turn(points, place_m, cells, keys):  # type: ignore[no-untyped-def]
-    """The turn of those tried at which heights fit best; the expected one unless another is clearly better."""
+    """The turn of those tried at which heights fit best; the expected one unless another is clearly better.
+
+    By less than MIN_MATCHED returns chance decides.
+    """
     found = np.zeros(6)
     best, turn = np.inf, 0.0
     for k in range(2 * TRIED + 1):
@@ -172,7 +175,7 @@ def _likely_turn(points, place_m, cells, keys):  # type: ignore[no-untyped-def]
             if np.isfinite(off):
                 squares += min(off * off, CLIPPED_M**2)
                 used += 1
-        if used >= MIN_MATCHED // 4 and squares / used < (best if turn else CLEARLY * best):
+        if used >= MIN_MATCHED and squares / used < (best if turn else CLEARLY * best):
             best, turn = squares / used, found[5]
     return turn
 
