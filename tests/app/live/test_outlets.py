@@ -80,7 +80,7 @@ def received(broker: socket.socket) -> tuple[int, bytes]:
 
 def test_mqtt__publishes_what_a_broker_can_read() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
-        outlet = MqttOutlet(f"mqtt://driver:a%40b@127.0.0.1:{server.getsockname()[1]}/farm/tractor1")
+        outlet = MqttOutlet(f"mqtt://driver:a%40b@127.0.0.1:{server.getsockname()[1]}/tractor")
         assert outlet.fault is not None
         outlet.publish("pose", {"lost": "there is no connection yet"})
         broker, _ = server.accept()
@@ -89,18 +89,18 @@ def test_mqtt__publishes_what_a_broker_can_read() -> None:
             kind, connect = received(broker)
             assert kind == 1
             assert connect.endswith(b"\0\x06driver\0\x03a@b")
-            assert b"farm/tractor1/state\0\x07offline" in connect
+            assert b"tractor/state\0\x07offline" in connect
             broker.sendall(b"\x20\x02\0\0")
             kind, online = received(broker)
-            assert (kind, online) == (3, b"\0\x13farm/tractor1/stateonline")
+            assert (kind, online) == (3, b"\0\x0dtractor/stateonline")
             assert outlet.fault is None
             outlet.publish("pose", {"tool": "down", "heading_deg": 81.0})
             kind, message = received(broker)
             size = int.from_bytes(message[:2], "big")
-            assert (kind, message[2 : 2 + size]) == (3, b"farm/tractor1/pose")
+            assert (kind, message[2 : 2 + size]) == (3, b"tractor/pose")
             assert json.loads(message[2 + size :]) == {"tool": "down", "heading_deg": 81.0}
             outlet.close()
-            assert received(broker) == (3, b"\0\x13farm/tractor1/stateoffline")
+            assert received(broker) == (3, b"\0\x0dtractor/stateoffline")
 
 
 def test_mqtt__says_why_it_sends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
