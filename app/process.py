@@ -1,7 +1,5 @@
 """Set-up of the process: the cache of compiled kernels, BLAS threads, freed memory."""
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import os

@@ -1,7 +1,5 @@
 """Sensor recordings: inspecting and opening them, and laser scans as range images."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

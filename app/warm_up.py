@@ -1,7 +1,5 @@
 """Compilation of kernels: ahead of their first use, in one process a core, and what is said where it happens later."""
 
-from __future__ import annotations
-
 import gc
 import os
 import subprocess

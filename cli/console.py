@@ -1,7 +1,5 @@
 """Output of a command: the result to standard output; progress, warnings and errors to standard error."""
 
-from __future__ import annotations
-
 import logging
 import os
 import sys

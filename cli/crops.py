@@ -1,7 +1,5 @@
 """The commands on crops and trials: `plots`, `parcels`, `growth`, `canopy` and `response`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

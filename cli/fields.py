@@ -1,7 +1,5 @@
 """`furrowmap fields`: the worked ground of each field in ISO 11783-10 task data."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The commands on furrowmap itself: `explain`, `warm-up`, `notebooks` and `qgis`."""
 
-from __future__ import annotations
-
 import re
 import sys
 from difflib import get_close_matches

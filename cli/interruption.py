@@ -1,7 +1,5 @@
 """Handling of SIGINT (Ctrl-C), SIGTERM, and SIGBREAK of Windows."""
 
-from __future__ import annotations
-
 import _thread
 import signal
 import threading

@@ -1,7 +1,5 @@
 """`furrowmap live`: watch a session while it is recorded."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import asdict

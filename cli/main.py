@@ -1,7 +1,5 @@
 """The entry point `furrowmap`: dispatches to the commands and turns errors into messages and exit statuses."""
 
-from __future__ import annotations
-
 import logging
 import os
 import platform

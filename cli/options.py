@@ -1,7 +1,5 @@
 """Options of commands: those that every command has, and those that describe settings."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence

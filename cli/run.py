@@ -1,7 +1,5 @@
 """`furrowmap run`: from a session file to point cloud, maps and report."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import click

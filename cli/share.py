@@ -1,7 +1,5 @@
 """The commands that pass results on: `share`, `export` and `report`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

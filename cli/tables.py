@@ -1,7 +1,5 @@
 """Tables of results for the terminal: `duration_s: 59.8` becomes "duration  59.8 s"."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final

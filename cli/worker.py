@@ -16,8 +16,6 @@ It reads from standard input: first ``{"type": "start", "arguments": ["run", "se
 ends itself, as if it were killed.
 """
 
-from __future__ import annotations
-
 import _thread
 import faulthandler
 import json

@@ -15,8 +15,6 @@ An integer is coded as the error of its prediction: its bit length is one symbol
 errors of 0 and 1, then for each greater bit length a model of the highest eight bits.
 """
 
-from __future__ import annotations
-
 from functools import partial
 from itertools import accumulate
 from typing import Final

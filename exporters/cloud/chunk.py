@@ -1,7 +1,5 @@
 """A chunk of LAZ 1.4: points compressed layer by layer."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass

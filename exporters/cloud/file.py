@@ -1,7 +1,5 @@
 """COPC files: LAS 1.4 header and records, compressed nodes, hierarchy."""
 
-from __future__ import annotations
-
 import datetime as dt
 import io
 import struct

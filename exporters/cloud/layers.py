@@ -7,8 +7,6 @@ All functions take the output, the start of their layer in it, an int32 `table` 
 an int64 `memory` of :data:`MEMORY_SIZE` for preceding values, and return the end of the layer.
 """
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

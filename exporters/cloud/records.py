@@ -1,7 +1,5 @@
 """Records of waiting points, and columns of a node for its compression."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final

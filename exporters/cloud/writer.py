@@ -1,7 +1,5 @@
 """Writing a cloud as COPC."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from contextlib import ExitStack, closing

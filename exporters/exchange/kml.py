@@ -1,7 +1,5 @@
 """KML 2.2 (OGC 07-147r2): folders of placemarks with times, fields and the colours of the layers' QGIS styles."""
 
-from __future__ import annotations
-
 import datetime as dt
 from collections.abc import Mapping
 from itertools import pairwise

@@ -4,8 +4,6 @@ GeoParquet 1.1: points as WKB with heights, a bounding box of each row with its 
 folders are named `date=2026-05-01` as those of Hive, which DuckDB, pyarrow and pandas read as a column.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack

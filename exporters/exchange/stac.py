@@ -4,8 +4,6 @@ Extensions: projection 2.0, pointcloud 1.0, processing 1.1, raster 2.0 and table
 server of plain files can serve a folder as it is; clients such as pystac-client begin with `catalog.json`.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import json
 from collections.abc import Mapping, Sequence

@@ -4,8 +4,6 @@ A field with its boundary, the machine, and a task with its totals and a time lo
 was, whether it worked, and how wide it is. Version 4 of the standard's files (ISO 11783-10:2015).
 """
 
-from __future__ import annotations
-
 import zipfile
 from importlib.metadata import version
 from pathlib import Path

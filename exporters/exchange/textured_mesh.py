@@ -4,8 +4,6 @@ glTF has y up and no place for a CRS. Coordinates are metres of the map against 
 32-bit floats far from their origin would be centimetres off.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 import warnings

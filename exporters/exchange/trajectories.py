@@ -1,7 +1,5 @@
 """The trajectory of a result in the formats of navigation software."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

@@ -1,7 +1,5 @@
 """The layers of `field.gpkg` in vector formats of other programs."""
 
-from __future__ import annotations
-
 import csv
 import errno
 import io

@@ -1,7 +1,5 @@
 """What farm maps in GeoPackages and in PostGIS have in common: sessions, settings, types of columns."""
 
-from __future__ import annotations
-
 import datetime as dt
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace

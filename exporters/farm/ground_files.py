@@ -1,7 +1,5 @@
 """Files beside a farm map that show the ground of all its sessions: a virtual raster, and a virtual point cloud."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

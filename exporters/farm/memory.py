@@ -3,8 +3,6 @@
 The tables depend on nothing but the sessions, so the order in which these were added, or added again, does not matter.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The surfaces of several sessions as one raster: the latest session's cells, or the mean."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager

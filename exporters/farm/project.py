@@ -1,7 +1,5 @@
 """The QGIS project of a farm map, written without QGIS and stored as QGIS itself stores one."""
 
-from __future__ import annotations
-
 import datetime as dt
 import io
 import json

@@ -1,7 +1,5 @@
 """QGIS styles of the layers of a farm map: a run's own, and those of layers that only a farm map has."""
 
-from __future__ import annotations
-
 import colorsys
 import copy
 import datetime as dt

@@ -1,7 +1,5 @@
 """The metadata of a surface's GeoTIFF that a mosaic needs."""
 
-from __future__ import annotations
-
 import datetime as dt
 import math
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """How often each spot of a farm was worked and driven on, and when it was worked last, as a raster."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final

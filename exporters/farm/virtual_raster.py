@@ -1,7 +1,5 @@
 """GDAL's virtual raster (VRT): an XML file that refers to the cells of other rasters."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree as ET

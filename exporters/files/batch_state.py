@@ -5,8 +5,6 @@ had ended. The results themselves are the truth: a session without a row, whose 
 content of its inputs.
 """
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager

@@ -1,7 +1,5 @@
 """Cells and tables of CSV files, whose texts no program takes for a formula."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Names, sizes and SHA-256 of files by which a run can be repeated."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ file in it every second. Whether a run of this machine still exists is seen at o
 if its file does not change while one watches, so no clocks are compared.
 """
 
-from __future__ import annotations
-
 import atexit
 import os
 import platform

@@ -3,8 +3,6 @@
 Import pyogrio from here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """The process that writes a file or folder, as other processes, containers and hosts can recognise it."""
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import os

@@ -1,7 +1,5 @@
 """Provenance of products, written into their metadata or into a file beside them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version

@@ -1,7 +1,5 @@
 """The XML of QGIS projects, written without QGIS; QGIS completes it with defaults."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final

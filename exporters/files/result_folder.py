@@ -1,7 +1,5 @@
 """A result folder: the names of its files, and reading what a run wrote."""
 
-from __future__ import annotations
-
 import datetime as dt
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager

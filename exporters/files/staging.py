@@ -1,7 +1,5 @@
 """Writing a folder of products: it holds those of one run or of another, never a mixture."""
 
-from __future__ import annotations
-
 import json
 import os
 import secrets

@@ -1,7 +1,5 @@
 """Tables as a spreadsheet (xlsx), by openpyxl."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path

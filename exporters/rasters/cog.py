@@ -1,7 +1,5 @@
 """Rasters as cloud-optimised GeoTIFF."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """`crop_height.tif`: height of the crop above the soil in the pixels of all parcels."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self

@@ -1,7 +1,5 @@
 """The surfaces of a result as ties of dates need them: what was measured when, and where a tool worked."""
 
-from __future__ import annotations
-
 import datetime as dt
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Rasters of a run: surfaces and their change; of a flight ground, density and overlap of strips."""
 
-from __future__ import annotations
-
 import math
 from contextlib import ExitStack
 from dataclasses import dataclass, replace

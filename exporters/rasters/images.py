@@ -1,7 +1,5 @@
 """Pictures in the file formats of web pages, by GDAL."""
 
-from __future__ import annotations
-
 import base64
 from typing import Any
 from warnings import catch_warnings, simplefilter

@@ -1,7 +1,5 @@
 """True orthophotos as cloud-optimised GeoTIFF."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace

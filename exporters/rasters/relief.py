@@ -1,7 +1,5 @@
 """Shaded relief from the coarse levels of a cloud, as the background of a map."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final

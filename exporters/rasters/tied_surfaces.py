@@ -1,7 +1,5 @@
 """The surfaces of several dates as their ties move them, and the changes between them, on one grid."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A large raster in square windows with margins, so that memory does not grow with the area."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Final
 

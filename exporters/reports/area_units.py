@@ -4,8 +4,6 @@ A page is written once; each area in it is an HTML element <data> with its value
 the unit can be changed in a page that was written long ago.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from typing import Final

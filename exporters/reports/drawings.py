@@ -1,7 +1,5 @@
 """Drawings of a run as SVG: maps, and graphs over time."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Final
 

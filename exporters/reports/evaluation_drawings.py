@@ -1,7 +1,5 @@
 """Drawings of GNSS evaluations as SVG: errors over time, and tracks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The results of GNSS evaluations as figures and as tables."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Iterator, Mapping

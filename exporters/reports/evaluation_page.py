@@ -1,7 +1,5 @@
 """GNSS evaluations as a folder: figures, tables, layers and an HTML page."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise

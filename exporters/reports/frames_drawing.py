@@ -1,7 +1,5 @@
 """The frames of a vehicle as a drawing: from the side and from above, with the axes of each sensor."""
 
-from __future__ import annotations
-
 from html import escape
 from typing import Final
 

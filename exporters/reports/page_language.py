@@ -4,8 +4,6 @@ Drawings are part of a page, so the words in them are translated with it. A page
 replaced, so that it can be shown in any other language later.
 """
 
-from __future__ import annotations
-
 import html
 import json
 import re

@@ -1,7 +1,5 @@
 """HTML pages from the templates of this package: single files without external resources."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import math

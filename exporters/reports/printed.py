@@ -4,8 +4,6 @@ A Chromium embeds the glyphs of the fonts it uses, draws SVG completely, and is 
 names: Edge comes with Windows.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

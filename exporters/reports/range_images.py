@@ -1,7 +1,5 @@
 """Range images of the implement and of the vehicle, with axes: azimuth, laser, and the range by its colour."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

@@ -1,7 +1,5 @@
 """`report.html`: the result of a run on one page without external resources."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """`report.json`: inputs, figures and accuracy of a run."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """HTML pages of many sessions: a batch, the history of a field, the ties of its dates."""
 
-from __future__ import annotations
-
 import datetime as dt
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Drawings as SVG: their elements, maps to scale, and the axes and curves of charts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from html import escape

@@ -3,8 +3,6 @@
 Colours are attributes, not a style sheet, so that a chart is the same in a report and as a file of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final

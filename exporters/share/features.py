@@ -1,7 +1,5 @@
 """The features of vector layers for a page: geometry, symbol, and what a tap shows."""
 
-from __future__ import annotations
-
 import datetime as dt
 import json
 import math

@@ -1,7 +1,5 @@
 """A result as a QGIS project that QField opens on a phone: relative paths, the GeoPackage, the rasters."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 from typing import Final

@@ -1,7 +1,5 @@
 """A result as a web page without outside resources, read from disk or from any host."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Iterator, Sequence

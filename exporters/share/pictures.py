@@ -1,7 +1,5 @@
 """Rasters of a result as pictures with the colours of their QGIS styles."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A part of a cloud's points that a browser can draw, as text that a page can read from disk."""
 
-from __future__ import annotations
-
 import base64
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The layers and rasters of a shared result: names for people in English and Japanese, order, what is shown."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """The colours of vector layers on a page, from their QGIS styles."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """The table of a batch: a row for each session, as CSV and as layers of a GeoPackage."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

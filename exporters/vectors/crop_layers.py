@@ -1,7 +1,5 @@
 """Parcels and stands: layers of heights, growth and canopy, their tables, and the gross parcels as a file."""
 
-from __future__ import annotations
-
 import csv
 import datetime as dt
 import io

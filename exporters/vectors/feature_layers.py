@@ -1,7 +1,5 @@
 """Features of a cloud as the layers of `features.gpkg`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

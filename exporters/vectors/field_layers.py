@@ -1,7 +1,5 @@
 """The layers of `field.gpkg`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Writing and reading layers of a GeoPackage, and `field.gpkg` with its styles."""
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import closing

@@ -1,7 +1,5 @@
 """What people read of layers, their columns and values, in English: the tables of `labels.toml`."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Mapping
 from importlib.resources import files

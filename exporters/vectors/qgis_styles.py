@@ -4,8 +4,6 @@ A GeoPackage holds the styles in its table `layer_styles`; so QGIS shows these w
 values in the data stay the same in every language.
 """
 
-from __future__ import annotations
-
 import datetime as dt
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """`states.csv`: times at which the tool was lowered and lifted, in the format that a session can read."""
 
-from __future__ import annotations
-
 import csv
 import math
 from pathlib import Path

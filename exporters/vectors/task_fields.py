@@ -1,7 +1,5 @@
 """The worked ground of the tasks of task data: a table of figures, and a GeoPackage of all fields."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Ties of dates as layers: the dates with their moves, the ties, and what patches depart from them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A batch: all sessions below some folders, each run once, by one machine or many."""
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 import statistics

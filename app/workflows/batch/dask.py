@@ -1,7 +1,5 @@
 """Dask's workers for a batch: processes of this machine, or those of a running cluster."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError

@@ -1,7 +1,5 @@
 """What works through the items of a batch: one process beside this one; :mod:`.dask` has workers of Dask."""
 
-from __future__ import annotations
-
 import os
 import threading
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """The runs of a batch: one for each session, or one for each visit of a field by a recording."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

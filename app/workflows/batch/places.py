@@ -1,7 +1,5 @@
 """Recordings and results of a batch in an object store or on a server, by fsspec URLs such as s3:// and sftp://."""
 
-from __future__ import annotations
-
 import platform
 import posixpath
 import secrets

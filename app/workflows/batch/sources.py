@@ -1,7 +1,5 @@
 """What a batch works through: session files, and folders of recordings without one."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence

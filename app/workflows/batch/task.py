@@ -1,7 +1,5 @@
 """One run of a batch, as a worker does it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The workers of a batch or a season, and the settings that they take over from this process."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """What a recording says about how its sensors are mounted and how their clocks stand to each other."""
 
-from __future__ import annotations
-
 import datetime as dt
 import math
 import tomllib

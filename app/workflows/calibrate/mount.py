@@ -1,7 +1,5 @@
 """The attitude of a mount that moves, from frames of a board."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Iterable
 from concurrent.futures import Future, ThreadPoolExecutor

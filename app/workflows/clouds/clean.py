@@ -1,7 +1,5 @@
 """Cleaning clouds: from LAS, LAZ or COPC files to one COPC file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Colouring clouds: any cloud in the colours of the images of a session."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from functools import partial

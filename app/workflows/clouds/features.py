@@ -1,7 +1,5 @@
 """Features of clouds: ground, planes, lines and plants by shape and colour."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What workflows of clouds share: the clouds and the box that settings state, and the report of the products."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The rasters of clouds: surfaces of their points, tile by tile, and rasters derived from these, window by window."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass

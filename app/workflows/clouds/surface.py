@@ -1,7 +1,5 @@
 """Surfaces of clouds: DSM, DTM, height above ground, terrain products."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, Literal

@@ -1,7 +1,5 @@
 """Stands that are no plots: canopy height model, height percentiles, gaps and profiles of clouds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final

@@ -1,7 +1,5 @@
 """Growth of the crop on parcels between flights of several days."""
 
-from __future__ import annotations
-
 import datetime as dt
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack

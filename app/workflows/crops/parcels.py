@@ -1,7 +1,5 @@
 """Crops by parcel: heights and volumes from clouds and parcels."""
 
-from __future__ import annotations
-
 import datetime as dt
 import math
 import tempfile

@@ -1,7 +1,5 @@
 """A grid of plots from the corners of a trial."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The response of a trial to its treatments, from tables of its parcels."""
 
-from __future__ import annotations
-
 import csv
 import datetime as dt
 import math

@@ -1,7 +1,5 @@
 """The ground worked in each field of ISO 11783-10 task data."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

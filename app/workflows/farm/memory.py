@@ -1,7 +1,5 @@
 """What a farm map remembers: fields and their seasons, the history of a field, and traffic."""
 
-from __future__ import annotations
-
 import datetime as dt
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The surfaces of a farm's sessions as one raster."""
 
-from __future__ import annotations
-
 import datetime as dt
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Post-processed GNSS positions by RTKLIB's `rnx2rtkp`."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

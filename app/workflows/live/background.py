@@ -1,7 +1,5 @@
 """The background map of a live page: raster tiles of Web Mercator in a PMTiles or MBTiles file."""
 
-from __future__ import annotations
-
 import math
 import re
 import sqlite3

@@ -1,7 +1,5 @@
 """Where a live session gets its scans and positions: a folder that grows, or a recording played."""
 
-from __future__ import annotations
-
 import json
 import math
 import time

@@ -1,7 +1,5 @@
 """What a live session shows, as messages of MQTT for other software."""
 
-from __future__ import annotations
-
 import json
 from typing import Any, Final
 from urllib.parse import unquote, urlsplit

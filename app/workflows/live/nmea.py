@@ -1,7 +1,5 @@
 """Sentences of NMEA 0183 for software that takes a position and a heading from a network port."""
 
-from __future__ import annotations
-
 import datetime as dt
 from functools import reduce
 from operator import xor

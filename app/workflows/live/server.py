@@ -1,7 +1,5 @@
 """The page of a live session and its stream, for readers on the local network that only look."""
 
-from __future__ import annotations
-
 import base64
 import json
 import re

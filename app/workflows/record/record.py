@@ -1,7 +1,5 @@
 """Recording what scanners and GNSS receivers send, until the end is asked for."""
 
-from __future__ import annotations
-
 import gc
 import math
 import sys

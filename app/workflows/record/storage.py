@@ -1,7 +1,5 @@
 """Files of a recording: one thread writes them, another flushes them, so that a slow disk never stops a receiver."""
 
-from __future__ import annotations
-
 import errno
 import math
 import os

@@ -1,7 +1,5 @@
 """What is watched during a recording: a status each second, and the warnings that hold at the moment."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

@@ -1,7 +1,5 @@
 """Colours of a run: its points on their way to what colours the cloud and makes the orthophoto."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The products of a preview: the track, and a coarse surface."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The parts of a season: tiles of its mosaics and tables of its sessions, each with a key of its content."""
 
-from __future__ import annotations
-
 import datetime as dt
 import json
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The products of a season: mosaics of each date, points and trajectories of all sessions, and their catalogue."""
 
-from __future__ import annotations
-
 import datetime as dt
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

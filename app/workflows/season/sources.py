@@ -1,7 +1,5 @@
 """The sessions of a season: results of runs below some folders, with the surfaces that ties of dates have moved."""
 
-from __future__ import annotations
-
 import datetime as dt
 import hashlib
 import json

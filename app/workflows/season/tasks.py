@@ -1,7 +1,5 @@
 """The parts of a season, as workers make them: a tile of a mosaic, or the tables of a session."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final

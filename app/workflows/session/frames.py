@@ -1,7 +1,5 @@
 """The frames of a session."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from furrowmap.core.geodesy.projection import map_frame

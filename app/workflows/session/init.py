@@ -1,7 +1,5 @@
 """A first session file from recordings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path

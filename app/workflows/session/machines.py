@@ -1,7 +1,5 @@
 """Machines of this user: profiles in a folder, by their names."""
 
-from __future__ import annotations
-
 import os
 import re
 from contextlib import suppress

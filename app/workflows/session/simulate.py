@@ -1,7 +1,5 @@
 """A simulated recording with its truth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

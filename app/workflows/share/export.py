@@ -1,7 +1,5 @@
 """Export of results to formats of other programs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The example notebooks that are bundled with furrowmap."""
 
-from __future__ import annotations
-
 from importlib.resources import files
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """QGIS user profiles on this machine, the installation of the plugin in one, and the plugin as a zip."""
 
-from __future__ import annotations
-
 import configparser
 import json
 import os

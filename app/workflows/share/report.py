@@ -1,7 +1,5 @@
 """The report page of a result: in another language or unit, and as PDF."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from furrowmap.core.runtime.errors import InputError

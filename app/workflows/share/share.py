@@ -1,7 +1,5 @@
 """A result for people without a GIS: a web page, or a project for QField."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
