@@ -1,7 +1,5 @@
 """Height of the canopy's top in the pixels of a parcel, without a bias by density, noise or penetration."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Final

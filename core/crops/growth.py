@@ -1,7 +1,5 @@
 """Growth of parcels between flights, whose heights the bare soil that they have in common aligns."""
 
-from __future__ import annotations
-
 import datetime as dt
 import math
 from collections.abc import Mapping, Sequence

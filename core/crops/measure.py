@@ -1,7 +1,5 @@
 """Heights and volumes of parcels: from collected points to figures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Points of clouds sorted by parcel, and bare soil around the parcels by tile, in one pass and in a temporary file."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections.abc import Iterator, Mapping, Sequence

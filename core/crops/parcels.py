@@ -1,7 +1,5 @@
 """Parcels from files: polygons with identifiers, on the map, gross and net."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ B 52, 105-124). Their sample values are unbiased for any number of points, and s
 density. With both known, the distance from the highest of n returns to the top is known for every n, noise included.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache

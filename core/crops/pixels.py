@@ -1,7 +1,5 @@
 """Heights of the returns in the pixels of a parcel: how many, the highest, and how they scatter."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Whether parcels lie where the crop stands: by the rims of the crop, which parcels that are shifted miss together."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

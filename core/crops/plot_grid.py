@@ -1,7 +1,5 @@
 """The plots of a trial as a grid: rows and columns of equal rectangles, numbered as trials are laid out."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

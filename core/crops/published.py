@@ -6,8 +6,6 @@ The paper does not state the neighbours and the multiple of its outlier removal,
 Library: defaults are those of the library's tutorial.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

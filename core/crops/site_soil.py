@@ -1,7 +1,5 @@
 """Soil of a site: from the bare soil around its parcels, or from a raster of another survey."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

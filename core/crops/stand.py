@@ -1,7 +1,5 @@
 """A stand that is no plot, from the heights of its returns: percentiles, gaps, and how its plants are layered."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

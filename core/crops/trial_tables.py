@@ -1,7 +1,5 @@
 """Tables of a trial: what each parcel was given, with doses summed up to a day, and figures measured on parcels."""
 
-from __future__ import annotations
-
 import datetime as dt
 import re
 from collections.abc import Callable, Mapping, Sequence

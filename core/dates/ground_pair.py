@@ -1,7 +1,5 @@
 """The same ground on two dates: differences of height by patches, and what shift in place they show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final

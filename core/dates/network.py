@@ -1,7 +1,5 @@
 """All dates of a field at once: the moves that fit the ties between them, by least squares, and what they leave."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A tie of two dates: by how much the second one's surface is off the first one's, by the ground that both saw."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Classes of features, and their codes in LAS files."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Classification of the points of one tile by the shape around them, refined by the votes of segments of colour."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from typing import Final

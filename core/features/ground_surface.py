@@ -1,7 +1,5 @@
 """Height above the ground, and ground told from what touches it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """Lines: posts, poles, trunks, wires and rails, from neighbourhoods that are long and thin."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Points sorted into columns for searches within a radius."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Planes with outlines and lines with heights, joined across the tiles in which they were found."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

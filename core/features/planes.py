@@ -4,8 +4,6 @@ After T. Rabbani, F. A. van den Heuvel, G. Vosselman (2006), Segmentation of poi
 ISPRS Archives XXXVI-5, 248-253, with the fit of the whole region as the second constraint.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Thinning to one point per voxel."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A trajectory aided by the images of a camera: features, ties, control points, adjustment, and whether to trust it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, Final
 

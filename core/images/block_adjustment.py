@@ -8,8 +8,6 @@ poses at the nodes, the camera's boresight and the delay of its shutter; the poi
 normal equations (Schur complement; Triggs et al. 2000, Bundle adjustment - a modern synthesis).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 

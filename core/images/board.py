@@ -1,7 +1,5 @@
 """Poses of a chessboard in images, and the attitude of a mount that turns against a board."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec

@@ -1,7 +1,5 @@
 """Surveyed points in images: where they are seen, and which of that to trust."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final

@@ -4,8 +4,6 @@ SIFT (Lowe 2004), compared by the square roots of its descriptors (Arandjelović
 matches of two images checked by their epipolar geometry.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """True orthophotos: a surface in the colours of the frames that see each of its places."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

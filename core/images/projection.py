@@ -1,7 +1,5 @@
 """Between directions of the optical frame and pixels, with Brown distortion."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

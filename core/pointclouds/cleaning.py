@@ -1,7 +1,5 @@
 """Cleaning of clouds: outlier removal, ground classification and thinning, square by square in bounded memory."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Several LAS, LAZ or COPC files read as one cloud in metres and one CRS."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

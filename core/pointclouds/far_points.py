@@ -1,7 +1,5 @@
 """Single points far from all others: errors of a scanner or damage, for which no grid or octree is spanned."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

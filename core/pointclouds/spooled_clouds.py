@@ -1,7 +1,5 @@
 """Points of clouds sorted into tiles for surfaces, and a cell size for their density."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

@@ -5,8 +5,6 @@ in the lowest heights of cells of half a metre, over blocks that overlap by twic
 then classified by their distance from it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """How densely, and by which strips of a flight, the ground was covered."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """Filling gaps in a raster of heights."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Ground classification of a cloud: simple morphological filter, or cloth simulation filter."""
 
-from __future__ import annotations
-
 import math
 import os
 import sys

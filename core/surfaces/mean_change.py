@@ -1,7 +1,5 @@
 """The mean change of ground of which unlike shares were seen, with what lay in shadows of relief."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

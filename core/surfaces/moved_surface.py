@@ -1,7 +1,5 @@
 """A surface moved as a tie says."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Outlier detection by neighbour distances: of points in memory, and of the tiles of a spool with those around."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from concurrent.futures import Executor

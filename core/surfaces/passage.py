@@ -1,7 +1,5 @@
 """Times at which a moving line first and last passed each cell, and in which pass."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final

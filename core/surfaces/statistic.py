@@ -1,7 +1,5 @@
 """Statistics that reduce the heights of a cell to one, and surfaces of them: by sums, or by ordering cell by cell."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

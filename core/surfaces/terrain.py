@@ -1,7 +1,5 @@
 """Terrain products: slope, hillshade, random roughness."""
 
-from __future__ import annotations
-
 import math
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Points square by square, each with the points in a margin."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final

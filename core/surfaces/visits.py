@@ -1,7 +1,5 @@
 """Height differences between swaths over the same ground: an accuracy check without a survey."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Final
 

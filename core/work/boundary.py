@@ -1,7 +1,5 @@
 """A field's boundary in the map frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final

@@ -1,7 +1,5 @@
 """Tool states from a table of times or a machine log, and their comparison with those seen by the scanner."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Surfaces of a run: the ground after and before the work, the change, and the soil moved by each pass."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """Worked ground: passes, coverage, overlaps, misses, headland and figures."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Height of the tool in each revolution of the sensor."""
 
-from __future__ import annotations
-
 from array import array
 from dataclasses import dataclass
 from typing import Final

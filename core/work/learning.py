@@ -6,8 +6,6 @@ height, were lifted or lowered. Their side view is the template, which is refine
 Several reference scans are tried, and the most likely outcome is used.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """The two positions of a tool from its heights, and whether they are plausible."""
 
-from __future__ import annotations
-
 from typing import Final
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Points near the vehicle in scans spread over a recording."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Final
 

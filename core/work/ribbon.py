@@ -1,7 +1,5 @@
 """Polygons of the ground that a line sweeps: flat at both ends, as curved as the way."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Final

@@ -1,7 +1,5 @@
 """Saving a detected implement for other sessions of the same machine."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, Final
 

@@ -1,7 +1,5 @@
 """Polygons fit for a map: areal, valid, without slivers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Final
 

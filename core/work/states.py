@@ -1,7 +1,5 @@
 """States and transitions of the tool from its heights."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

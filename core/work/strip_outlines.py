@@ -1,7 +1,5 @@
 """Outlines and densities of the strips of a flight, collected tile by tile."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass

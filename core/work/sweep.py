@@ -1,7 +1,5 @@
 """Motion of the line of the tool while it is down and moves forward."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

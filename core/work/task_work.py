@@ -1,7 +1,5 @@
 """The ground worked in each task of ISO 11783-10 task data: what a machine's own log shows, without a scanner."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How often the wheels of a vehicle rolled over each spot."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Final
 

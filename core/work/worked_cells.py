@@ -1,7 +1,5 @@
 """Ground worked so far, as cells of a grid that grows: worked, worked again, missed."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Final
 
