@@ -123,9 +123,9 @@ if TYPE_CHECKING:
     from furrowmap.workflows.session.simulate import simulate as simulate
     from furrowmap.workflows.share.export import Exported as Exported
     from furrowmap.workflows.share.export import export as export
-    from furrowmap.workflows.share.report import write_report_page as write_report_page
     from furrowmap.workflows.share.share import Shared as Shared
     from furrowmap.workflows.share.share import share as share
+    from furrowmap.workflows.share.share import write_report_page as write_report_page
     from furrowmap.workflows.tie.tie import tie as tie
 
     __version__ = version("furrowmap")

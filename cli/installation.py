@@ -60,7 +60,7 @@ def warm_up(console: Console, commands: tuple[str, ...]) -> None:
 @click.argument("folder", metavar="DIR", type=click.Path(file_okay=False, path_type=Path))
 def notebooks(console: Console, folder: Path) -> None:
     """Write the example notebooks to DIR. They run on simulated recordings and need the extra "notebooks"."""
-    from furrowmap.workflows.share.notebooks import write_notebooks
+    from furrowmap.workflows.share.qgis_plugin import write_notebooks
 
     written = write_notebooks(folder)
     console.answer({"notebooks": written}, "\n".join(f"Wrote {printable(str(path))}" for path in written))

@@ -26,14 +26,7 @@ from .legends import label_band, name_node, translate_colours
 from .previews import remove_previews
 from .processing.loading import FARM_LAYERS, sources
 from .products import product, read_object
-from .styles import (
-    fill_worked,
-    load_style_of_language,
-    set_terrain,
-    show_as_change,
-    show_as_surface,
-    show_by_class,
-)
+from .styles import fill_worked, load_style_of_language, set_terrain, show_as_change, show_as_surface, show_by_class
 
 tr = partial(QCoreApplication.translate, "Results")
 

@@ -16,9 +16,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 import furrowmap
-from furrowmap.core.surfaces.depressions import find_depressions
 from furrowmap.core.surfaces.grid import Grid
-from furrowmap.core.surfaces.terrain import hillshade
+from furrowmap.core.surfaces.terrain import find_depressions, hillshade
 from furrowmap.core.values.scan import PointClass
 from furrowmap.exporters.files.result_folder import CLOUD
 

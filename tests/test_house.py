@@ -112,7 +112,7 @@ BOUNDARIES = {
     "rasterio": [
         *("core.readers.geotiff", "core.readers.las.crs", "core.readers.ouster.osf"),
         "core.checking.surface_at_points",
-        *("core.surfaces.depressions", "results", "workflows.clouds.rasters", "workflows.clouds.surface"),
+        *("core.surfaces.terrain", "results", "workflows.clouds.rasters", "workflows.clouds.surface"),
         "cli.main",  # its version
     ],
 }

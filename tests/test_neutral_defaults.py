@@ -50,7 +50,7 @@ FACTORS: Final = {
     "core/pointclouds/placed.py Placer.scale": 1.0,
     "core/pipeline/pipeline.py placer_of(scale)": 1.0,
     "core/crops/measure.py measure_parcels(scale)": 1.0,
-    "core/crops/plot_grid.py plot_grid(scale)": 1.0,
+    "core/crops/parcels.py plot_grid(scale)": 1.0,
     "core/simulator/path.py _straight(gear)": 1,  # forward
     "core/simulator/path.py _arc(gear)": 1,
     "core/simulator/path.py _turn.arc(gear)": 1,

@@ -16,7 +16,6 @@ from furrowmap.core.pointclouds.spooled_clouds import SpooledClouds
 from furrowmap.core.runtime import arrays
 from furrowmap.core.runtime.kernels import kernel
 from furrowmap.core.runtime.settings import threads
-from furrowmap.core.surfaces.coverage import Coverage, coverage
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.mean_change import ChangeSums, MeanChange
 from furrowmap.core.surfaces.passage import LineTrack, Passages
@@ -27,6 +26,7 @@ from furrowmap.core.values.session import Implement
 from furrowmap.core.values.time_span import Interval
 from furrowmap.core.values.trajectory import Trajectory
 from furrowmap.core.work.field_work import FieldWork
+from furrowmap.core.work.strip_outlines import Coverage, coverage
 from furrowmap.core.work.sweep import sweeps
 
 FIELD_CELL_M: Final = 0.05

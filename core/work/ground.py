@@ -20,8 +20,7 @@ from furrowmap.core.values.gnss import DRIFT_CORRELATION_S
 from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import SIGMA_NAMES, Motion, Trajectory
-from furrowmap.core.work.ribbon import Ribbon, ribbons
-from furrowmap.core.work.shapes import areal, close_gaps, grow, join, parts
+from furrowmap.core.work.shapes import Ribbon, areal, close_gaps, grow, join, parts, ribbons
 from furrowmap.core.work.sweep import PassTimes, Sweep, pass_times, sweeps, tool_line, unknown_times
 
 IntArray = NDArray[np.intp]

@@ -21,8 +21,8 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from furrowmap.core.runtime.settings import threads
-from furrowmap.exporters.cloud.chunk import ChunkColumns, compress_points
 from furrowmap.exporters.cloud.cube import Cube
+from furrowmap.exporters.cloud.layers import ChunkColumns, compress_points
 from furrowmap.exporters.cloud.octree import Key
 from furrowmap.exporters.cloud.points import Extent
 from furrowmap.exporters.cloud.records import Chosen, select_columns

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from furrowmap.core.runtime.kernels import kernel
-from furrowmap.exporters.cloud.chunk import ChunkColumns
+from furrowmap.exporters.cloud.layers import ChunkColumns
 
 Records = NDArray[np.void]
 """(n,) structured array of one layout."""

@@ -12,9 +12,9 @@ import laspy
 import numpy as np
 
 from furrowmap.core.runtime.progress import Progress, silent
-from furrowmap.exporters.cloud.chunk import ChunkColumns
 from furrowmap.exporters.cloud.cube import Cube
 from furrowmap.exporters.cloud.file import CopcFile, CopcFormat, describe, las_header
+from furrowmap.exporters.cloud.layers import ChunkColumns
 from furrowmap.exporters.cloud.octree import Octree
 from furrowmap.exporters.cloud.points import Extent, PointBatch, pack
 from furrowmap.exporters.cloud.records import held_layout

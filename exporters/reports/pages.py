@@ -3,18 +3,76 @@
 import base64
 import hashlib
 import math
+import os
 import re
+import shutil
+import subprocess
+import tempfile
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
+from pathlib import Path
 from typing import Final
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 
 from furrowmap.core.geodesy.local_time import clock_words, in_local_time
-from furrowmap.core.runtime.errors import printable
+from furrowmap.core.runtime.errors import RefusedError, printable
 from furrowmap.core.values.margins import margin, with_margin
+from furrowmap.exporters.files.atomic import atomic_output
 from furrowmap.exporters.reports.area_units import area, work_rate
+
+BROWSER_VARIABLE: Final = "FURROWMAP_BROWSER"
+"""Variable of the environment with the path of a browser of the Chromium family."""
+BROWSERS: Final = (
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "microsoft-edge",
+    "msedge",
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+    "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
+    "C:/Program Files (x86)/Microsoft/Edge/Application/msedge.exe",
+    "C:/Program Files/Google/Chrome/Application/chrome.exe",
+)
+MAX_PRINT_S: Final = 120.0
+
+
+def browser() -> str | None:
+    """The path of a browser that prints; None if there is none."""
+    stated = os.environ.get(BROWSER_VARIABLE)
+    names = (stated,) if stated else BROWSERS
+    return next((found for name in names if (found := shutil.which(name)) is not None), None)
+
+
+def write_pdf(path: Path, page: str) -> None:
+    """Print a page of ours to a PDF on A4; RefusedError if no browser is installed, or it does not print."""
+    program = browser()
+    if program is None:
+        raise RefusedError("browser-missing")
+    confined = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []  # root cannot have one
+    with tempfile.TemporaryDirectory(prefix="furrowmap-print-") as folder, atomic_output(path) as unfinished:
+        source, printed = Path(folder, "page.html"), Path(folder, "page.pdf")
+        source.write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+        arguments = [
+            program, "--headless", *confined, "--disable-gpu", "--no-first-run",
+            f"--user-data-dir={Path(folder, 'profile')}", "--no-pdf-header-footer", f"--print-to-pdf={printed}",
+            source.as_uri(),
+        ]  # fmt: skip
+        failure = ""
+        try:
+            done = subprocess.run(arguments, capture_output=True, timeout=MAX_PRINT_S, check=False)  # noqa: S603 (no shell)
+            if not printed.is_file() or not printed.read_bytes().startswith(b"%PDF"):
+                failure = f"exit status {done.returncode}"
+        except subprocess.TimeoutExpired:
+            failure = f"no end after {MAX_PRINT_S:.0f} s"
+        except OSError as error:
+            failure = error.strerror or type(error).__name__
+        if failure:
+            raise RefusedError("browser-missing.write-pdf", program=program, failure=failure)
+        shutil.copyfile(printed, unfinished)
+
 
 _FOLDERS: Final = ("reports/templates", "share")
 _POLICY: Final = 'content="POLICY"'

@@ -1,7 +1,10 @@
 """The layers of `field.gpkg`."""
 
+import csv
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -9,13 +12,34 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from furrowmap.core.runtime.arrays import FloatArray
+from furrowmap.core.values.clock import iso_utc
 from furrowmap.core.values.gnss import Fix
-from furrowmap.core.values.tool_states import ToolState
+from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.values.trajectory import SIGMA_NAMES, SOURCE_NAMES, Motion, ScanPoses
 from furrowmap.core.work.field_work import FieldWork
 from furrowmap.core.work.ground import AreaFigure, FieldPlace
 from furrowmap.core.work.strip_differences import StripDifferences
 from furrowmap.core.work.strip_outlines import StripGround
+from furrowmap.exporters.files.atomic import atomic_output
+
+HEADER = ("time", "t_s", "state", "sigma_s", "confidence", "common_share")
+
+
+def write_states(path: Path, states: ToolStates) -> None:
+    """Write a row for each change of state, with all digits of `t_s`."""
+    with atomic_output(path) as unfinished, unfinished.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(HEADER)
+        for k in range(len(states)):
+            word = ToolState(int(states.state[k])).label
+            rows = [(states.begin_s[k], word, states.begin_sigma_s[k], states.confidence[k])]
+            if k + 1 == len(states) or states.begin_s[k + 1] > states.end_s[k]:
+                rows.append((states.end_s[k], ToolState.UNKNOWN.label, states.end_sigma_s[k], 0.0))
+            for t_s, state, sigma_s, confidence in rows:
+                sigma = "" if math.isnan(sigma_s) else repr(float(sigma_s))
+                texts = iso_utc(float(t_s)), repr(float(t_s)), state, sigma, repr(float(confidence))
+                table.writerow([*texts, repr(states.common_share)])
+
 
 ObjectArray = NDArray[np.object_]
 Columns = dict[str, NDArray[Any]]

@@ -10,15 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from qgis.core import (
-    Qgis,
-    QgsApplication,
-    QgsMapLayer,
-    QgsMessageLog,
-    QgsPointCloudLayer,
-    QgsProject,
-    QgsSettings,
-)
+from qgis.core import Qgis, QgsApplication, QgsMapLayer, QgsMessageLog, QgsPointCloudLayer, QgsProject, QgsSettings
 from qgis.gui import QgisInterface, QgsDockWidget
 from qgis.PyQt.QtCore import QSize, QTimer, QUrl
 from qgis.PyQt.QtGui import QDesktopServices, QDragEnterEvent, QDropEvent

@@ -13,16 +13,7 @@ from qgis.PyQt.QtCore import QCoreApplication
 from qgis.PyQt.QtGui import QImageReader
 from qgis.PyQt.QtWidgets import QComboBox, QLabel, QVBoxLayout, QWidget
 
-from .form_parts import (
-    fill,
-    group_box,
-    metre_boxes,
-    name_within,
-    number_box,
-    row_of,
-    turn_boxes,
-    values_of,
-)
+from .form_parts import fill, group_box, metre_boxes, name_within, number_box, row_of, turn_boxes, values_of
 from .machines import Places
 from .session_lines import SessionLines
 

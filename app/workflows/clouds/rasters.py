@@ -19,11 +19,17 @@ from furrowmap.core.readers.vector_layer import VectorLayer
 from furrowmap.core.runtime.arrays import Float32Array
 from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
-from furrowmap.core.surfaces.depressions import Depressions, find_depressions
 from furrowmap.core.surfaces.gaps import bridged
 from furrowmap.core.surfaces.grid import Grid, Surface
 from furrowmap.core.surfaces.statistic import MEDIAN
-from furrowmap.core.surfaces.terrain import PLOT_M, hillshade, random_roughness, slope_deg
+from furrowmap.core.surfaces.terrain import (
+    PLOT_M,
+    Depressions,
+    find_depressions,
+    hillshade,
+    random_roughness,
+    slope_deg,
+)
 from furrowmap.exporters.files.file_records import FileRecord
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import (

@@ -8,7 +8,7 @@ import shapely
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from furrowmap.core.crops.plot_grid import plot_grid
+from furrowmap.core.crops.parcels import plot_grid
 from furrowmap.core.geodesy.projection import scale_at
 from furrowmap.core.readers.areas.polygon_file import placed
 from furrowmap.core.runtime.errors import InputError, Notice

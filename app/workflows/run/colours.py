@@ -18,7 +18,7 @@ from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.runtime.progress import Progress
 from furrowmap.core.values.clock import las_time_to_utc
 from furrowmap.core.values.scan import PointClass
-from furrowmap.exporters.cloud.chunk import ChunkColumns
+from furrowmap.exporters.cloud.layers import ChunkColumns
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.files.result_folder import DSM, ORTHOPHOTO
 from furrowmap.exporters.rasters.orthophoto_file import write_orthophoto

@@ -41,8 +41,8 @@ from furrowmap.core.values.session import FeatureSearch, Session
 from furrowmap.core.values.time_span import Interval, interval_numbers
 from furrowmap.core.work.field_surfaces import MAX_REACH_M, FieldPoints
 from furrowmap.core.work.saved import save_implement
-from furrowmap.exporters.cloud.chunk import ChunkColumns
 from furrowmap.exporters.cloud.file import CopcFormat, las_wkt
+from furrowmap.exporters.cloud.layers import ChunkColumns
 from furrowmap.exporters.cloud.points import PointBatch
 from furrowmap.exporters.cloud.writer import CopcSummary, CopcWriter
 from furrowmap.exporters.exchange.stac import write_item
@@ -64,9 +64,8 @@ from furrowmap.exporters.rasters.field_rasters import RasterFigures, write_raste
 from furrowmap.exporters.reports.report_page import write_page
 from furrowmap.exporters.reports.run_report import run_origin, run_report, write_report
 from furrowmap.exporters.vectors.crop_layers import parcel_layer
-from furrowmap.exporters.vectors.field_layers import Layer, strip_layers
+from furrowmap.exporters.vectors.field_layers import Layer, strip_layers, write_states
 from furrowmap.exporters.vectors.geopackage import write_field
-from furrowmap.exporters.vectors.states_table import write_states
 from furrowmap.workflows.clouds.features import found_layers, sparse_notices
 from furrowmap.workflows.clouds.inputs import box_to_use
 from furrowmap.workflows.crops.parcels import WrittenParcels, held_against_surface, parcel_settings, write_parcels

@@ -1,4 +1,4 @@
-"""QGIS user profiles on this machine, the installation of the plugin in one, and the plugin as a zip."""
+"""QGIS user profiles on this machine, installation of the plugin in one, the plugin as a zip, the example notebooks."""
 
 import configparser
 import json
@@ -14,6 +14,19 @@ from typing import Final
 
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.exporters.files.atomic import atomic_output, refuse_existing
+
+
+def write_notebooks(folder: Path) -> list[Path]:
+    """Write the notebooks into a folder; their paths. RefusedError if one of them is there."""
+    bundled = files("furrowmap").joinpath("notebooks")
+    sources = {folder / source.name: source for source in bundled.iterdir() if source.name.endswith(".ipynb")}
+    for path in sources:
+        refuse_existing(path, overwrite=False)
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, source in sources.items():
+        path.write_bytes(source.read_bytes())
+    return sorted(sources)
+
 
 PLUGIN: Final = "furrowmap"
 INSTALLED_BY: Final = "installed_by.json"

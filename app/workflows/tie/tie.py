@@ -50,6 +50,7 @@ from furrowmap.exporters.rasters.tied_surfaces import (
     ChangeFigures,
     Mover,
     ground_pairs,
+    tie_layers,
     union_shapes,
     write_change,
     write_moved,
@@ -58,7 +59,6 @@ from furrowmap.exporters.reports.area_units import HECTARE, in_area_unit
 from furrowmap.exporters.reports.page_language import in_language
 from furrowmap.exporters.reports.season_pages import tie_page
 from furrowmap.exporters.vectors.geopackage import write_layer
-from furrowmap.exporters.vectors.tie_layers import tie_layers
 from furrowmap.settings import TieSettings
 from furrowmap.workflows.clouds.check import TABLES
 from furrowmap.workflows.clouds.surface import no_warning

@@ -14,9 +14,9 @@ import furrowmap
 from furrowmap.core.runtime.errors import InputError, RefusedError
 from furrowmap.core.runtime.settings import Settings
 from furrowmap.exporters.files.batch_state import STATE
+from furrowmap.workflows.batch.batch import run_job
 from furrowmap.workflows.batch.jobs import Job
 from furrowmap.workflows.batch.places import MARKER, Store, earlier_in_store, is_url
-from furrowmap.workflows.batch.task import run_job
 
 ONE = furrowmap.BatchSettings(workers=1)
 

@@ -11,7 +11,7 @@ import pytest
 from furrowmap.core.runtime.errors import RefusedError
 from furrowmap.exporters.files.batch_state import SessionOutcome
 from furrowmap.exporters.files.lease import PREFIX
-from furrowmap.workflows.batch import places, task
+from furrowmap.workflows.batch import batch, places
 from furrowmap.workflows.batch.places import MARKER, Store
 
 pytest.importorskip("fsspec")
@@ -21,7 +21,7 @@ pytest.importorskip("fsspec")
 def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, seconds in (("STORE_BEAT_S", 0.01), ("MAX_STORE_SILENCE_S", 0.3), ("_LOOK_AGAIN_S", 0.02)):
         monkeypatch.setattr(places, name, seconds)
-    monkeypatch.setattr(task, "_LOOK_S", 0.02)
+    monkeypatch.setattr(batch, "_LOOK_S", 0.02)
 
 
 def result(folder: Path, writer: str) -> Path:
@@ -55,7 +55,7 @@ def test_writers_at_the_same_moment__never_mix_their_products(tmp_path: Path, mo
     folders = [result(tmp_path, f"host {k}") for k in range(4)]
     outcomes = [SessionOutcome(f"key {k}", ()) for k in range(4)]
     threads = [
-        threading.Thread(target=task._put, args=(folder, url, outcome))
+        threading.Thread(target=batch._put, args=(folder, url, outcome))
         for folder, outcome in zip(folders, outcomes, strict=True)
     ]
     for thread in threads:
@@ -71,7 +71,7 @@ def test_writers_at_the_same_moment__never_mix_their_products(tmp_path: Path, mo
 def test_lease_of_a_writer_that_died__is_taken_over(tmp_path: Path) -> None:
     url = "memory://leases/dead"
     Store(url).write(f"{PREFIX}{'0' * 16}", b"writes 000000007 south")
-    task._put(result(tmp_path, "north"), url, SessionOutcome("key", ()))
+    batch._put(result(tmp_path, "north"), url, SessionOutcome("key", ()))
     assert writers(url) == {"north"}
     assert MARKER in Store(url).files()
 

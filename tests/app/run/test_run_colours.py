@@ -16,7 +16,7 @@ from furrowmap.core.runtime.errors import Notice
 from furrowmap.core.session.opened import OpenSession
 from furrowmap.core.values.scan import PointClass, Scan
 from furrowmap.core.values.session import CameraSource
-from furrowmap.exporters.cloud.chunk import ChunkColumns
+from furrowmap.exporters.cloud.layers import ChunkColumns
 from furrowmap.workflows.run.colours import ColourFigures, RunColours
 from tests.core.images.scenes import cloud, frames_above, texture
 

@@ -34,9 +34,8 @@ from furrowmap.core.runtime.settings import Settings
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.exporters.files.provenance import Origin
 from furrowmap.exporters.rasters.cog import HEIGHT_BAND, STANDARD_ERROR_BAND, Band, with_heights
-from furrowmap.workflows.season import parts
-from furrowmap.workflows.season.parts import SeasonPlan, plan_tiles
-from furrowmap.workflows.season.season import _lost
+from furrowmap.workflows.season import season as season_module
+from furrowmap.workflows.season.season import SeasonPlan, _lost, plan_tiles
 from furrowmap.workflows.season.sources import find_sessions
 from furrowmap.workflows.season.tasks import SessionTables, write_part
 from tests.app.files_server import served
@@ -85,7 +84,7 @@ def results(result: furrowmap.Result, tmp_path_factory: pytest.TempPathFactory) 
 def made(results: Path) -> Iterator[Path]:
     """The season of them, in tiles of 15 m."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parts, "MOSAIC_TILE_CELLS", TILE)
+        patch.setattr(season_module, "MOSAIC_TILE_CELLS", TILE)
         assert command_line(["season", str(results), "-o", str(results.parent / "season"), *OPTIONS]) == 0
         yield results.parent / "season"
 

@@ -1,4 +1,4 @@
-"""The report page of a result again: in another language and unit, and printed."""
+"""The report page of a result again: in another language and unit, and pages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 import furrowmap
 from furrowmap.core.runtime.settings import using
-from furrowmap.exporters.reports import printed
+from furrowmap.exporters.reports import pages
 from tests.exporters.reports.test_page_language import PAGE
 
 
@@ -30,7 +30,7 @@ def test_report__in_japanese_and_ares_and_back(result: Path) -> None:
 
 
 def test_report__is_printed_with_its_fonts(result: Path) -> None:
-    if printed.browser() is None:
+    if pages.browser() is None:
         pytest.skip("no Chromium, Chrome or Edge")
     content = furrowmap.write_report_page(result, pdf=True).read_bytes()
     assert content.startswith(b"%PDF")
@@ -45,7 +45,7 @@ def test_report__without_a_page_or_a_browser_is_refused(
         furrowmap.write_report_page(tmp_path / "none")
     assert refused.value.code == "result-unreadable"
     for browser in ("no-such-program", shutil.which("true") or "true"):
-        monkeypatch.setenv(printed.BROWSER_VARIABLE, browser)
+        monkeypatch.setenv(pages.BROWSER_VARIABLE, browser)
         with pytest.raises(furrowmap.RefusedError) as missing:
             furrowmap.write_report_page(result, pdf=True)
         assert missing.value.code == "browser-missing"

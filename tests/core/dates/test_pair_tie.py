@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from furrowmap.core.crops.soil import HeightCovariance, SoilCells
-from furrowmap.core.dates.ground_pair import GroundPair
 from furrowmap.core.dates.network import adjust_network, interpolate_left_error
-from furrowmap.core.dates.pair_tie import LEVEL_TERMS, PLACE_TERMS, PairTie, tie_pair, tie_points
+from furrowmap.core.dates.pair_tie import LEVEL_TERMS, PLACE_TERMS, GroundPair, PairTie, tie_pair, tie_points
 from furrowmap.core.surfaces.grid import Grid
 from furrowmap.core.surfaces.moved_surface import move_surface
 

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from furrowmap.core.dates.ground_pair import GroundPair
-from furrowmap.core.dates.pair_tie import PLACE_TERMS, tie_pair
+from furrowmap.core.dates.pair_tie import PLACE_TERMS, GroundPair, tie_pair
 from furrowmap.core.dates.upright import Upright, find_uprights, join_uprights, tie_uprights
 
 FloatArray = NDArray[np.float64]

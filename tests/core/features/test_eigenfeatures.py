@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from furrowmap.core.features.classification import voxels
 from furrowmap.core.features.eigenfeatures import Eigenfeatures, neighbourhoods
-from furrowmap.core.features.voxels import voxels
 
 FloatArray = NDArray[np.float64]
 

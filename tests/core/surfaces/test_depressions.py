@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from furrowmap.core.surfaces.depressions import find_depressions, flooded
 from furrowmap.core.surfaces.grid import Grid
+from furrowmap.core.surfaces.terrain import find_depressions, flooded
 
 
 def drained(height: NDArray[np.float64]) -> NDArray[np.float64]:

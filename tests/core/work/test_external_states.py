@@ -16,7 +16,7 @@ from furrowmap.core.values.session import Implement
 from furrowmap.core.values.tool_states import ToolState, ToolStates
 from furrowmap.core.work.external_states import compare_states, external_states
 from furrowmap.core.work.field_work import with_external_states, with_ground
-from furrowmap.exporters.vectors.states_table import write_states
+from furrowmap.exporters.vectors.field_layers import write_states
 from tests.core.trajectory.drives import drive
 from tests.core.work.drives_with_tool import FRAME, states_of, trajectory_of
 from tests.exporters.vectors.worked_field import DOWN_S, LEGS, TILLER, worked_field

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from furrowmap.exporters.cloud.chunk import ChunkColumns, compress_points
+from furrowmap.exporters.cloud.layers import ChunkColumns, compress_points
 
 RECORD = [
     ("x", "<i4"),

@@ -23,7 +23,7 @@ from furrowmap.exporters.reports.drawings import (
     quality_map,
     tool_graph,
 )
-from furrowmap.exporters.reports.range_images import range_limits_m
+from furrowmap.exporters.reports.report_page import range_limits_m
 from tests.exporters.reports.drawn import FloatArray, corners, number, reading, span
 from tests.exporters.vectors.worked_field import LIFTED_M, worked_field
 

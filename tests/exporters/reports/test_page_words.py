@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from furrowmap.exporters.reports.pages import duration_words, number
-from furrowmap.exporters.reports.range_images import range_image, range_picture
-from furrowmap.exporters.reports.report_page import _median
+from furrowmap.exporters.reports.report_page import _median, range_image, range_picture
 
 
 @pytest.mark.parametrize(
